@@ -106,6 +106,12 @@ FILES = {
         f'<body name="b" pos="0 0 .3"><joint name="j2"/>{FULL}</body></body></body></body>'
         f'<body name="table" pos="3 0 0"><geom size="1"/></body>'
     ),
+    "a shell": mjcf(chain(inertia1='<geom size=".1" shellinertia="true"/>')),
+    "copies": mjcf(
+        chain(
+            more='<replicate count="3" euler="0 0 40"><body name="c" pos="1 0 0"><geom size=".1"/></body></replicate>'
+        )
+    ),
     "branches": mjcf(chain(more=f'<body name="c" pos="0 1 0"><joint name="j3"/>{FULL}</body>')),
 }
 
@@ -143,7 +149,7 @@ def test_names_kinds_limits_and_drives(tmp_path: Path) -> None:
     actuators = (
         '<actuator><motor joint="j1" gear="-2" ctrlrange="-5 4"/><position joint="j2" forcerange="-3 3"/></actuator>'
     )
-    with pytest.warns(SimplificationWarning, match="actuators that are no torques.*position of joint 'j2'"):
+    with pytest.warns(SimplificationWarning, match=r"actuators that are no torques.*'actuator 1' \(a position servo\)"):
         robot = reading(tmp_path, mjcf(world, actuators))
     one, two = (link.joint for link in robot.links)
     assert (robot.name, robot.source) == ("some", "MJCF file robot.xml")
@@ -160,7 +166,7 @@ def test_names_kinds_limits_and_drives(tmp_path: Path) -> None:
     ("joint", "before", "expected"),
     [
         ("", "", Limits()),
-        ('range="-1 1"', '<compiler autolimits="false"/>', Limits()),
+        ('range="-1 1" limited="false"', '<compiler autolimits="false"/>', Limits()),
         ('range="-90 90" limited="false"', "", Limits()),
         ('range="-90 90" limited="true"', '<compiler autolimits="false"/>', Limits(-math.pi / 2, math.pi / 2)),
         ('range="-1 1"', '<compiler angle="radian"/>', Limits(-1, 1)),

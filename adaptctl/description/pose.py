@@ -45,6 +45,24 @@ def roll_pitch_yaw(angles: ArrayLike) -> Array:
     return exact_right_angles(product)
 
 
+def quaternion_rotation(quaternion: ArrayLike) -> Array:
+    """The rotation matrix (3, 3) of a `quaternion` (4,), w, x, y, z, of any length from 1e-12; entries within 1e-15 of
+    0 and of +-1 are made exact. Raises `InputError` for a shorter one."""
+    given = np.asarray(quaternion, dtype=np.float64)
+    length = float(np.linalg.norm(given))
+    if length < 1e-12:
+        raise InputError("quat must not be zero")
+    w, x, y, z = given if abs(length - 1.0) <= 1e-15 else given / length
+    rotation = np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
+    return exact_right_angles(rotation)
+
+
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Pose:

@@ -4,22 +4,29 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description, Joint, Link
+from adaptctl.description.description import GROUND, Description, Joint, JointKind, Link
 from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import from_center_of_mass, transformed
 from adaptctl.description.limits import Limits
-from adaptctl.description.pose import Pose, rotation_about
-from adaptctl.description.readers.mjcf.frames import from_quaternion
-from adaptctl.description.readers.mjcf.joint import kind_within, position_limits
-from adaptctl.description.readers.robot_checks import MOST_LINKS, require_at_most, unknown_body
-from adaptctl.errors import InputError, NotFoundError, SimplificationWarning
+from adaptctl.description.loops import Closure, ClosureKind, Coupling, Loops
+from adaptctl.description.pose import Pose, quaternion_rotation, rotation_about
+from adaptctl.description.readers.robot_checks import (
+    MOST_LINKS,
+    require_at_most,
+    require_mass_of_inertia,
+    unknown_body,
+)
+from adaptctl.description.readers.xml_elements import LineElement, located
+from adaptctl.errors import InputError, MissingExtraError, NotFoundError, SimplificationWarning
 
 if TYPE_CHECKING:
     import mujoco
@@ -28,30 +35,44 @@ FREE, BALL, SLIDE, HINGE = range(4)
 """MuJoCo's numbers of kinds of joints (mjtJoint)."""
 CONNECT, WELD, OF_JOINTS = range(3)
 """MuJoCo's numbers of kinds of equalities (mjtEq)."""
+SITE = 6
+"""MuJoCo's number of sites among objects (mjtObj)."""
 NO_GRAVITY, NO_EQUALITY = "mjDSBL_GRAVITY", "mjDSBL_EQUALITY"
 WORLD = 0
+NO_LIMIT = 1e9
+"""rad or m, of a side of a range that limits nothing"""
+
+
+def mujoco_package(what: str = "MuJoCo is not installed") -> Any:
+    """The package mujoco. Raises `MissingExtraError`, whose message begins with `what`, where it is not installed."""
+    try:
+        import mujoco
+    except ImportError as error:
+        raise MissingExtraError(f"{what}: pip install 'adaptctl[mujoco]'") from error
+    return mujoco
 
 
 def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
-    """The description of the mechanism that is a `body` of a MuJoCo `model`, by name, with all bodies on it. What it
-    stands on must not move. None stands for the one root body on which joints turn or slide; bodies that only float are
-    objects of the scene.
+    """The description of the mechanism that is a `body` of a MuJoCo `model`, by name, with all bodies on it, and the
+    loops that the model's equalities close. What it stands on must not move. None stands for the one root body on which
+    joints turn or slide; bodies that only float are objects of the scene.
 
     Link frames stand at the joints, turned as their bodies; a link is named after its body, and a body with several
     joints becomes as many links, massless but the last. Armature, damping and frictionloss become the joint's drive,
     where they are not zero; effort limits are those of the actuators, and position limits of at least 1e9 rad (m if
     prismatic) in size count as none. Raises `InputError` for ball and free joints, no joint, a body that stands on one
-    that moves, several root bodies that move (for None), nonlinear damping, more than 256 links, and active equalities
-    of these bodies, `NotFoundError` for an unknown body. Warns (`SimplificationWarning`) of actuators that command no
-    torque, and of springs and gravity compensation, which are left out.
+    that moves, several root bodies that move (for None), nonlinear damping, more than 256 links, negative masses, and
+    active equalities of other kinds than connect, weld and linear ones of joints, `NotFoundError` for an unknown body.
+    Warns (`SimplificationWarning`) of actuators that command no torque, and of springs and gravity compensation, which
+    are left out.
     """
     arm = MujocoArm.of(model, body)
     links = tuple(arm.links())
     require_at_most(len(links), MOST_LINKS, "links that move")
-    _require_no_equality(arm)
-    _warn(arm)
+    loops = arm.loops(links)
+    arm.warn(f"MuJoCo model, body {arm.body_name(arm.root)!r}", links)
     name = arm.body_name(arm.root) if body is not None or not _name(model) else _name(model)
-    return Description(name, links, _gravity(model), "MuJoCo model")
+    return Description(name, links, arm.gravity, "MuJoCo model", loops)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,25 +81,29 @@ class MujocoArm:
     is its first body, `bodies` all of its bodies, parents first, `joints` its joints, one for each link.
 
     `carriers` has, by body, the index of the link that it is part of, -1 for the ground, and `places` its frame's pose
-    (m) in that link, or in the world; both are empty until the method `links` fills them. `MujocoArm.of` finds an arm;
-    nothing is checked at construction.
+    (m) in that link, or in the world; both are empty until the method `links` fills them. `elements` has those of the
+    model's file, if it is of one, by bodies' names and equalities' indices. `MujocoArm.of` finds an arm; nothing is
+    checked at construction.
     """
 
     model: mujoco.MjModel
     root: int
     bodies: tuple[int, ...]
     joints: tuple[int, ...]
+    elements: Mapping[object, Element] = field(default_factory=dict)
     carriers: dict[int, int] = field(default_factory=dict)
     """Of each body that moves, the link that it is part of."""
     places: dict[int, Pose] = field(default_factory=dict)
     """Of each body, its frame's pose in the link that it is part of, or in the world."""
 
     @classmethod
-    def of(cls, model: mujoco.MjModel, body: str | None = None) -> MujocoArm:
+    def of(
+        cls, model: mujoco.MjModel, body: str | None = None, elements: Mapping[object, Element] | None = None
+    ) -> MujocoArm:
         """The arm that consists of a `body` of a MuJoCo model, by name, and of all bodies on it; None stands for the
-        one root body on which joints turn or slide. Raises `NotFoundError` for an unknown body, `InputError` for one
-        that stands on a body that moves, for ball and free joints, for no joint, and, without a name, for several root
-        bodies that move."""
+        one root body on which joints turn or slide. `elements` are those of the model's file, None without one.
+        Raises `NotFoundError` for an unknown body, `InputError` for one that stands on a body that moves, for ball and
+        free joints, mocap bodies, no joint, and, without a name, several root bodies that move."""
         root = _moving_root(model) if body is None else _root(model, body)
         below = {root}
         for i in range(root + 1, model.nbody):
@@ -86,16 +111,27 @@ class MujocoArm:
                 below.add(i)
         bodies = tuple(sorted(below))
         joints = tuple(j for i in bodies for j in _joints(model, i))
-        for j in joints:
-            if model.jnt_type[j] in (FREE, BALL):
-                kind = "a free joint" if model.jnt_type[j] == FREE else "a ball joint"
-                where = model.body(model.jnt_bodyid[j]).name
-                raise InputError(f"body {where!r} has {kind}: only hinges and slides are understood; name a body on it")
+        found = cls(model, root, bodies, joints, elements or {})
+        for i in bodies:
+            with found._located(found.body_name(i)):
+                found._require_plain(i)
         if not joints:
             raise InputError(f"body {model.body(root).name!r}: no joint on it moves: expected a hinge or a slide")
-        return cls(model, root, bodies, joints)
+        return found
 
-    def links(self) -> Iterator[Link]:
+    def _located(self, key: object) -> AbstractContextManager[None]:
+        return located(self.elements.get(key, LineElement("")))
+
+    def _require_plain(self, i: int) -> None:
+        where = f"body {self.body_name(i)!r}"
+        for j in _joints(self.model, i):
+            if (kind := self.model.jnt_type[j]) in (FREE, BALL):
+                what = "a free joint" if kind == FREE else f"a ball joint, {self.model.joint(j).name!r}"
+                raise InputError(f"{where} has {what}: only hinges and slides are understood; name a body on it")
+        if self.model.body_mocapid[i] >= 0:
+            raise InputError(f"{where}: a mocap body is moved by hand: leave it out")
+
+    def links(self) -> list[Link]:
         """The links of the arm in depth-first order, one for each joint, with the summed inertia of all bodies fixed to
         them. The call also fills this object's `carriers` and `places`, the links that bodies are part of and the
         bodies' poses there. Raises `InputError` for a range that does not rise, lengths above 1e9 m, inertias above
@@ -103,26 +139,35 @@ class MujocoArm:
         links: list[Link] = []
         tens: list[Array] = []
         for i in self.bodies:
-            carrier, place = self._stand(i)
-            joints = _joints(self.model, i)
-            for j in joints:
-                carrier, place = self._add(links, j, carrier, place, last=j == joints[-1])
-                tens.append(np.zeros(10))
-            self.carriers[i], self.places[i] = carrier, place
-            if carrier != GROUND:
-                tens[carrier] = tens[carrier] + transformed(body_ten(self.model, i), place)
-        return (replace(link, inertia=ten) for link, ten in zip(links, tens, strict=True))
+            with self._located(self.body_name(i)):
+                carrier, place = self._stand(i)
+                joints = _joints(self.model, i)
+                for j in joints:
+                    carrier, place = self._add(links, j, carrier, place, last=j == joints[-1])
+                    tens.append(np.zeros(10))
+                self.carriers[i], self.places[i] = carrier, place
+                if carrier != GROUND:
+                    tens[carrier] = tens[carrier] + transformed(body_ten(self.model, i), place)
+        for k, ten in enumerate(tens):
+            with self._located(self.body_name(int(self.model.jnt_bodyid[self.joints[k]]))):
+                links[k] = require_mass_of_inertia(replace(links[k], inertia=ten))
+        return links
 
     def _stand(self, i: int) -> tuple[int, Pose]:
         """The link that carries a body, and the body's frame there before its own joints move."""
         own = pose(self.model.body_pos[i], self.model.body_quat[i])
+        if i == self.root:
+            return GROUND, self._static(int(self.model.body_parentid[i])) @ own
         parent = int(self.model.body_parentid[i])
-        if i != self.root:
-            return self.carriers[parent], self.places[parent] @ own
-        while parent != WORLD:
-            own = pose(self.model.body_pos[parent], self.model.body_quat[parent]) @ own
-            parent = int(self.model.body_parentid[parent])
-        return GROUND, own
+        return self.carriers[parent], self.places[parent] @ own
+
+    def _static(self, i: int) -> Pose:
+        """The place in the world of a body that does not move."""
+        place = Pose.identity()
+        while i != WORLD:
+            place = pose(self.model.body_pos[i], self.model.body_quat[i]) @ place
+            i = int(self.model.body_parentid[i])
+        return place
 
     def _add(self, links: list[Link], j: int, carrier: int, place: Pose, last: bool) -> tuple[int, Pose]:
         """One more link; returns its index and the body's place on it."""
@@ -135,6 +180,40 @@ class MujocoArm:
         near, called = place @ to_joint @ Pose(*turned), body if last else f"{body}/{name}"
         links.append(Link(called, carrier, joint, near, Pose.identity(), massless=not last))
         return len(links) - 1, to_joint.inverse
+
+    @property
+    def gravity(self) -> Array:
+        """The acceleration of gravity (3,), m/s^2, in the model's world; zero where the model disables it."""
+        return np.zeros(3) if _disabled(self.model, NO_GRAVITY) else np.array(self.model.opt.gravity)
+
+    def loops(self, links: Sequence[Link], floating: Sequence[str] = ()) -> Loops | None:
+        """The loop constraints, a `Loops`, that the model's active equalities on the arm make: <connect> and <weld>
+        become closures, <joint> couplings; None where there are none. `links` are those that the method `links` has
+        given, which is called before.
+
+        The joints that actuators drive become the primary (independent) ones, and with them the joints named
+        `floating`, by default none; without any, those that follow no other do. MuJoCo's initial configuration qpos0
+        becomes the reference configuration, from which motion is followed. Raises `InputError` for an equality of
+        another kind or with wrong contents, and for closures where no joint is driven, `NotFoundError` where one holds
+        on to bodies or joints that move and are not the arm's.
+        """
+        return _Equalities(self, [link.name for link in links], [link.joint.name for link in links]).loops(floating)
+
+    def warn(self, where: str, links: Sequence[Link], tendons: Sequence[str] = (), stacklevel: int = 3) -> None:
+        """Warn (`SimplificationWarning`) of what the arm has and its description has not: actuators that are no
+        torques, springs, gravity compensation, and the `tendons` named, by default none. `where` begins the messages,
+        `links` are what the method `links` gave, `stacklevel` is that of `warnings.warn`, 3 by default, the caller's
+        caller."""
+        sprung = [link.joint.name for j, link in zip(self.joints, links, strict=True) if _is_sprung(self.model, j)]
+        lifted = [self.body_name(i) for i in self.bodies if self.model.body_gravcomp[i]]
+        for text, names in (
+            ("actuators that are no torques, as the laws here command: a <motor> is", self.servos),
+            ("springs of joints are left out", sprung),
+            ("gravity compensation is left out", lifted),
+            ("tendons are left out", tendons),
+        ):
+            if names:
+                warnings.warn(f"{where}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
 
     def body_name(self, i: int) -> str:
         """The name of the model's body of zero-based index `i`, such as "body3" where it has none. Nothing is
@@ -161,16 +240,18 @@ class MujocoArm:
 def body_ten(model: mujoco.MjModel, i: int) -> Array:
     """The ten inertial parameters (10,) of the body of zero-based index `i` in a MuJoCo model, about its frame's
     origin, without the bodies on it: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first moment
-    in kg m, inertia tensor in kg m^2). Raises `InputError` for a centre of mass above 1e9 m or not finite; nothing else
-    is checked."""
+    in kg m, inertia tensor in kg m^2). Raises `InputError` for a negative mass or inertia, and for a centre of mass
+    above 1e9 m or not finite; nothing else is checked."""
     at = pose(model.body_ipos[i], model.body_iquat[i])
+    if model.body_mass[i] < 0.0 or np.any(model.body_inertia[i] < 0.0):
+        raise InputError(f"body {model.body(i).name!r}: mass and inertia must not be negative")
     return transformed(from_center_of_mass(float(model.body_mass[i]), np.zeros(3), np.diag(model.body_inertia[i])), at)
 
 
 def pose(position: Array, quaternion: Array) -> Pose:
     """The pose of a frame at `position` (3,), m, with the attitude of a `quaternion` (4,), w, x, y, z, of any length
     from 1e-12. Raises `InputError` for a shorter quaternion, and for positions above 1e9 m or not finite."""
-    return Pose(from_quaternion(np.array(quaternion), "MuJoCo model"), np.array(position))
+    return Pose(quaternion_rotation(quaternion), np.array(position))
 
 
 def servo(model: mujoco.MjModel, i: int) -> str:
@@ -221,7 +302,10 @@ def _moving_root(model: mujoco.MjModel) -> int:
         raise InputError("no joint turns or slides: expected a hinge or a slide")
     if len(moved) > 1:
         known = ", ".join(map(repr, names))
-        raise InputError(f"{len(moved)} root bodies move, {known}: name one, body={names[0]!r}, or --root {names[0]}")
+        raise InputError(
+            f"{len(moved)} root bodies move, {known}: each is a mechanism of its own; name the one that is meant, "
+            f"root={names[0]!r} (--root {names[0]})"
+        )
     return moved.pop()
 
 
@@ -233,14 +317,13 @@ def _joint(model: mujoco.MjModel, j: int, name: str) -> Joint:
         raise InputError(f"joint {name!r}: damping: only the first coefficient is understood")
     numbers = (model.dof_armature[dof], model.dof_damping[dof], model.dof_frictionloss[dof])
     armature, damping, friction = (float(value) or None for value in numbers)
-    limits = Limits(*position_limits(*ends), effort=_effort(model, j) or math.inf)
-    return Joint(
-        name,
-        kind_within(limits, model.jnt_type[j] == HINGE),
-        np.array(model.jnt_axis[j]),
-        limits,
-        Drive(armature, damping, friction),
-    )
+    try:
+        limits = Limits(*position_limits(*ends), effort=_effort(model, j) or math.inf)
+        kind, drive = kind_within(limits, model.jnt_type[j] == HINGE), Drive(armature, damping, friction)
+        return Joint(name, kind, np.array(model.jnt_axis[j]), limits, drive)
+    except InputError as error:
+        where = f"joint {name!r}"
+        raise InputError(str(error) if str(error).startswith(where) else f"{where}: {error}") from error
 
 
 def _effort(model: mujoco.MjModel, j: int) -> float:
@@ -260,10 +343,6 @@ def _actuator_effort(model: mujoco.MjModel, i: int) -> float:
     return gear * min(bounds) if gear else 0.0
 
 
-def _gravity(model: mujoco.MjModel) -> Array:
-    return np.zeros(3) if _disabled(model, NO_GRAVITY) else np.array(model.opt.gravity)
-
-
 def _disabled(model: mujoco.MjModel, flag: str) -> bool:
     import mujoco
 
@@ -275,28 +354,128 @@ def _name(model: mujoco.MjModel) -> str:
     return bytes(model.names).split(b"\0", 1)[0].decode()
 
 
-def _require_no_equality(arm: MujocoArm) -> None:
-    """Refuse equalities that hold on to the arm: they close loops, which are read from files alone."""
-    model = arm.model
-    for e in range(0 if _disabled(model, NO_EQUALITY) else model.neq):
-        kind, ends = int(model.eq_type[e]), {int(model.eq_obj1id[e]), int(model.eq_obj2id[e])}
-        sites = kind in (CONNECT, WELD) and int(model.eq_objtype[e]) == 6  # mjOBJ_SITE
-        bodies = {int(model.site_bodyid[s]) for s in ends} if sites else ends
-        own = set(arm.joints) if kind == OF_JOINTS else set(arm.bodies)
-        if model.eq_active0[e] and kind <= OF_JOINTS and bodies & own:
-            name = model.equality(e).name or f"equality {e}"
-            raise InputError(f"{name!r} ties the arm: read it with adaptctl.load(path), which closes loops")
+def _is_sprung(model: mujoco.MjModel, j: int) -> bool:
+    polynomial = getattr(model, "jnt_stiffnesspoly", None)
+    return bool(model.jnt_stiffness[j]) or (polynomial is not None and bool(np.any(polynomial[j])))
 
 
-def _warn(arm: MujocoArm) -> None:
-    model = arm.model
-    sprung = [model.joint(j).name for j in arm.joints if np.any(model.jnt_stiffness[j])]
-    lifted = [model.body(i).name for i in arm.bodies if model.body_gravcomp[i]]
-    for text, names in (
-        ("actuators that are no torques, as the laws here command", arm.servos),
-        ("springs of joints are left out", sprung),
-        ("gravity compensation is left out", lifted),
-    ):
-        if names:
-            text = f"MuJoCo model, body {arm.body_name(arm.root)!r}: {text}: {', '.join(names)}"
-            warnings.warn(text, SimplificationWarning, stacklevel=4)
+@dataclass
+class _Equalities:
+    """Reads the equalities that hold on to an arm."""
+
+    arm: MujocoArm
+    links: Sequence[str]
+    joints: Sequence[str]
+    """Names of the arm's joints."""
+
+    def loops(self, floating: Sequence[str]) -> Loops | None:
+        closures: list[Closure] = []
+        couplings: list[Coupling] = []
+        model, driven = self.arm.model, self._driven(floating)
+        active = [] if _disabled(model, NO_EQUALITY) else [e for e in range(model.neq) if model.eq_active0[e]]
+        for number, e in enumerate(active):
+            tag = ("connect", "weld", "joint")[model.eq_type[e]] if model.eq_type[e] <= OF_JOINTS else ""
+            name = model.equality(e).name or f"{tag or 'equality'}{number + 1}"
+            if not self._touched(e):
+                continue
+            with self.arm._located(e):
+                if tag == "joint":
+                    couplings.append(self._coupling(e, name, driven))
+                else:
+                    closures.append(self._closure(e, name))
+        if not closures and not couplings:
+            return None
+        coordinates = {name: float(model.qpos0[model.jnt_qposadr[j]]) for j, name in self._named()}
+        reference = {name: value for name, value in coordinates.items() if value != 0.0}
+        return Loops(tuple(self._primary(closures, couplings, driven)), tuple(closures), tuple(couplings), reference)
+
+    def _named(self) -> Iterator[tuple[int, str]]:
+        yield from zip(self.arm.joints, self.joints, strict=True)
+
+    def _driven(self, floating: Sequence[str]) -> list[str]:
+        on = {int(self.arm.model.actuator_trnid[i, 0]) for i in self.arm.actuators}
+        return [name for j, name in self._named() if j in on or name in floating] if on else []
+
+    def _ends(self, e: int) -> list[int]:
+        """The bodies, or the joints, that an equality is of."""
+        model = self.arm.model
+        ends = [int(model.eq_obj1id[e]), int(model.eq_obj2id[e])]
+        sites = model.eq_type[e] != OF_JOINTS and model.eq_objtype[e] == SITE
+        return [int(model.site_bodyid[s]) for s in ends] if sites else ends
+
+    def _touched(self, e: int) -> bool:
+        own = self.arm.joints if self.arm.model.eq_type[e] == OF_JOINTS else self.arm.bodies
+        return self.arm.model.eq_type[e] <= OF_JOINTS and any(end in own for end in self._ends(e))
+
+    def _primary(self, closures: Sequence[Closure], couplings: Sequence[Coupling], driven: list[str]) -> list[str]:
+        followers = {coupling.follower for coupling in couplings}
+        if closures and not driven:
+            raise InputError(
+                f"loops need primary joints, and no actuator drives a joint: add <actuator><motor joint=.../>"
+                f"</actuator> for those that are driven, among {', '.join(self.joints)}"
+            )
+        return driven or [name for name in self.joints if name not in followers]
+
+    def _closure(self, e: int, name: str) -> Closure:
+        """A point of both bodies, or, welded, a frame."""
+        model, data = self.arm.model, self.arm.model.eq_data[e]
+        first, second = self._ends(e)
+        weld = model.eq_type[e] == WELD
+        if model.eq_objtype[e] == SITE:
+            sites = (int(model.eq_obj1id[e]), int(model.eq_obj2id[e]))
+            one, other = (pose(model.site_pos[s], model.site_quat[s]) for s in sites)
+        elif weld:
+            one, other = pose(data[3:6], data[6:10]), Pose(np.eye(3), np.array(data[:3]))
+        else:
+            one, other = (Pose(np.eye(3), np.array(anchor)) for anchor in (data[:3], data[3:6]))
+        (link, at), (link2, at2) = self._stand(first, name), self._stand(second, name)
+        if link == link2:
+            raise InputError(f"equality {name!r}: both ends are on one rigid body, {link or 'the world'}: remove it")
+        return Closure(name, link, link2, at @ one, at2 @ other, ClosureKind.WELD if weld else ClosureKind.POINT)
+
+    def _stand(self, i: int, name: str) -> tuple[str | None, Pose]:
+        """The link that a body is part of, None for the ground, and the body's place there."""
+        arm = self.arm
+        if i in arm.carriers:
+            carrier = arm.carriers[i]
+            return None if carrier == GROUND else self.links[carrier], arm.places[i]
+        if arm.model.body_weldid[i] == WORLD:
+            return None, arm._static(i)
+        raise NotFoundError(f"equality {name!r}: there is no body {arm.body_name(i)!r} in the mechanism")
+
+    def _coupling(self, e: int, name: str, driven: Sequence[str]) -> Coupling:
+        """q1 - ref1 = c0 + c1 (q2 - ref2): the first joint follows, unless it alone is driven."""
+        model, names, where = self.arm.model, dict(self._named()), f"equality {name!r}"
+        first, second = self._ends(e)
+        if second < 0:
+            raise InputError(f"{where}: holds joint {names[first]!r} still: leave the joint out, or name joint2")
+        if first not in names or second not in names:
+            raise NotFoundError(f"{where}: one of its joints is none of the mechanism's: {', '.join(self.joints)}")
+        c0, c1, *higher = model.eq_data[e, :5].tolist()
+        if any(higher) or c1 == 0.0:
+            given = [c0, c1, *higher]
+            raise InputError(f"{where}: polycoef: only a linear relation is understood, c0 c1 0 0 0, got {given}")
+        at, at2 = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (first, second))
+        offset, follower, leader = at + c0 - c1 * at2, names[first], names[second]
+        try:
+            if follower in driven and leader not in driven:
+                return Coupling(name, leader, follower, 1.0 / c1, -offset / c1)
+            return Coupling(name, follower, leader, c1, offset)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from error
+
+
+def position_limits(lower: float, upper: float) -> tuple[float, float]:
+    """The pair of a joint's lower and upper position limit (rad, m if prismatic) for a range `lower` to `upper` of
+    MuJoCo's: a `lower` of -1e9 or less becomes minus infinity, an `upper` of 1e9 or more infinity, no limit. Nothing is
+    checked."""
+    return (-math.inf if lower <= -NO_LIMIT else lower, math.inf if upper >= NO_LIMIT else upper)
+
+
+def kind_within(limits: Limits, turns: bool) -> JointKind:
+    """The kind of a joint with the given `limits`: prismatic unless it `turns`, as a hinge does; else continuous where
+    both position limits are infinite, revolute where not. Nothing is raised."""
+    if not turns:
+        return JointKind.PRISMATIC
+    free = (limits.lower, limits.upper) == (-math.inf, math.inf)
+    return JointKind.CONTINUOUS if free else JointKind.REVOLUTE

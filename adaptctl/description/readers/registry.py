@@ -82,7 +82,7 @@ def read(
     instead of being fixed to the ground; its meshes are shown from its package and from `mesh_folders`, by default
     none. With `snap`, angles between successive joint axes, and of the first ones with gravity, that are within 1e-3
     rad of a multiple of 90 degrees are made exact. Raises `NotFoundError` for an unknown name, `FileError` for a file
-    that cannot be used, and `InputError` for a floating base or mesh folders where `source` is no URDF file, one folder
+    that cannot be used, `MissingExtraError` for MJCF without MuJoCo, and `InputError` for a floating base or mesh folders where `source` is no URDF file, one folder
     not in a list, or a `root` where it is no MJCF file. Warns (`PhysicalConsistencyWarning`) of links whose inertia no
     rigid body can have, and (`SimplificationWarning`) of what a file's reader leaves out (springs, tendons, gravity
     compensation, meshes outside the folders), takes otherwise (limits of zero, mimic joints without a moving leader,
@@ -122,7 +122,7 @@ def read_model(
     With `snap`, angles between successive joint axes, and of the first ones with gravity, that are within 1e-3 rad of a
     multiple of 90 degrees are made exact. Raises `InputError` for another object, for `floating_base` or
     `mesh_folders`, which only files take, for a root of a Pinocchio model, for no joint, ball, free, helical and mimic
-    joints, others of more than one coordinate, active equalities, nonlinear damping, angular gravity, more than 256
+    joints, others of more than one coordinate, nonlinear equalities, nonlinear damping, angular gravity, more than 256
     links and, without a `root`, several root bodies that move, `NotFoundError` for an unknown root. Warns
     (`PhysicalConsistencyWarning`) of links whose inertia no rigid body can have, and (`SimplificationWarning`) of
     springs and gravity compensation, which are left out, of actuators that are no torques, and of a Pinocchio model's

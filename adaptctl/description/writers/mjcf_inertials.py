@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
@@ -11,7 +12,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.description import Description
 from adaptctl.description.inertia import from_tensor, inertia_tensor, is_physically_consistent, transformed
-from adaptctl.description.readers.mjcf.reader import MjcfBodies, mjcf_bodies
+from adaptctl.description.readers.mjcf import MjcfBody, mjcf_bodies
 from adaptctl.description.writers.edits import edited, end_of_tag
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import read_bytes, write_bytes
@@ -33,8 +34,6 @@ def write_mjcf(
     data = read_bytes(original)
     try:
         bodies = mjcf_bodies(original, root)
-        if bodies.from_geoms:
-            raise InputError("<compiler>: inertiafromgeom='true' ignores inertials: make it 'auto'")
         spans, changes = _spans(data), dict[int, Array]()
         for i, (old, new) in enumerate(zip(before.links, after.links, strict=True)):
             if not np.array_equal(old.inertia, new.inertia):
@@ -45,9 +44,9 @@ def write_mjcf(
     write_bytes(path, edited(data, [_edit(spans[place], ten) for place, ten in changes.items()]))
 
 
-def _changed(bodies: MjcfBodies, link: int, name: str, difference: Array) -> tuple[int, Array]:
+def _changed(bodies: Mapping[int, MjcfBody], link: int, name: str, difference: Array) -> tuple[int, Array]:
     """The body of a link that takes a change of inertia (10,), by its place in the file, and its new ten."""
-    body = bodies.of_links[link]
+    body = bodies[link]
     ten = body.ten + transformed(difference, body.place.inverse)
     if not is_physically_consistent(ten):
         raise InputError(

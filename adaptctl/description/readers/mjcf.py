@@ -1,0 +1,252 @@
+"""Reader of MJCF, MuJoCo's format, by MuJoCo's own parser: its model says how bodies stand, move and are closed."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.description.description import Description
+from adaptctl.description.pose import Pose
+from adaptctl.description.readers.mjcf_scan import ScannedFile, require_within
+from adaptctl.description.readers.mujoco_model import FREE, HINGE, SLIDE, MujocoArm, body_ten, mujoco_package
+from adaptctl.description.readers.robot_checks import MOST_LINKS, require_at_most, warn_of_degrees
+from adaptctl.description.readers.xml_elements import LineElement, named, refuse
+from adaptctl.description.transforms.floating_base import JOINTS
+from adaptctl.errors import FileError, InputError, printable
+
+if TYPE_CHECKING:
+    import mujoco
+
+SECONDS, MEMORY = 20, 4 * 2**30
+"""s and bytes that reading meshes may take"""
+_BODIES = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
+"""What a model says of bodies' inertias."""
+_ACTING = ("armature", "damping", "frictionloss", "stiffness")
+
+
+def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
+    """The description of the mechanism that moves in the MJCF file at `path`, with the loops that its equalities close,
+    read by MuJoCo.
+
+    `root` names the body that the mechanism begins with, where the file is a scene: that body and all on it are read,
+    and the rest of the scene is left out. It must not stand on a body that moves. None stands for the one root body
+    that moves. What <include> names is read as part of the file, if it is in the file's folder or below; so are meshes,
+    where an inertia is theirs.
+
+    Link frames stand at the joints, turned as their bodies; a link is named after its body. A body with several joints
+    becomes as many links, massless but the last. Bodies without joints become part of the one that they are fixed to.
+    <connect>, <weld> and <joint> equalities become closures and couplings; the joints that actuators drive are then
+    primary (independent), or, where nothing is driven and only joints are coupled, all that follow no other. Armature,
+    damping and dry friction become the joint's drive; where they are zero they are not modelled. Effort limits are the
+    actuators'. A free joint becomes three slides and three hinges, named after it or its body with `_x`, `_y`, `_z`,
+    `_yaw`, `_pitch` and `_roll`, primary too.
+
+    Raises `FileError` for a file that cannot be read, for a `root` that is unknown or stands on a body that moves and,
+    naming the element, for wrong contents, for what MuJoCo refuses and for motion that is not read, such as ball joints
+    and, without a `root`, more than one root body that moves; `MissingExtraError` without MuJoCo. Warns
+    (`SimplificationWarning`) of springs, tendons and gravity compensation, which are left out, of actuators that
+    command no torque, and of angles that look like degrees.
+    """
+    try:
+        scanned = ScannedFile.of(path, whole=root is None)
+        arm, floating = _arm(scanned, root)
+        links = tuple(arm.links())
+        require_at_most(len(links), MOST_LINKS, "links that move")
+        loops = arm.loops(links, floating)
+    except FileError:
+        raise
+    except InputError as error:
+        raise FileError(f"{path}: {error}") from error
+    arm.warn(str(path), links, scanned.tendons, stacklevel=4)
+    warn_of_degrees(path, links, (), stacklevel=4)
+    name = scanned.root.get("model") or Path(path).stem
+    return Description(name, links, arm.gravity, f"MJCF file {Path(path).name}", loops)
+
+
+@dataclass(frozen=True, eq=False)
+class MjcfBody:
+    """A body of an MJCF file with its own inertia. `number` is its zero-based index among the file's <body> elements,
+    None where it is none of these, but of an included file or a copy; `ten` (10,) are its inertial parameters m, mc_x,
+    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), about its frame's origin, without those of bodies
+    fixed to it; and `place` is its frame's pose in the frame of the link that it is part of (m). Nothing is checked at
+    construction."""
+
+    number: int | None
+    ten: Array
+    place: Pose
+
+
+def mjcf_bodies(path: str | Path, root: str | None = None) -> dict[int, MjcfBody]:
+    """The bodies of the MJCF file at `path` that sit at the joints of the links that `read_mjcf` makes of it, with
+    their own inertias, by the zero-based index of each link with mass.
+
+    `root` is the name of the mechanism's first body, None the one root body that moves. Raises `FileError` for a file
+    that cannot be read, `InputError` for what `read_mjcf` refuses, and where the compiler setting inertiafromgeom is
+    true, by which <inertial> elements are ignored. Nothing is warned of.
+    """
+    scanned = ScannedFile.of(path, whole=root is None)
+    if any(compiler.get("inertiafromgeom") == "true" for compiler in scanned.root.findall("compiler")):
+        raise InputError("<compiler>: inertiafromgeom='true' ignores inertials: make it 'auto'")
+    arm, _ = _arm(scanned, root)
+    arm.links()
+    return {
+        arm.carriers[i]: MjcfBody(scanned.numbers.get(arm.body_name(i)), body_ten(arm.model, i), arm.places[i])
+        for i in arm.bodies
+        if arm.model.body_jntnum[i]
+    }
+
+
+def _arm(scanned: ScannedFile, root: str | None) -> tuple[MujocoArm, list[str]]:
+    """The mechanism in MuJoCo's model of the file, and the names of joints that were free ones."""
+    mj = mujoco_package("MJCF is read by MuJoCo")
+    text, elements = scanned.text()
+    with _mujocos_errors(elements):
+        spec = mj.MjSpec.from_string(text)
+        floating = _unfold(spec, elements)
+        meshes = _need_meshes(spec, kept=False)
+        model = spec.compile()
+    if meshes:
+        _add_mesh_inertias(model, scanned, meshes)
+    known: dict[object, Element] = {body.attrib["name"]: body for body in scanned.root.iter("body")}
+    equalities = [element for section in scanned.root.findall("equality") for element in section]
+    return MujocoArm.of(model, root, known | dict(enumerate(equalities))), floating
+
+
+@contextmanager
+def _mujocos_errors(elements: Sequence[Element]) -> Iterator[None]:
+    """Errors of MuJoCo, which name a line of the text that it was shown, name the element and its line in the file."""
+    fatal = mujoco_package().FatalError
+    try:
+        yield
+    except InputError:
+        raise
+    except (ValueError, fatal) as error:
+        _refuse(str(error), elements)
+
+
+def _refuse(error: str, elements: Sequence[Element]) -> NoReturn:
+    lines = error.splitlines() or ["it gives no reason"]
+    text = f"MuJoCo: {printable(re.sub(r'^(XML Error: |Error: |Schema violation: )+', '', lines[0]), 200)}"
+    element = _element(lines[-1], elements)
+    refuse(element, f"{named(element)}: {text}" if element.tag else text)
+
+
+def _element(place: str, elements: Sequence[Element]) -> Element:
+    """The element that begins on a line of the text that MuJoCo was shown, in words such as "line 3"; an empty one,
+    where there is none."""
+    found = re.findall(r"line (\d+)", place)
+    k = int(found[-1]) if found else 0
+    return elements[k - 1] if 0 < k <= len(elements) else LineElement("")
+
+
+def _unfold(spec: mujoco.MjSpec, elements: Sequence[Element]) -> list[str]:
+    """Make three slides and three hinges of each free joint; returns their names. Its place, axis and range are left
+    out, as MuJoCo leaves them out; its drive and spring act on the angular velocity, not on the hinges' rates."""
+    mjtJoint, names = mujoco_package().mjtJoint, list[str]()
+    for body in [body for body in spec.bodies if any(joint.type == FREE for joint in body.joints)]:
+        joint, *others = body.joints
+        element, above = _element(joint.info, elements), body.parent
+        while above is not None and not above.joints:
+            above = above.parent
+        if others or above is not None:
+            text = "a free joint stands alone, and nothing that moves carries its body"
+            refuse(element, f"body {body.name!r}: {text}")
+        name = joint.name or body.name
+        for what in _ACTING:
+            if np.any(getattr(joint, what)):
+                given = np.ravel(getattr(joint, what)).tolist()
+                refuse(element, f"joint {name!r}: {what} of a free joint is not read: expected 0, got {given[0]:g}")
+        for k, (suffix, kind, axis) in enumerate(JOINTS):
+            part = body.add_joint() if k else joint
+            part.name, part.type, part.axis = f"{name}_{suffix}", mjtJoint(HINGE if kind.turns else SLIDE), axis
+            part.pos, part.ref, part.limited, part.actfrclimited, part.info = np.zeros(3), 0.0, 0, 0, joint.info
+            for what in _ACTING:
+                setattr(part, what, 0.0 * np.asarray(getattr(part, what)))
+            names.append(part.name)
+    return names
+
+
+def _need_meshes(spec: mujoco.MjSpec, kept: bool) -> dict[str, str]:
+    """The meshes that inertias are those of, each with where a shape of it stands in the text. Shapes that no inertia
+    is of lose their mass, and, unless the meshes are to be `kept`, balls of 1 kg stand for them."""
+    mj, needed = mujoco_package(), dict[str, str]()
+    ways, (first, last) = mj.mjtInertiaFromGeom, spec.compiler.inertiagrouprange
+    way = spec.compiler.inertiafromgeom
+    for geom in spec.geoms:
+        written = geom.parent.explicitinertial if way == ways.mjINERTIAFROMGEOM_AUTO else False
+        ignored = written or way == ways.mjINERTIAFROMGEOM_FALSE or geom.parent is spec.worldbody
+        weighs = (geom.mass if math.isfinite(geom.mass) else geom.density) != 0.0
+        shape = geom.type not in (mj.mjtGeom.mjGEOM_PLANE, mj.mjtGeom.mjGEOM_HFIELD)
+        counts = not ignored and weighs and shape and first <= geom.group <= last
+        if counts and geom.meshname:
+            needed[geom.meshname] = geom.info
+        if not counts or (geom.meshname and not kept):
+            geom.type, geom.size, geom.fromto = mj.mjtGeom.mjGEOM_SPHERE, np.ones(3), np.full(6, np.nan)
+            geom.meshname, geom.mass = "", float(counts)
+    return needed
+
+
+def _add_mesh_inertias(model: mujoco.MjModel, scanned: ScannedFile, needed: Mapping[str, str]) -> None:
+    """Give the bodies of a model their inertias, of which meshes have a part, from a process that reads the meshes."""
+    _, elements = scanned.text()
+    for name, place in needed.items():
+        geom = _element(place, elements)
+        if name not in scanned.meshes:
+            refuse(geom, f"{named(geom)}: there is no mesh {printable(name)!r}, of which the inertia is to be")
+        mesh = scanned.meshes[name]
+        if "file" in mesh.attrib and not require_within(scanned.folder, mesh).is_file():
+            refuse(mesh, f"{named(mesh)}: there is no file {printable(mesh.attrib['file'])!r}")
+    text, elements = scanned.text(needed)
+    code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import _serve; _serve()"
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            said = subprocess.run(
+                [sys.executable, "-c", code],
+                input=text.encode(),
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                cwd=folder,
+                timeout=SECONDS,
+                check=True,
+            ).stdout
+        except (subprocess.SubprocessError, OSError) as error:
+            meshes = ", ".join(map(printable, needed))
+            raise InputError(f"MuJoCo does not work out the inertia of meshes, {meshes}: give an <inertial>") from error
+    found = json.loads(said)
+    if isinstance(found, str):
+        _refuse(found, elements)
+    for name in _BODIES:
+        array = getattr(model, name)
+        array[:] = np.reshape(found[name], array.shape)
+
+
+def _serve() -> None:
+    """In a process of its own: the inertias of the bodies of the MJCF text from standard input, on standard output."""
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, 2**20))
+    mj = mujoco_package()
+    try:
+        spec = mj.MjSpec.from_string(sys.stdin.read())
+        _unfold(spec, ())
+        _need_meshes(spec, kept=True)
+        model = spec.compile()
+        found: object = {name: getattr(model, name).ravel().tolist() for name in _BODIES}
+    except (ValueError, mj.FatalError) as error:
+        found = str(error)
+    json.dump(found, sys.stdout)

@@ -1,0 +1,335 @@
+"""The part of an MJCF file that MuJoCo's parser is shown: what motion depends on, bounded and with checked numbers.
+
+Of a file that a stranger wrote, a few digits make MuJoCo run for ever or take all memory (counts of copies, keyframes,
+cells), and others have it read other files, or write to its log. Here they are left out, counted or refused.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+from adaptctl.description.readers.robot_checks import MOST_BODIES, MOST_GEOMS, MOST_LINKS
+from adaptctl.description.readers.xml_elements import (
+    LARGEST,
+    MOST_ELEMENTS,
+    attribute,
+    like,
+    named,
+    number,
+    numbers,
+    parsed,
+    refuse,
+)
+from adaptctl.errors import InputError, printable
+from adaptctl.files import read_text
+
+MOST_FILES = 100
+"""files that one scene may consist of"""
+
+_ACTUATORS = ("motor", "general", "position", "velocity", "intvelocity", "damper")
+_IN_FRAMES = ("body", "frame", "replicate", "joint", "freejoint", "geom", "site")
+_SHOWN: Mapping[str, tuple[str, ...]] = {
+    "mujoco": ("compiler", "option", "default", "asset", "worldbody", "equality", "actuator"),
+    "option": ("flag",),
+    "default": ("default", "joint", "geom", "site", "equality", "mesh", *_ACTUATORS),
+    "asset": ("mesh",),
+    "worldbody": _IN_FRAMES,
+    "body": (*_IN_FRAMES, "inertial"),
+    "frame": _IN_FRAMES,
+    "replicate": _IN_FRAMES,
+    "equality": ("connect", "weld", "joint"),
+    "actuator": _ACTUATORS,
+}
+"""Elements within others that MuJoCo is shown."""
+_LEFT_OUT: Mapping[str, tuple[str, ...]] = {
+    "mujoco": (
+        *("size", "visual", "statistic", "contact", "deformable", "tendon", "sensor", "keyframe", "custom"),
+        "extension",
+    ),
+    **dict.fromkeys(("worldbody", "body", "frame", "replicate"), ("camera", "light")),
+    "equality": (),
+}
+"""Elements that it need not see. Others are refused within these, and left out within all others."""
+_UNREAD_EQUALITIES = ("tendon", "flex", "flexvert", "flexstrain", "distance")
+_PLACE = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
+_OF_ACTUATORS = (
+    *("name", "class", "joint", "jointinparent", "gear", "ctrlrange", "ctrllimited", "forcerange", "forcelimited"),
+    *("dyntype", "gaintype", "biastype", "gainprm", "biasprm", "kp", "kv"),
+)
+_ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
+    "mujoco": ("model",),
+    "option": ("gravity",),
+    "flag": ("gravity", "equality"),
+    "geom": ("name", "class", "type", "size", "fromto", "mass", "density", "shellinertia", "group", "mesh", *_PLACE),
+    "site": ("name", "class", "type", "size", "fromto", *_PLACE),
+    "mesh": ("name", "class", "file", "content_type", "scale", "refpos", "refquat", "inertia", "vertex", "face"),
+    **dict.fromkeys(_ACTUATORS, _OF_ACTUATORS),
+}
+"""The attributes that it is shown of these elements; of others all but those that follow."""
+_UNSEEN = (
+    *("user", "discardvisual", "fusestatic", "usethread", "meshdir", "assetdir", "texturedir", "strippath"),
+    *("alignfree", "saveinertial", "settotalmass", "boundmass", "boundinertia", "balanceinertia", "coordinate"),
+)
+_TEXTS = frozenset(
+    (
+        *("name", "class", "childclass", "model", "file", "content_type", "mesh", "joint", "jointinparent", "joint1"),
+        *("joint2", "body1", "body2", "site1", "site2", "type", "limited", "ctrllimited", "forcelimited", "equality"),
+        *("actuatorfrclimited", "actuatorgravcomp", "dyntype", "gaintype", "biastype", "active", "mocap", "sleep"),
+        *("simple", "fuse", "align", "sep", "angle", "eulerseq", "autolimits", "inertiafromgeom", "shellinertia"),
+        *("conflict", "fitaabb", "passthrough", "savecanonical", "savecompiled", "inertia"),
+    )
+)
+"""Attributes that are no numbers."""
+_COUNTS = {
+    **dict.fromkeys(("mass", "ref", "armature", "frictionloss", "density", "gravcomp", "count"), 1),
+    **dict.fromkeys(("range", "ctrlrange", "forcerange", "actuatorfrcrange", "inertiagrouprange"), 2),
+    **dict.fromkeys(("pos", "zaxis", "euler", "axis", "anchor", "diaginertia"), 3),
+    **dict.fromkeys(("quat", "axisangle"), 4),
+    **dict.fromkeys(("xyaxes", "fullinertia", "fromto"), 6),
+    "relpose": 7,
+}
+"""How many numbers attributes have, where this is always the same."""
+_BOUNDS = ("range", "ctrlrange", "forcerange", "actuatorfrcrange")
+_LIKE_A_NUMBER = re.compile(r"[-+.]*(\d|nan|inf)", re.IGNORECASE)
+_SIMPLIFIED = {
+    "settotalmass": "masses are not scaled: scale them in the file",
+    "boundmass": "masses are not bounded: write them as they are meant",
+    "boundinertia": "inertias are not bounded: write them as they are meant",
+}
+
+
+@dataclass(eq=False)
+class ScannedFile:
+    """An MJCF file of which only what motion depends on is left: the element `root`, without meshes, which `meshes` has
+    by name, with their whole paths. Every body has a name; `numbers` has the zero-based indices of those of the file
+    itself, without those of included files. `tendons` are names of what was left out, `folder` is
+    the file's. It is made by `ScannedFile.of`."""
+
+    root: Element
+    folder: Path
+    meshes: dict[str, Element] = field(default_factory=dict)
+    numbers: dict[str, int] = field(default_factory=dict)
+    tendons: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, path: str | Path, whole: bool = True) -> ScannedFile:
+        """The MJCF file at `path`, parsed, with what it includes. Where only a part of a scene is read, and not the
+        `whole`, equalities of kinds that are not read are left out. Raises `FileError` for a file that cannot be read,
+        and `InputError`, naming the element, for what is not read, for numbers that are not finite or too large, for
+        negative masses, and for more elements than are read."""
+        root = parsed(read_text(path), "mujoco")
+        own = {id(body): k for k, body in enumerate(root.iter("body"))}
+        _include(root, path)
+        _require_read(root)
+        tendons = tuple(named(tendon) for section in root.findall("tendon") for tendon in section)
+        meshes = _meshes(root, Path(path).parent)
+        _require_equalities(root, whole)
+        pending = [root]
+        while pending:
+            _leave_out(element := pending.pop())
+            _check_numbers(element)
+            pending += element
+        _require_few(root)
+        _name_bodies(root)
+        numbers_of = {body.attrib["name"]: own[id(body)] for body in root.iter("body") if id(body) in own}
+        return cls(root, Path(path).parent, meshes, numbers_of, tendons)
+
+    def text(self, meshes: Collection[str] = ()) -> tuple[str, list[Element]]:
+        """The pair of the file's text for MuJoCo with these `meshes`, by default none, and the list of its elements, of
+        which each begins on a line of its own. Nothing is raised."""
+        assets = Element("asset")
+        assets.extend(self.meshes[name] for name in meshes)
+        root = like(self.root, self.root.attrib)
+        root.extend([*self.root, assets])
+        elements = list(root.iter())
+        for element in elements:
+            element.text = "\n"
+        return ElementTree.tostring(root, encoding="unicode"), elements
+
+
+def _include(root: Element, path: str | Path) -> None:
+    """Replace every <include> by the elements of the file that it names, which may include others. Files are found from
+    the folder of the main file, and must be in it or below, links followed."""
+    folder, seen = Path(path).parent, {Path(path).resolve()}
+    pending = [root]
+    while pending:
+        element = pending.pop()
+        for child in [child for child in element if child.tag == "include"]:
+            if len(seen) > MOST_FILES:
+                refuse(child, f"<include>: more than {MOST_FILES} files, the most that are read")
+            place = list(element).index(child)
+            element[place : place + 1] = _content(child, folder, seen)
+            pending.append(element)
+        pending += [child for child in element if len(child)]
+    if sum(1 for _ in root.iter()) > MOST_ELEMENTS:
+        raise InputError(f"more than {MOST_ELEMENTS} elements with all that is included, the most that are read")
+
+
+def _content(element: Element, folder: Path, seen: set[Path]) -> list[Element]:
+    """The elements of the file that an <include> names."""
+    name = attribute(element, "file", "<include>")
+    file = require_within(folder, element)
+    if file in seen:
+        refuse(element, f"<include>: {printable(name)!r} is included twice: once is enough")
+    seen.add(file)
+    try:
+        return list(parsed(read_text(file), "mujocoinclude", "mujoco"))
+    except InputError as error:
+        text = str(error).removeprefix(f"{file}: ")
+        raise InputError(f"<include> of {printable(name)!r}: {text}") from error
+
+
+def require_within(folder: Path, element: Element) -> Path:
+    """The path of the file that the attribute `file` of an `element` names, found from the `folder`, links followed.
+    Raises `ElementError` where it is not in the folder or below."""
+    name = element.get("file", "")
+    try:
+        file = (folder / name).resolve()
+    except (OSError, ValueError, RuntimeError):
+        file = Path()
+    if not file.is_relative_to(folder.resolve()):
+        refuse(element, f"{named(element)}: {printable(name)!r} is outside the folder of the file: put it in there")
+    return file
+
+
+def _require_read(root: Element) -> None:
+    compiler: dict[str, str] = {}
+    for element in root.findall("compiler"):
+        compiler |= element.attrib
+    merged = like(root, compiler, "compiler")
+    for name, remark in _SIMPLIFIED.items():
+        if name in compiler and number(merged, name, "<compiler>") > 0.0:
+            raise InputError(f"<compiler>: {name}: {remark}")
+    if compiler.get("balanceinertia") == "true":
+        raise InputError("<compiler>: balanceinertia: inertias are not balanced: write them as they are meant")
+    if not re.fullmatch("[xyzXYZ]{3}", compiler.get("eulerseq", "xyz")):
+        raise InputError(f"<compiler>: eulerseq: expected three of x, y, z, X, Y, Z, got {compiler['eulerseq']!r}")
+    if compiler.get("coordinate", "local") != "local":
+        raise InputError("<compiler>: coordinate: only local coordinates are read, as by MuJoCo since 2.3.4")
+
+
+def _meshes(root: Element, folder: Path) -> dict[str, Element]:
+    """The file's meshes by name, with the whole paths of their files, which are not looked for; they are taken out."""
+    settings: dict[str, str] = {}
+    for compiler in root.findall("compiler"):
+        settings |= compiler.attrib
+    place = settings.get("meshdir", settings.get("assetdir", ""))
+    found = {}
+    for mesh in (mesh for section in root.findall("asset") for mesh in section.findall("mesh")):
+        _leave_out(mesh)
+        _check_numbers(mesh)
+        if file := mesh.get("file", ""):
+            mesh.set("name", mesh.get("name") or Path(file).stem)
+            mesh.set("file", str(folder.resolve() / place / (Path(file).name if _strips(settings) else file)))
+        found[mesh.get("name", "")] = mesh
+    for section in root.findall("asset"):
+        root.remove(section)
+    return found
+
+
+def _strips(settings: Mapping[str, str]) -> bool:
+    return settings.get("strippath") == "true"
+
+
+def _require_equalities(root: Element, whole: bool) -> None:
+    """Equalities of kinds that are not read do not act, or are of the rest of a scene; they are taken out."""
+    off = any(flag.get("equality") == "disable" for flag in root.iter("flag"))
+    for section in root.findall("equality"):
+        for k, element in enumerate(list(section)):
+            if element.tag in _SHOWN["equality"]:
+                continue
+            if element.tag not in _UNREAD_EQUALITIES or (whole and not off and element.get("active") != "false"):
+                said = "is not read" if element.tag in _UNREAD_EQUALITIES else "is unknown"
+                where = f"equality {element.get('name') or f'{element.tag}{k + 1}'!r}"
+                known = ", ".join(_SHOWN["equality"])
+                refuse(element, f"{where}: <{element.tag}> {said}; equalities that are read: {known}")
+            section.remove(element)
+
+
+def _leave_out(element: Element) -> None:
+    """Take out the elements and attributes that MuJoCo is not shown."""
+    shown, left_out = _SHOWN.get(element.tag, ()), _LEFT_OUT.get(element.tag)
+    for child in [child for child in element if child.tag not in shown]:
+        if left_out is not None and child.tag not in left_out:
+            what = "sections that are" if element.tag == "mujoco" else "what is"
+            where = "" if element.tag == "mujoco" else f"{named(element)}: "
+            refuse(child, f"{where}<{child.tag}> is not read; {what}: {', '.join((*shown, *left_out))}")
+        if element.tag == "actuator":
+            child.tag = "general"
+            child.attrib["biastype"] = "affine"
+        else:
+            element.remove(child)
+    if element.tag == "actuator":
+        element[:] = [child for child in element if child.get("joint") or child.get("jointinparent")]
+    kept = _ATTRIBUTES.get(element.tag)
+    for name in list(element.attrib):
+        if name in _UNSEEN or (kept is not None and name not in kept):
+            del element.attrib[name]
+
+
+def _check_numbers(element: Element) -> None:
+    """All numbers are finite and of a size that a robot's have, masses are not negative, and ranges rise."""
+    for name, text in element.attrib.items():
+        if name in _TEXTS or (element.tag == "flag" and name == "gravity"):
+            continue
+        if name not in _COUNTS and text.strip() and not any(map(_LIKE_A_NUMBER.match, text.split())):
+            continue  # MuJoCo says what is wrong with it
+        largest = math.inf if name in _BOUNDS else LARGEST
+        values = numbers(element, name, _COUNTS.get(name, range(1, 4097)), named(element), largest)
+        if name in ("mass", "density") and values[0] < 0.0:
+            refuse(element, f"{named(element)}: {name} must not be negative, got {values[0]}")
+        if name in _BOUNDS and element.get(_limited(name)) != "false":
+            least, most = values
+            if least > most or (name == "range" and least == most):
+                refuse(element, f"{named(element)}: {name}: expected lower < upper, got {least:g} and {most:g}")
+
+
+def _limited(name: str) -> str:
+    """The attribute that says whether a range acts."""
+    return name.replace("range", "limited")
+
+
+def _require_few(root: Element) -> None:
+    """Bound what MuJoCo's time and memory grow with: elements with all copies, and joints one after another."""
+    most = {"body": MOST_BODIES, "joint": MOST_BODIES, "freejoint": MOST_BODIES, "geom": MOST_GEOMS, "site": MOST_GEOMS}
+    counts = dict.fromkeys(most, 0)
+    pending = [(world, 1, 0) for world in root.findall("worldbody")]
+    while pending:
+        element, copies, above = pending.pop()
+        if element.tag == "replicate":
+            copies *= math.ceil(max(1.0, number(element, "count", named(element))))
+        if element.tag in counts:
+            counts[element.tag] += copies
+            if counts[element.tag] > most[element.tag]:
+                refuse(element, f"more than {most[element.tag]} <{element.tag}> elements, the most that are read")
+        if element.tag == "body":
+            above += sum(6 if x.tag == "freejoint" else 1 for x in _inside(element) if x.tag.endswith("joint"))
+        if above > MOST_LINKS:
+            refuse(element, f"{named(element)}: {above} links that move: at most {MOST_LINKS} are read")
+        pending += [(child, copies, above) for child in element]
+
+
+def _inside(body: Element) -> Iterator[Element]:
+    """The elements of a body, also those within frames."""
+    pending = list(body)
+    while pending:
+        element = pending.pop()
+        yield element
+        if element.tag in ("frame", "replicate"):
+            pending += list(element)
+
+
+def _name_bodies(root: Element) -> None:
+    names = {body.get("name") for body in root.iter("body")}
+    for k, body in enumerate(root.iter("body")):
+        if not body.get("name"):
+            name = f"body{k + 2}"
+            while name in names:
+                name += "_"
+            body.set("name", name)
