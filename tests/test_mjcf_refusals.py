@@ -118,6 +118,7 @@ EQUAL = CLOSED["connect"]
             "<compiler>: eulerseq: expected three of x, y, z, X, Y, Z",
         ),
         (mjcf(chain(), before='<compiler coordinate="global"/>'), "<compiler>: coordinate: only local coordinates"),
+        (mjcf(chain(), before='<option gravity="0 0 -1e18"/>'), "some: gravity: expected at most 1e.09"),
         (mjcf(chain(), before='<compiler settotalmass="1"/>'), "<compiler>: settotalmass: masses are not scaled"),
         (mjcf(chain(), before='<compiler boundmass="1"/>'), "<compiler>: boundmass: masses are not bounded"),
         (mjcf(chain(), before='<compiler balanceinertia="true"/>'), "<compiler>: balanceinertia: inertias are not"),

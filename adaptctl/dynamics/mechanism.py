@@ -363,7 +363,7 @@ class Mechanism:
     def from_mujoco(cls, model: mujoco.MjModel, body: str | None = None) -> Mechanism:
         """A mechanism from a MuJoCo `model`, which may be of a whole scene: the body named `body` with its descendants;
         None for the one root body on which joints turn or slide. Raises `InputError` for no joint, ball and free
-        joints, nonlinear damping, active equality constraints, over 256 links, a `body` that stands on a moving one
+        joints, nonlinear damping, nonlinear equalities, over 256 links, a `body` that stands on a moving one
         and, for None, several moving roots, `NotFoundError` for an unknown name, `MissingExtraError` without MuJoCo.
         Warns (`SimplificationWarning`) of springs and gravity compensation, left out, and of non-torque actuators."""
         from adaptctl.description.readers.mujoco_model import from_mujoco

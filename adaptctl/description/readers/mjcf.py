@@ -65,15 +65,15 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
         arm, floating = _arm(scanned, root)
         links = tuple(arm.links())
         require_at_most(len(links), MOST_LINKS, "links that move")
-        loops = arm.loops(links, floating)
+        loops, name = arm.loops(links, floating), scanned.root.get("model") or Path(path).stem
+        made = Description(name, links, arm.gravity, f"MJCF file {Path(path).name}", loops)
     except FileError:
         raise
     except InputError as error:
         raise FileError(f"{path}: {error}") from error
     arm.warn(str(path), links, scanned.tendons, stacklevel=4)
     warn_of_degrees(path, links, (), stacklevel=4)
-    name = scanned.root.get("model") or Path(path).stem
-    return Description(name, links, arm.gravity, f"MJCF file {Path(path).name}", loops)
+    return made
 
 
 @dataclass(frozen=True, eq=False)

@@ -82,11 +82,12 @@ def read(
     instead of being fixed to the ground; its meshes are shown from its package and from `mesh_folders`, by default
     none. With `snap`, angles between successive joint axes, and of the first ones with gravity, that are within 1e-3
     rad of a multiple of 90 degrees are made exact. Raises `NotFoundError` for an unknown name, `FileError` for a file
-    that cannot be used, `MissingExtraError` for MJCF without MuJoCo, and `InputError` for a floating base or mesh folders where `source` is no URDF file, one folder
-    not in a list, or a `root` where it is no MJCF file. Warns (`PhysicalConsistencyWarning`) of links whose inertia no
-    rigid body can have, and (`SimplificationWarning`) of what a file's reader leaves out (springs, tendons, gravity
-    compensation, meshes outside the folders), takes otherwise (limits of zero, mimic joints without a moving leader,
-    actuators that command no torque) or doubts (angles that look like degrees, links that move without mass).
+    that cannot be used, `MissingExtraError` for MJCF without MuJoCo, and `InputError` for a floating base or mesh
+    folders where `source` is no URDF file, one folder not in a list, or a `root` where it is no MJCF file. Warns
+    (`PhysicalConsistencyWarning`) of links whose inertia no rigid body can have, and (`SimplificationWarning`) of what
+    a file's reader leaves out (springs, tendons, gravity compensation, meshes outside the folders), takes otherwise
+    (limits of zero, mimic joints without a moving leader, actuators that command no torque) or doubts (angles that look
+    like degrees, links that move without mass).
     """
     suffix = Path(source).suffix.lower()
     if floating_base and suffix != ".urdf":
