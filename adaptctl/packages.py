@@ -14,6 +14,7 @@ DISTRIBUTIONS = {
     "cvxpy": "'adaptctl[consistency]'",
     "dask": "'adaptctl[sweep]'",
     "distributed": "'adaptctl[sweep]'",
+    "mujoco": "'adaptctl[mujoco]'",
     "optuna": "'adaptctl[search]'",
     "pinocchio": "pin",
     "rerun": "rerun-sdk",

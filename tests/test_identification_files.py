@@ -20,7 +20,7 @@ from adaptctl.description import JointKind, Limits
 from adaptctl.description.drive import Drive
 from adaptctl.description.readers.registry import builtin_names
 from adaptctl.description.writers.mechanism_file import write_mechanism
-from adaptctl.description.writers.urdf_inertials import with_inertials, write_urdf
+from adaptctl.description.writers.robot_file import with_inertials, write_urdf
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError
 from adaptctl.experiments.identify_then_adapt import IdentifyThenAdapt

@@ -225,7 +225,7 @@ def test_meshes_that_cannot_be_read(tmp_path: Path, mesh: str, message: str) -> 
 
 def test_without_mujoco_one_line_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(MissingExtraError, match=r"^MJCF is read by MuJoCo: pip install 'adaptctl\[mujoco\]'$"):
+    with pytest.raises(MissingExtraError, match=r"^MJCF needs mujoco: pip install 'adaptctl\[mujoco\]'$"):
         reading(tmp_path, mjcf(chain()))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.description.writers.mechanism_file import write_mechanism
-from adaptctl.description.writers.urdf_inertials import write_urdf
+from adaptctl.description.writers.robot_file import write_urdf
 from adaptctl.dynamics import Mechanism
 from adaptctl.files import write_json
 from adaptctl.identification.identification import Identification

@@ -111,7 +111,7 @@ def mjcf_bodies(path: str | Path, root: str | None = None) -> dict[int, MjcfBody
 
 def _arm(scanned: ScannedFile, root: str | None) -> tuple[MujocoArm, list[str]]:
     """The mechanism in MuJoCo's model of the file, and the names of joints that were free ones."""
-    mj = mujoco_package("MJCF is read by MuJoCo")
+    mj = mujoco_package("MJCF")
     text, elements = scanned.text()
     with _mujocos_errors(elements):
         spec = mj.MjSpec.from_string(text)

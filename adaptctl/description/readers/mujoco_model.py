@@ -26,7 +26,8 @@ from adaptctl.description.readers.robot_checks import (
     unknown_body,
 )
 from adaptctl.description.readers.xml_elements import LineElement, located
-from adaptctl.errors import InputError, MissingExtraError, NotFoundError, SimplificationWarning
+from adaptctl.errors import InputError, NotFoundError, SimplificationWarning
+from adaptctl.packages import needed
 
 if TYPE_CHECKING:
     import mujoco
@@ -43,12 +44,10 @@ NO_LIMIT = 1e9
 """rad or m, of a side of a range that limits nothing"""
 
 
-def mujoco_package(what: str = "MuJoCo is not installed") -> Any:
+def mujoco_package(what: str = "a MuJoCo model") -> Any:
     """The package mujoco. Raises `MissingExtraError`, whose message begins with `what`, where it is not installed."""
-    try:
+    with needed(what):
         import mujoco
-    except ImportError as error:
-        raise MissingExtraError(f"{what}: pip install 'adaptctl[mujoco]'") from error
     return mujoco
 
 

@@ -1,15 +1,25 @@
-"""Writer of a robot's own file with other inertias, by the file's suffix."""
+"""Writer of a robot's own URDF or MJCF file with other inertials: all else of the file stays, byte for byte."""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from xml.etree.ElementTree import Element
+from xml.parsers import expat
 
+import numpy as np
+
+from adaptctl.arrays import Array
 from adaptctl.description.description import Description
+from adaptctl.description.inertia import from_tensor, inertia_tensor, is_physically_consistent, transformed
+from adaptctl.description.readers.mjcf import MjcfBody, mjcf_bodies
 from adaptctl.description.readers.registry import read
-from adaptctl.description.writers.mjcf_inertials import write_mjcf
-from adaptctl.description.writers.urdf_inertials import write_urdf
+from adaptctl.description.readers.urdf import link_inertia
+from adaptctl.description.readers.xml_elements import parsed
 from adaptctl.errors import FileError, InputError
+from adaptctl.files import decoded, read_bytes, write_bytes
 
 
 def write_robot(path: str | Path, original: str | Path, after: Description, root: str | None = None) -> None:
@@ -32,4 +42,192 @@ def write_robot(path: str | Path, original: str | Path, after: Description, root
     if suffix == ".urdf":
         write_urdf(path, original, before, after)
     else:
-        write_mjcf(path, original, before, after, root)
+        _write_mjcf(path, original, before, after, root)
+
+
+def write_urdf(path: str | Path, original: str | Path, before: Description, after: Description) -> None:
+    """Write to `path` a copy of the URDF file `original` with the links' inertias of the description `after`; all else
+    stays, byte for byte. `before` is the description read from `original`.
+
+    A moving link's inertia includes that of all links fixed to it. These keep theirs, and it gets the rest, as long as
+    a rigid body can have the rest; where none can, it gets all, and they lose theirs. Raises `FileError` for a file
+    that cannot be read or written or is not UTF-8, and for a first moment or an inertia without mass, which URDF cannot
+    hold; `KeyError` for a link that the file does not have, `ValueError` for descriptions with different numbers of
+    links.
+    """
+    data = read_bytes(original)
+    text = decoded(original, data)
+    try:
+        robot = parsed(text, "robot")
+        elements = {element.attrib["name"]: element for element in robot.findall("link")}
+        fixed = _fixed_below(robot)
+        changed: dict[str, Array | None] = {}
+        for old, new in zip(before.links, after.links, strict=True):
+            others = old.inertia - link_inertia(elements[old.name])
+            rest = new.inertia - others
+            if np.any(others) and not is_physically_consistent(rest):
+                rest = new.inertia
+                changed |= dict.fromkeys(_all_below(fixed, old.name))
+            if rest[0] == 0.0 and np.any(rest):
+                raise InputError(f"link {old.name!r}: URDF's inertias are about a centre of mass: without mass none is")
+            changed[old.name] = rest
+    except InputError as error:
+        raise FileError(f"{original}: {error}") from error
+    write_bytes(path, with_inertials(data, changed))
+
+
+def with_inertials(data: bytes, inertias: Mapping[str, Array | None]) -> bytes:
+    """A copy of the bytes `data` of a URDF file with the <inertial> elements of some links replaced; all else stays,
+    byte for byte. `inertias` has, by link name, the ten inertial parameters (10,) m, mc_x, mc_y, mc_z, I_xx, I_xy,
+    I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin), or None to take the element out. Raises
+    `KeyError` for a link that the file does not have."""
+    spans = _Finder.spans_of(data, "link", nested=False)
+    edits = []
+    for name, ten in inertias.items():
+        span, new = spans[name], b"" if ten is None else _urdf_inertial(ten)
+        if span.inertial is not None:
+            edits.append((*span.inertial, new))
+        elif ten is not None and span.empty:
+            edits.append((span.start - 2, span.start, b">\n    " + new + b"\n  </link>"))
+        elif ten is not None:
+            edits.append((span.start, span.start, b"\n    " + new))
+    return _edited(data, edits)
+
+
+def _fixed_below(robot: Element) -> dict[str, list[str]]:
+    below: dict[str, list[str]] = {}
+    for joint in robot.findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if joint.get("type") == "fixed" and parent is not None and child is not None:
+            below.setdefault(parent.attrib["link"], []).append(child.attrib["link"])
+    return below
+
+
+def _all_below(fixed: Mapping[str, list[str]], name: str) -> list[str]:
+    return [other for child in fixed.get(name, []) for other in (child, *_all_below(fixed, child))]
+
+
+def _write_mjcf(
+    path: str | Path, original: str | Path, before: Description, after: Description, root: str | None
+) -> None:
+    """The same for MJCF. The body at a link's joint gets the whole change of its inertia, bodies fixed to it keep
+    theirs; it gets an <inertial> where it had geoms only, which MuJoCo prefers to them."""
+    data = read_bytes(original)
+    try:
+        bodies, spans = mjcf_bodies(original, root), _Finder.spans_of(data, "body", nested=True)
+        edits = []
+        for i, (old, new) in enumerate(zip(before.links, after.links, strict=True)):
+            if not np.array_equal(old.inertia, new.inertia):
+                number, ten = _changed(bodies[i], new.name, new.inertia - old.inertia)
+                edits.append(_mjcf_edit(spans[number], _mjcf_inertial(ten)))
+    except InputError as error:
+        raise FileError(f"{original}: {error}") from error
+    write_bytes(path, _edited(data, edits))
+
+
+def _changed(body: MjcfBody, name: str, difference: Array) -> tuple[int, Array]:
+    """The place in the file of a link's body, which takes a change of inertia (10,), and its new ten."""
+    ten = body.ten + transformed(difference, body.place.inverse)
+    if not is_physically_consistent(ten):
+        raise InputError(
+            f"link {name!r}: no rigid body has its inertia, and MuJoCo reads no other: take the nearest that one has, "
+            "adaptctl.identifiability.nearest_consistent"
+        )
+    if body.number is None:
+        raise InputError(f"link {name!r}: its body stands in an included file or is a copy: write that one")
+    return body.number, ten
+
+
+@dataclass
+class _Span:
+    """Byte offsets in a file of the content of a link or body, and of its <inertial>."""
+
+    start: int
+    empty: bool
+    inertial: tuple[int, int] | None = None
+
+
+@dataclass
+class _Finder:
+    """Parser target that finds the spans of a file's elements of one tag: nested, by their number, or right below the
+    root, by their name."""
+
+    data: bytes
+    tag: str
+    nested: bool
+    spans: dict[str | int, _Span] = field(default_factory=dict)
+    path: list[_Span | None] = field(default_factory=list)
+    """Of each element that is open, its span; None where it is none of them."""
+    begun: int = 0
+
+    @classmethod
+    def spans_of(cls, data: bytes, tag: str, nested: bool) -> dict[str | int, _Span]:
+        """The spans of the elements of that tag."""
+        parser, finder = expat.ParserCreate(), cls(data, tag, nested)
+        parser.StartElementHandler = lambda tag, attributes: finder.started(tag, attributes, parser.CurrentByteIndex)
+        parser.EndElementHandler = lambda tag: finder.ended(tag, parser.CurrentByteIndex)
+        parser.Parse(data, True)
+        return finder.spans
+
+    def started(self, tag: str, attributes: Mapping[str, str], at: int) -> None:
+        self.begun = at if tag == "inertial" else self.begun
+        span = None
+        if tag == self.tag and (self.nested or len(self.path) == 1):
+            start = self._end_of_tag(at)
+            span = _Span(start, self.data[start - 2 : start] == b"/>")
+            self.spans[len(self.spans) if self.nested else attributes["name"]] = span
+        self.path.append(span)
+
+    def ended(self, tag: str, at: int) -> None:
+        self.path.pop()
+        if tag == "inertial" and self.path and (span := self.path[-1]) is not None:
+            first = self._end_of_tag(self.begun)
+            span.inertial = (self.begun, first if self.data[first - 2 : first] == b"/>" else self._end_of_tag(at))
+
+    def _end_of_tag(self, at: int) -> int:
+        """The place behind the ">" of the tag that begins there; a ">" within quotes does not count."""
+        quote = 0
+        for i in range(at, len(self.data)):
+            byte = self.data[i]
+            if quote:
+                quote = 0 if byte == quote else quote
+            elif byte in b"\"'":
+                quote = byte
+            elif byte == ord(">"):
+                return i + 1
+        return len(self.data)
+
+
+def _edited(data: bytes, edits: Iterable[tuple[int, int, bytes]]) -> bytes:
+    """A copy with pieces replaced, each from a start to an end, not included; they do not overlap."""
+    for start, end, new in sorted(edits, reverse=True):
+        data = data[:start] + new + data[end:]
+    return data
+
+
+def _mjcf_edit(span: _Span, new: bytes) -> tuple[int, int, bytes]:
+    if span.inertial is not None:
+        return (*span.inertial, new)
+    return (span.start - 2, span.start, b">" + new + b"</body>") if span.empty else (span.start, span.start, new)
+
+
+def _about_center(ten: Array) -> tuple[str, str, list[str]]:
+    """Mass, centre and the six xx, xy, yy, xz, yz, zz about it, as texts that are read back the same."""
+    mass = float(ten[0])
+    center = ten[1:4] / (mass or 1.0)
+    shift = mass * (np.dot(center, center) * np.eye(3) - np.outer(center, center))
+    six = from_tensor(mass, ten[1:4], inertia_tensor(ten) - shift)[4:].tolist()
+    return repr(mass), " ".join(map(repr, center.tolist())), [repr(x) for x in six]
+
+
+def _urdf_inertial(ten: Array) -> bytes:
+    mass, place, (xx, xy, yy, xz, yz, zz) = _about_center(ten)
+    return (
+        f'<inertial>\n      <origin xyz="{place}" rpy="0 0 0"/>\n      <mass value="{mass}"/>\n'
+        f'      <inertia ixx="{xx}" ixy="{xy}" ixz="{xz}" iyy="{yy}" iyz="{yz}" izz="{zz}"/>\n    </inertial>'
+    ).encode()
+
+
+def _mjcf_inertial(ten: Array) -> bytes:
+    mass, place, (xx, xy, yy, xz, yz, zz) = _about_center(ten)
+    return f'<inertial pos="{place}" mass="{mass}" fullinertia="{xx} {yy} {zz} {xy} {xz} {yz}"/>'.encode()
