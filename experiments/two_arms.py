@@ -12,7 +12,7 @@ from adaptctl.arrays import Array
 from adaptctl.description import Pose
 from adaptctl.description.loops import Closure, ClosureKind, Loops
 from adaptctl.description.pose import rotation_about
-from adaptctl.description.transforms.joined import joined
+from adaptctl.description.transforms import joined
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.experiments.experiment import setting

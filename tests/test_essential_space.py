@@ -17,7 +17,7 @@ from adaptctl.arrays import Array
 from adaptctl.description import Description, Joint, JointKind, Limits, Link, Pose
 from adaptctl.description.inertia import transformed
 from adaptctl.description.pose import rotation_about
-from adaptctl.description.transforms.snapping import snapped
+from adaptctl.description.transforms import snapped
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, NonFiniteError, RankError
 from adaptctl.identifiability import (

@@ -13,7 +13,7 @@ from random_trees import random_chain, random_tree
 
 from adaptctl.compilation.routine import trace
 from adaptctl.description.drive import Drive
-from adaptctl.description.transforms.joint_frames import joint_frame_parameters, with_joint_frames
+from adaptctl.description.transforms import joint_frame_parameters, with_joint_frames
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.equations import Equations
 from adaptctl.errors import RankError

@@ -11,9 +11,8 @@ from random_trees import random_tree
 
 from adaptctl.description import Description, Pose
 from adaptctl.description.loops import Closure, ClosureKind, Loops
-from adaptctl.description.named_frame import FrameKind, NamedFrame
-from adaptctl.description.pose import rotation_about
-from adaptctl.description.transforms.joined import joined
+from adaptctl.description.pose import FrameKind, NamedFrame, rotation_about
+from adaptctl.description.transforms import joined
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.errors import InputError

@@ -46,7 +46,7 @@ ORDER = (
 """A folder uses only those before it."""
 LONGEST = 400
 ABOUT = {
-    "pinocchio": {"description.readers.pinocchio_model", "description.readers.pinocchio_constraints"},
+    "pinocchio": {"description.readers.pinocchio_model"},
     "matplotlib": {"envs.rendering", "experiments.replication"},
     "rerun": {"recording", "experiments.replication"},
     "pyarrow": {"sweeps.folder", "sweeps.report"},

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from adaptctl.description import ClosureKind, Description, JointKind, Limits, Pose, read, read_mechanism_file
-from adaptctl.description.named_frame import FrameKind, NamedFrame
-from adaptctl.description.pose import roll_pitch_yaw
+from adaptctl.description.pose import FrameKind, NamedFrame, roll_pitch_yaw
 from adaptctl.description.writers.mechanism_file import mechanism_toml
 from adaptctl.dynamics import load
 from adaptctl.errors import FileError, InputError, LoopError, NotFoundError

@@ -15,7 +15,7 @@ from random_trees import random_chain
 import adaptctl
 from adaptctl.description import Description, Joint, JointKind, Limits, Link, Pose
 from adaptctl.description.inertia import from_center_of_mass
-from adaptctl.description.readers.mujoco_model import MujocoArm
+from adaptctl.description.readers.mujoco_arm import MujocoArm
 from adaptctl.description.writers.mujoco_model import set_parameters
 from adaptctl.dynamics import Mechanism
 

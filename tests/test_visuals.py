@@ -14,10 +14,9 @@ from rerun.chunk import RrdReader
 from robot_files import urdf
 
 from adaptctl.description import GROUND, Description, Pose, read_urdf
-from adaptctl.description.named_frame import NamedFrame
+from adaptctl.description.pose import NamedFrame
 from adaptctl.description.readers import urdf_visuals as reader
-from adaptctl.description.transforms.floating_base import with_floating_base
-from adaptctl.description.transforms.joined import joined
+from adaptctl.description.transforms import joined, with_floating_base
 from adaptctl.description.visual import Box, Cylinder, Mesh, Sphere, Visual
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError

@@ -4,7 +4,7 @@ from adaptctl.description.description import Joint as Joint
 from adaptctl.description.description import JointKind as JointKind
 from adaptctl.description.description import Link as Link
 from adaptctl.description.description import depth_first as depth_first
-from adaptctl.description.limits import Limits as Limits
+from adaptctl.description.drive import Limits as Limits
 from adaptctl.description.loops import Closure as Closure
 from adaptctl.description.loops import ClosureKind as ClosureKind
 from adaptctl.description.loops import Condition as Condition
@@ -14,11 +14,11 @@ from adaptctl.description.pose import Pose as Pose
 from adaptctl.description.readers.denavit_hartenberg import read_denavit_hartenberg as read_denavit_hartenberg
 from adaptctl.description.readers.mechanism_file import read_mechanism_file as read_mechanism_file
 from adaptctl.description.readers.mjcf import read_mjcf as read_mjcf
-from adaptctl.description.readers.pinocchio_constraints import to_pinocchio_constraints as to_pinocchio_constraints
 from adaptctl.description.readers.pinocchio_model import from_pinocchio as from_pinocchio
 from adaptctl.description.readers.pinocchio_model import to_pinocchio as to_pinocchio
+from adaptctl.description.readers.pinocchio_model import to_pinocchio_constraints as to_pinocchio_constraints
 from adaptctl.description.readers.registry import builtin_names as builtin_names
 from adaptctl.description.readers.registry import read as read
 from adaptctl.description.readers.urdf import read_urdf as read_urdf
-from adaptctl.description.transforms.floating_base import with_floating_base as with_floating_base
-from adaptctl.description.transforms.snapping import snapped as snapped
+from adaptctl.description.transforms import snapped as snapped
+from adaptctl.description.transforms import with_floating_base as with_floating_base

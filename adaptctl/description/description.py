@@ -13,16 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, frozen_array, whole_count, whole_number
 from adaptctl.caching import cached_property, sent_as_made
-from adaptctl.description.drive import LARGEST_TERM, Drive, DriveParameter
+from adaptctl.description.drive import LARGEST_TERM, Drive, DriveParameter, Limits
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
-from adaptctl.description.limits import Limits
 from adaptctl.description.pose import Pose
 from adaptctl.errors import InputError, require_kind
 from adaptctl.files import hashed
 
 if TYPE_CHECKING:
     from adaptctl.description.loops import Loops
-    from adaptctl.description.named_frame import NamedFrame
+    from adaptctl.description.pose import NamedFrame
     from adaptctl.description.visual import Visual
 
 GROUND = -1

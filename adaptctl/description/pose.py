@@ -1,8 +1,9 @@
-"""Rigid placements of one frame in another."""
+"""Rigid placements of one frame in another, and frames that have names of their own."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -110,3 +111,25 @@ class Pose:
 
     def __hash__(self) -> int:
         return hash((self.rotation.tobytes(), self.translation.tobytes()))
+
+
+class FrameKind(Enum):
+    """The kind of a named frame, as Pinocchio's frame types are: operational (such as a tool), a fixed joint, a body
+    that is fixed to a link, or a sensor."""
+
+    OPERATIONAL = "operational"
+    FIXED_JOINT = "fixed joint"
+    BODY = "body"
+    SENSOR = "sensor"
+
+
+@dataclass(frozen=True)
+class NamedFrame:
+    """A frame with a `name`, such as a tool's, fixed to the link of zero-based index `link`, or to the ground, -1, at
+    `pose` in that link's frame (m). `kind` is operational by default; no motion depends on it. Nothing is checked at
+    construction."""
+
+    name: str
+    link: int
+    pose: Pose
+    kind: FrameKind = FrameKind.OPERATIONAL

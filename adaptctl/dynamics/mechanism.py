@@ -317,7 +317,7 @@ class Mechanism:
         """Pinocchio's constraint models of the loop closures, for the model of `to_pinocchio()`; an empty list for a
         tree. Raises `InputError` where joints follow others (couplings), for a first moment without mass and for drives
         that turn with several joints, `MissingExtraError` without Pinocchio."""
-        from adaptctl.description.readers.pinocchio_constraints import to_pinocchio_constraints
+        from adaptctl.description.readers.pinocchio_model import to_pinocchio_constraints
 
         return to_pinocchio_constraints(self.description, self.to_pinocchio())
 

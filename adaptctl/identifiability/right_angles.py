@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adaptctl.description import Description
-from adaptctl.description.transforms.snapping import meeting_axes
+from adaptctl.description.transforms import meeting_axes
 
 NEAR = 1e-3
 """Angle (rad) to a multiple of 90 degrees below which a miss is suspicious."""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from adaptctl.description.transforms.joint_frames import joint_frame_parameters, with_joint_frames
+from adaptctl.description.transforms import joint_frame_parameters, with_joint_frames
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.equations import Equations
 from adaptctl.errors import AdaptctlError

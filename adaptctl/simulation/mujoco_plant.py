@@ -21,7 +21,7 @@ from adaptctl.simulation.plant_state import PlantState
 if TYPE_CHECKING:
     import mujoco
 
-    from adaptctl.description.readers.mujoco_model import MujocoArm
+    from adaptctl.description.readers.mujoco_arm import MujocoArm
 
 _OFF = ("actuator_dyntype", "actuator_gaintype", "actuator_biastype")
 _SILENT = ("actuator_gainprm", "actuator_biasprm")
@@ -136,7 +136,7 @@ class MuJoCoPlant(Plant):
     def arm(self) -> MujocoArm:
         """The part of the MuJoCo model that is the arm, a `MujocoArm`: its root body, and its bodies and joints by
         their indices in the model. Nothing is raised: the arm was checked when the plant was made."""
-        from adaptctl.description.readers.mujoco_model import MujocoArm
+        from adaptctl.description.readers.mujoco_arm import MujocoArm
 
         return MujocoArm.of(self.model, self.body)
 
@@ -151,7 +151,7 @@ class _Scene:
     def __init__(self, plant: MuJoCoPlant, parameters: Array | None = None) -> None:
         import mujoco
 
-        from adaptctl.description.readers.mujoco_model import MujocoArm
+        from adaptctl.description.readers.mujoco_arm import MujocoArm
         from adaptctl.description.writers.mujoco_model import set_parameters
 
         self._plant = plant

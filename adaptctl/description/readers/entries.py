@@ -10,9 +10,8 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.description.description import Joint, JointKind
-from adaptctl.description.drive import Drive
+from adaptctl.description.drive import Drive, Limits
 from adaptctl.description.inertia import from_center_of_mass, from_tensor
-from adaptctl.description.limits import Limits
 from adaptctl.description.pose import Pose, roll_pitch_yaw
 from adaptctl.errors import InputError
 

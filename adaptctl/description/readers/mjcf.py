@@ -21,10 +21,11 @@ from adaptctl.arrays import Array
 from adaptctl.description.description import Description
 from adaptctl.description.pose import Pose
 from adaptctl.description.readers.mjcf_scan import ScannedFile, require_within
-from adaptctl.description.readers.mujoco_model import FREE, HINGE, SLIDE, MujocoArm, body_ten, mujoco_package
+from adaptctl.description.readers.mujoco_arm import FREE, HINGE, SLIDE, MujocoArm, body_ten, mujoco_package
+from adaptctl.description.readers.mujoco_model import loops_of
 from adaptctl.description.readers.robot_checks import MOST_LINKS, require_at_most, warn_of_degrees
 from adaptctl.description.readers.xml_elements import LineElement, named, refuse
-from adaptctl.description.transforms.floating_base import JOINTS
+from adaptctl.description.transforms import JOINTS
 from adaptctl.errors import FileError, InputError, printable
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
         arm, floating = _arm(scanned, root)
         links = tuple(arm.links())
         require_at_most(len(links), MOST_LINKS, "links that move")
-        loops, name = arm.loops(links, floating), scanned.root.get("model") or Path(path).stem
+        loops, name = loops_of(arm, links, floating), scanned.root.get("model") or Path(path).stem
         made = Description(name, links, arm.gravity, f"MJCF file {Path(path).name}", loops)
     except FileError:
         raise

@@ -13,7 +13,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.description import Description
 from adaptctl.description.inertia import pseudo_inertia
-from adaptctl.description.transforms.snapping import snapped
+from adaptctl.description.transforms import snapped
 from adaptctl.errors import FileError, InputError, NotFoundError, PhysicalConsistencyWarning
 from adaptctl.files import read_toml
 from adaptctl.nearest_name import nearest_name

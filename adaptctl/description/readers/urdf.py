@@ -14,9 +14,8 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.description.description import GROUND, Description, Joint, JointKind, Link
-from adaptctl.description.drive import Drive
+from adaptctl.description.drive import Drive, Limits
 from adaptctl.description.inertia import from_center_of_mass, transformed
-from adaptctl.description.limits import Limits
 from adaptctl.description.loops import Coupling, Loops
 from adaptctl.description.pose import Pose, roll_pitch_yaw
 from adaptctl.description.readers.robot_checks import (
@@ -40,7 +39,7 @@ from adaptctl.description.readers.xml_elements import (
     refuse,
     required,
 )
-from adaptctl.description.transforms.floating_base import above_base, floating
+from adaptctl.description.transforms import above_base, floating
 from adaptctl.description.visual import Visual
 from adaptctl.errors import FileError, InputError, SimplificationWarning
 from adaptctl.files import read_text

@@ -10,12 +10,10 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.description.description import GROUND, Description, JointKind, Link
-from adaptctl.description.drive import DriveParameter
+from adaptctl.description.drive import DriveParameter, Limits
 from adaptctl.description.inertia import inertia_tensor
-from adaptctl.description.limits import Limits
 from adaptctl.description.loops import Closure, Loops
-from adaptctl.description.named_frame import FrameKind
-from adaptctl.description.pose import Pose
+from adaptctl.description.pose import FrameKind, Pose
 from adaptctl.errors import InputError
 from adaptctl.files import toml_string, write_text
 

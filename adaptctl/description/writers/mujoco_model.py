@@ -12,7 +12,7 @@ from adaptctl.description.description import GROUND, Description, Link
 from adaptctl.description.drive import MAY_BE_NEGATIVE
 from adaptctl.description.inertia import inertia_tensor, transformed
 from adaptctl.description.pose import Pose
-from adaptctl.description.readers.mujoco_model import MujocoArm, body_ten
+from adaptctl.description.readers.mujoco_arm import MujocoArm, body_ten
 from adaptctl.errors import InputError
 
 if TYPE_CHECKING:

@@ -1,0 +1,337 @@
+"""The part of a compiled MuJoCo model that is one mechanism: a body and all that hangs on it, as links."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.description.description import GROUND, Joint, JointKind, Link
+from adaptctl.description.drive import Drive, Limits
+from adaptctl.description.inertia import from_center_of_mass, transformed
+from adaptctl.description.pose import Pose, quaternion_rotation, rotation_about
+from adaptctl.description.readers.robot_checks import (
+    require_mass_of_inertia,
+    unknown_body,
+)
+from adaptctl.description.readers.xml_elements import LineElement, located
+from adaptctl.errors import InputError, NotFoundError, SimplificationWarning
+from adaptctl.packages import needed
+
+if TYPE_CHECKING:
+    import mujoco
+
+FREE, BALL, SLIDE, HINGE = range(4)
+"""MuJoCo's numbers of kinds of joints (mjtJoint)."""
+CONNECT, WELD, OF_JOINTS = range(3)
+"""MuJoCo's numbers of kinds of equalities (mjtEq)."""
+SITE = 6
+"""MuJoCo's number of sites among objects (mjtObj)."""
+NO_GRAVITY, NO_EQUALITY = "mjDSBL_GRAVITY", "mjDSBL_EQUALITY"
+WORLD = 0
+NO_LIMIT = 1e9
+"""rad or m, of a side of a range that limits nothing"""
+
+
+def mujoco_package(what: str = "a MuJoCo model") -> Any:
+    """The package mujoco. Raises `MissingExtraError`, whose message begins with `what`, where it is not installed."""
+    with needed(what):
+        import mujoco
+    return mujoco
+
+
+@dataclass(frozen=True, eq=False)
+class MujocoArm:
+    """The part of a MuJoCo model that is one mechanism: its bodies and joints as zero-based indices in `model`. `root`
+    is its first body, `bodies` all of its bodies, parents first, `joints` its joints, one for each link.
+
+    `carriers` has, by body, the index of the link that it is part of, -1 for the ground, and `places` its frame's pose
+    (m) in that link, or in the world; both are empty until the method `links` fills them. `elements` has those of the
+    model's file, if it is of one, by bodies' names and equalities' indices. `MujocoArm.of` finds an arm; nothing is
+    checked at construction.
+    """
+
+    model: mujoco.MjModel
+    root: int
+    bodies: tuple[int, ...]
+    joints: tuple[int, ...]
+    elements: Mapping[object, Element] = field(default_factory=dict)
+    carriers: dict[int, int] = field(default_factory=dict)
+    """Of each body that moves, the link that it is part of."""
+    places: dict[int, Pose] = field(default_factory=dict)
+    """Of each body, its frame's pose in the link that it is part of, or in the world."""
+
+    @classmethod
+    def of(
+        cls, model: mujoco.MjModel, body: str | None = None, elements: Mapping[object, Element] | None = None
+    ) -> MujocoArm:
+        """The arm that consists of a `body` of a MuJoCo model, by name, and of all bodies on it; None stands for the
+        one root body on which joints turn or slide. `elements` are those of the model's file, None without one.
+        Raises `NotFoundError` for an unknown body, `InputError` for one that stands on a body that moves, for ball and
+        free joints, mocap bodies, no joint, and, without a name, several root bodies that move."""
+        root = _moving_root(model) if body is None else _root(model, body)
+        below = {root}
+        for i in range(root + 1, model.nbody):
+            if model.body_parentid[i] in below:
+                below.add(i)
+        bodies = tuple(sorted(below))
+        joints = tuple(j for i in bodies for j in _joints(model, i))
+        found = cls(model, root, bodies, joints, elements or {})
+        for i in bodies:
+            with found.at_line(found.body_name(i)):
+                found._require_plain(i)
+        if not joints:
+            raise InputError(f"body {model.body(root).name!r}: no joint on it moves: expected a hinge or a slide")
+        return found
+
+    def at_line(self, key: object) -> AbstractContextManager[None]:
+        """Context manager in which an `InputError` names the line of the element of that `key`, a body's name or an
+        equality's index, where the model is of a file."""
+        return located(self.elements.get(key, LineElement("")))
+
+    def _require_plain(self, i: int) -> None:
+        where = f"body {self.body_name(i)!r}"
+        for j in _joints(self.model, i):
+            if (kind := self.model.jnt_type[j]) in (FREE, BALL):
+                what = "a free joint" if kind == FREE else f"a ball joint, {self.model.joint(j).name!r}"
+                raise InputError(f"{where} has {what}: only hinges and slides are understood; name a body on it")
+        if self.model.body_mocapid[i] >= 0:
+            raise InputError(f"{where}: a mocap body is moved by hand: leave it out")
+
+    def links(self) -> list[Link]:
+        """The links of the arm in depth-first order, one for each joint, with the summed inertia of all bodies fixed to
+        them. The call also fills this object's `carriers` and `places`, the links that bodies are part of and the
+        bodies' poses there. Raises `InputError` for a range that does not rise, lengths above 1e9 m, inertias above
+        1e20, values that are not finite, drive terms below 0, and nonlinear damping."""
+        links: list[Link] = []
+        tens: list[Array] = []
+        for i in self.bodies:
+            with self.at_line(self.body_name(i)):
+                carrier, place = self._stand(i)
+                joints = _joints(self.model, i)
+                for j in joints:
+                    carrier, place = self._add(links, j, carrier, place, last=j == joints[-1])
+                    tens.append(np.zeros(10))
+                self.carriers[i], self.places[i] = carrier, place
+                if carrier != GROUND:
+                    tens[carrier] = tens[carrier] + transformed(body_ten(self.model, i), place)
+        for k, ten in enumerate(tens):
+            with self.at_line(self.body_name(int(self.model.jnt_bodyid[self.joints[k]]))):
+                links[k] = require_mass_of_inertia(replace(links[k], inertia=ten))
+        return links
+
+    def _stand(self, i: int) -> tuple[int, Pose]:
+        """The link that carries a body, and the body's frame there before its own joints move."""
+        own = pose(self.model.body_pos[i], self.model.body_quat[i])
+        if i == self.root:
+            return GROUND, self.still(int(self.model.body_parentid[i])) @ own
+        parent = int(self.model.body_parentid[i])
+        return self.carriers[parent], self.places[parent] @ own
+
+    def still(self, i: int) -> Pose:
+        """The place in the world of a body that does not move."""
+        place = Pose.identity()
+        while i != WORLD:
+            place = pose(self.model.body_pos[i], self.model.body_quat[i]) @ place
+            i = int(self.model.body_parentid[i])
+        return place
+
+    def _add(self, links: list[Link], j: int, carrier: int, place: Pose, last: bool) -> tuple[int, Pose]:
+        """One more link; returns its index and the body's place on it."""
+        model, body = self.model, self.body_name(int(self.model.jnt_bodyid[j]))
+        name = model.joint(j).name or (body if last else f"{body}_{len(links)}")
+        joint = _joint(model, j, name)
+        to_joint = Pose(np.eye(3), np.array(model.jnt_pos[j]))
+        ref = float(model.qpos0[model.jnt_qposadr[j]])
+        turned = (rotation_about(joint.axis, -ref), np.zeros(3)) if joint.kind.turns else (np.eye(3), -ref * joint.axis)
+        near, called = place @ to_joint @ Pose(*turned), body if last else f"{body}/{name}"
+        links.append(Link(called, carrier, joint, near, Pose.identity(), massless=not last))
+        return len(links) - 1, to_joint.inverse
+
+    @property
+    def gravity(self) -> Array:
+        """The acceleration of gravity (3,), m/s^2, in the model's world; zero where the model disables it."""
+        return np.zeros(3) if is_disabled(self.model, NO_GRAVITY) else np.array(self.model.opt.gravity)
+
+    def warn(self, where: str, links: Sequence[Link], tendons: Sequence[str] = (), stacklevel: int = 3) -> None:
+        """Warn (`SimplificationWarning`) of what the arm has and its description has not: actuators that are no
+        torques, springs, gravity compensation, and the `tendons` named, by default none. `where` begins the messages,
+        `links` are what the method `links` gave, `stacklevel` is that of `warnings.warn`, 3 by default, the caller's
+        caller."""
+        sprung = [link.joint.name for j, link in zip(self.joints, links, strict=True) if _is_sprung(self.model, j)]
+        lifted = [self.body_name(i) for i in self.bodies if self.model.body_gravcomp[i]]
+        for text, names in (
+            ("actuators that are no torques, as the laws here command: a <motor> is", self.servos),
+            ("springs of joints are left out", sprung),
+            ("gravity compensation is left out", lifted),
+            ("tendons are left out", tendons),
+        ):
+            if names:
+                warnings.warn(f"{where}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
+
+    def body_name(self, i: int) -> str:
+        """The name of the model's body of zero-based index `i`, such as "body3" where it has none. Nothing is
+        checked."""
+        return self.model.body(i).name or f"body{i}"
+
+    @property
+    def actuators(self) -> list[int]:
+        """Zero-based indices in the model of the actuators that act on the arm's joints directly, not by tendons or
+        sites."""
+        joints = set(self.joints)
+        return [i for i in range(self.model.nu) if self.model.actuator_trntype[i] in (0, 1)
+                and int(self.model.actuator_trnid[i, 0]) in joints]  # fmt: skip
+
+    @property
+    def servos(self) -> list[str]:
+        """Names of the arm's actuators whose force is not a multiple of their control, each with its kind, as in
+        "'elbow' (a position servo)"; empty where all actuators are torque motors."""
+        return [
+            f"{_name_of_actuator(self.model, i)} ({kind})" for i in self.actuators if (kind := servo(self.model, i))
+        ]
+
+
+def body_ten(model: mujoco.MjModel, i: int) -> Array:
+    """The ten inertial parameters (10,) of the body of zero-based index `i` in a MuJoCo model, about its frame's
+    origin, without the bodies on it: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first moment
+    in kg m, inertia tensor in kg m^2). Raises `InputError` for a negative mass or inertia, and for a centre of mass
+    above 1e9 m or not finite; nothing else is checked."""
+    at = pose(model.body_ipos[i], model.body_iquat[i])
+    if model.body_mass[i] < 0.0 or np.any(model.body_inertia[i] < 0.0):
+        raise InputError(f"body {model.body(i).name!r}: mass and inertia must not be negative")
+    return transformed(from_center_of_mass(float(model.body_mass[i]), np.zeros(3), np.diag(model.body_inertia[i])), at)
+
+
+def pose(position: Array, quaternion: Array) -> Pose:
+    """The pose of a frame at `position` (3,), m, with the attitude of a `quaternion` (4,), w, x, y, z, of any length
+    from 1e-12. Raises `InputError` for a shorter quaternion, and for positions above 1e9 m or not finite."""
+    return Pose(quaternion_rotation(quaternion), np.array(position))
+
+
+def servo(model: mujoco.MjModel, i: int) -> str:
+    """The kind, in words such as "a position servo", of the actuator of zero-based index `i` in a MuJoCo model whose
+    force is not a multiple of its control; the empty text for one whose force is, a torque motor. Nothing is
+    checked."""
+    gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
+    if model.actuator_dyntype[i]:
+        return "it has dynamics of its own"
+    if not model.actuator_gaintype[i] and not model.actuator_biastype[i]:
+        return ""
+    if not model.actuator_gaintype[i] and gain[0] and bias[1] == -gain[0]:
+        return "a position servo"
+    if not model.actuator_gaintype[i] and gain[0] and not bias[1] and bias[2] == -gain[0]:
+        return "a velocity servo"
+    return "its force depends on the state"
+
+
+def _name_of_actuator(model: mujoco.MjModel, i: int) -> str:
+    return repr(model.actuator(i).name or f"actuator {i}")
+
+
+def _joints(model: mujoco.MjModel, i: int) -> range:
+    first = int(model.body_jntadr[i])
+    return range(first, first + int(model.body_jntnum[i])) if first >= 0 else range(0)
+
+
+def _root(model: mujoco.MjModel, body: str) -> int:
+    names = [model.body(i).name for i in range(1, model.nbody)]
+    if body not in names:
+        raise NotFoundError(unknown_body(body, names))
+    root = names.index(body) + 1
+    above = int(model.body_parentid[root])
+    while above != WORLD:
+        if model.body_jntnum[above]:
+            raise InputError(
+                f"body {body!r} stands on {model.body(above).name!r}, which moves: name that one, or a fixed one"
+            )
+        above = int(model.body_parentid[above])
+    return root
+
+
+def _moving_root(model: mujoco.MjModel) -> int:
+    """The one root body on which joints turn or slide."""
+    moved = {int(model.body_rootid[model.jnt_bodyid[j]]) for j in range(model.njnt) if model.jnt_type[j] != FREE}
+    names = [model.body(i).name for i in sorted(moved)]
+    if not moved:
+        raise InputError("no joint turns or slides: expected a hinge or a slide")
+    if len(moved) > 1:
+        known = ", ".join(map(repr, names))
+        raise InputError(
+            f"{len(moved)} root bodies move, {known}: each is a mechanism of its own; name the one that is meant, "
+            f"root={names[0]!r} (--root {names[0]})"
+        )
+    return moved.pop()
+
+
+def _joint(model: mujoco.MjModel, j: int, name: str) -> Joint:
+    ends = model.jnt_range[j].tolist() if model.jnt_limited[j] else (-math.inf, math.inf)
+    dof = int(model.jnt_dofadr[j])
+    polynomials = [getattr(model, name) for name in ("dof_dampingpoly",) if hasattr(model, name)]
+    if any(np.any(values[dof]) for values in polynomials):
+        raise InputError(f"joint {name!r}: damping: only the first coefficient is understood")
+    numbers = (model.dof_armature[dof], model.dof_damping[dof], model.dof_frictionloss[dof])
+    armature, damping, friction = (float(value) or None for value in numbers)
+    try:
+        limits = Limits(*position_limits(*ends), effort=_effort(model, j) or math.inf)
+        kind, drive = kind_within(limits, model.jnt_type[j] == HINGE), Drive(armature, damping, friction)
+        return Joint(name, kind, np.array(model.jnt_axis[j]), limits, drive)
+    except InputError as error:
+        where = f"joint {name!r}"
+        raise InputError(str(error) if str(error).startswith(where) else f"{where}: {error}") from error
+
+
+def _effort(model: mujoco.MjModel, j: int) -> float:
+    """The greatest effort of all actuators of a joint (N m or N); infinite without actuators."""
+    on = [i for i in range(model.nu) if model.actuator_trntype[i] in (0, 1) and model.actuator_trnid[i, 0] == j]
+    bound = sum(_actuator_effort(model, i) for i in on) if on else math.inf
+    own = float(np.abs(model.jnt_actfrcrange[j]).max()) if model.jnt_actfrclimited[j] else math.inf
+    return min(bound, own)
+
+
+def _actuator_effort(model: mujoco.MjModel, i: int) -> float:
+    gear, bounds = abs(float(model.actuator_gear[i, 0])), [math.inf]
+    if model.actuator_forcelimited[i]:
+        bounds.append(float(np.abs(model.actuator_forcerange[i]).max()))
+    if model.actuator_ctrllimited[i] and not servo(model, i):
+        bounds.append(abs(float(model.actuator_gainprm[i, 0])) * float(np.abs(model.actuator_ctrlrange[i]).max()))
+    return gear * min(bounds) if gear else 0.0
+
+
+def is_disabled(model: mujoco.MjModel, flag: str) -> bool:
+    """True where a MuJoCo `model` disables what the `flag` is named after, as "mjDSBL_GRAVITY"."""
+    import mujoco
+
+    return bool(model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, flag)))
+
+
+def model_name(model: mujoco.MjModel) -> str:
+    """The name of a MuJoCo `model` itself, empty where it has none. Nothing is raised."""
+    return bytes(model.names).split(b"\0", 1)[0].decode()
+
+
+def _is_sprung(model: mujoco.MjModel, j: int) -> bool:
+    polynomial = getattr(model, "jnt_stiffnesspoly", None)
+    return bool(model.jnt_stiffness[j]) or (polynomial is not None and bool(np.any(polynomial[j])))
+
+
+def position_limits(lower: float, upper: float) -> tuple[float, float]:
+    """The pair of a joint's lower and upper position limit (rad, m if prismatic) for a range `lower` to `upper` of
+    MuJoCo's: a `lower` of -1e9 or less becomes minus infinity, an `upper` of 1e9 or more infinity, no limit. Nothing is
+    checked."""
+    return (-math.inf if lower <= -NO_LIMIT else lower, math.inf if upper >= NO_LIMIT else upper)
+
+
+def kind_within(limits: Limits, turns: bool) -> JointKind:
+    """The kind of a joint with the given `limits`: prismatic unless it `turns`, as a hinge does; else continuous where
+    both position limits are infinite, revolute where not. Nothing is raised."""
+    if not turns:
+        return JointKind.PRISMATIC
+    free = (limits.lower, limits.upper) == (-math.inf, math.inf)
+    return JointKind.CONTINUOUS if free else JointKind.REVOLUTE

@@ -1,0 +1,289 @@
+"""Mechanisms made of mechanisms: joined, on a floating base, with right angles made exact, with frames at joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, frozen_array
+from adaptctl.description.description import GROUND, Description, Joint, JointKind, Link
+from adaptctl.description.inertia import PARAMETERS, transformed
+from adaptctl.description.loops import Loops
+from adaptctl.description.pose import NamedFrame, Pose, exact_right_angles
+from adaptctl.description.visual import Visual
+from adaptctl.errors import InputError
+
+if TYPE_CHECKING:
+    from adaptctl.description.loops import Closure, Loops
+
+
+def joined(
+    name: str,
+    parts: Mapping[str, tuple[Description, Pose]],
+    loops: Loops | None = None,
+    gravity: ArrayLike | None = None,
+) -> Description:
+    """The description, called `name`, of one mechanism that consists of several trees: `parts` has, by label, each
+    part's description and the pose of its ground frame in the common ground frame.
+
+    Links, joints and named frames get their part's label in front, as in ``left.link3``, and `loops`, by default none,
+    uses these names: so two hands are welded to one object (Sheu and Walker 1991, "multirobot systems"). The parts keep
+    their order, their parameters and their shapes to draw. `gravity` (3,), m/s^2, is the gravity vector in the common
+    ground frame, in place of those of the parts; None, the default, takes that of the parts, which must then be the
+    same vector in all, turned by no part's pose. Raises `InputError` for no parts, parts with loops of their own, a
+    `gravity` that is not (3,), not finite or above 1e9 in size, and, where it is None, parts of different gravity and
+    poses that turn it; `NotFoundError` for unknown names in `loops`.
+    """
+    if not parts:
+        raise InputError(f"{name}: at least one part is needed")
+    common = _gravity(name, parts) if gravity is None else frozen_array(gravity, (3,), f"{name}: gravity")
+    links: list[Link] = []
+    visuals: list[Visual] = []
+    frames: list[NamedFrame] = []
+    for label, (part, stand) in parts.items():
+        if part.loops is not None:
+            raise InputError(f"{name}: part {label!r} has loops of its own: join its tree and give all loops together")
+        visuals += [_moved(visual, stand, len(links)) for visual in part.visuals]
+        frames += [_renamed_frame(frame, label, stand, len(links)) for frame in part.frames]
+        links += [_renamed(link, label, stand, len(links)) for link in part.links]
+    source = f"joined from {', '.join(parts)}"
+    return Description(name, tuple(links), common, source, loops, tuple(visuals), tuple(frames))
+
+
+def _gravity(name: str, parts: Mapping[str, tuple[Description, Pose]]) -> Array:
+    """The one vector that all parts have, turned by their poses or not. Raises `InputError` where there is none."""
+    first, (leading, _) = next(iter(parts.items()))
+    common, asked = leading.gravity, "give `gravity` in the common one, such as (0, 0, -9.81)"
+    for label, (part, stand) in parts.items():
+        own, turned = part.gravity, stand.rotation @ part.gravity
+        said = f"{name}: part {label!r} has the gravity {own.tolist()} in its own ground frame"
+        if not _alike(own, common):
+            raise InputError(f"{said}, part {first!r} {common.tolist()}: {asked}")
+        if not _alike(own, turned):
+            raise InputError(f"{said}, {turned.tolist()} in the common one by its pose: {asked}")
+    return common
+
+
+def _alike(one: Array, other: Array) -> bool:
+    return bool(np.abs(one - other).max() <= 1e-9 * np.abs(one).max())
+
+
+def _renamed(link: Link, label: str, stand: Pose, above: int) -> Link:
+    on_ground = link.parent == GROUND
+    return replace(
+        link,
+        name=f"{label}.{link.name}",
+        parent=GROUND if on_ground else link.parent + above,
+        joint=_renamed_joint(link.joint, label),
+        near=stand @ link.near if on_ground else link.near,
+    )
+
+
+def _renamed_joint(joint: Joint, label: str) -> Joint:
+    others = tuple((f"{label}.{name}", ratio) for name, ratio in joint.drive.turns_with)
+    return replace(joint, name=f"{label}.{joint.name}", drive=replace(joint.drive, turns_with=others))
+
+
+def _renamed_frame(frame: NamedFrame, label: str, stand: Pose, above: int) -> NamedFrame:
+    on_ground = frame.link == GROUND
+    link, pose = (GROUND, stand @ frame.pose) if on_ground else (frame.link + above, frame.pose)
+    return replace(frame, name=f"{label}.{frame.name}", link=link, pose=pose)
+
+
+def _moved(visual: Visual, stand: Pose, above: int) -> Visual:
+    on_ground = visual.link == GROUND
+    return visual.on(GROUND, stand) if on_ground else replace(visual, link=visual.link + above)
+
+
+JOINTS = (
+    ("x", JointKind.PRISMATIC, (1.0, 0.0, 0.0)),
+    ("y", JointKind.PRISMATIC, (0.0, 1.0, 0.0)),
+    ("z", JointKind.PRISMATIC, (0.0, 0.0, 1.0)),
+    ("yaw", JointKind.CONTINUOUS, (0.0, 0.0, 1.0)),
+    ("pitch", JointKind.CONTINUOUS, (0.0, 1.0, 0.0)),
+    ("roll", JointKind.CONTINUOUS, (1.0, 0.0, 0.0)),
+)
+"""The six that carry what floats: suffixes of names, kinds and axes, from the ground up."""
+
+
+def with_floating_base(description: Description, name: str, inertia: ArrayLike) -> Description:
+    """The description of a mechanism that stands on a floating body, called `name`, instead of on the ground.
+
+    `inertia` (10,) holds the body's m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first moment
+    in kg m, inertia tensor in kg m^2), about the origin and along the axes of its frame, which replaces the ground's
+    for all that was fixed to the ground. Six joints lead to it: from the ground, the slides ``name_x``, ``name_y`` and
+    ``name_z`` (m) and the hinges ``name_yaw``, ``name_pitch`` and ``name_roll`` (rad), the first six of the primary
+    (independent) joints. Raises `InputError` for an inertia of another shape, not finite or above 1e20 in size, and for
+    a name that is empty or, itself or with one of these endings, taken.
+    """
+    links, loops = floating(description.links, name, inertia), description.loops
+    if loops is not None:
+        closures = tuple(replace(c, first=c.first or name, second=c.second or name) for c in loops.closures)
+        primary = (*(link.joint.name for link in links[: len(JOINTS)]), *loops.primary)
+        loops = replace(loops, primary=primary, closures=closures)
+    frames = tuple(replace(frame, link=frame.link + len(JOINTS)) for frame in description.frames)
+    return replace(description, links=links, loops=loops, visuals=above_base(description.visuals), frames=frames)
+
+
+def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link, ...]:
+    """The links of a mechanism on a floating base: six links for a body that floats, then the given `links`, of which
+    those that stood on the ground stand on that body.
+
+    `inertia` (10,) holds the body's m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), about
+    its frame's origin; `name` is the body's. Six joints lead from the ground to the body, three slides, ``name_x``,
+    ``name_y`` and ``name_z`` (m), and three hinges, ``name_yaw``, ``name_pitch`` and ``name_roll`` (rad), so that
+    positions stay plain vectors; the five links between them are massless and own no parameters. At a pitch of 90
+    degrees yaw and roll turn about the same axis, as with any three angles. Raises `InputError` for an inertia of
+    another shape, not finite or above 1e20 in size.
+    """
+    base = tuple(_base_link(i, name, inertia) for i in range(len(JOINTS)))
+    above = len(base)
+    carried = (replace(link, parent=above - 1 if link.parent == GROUND else link.parent + above) for link in links)
+    return (*base, *carried)
+
+
+def above_base(visuals: Sequence[Visual]) -> tuple[Visual, ...]:
+    """The shapes to draw of a mechanism, `visuals`, renumbered for six links of a floating base that come before its
+    own: each link index is 6 higher, so that shapes on the ground, -1, are on the floating body, 5. Nothing is
+    checked."""
+    return tuple(replace(visual, link=visual.link + len(JOINTS)) for visual in visuals)
+
+
+def _base_link(i: int, name: str, inertia: ArrayLike) -> Link:
+    suffix, kind, axis = JOINTS[i]
+    joint, identity = Joint(f"{name}_{suffix}", kind, np.array(axis)), Pose.identity()
+    if i < len(JOINTS) - 1:
+        return Link(f"{name}_{suffix}", i - 1, joint, identity, identity, massless=True)
+    return Link(name, i - 1, joint, identity, identity, np.asarray(inertia))
+
+
+WITHIN = 1e-3
+"""rad"""
+
+
+def snapped(description: Description, within: float = WITHIN) -> Description:
+    """A copy of a mechanism's `description` with nearly right angles made exact: those between successive joint axes,
+    and between gravity and the axes of joints on the ground, that are within `within` (rad, 1e-3 by default) of a
+    multiple of 90 degrees.
+
+    Link and joint frames whose rotation matrix has all entries within `within` of 0 or +-1 get exactly these entries,
+    and joint axes that near to a coordinate axis become that axis. Axes that still meet another at nearly a right
+    angle, or are nearly parallel to it, are turned with their joint, and with the links behind it, whose origins move
+    by at most `within` times the chain's length. Frames of loop closures are made exact like link frames. Limits,
+    inertias in their links' frames and names stay. `within` is not checked.
+    """
+    links: list[Link] = []
+    for link in description.links:
+        straight = _straightened(link, within)
+        carrier = _carrier(description, links, straight)
+        links.append(straight if carrier is None else _turned(carrier[1], straight, within))
+    loops = description.loops
+    if loops is not None:
+        loops = replace(loops, closures=tuple(_closure(closure, within) for closure in loops.closures))
+    return replace(description, links=tuple(links), loops=loops)
+
+
+def meeting_axes(description: Description) -> Iterator[tuple[Link, str, tuple[Array, Array]]]:
+    """Triples (link, name, axes) of a mechanism's `description` in the links' order: a link, the name of the joint
+    before its own, and the axes of these two joints, unit vectors (3,), in the frame of the link's parent. For a link
+    on the ground the name is "gravity", the first axis is gravity's direction, and the frame is the ground's; without
+    gravity such a link is left out. Nothing is raised."""
+    for link in description.links:
+        carrier = _carrier(description, description.links, link)
+        if carrier is not None:
+            yield link, carrier[0], (carrier[1], link.near.rotation @ link.joint.axis)
+
+
+def _carrier(description: Description, links: Sequence[Link], link: Link) -> tuple[str, Array] | None:
+    """Name of the axis that a joint's angle is measured from (the parent's joint, or gravity), and its direction in the
+    frame that carries the joint; None without either."""
+    if link.parent != GROUND:
+        parent = links[link.parent]
+        return parent.joint.name, parent.far.rotation.T @ parent.joint.axis
+    strength = float(np.linalg.norm(description.gravity))
+    return ("gravity", description.gravity / strength) if strength > 0.0 else None
+
+
+def _straightened(link: Link, within: float) -> Link:
+    """A link whose frames and axis are turned onto the axes of what carries them, where they nearly are on them."""
+    axis, unit = link.joint.axis, np.round(link.joint.axis)
+    near_unit = np.abs(unit).sum() == 1.0 and np.linalg.norm(axis - unit) < within
+    joint = replace(link.joint, axis=unit) if near_unit else link.joint
+    return replace(link, joint=joint, near=_pose(link.near, within), far=_pose(link.far, within))
+
+
+def _pose(pose: Pose, within: float) -> Pose:
+    rounded = np.round(pose.rotation) + 0.0
+    is_turn = np.array_equal(np.abs(rounded).sum(0), np.ones(3)) and np.linalg.det(rounded) > 0.0
+    if is_turn and np.abs(pose.rotation - rounded).max() < within:
+        return Pose(rounded, pose.translation)
+    return pose
+
+
+def _closure(closure: Closure, within: float) -> Closure:
+    first, second = _pose(closure.first_frame, within), _pose(closure.second_frame, within)
+    return replace(closure, first_frame=first, second_frame=second)
+
+
+def _turned(first: Array, child: Link, within: float) -> Link:
+    """The child's joint turned until its axis makes the angle with a direction `first` that it nearly makes."""
+    second = child.near.rotation @ child.joint.axis
+    along = float(first @ second)
+    across = second - along * first
+    if np.linalg.norm(across) < within:
+        meant = np.copysign(1.0, along) * first
+    elif abs(along) < within:
+        meant = across / np.linalg.norm(across)
+    else:
+        return child
+    rotation = exact_right_angles(_shortest_turn(second, meant) @ child.near.rotation, 1e-14)
+    return replace(child, near=Pose(rotation, child.near.translation))
+
+
+def _shortest_turn(start: Array, end: Array) -> Array:
+    """The rotation by the least angle that takes one unit vector to another that is near it."""
+    x, y, z = np.cross(start, end)
+    hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + hat + hat @ hat / (1.0 + float(start @ end))
+
+
+def with_joint_frames(description: Description) -> Description:
+    """A copy of a mechanism's `description` with the frame of each link at its joint, as in URDF, where equations of
+    motion take fewest operations. Inertial parameters and loop closures are given in the new frames; shapes to draw and
+    named frames are left out. Raises `InputError` where a length becomes greater than 1e9 m or an inertial parameter
+    than 1e20."""
+    far = {link.name: link.far for link in description.links}
+    links = tuple(_link(link, description) for link in description.links)
+    loops = None if description.loops is None else _loops(description.loops, far)
+    return replace(description, links=links, loops=loops, visuals=(), frames=())
+
+
+def joint_frame_parameters(description: Description) -> Array:
+    """The matrix (P, P) that maps the P inertial parameters of a mechanism to those of the same mechanism with link
+    frames at the joints (`with_joint_frames`), SI units, in the order of the description's property `parameter_names`.
+    They are then about the joint frame's origin and along its axes. Drive parameters, rotor inertia and friction, are
+    the same in both. Nothing is raised."""
+    matrix, size = np.eye(len(description.parameter_names)), len(PARAMETERS)
+    for k, i in enumerate(description.bodies):
+        moved = [transformed(one, description.links[i].far) for one in np.eye(size)]
+        matrix[size * k : size * (k + 1), size * k : size * (k + 1)] = np.transpose(moved)
+    return matrix
+
+
+def _link(link: Link, description: Description) -> Link:
+    near = link.near if link.parent == GROUND else description.links[link.parent].far @ link.near
+    return replace(link, near=near, far=Pose.identity(), inertia=transformed(link.inertia, link.far))
+
+
+def _loops(loops: Loops, far: dict[str, Pose]) -> Loops:
+    def moved() -> Iterator[Closure]:
+        for closure in loops.closures:
+            first = far.get(closure.first or "", Pose.identity()) @ closure.first_frame
+            second = far.get(closure.second or "", Pose.identity()) @ closure.second_frame
+            yield replace(closure, first_frame=first, second_frame=second)
+
+    return replace(loops, closures=tuple(moved()))

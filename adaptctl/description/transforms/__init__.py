@@ -1,1 +1,0 @@
-"""Transforms of descriptions: joined, snapped to right angles, on a floating base."""
