@@ -235,7 +235,7 @@ def _add_mesh_inertias(model: mujoco.MjModel, scanned: ScannedFile, needed: Mapp
 
 
 def _serve() -> None:
-    """In a process of its own: the inertias of the bodies of the MJCF text from standard input, on standard output."""
+    """Read an MJCF text from standard input and write its bodies' inertias to standard output, in a process of its own."""
     import resource
 
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
