@@ -14,7 +14,7 @@ ALIKE = {
         "there is a kernel by then, and what fills one state's array leaves others to the same"
     ),
     "adaptctl/dynamics/loops/assembly.py::_closed 0.0 -> 1.0": "a hundred steps instead of a few: slower alone",
-    "adaptctl/dynamics/loops/least_squares.py::factored 0 -> 1": "columns are of one length",
+    "adaptctl/dynamics/loops/posture.py::factored 0 -> 1": "columns are of one length",
     "adaptctl/control/adaptation/concurrent_learning.py::ConcurrentLearning._equations 1 -> 2 (again 1)": (
         "of a sample that is too long no more is taken than there are columns"
     ),

@@ -43,7 +43,7 @@ from adaptctl.control import (
 )
 from adaptctl.control.adaptation.composite import momentum_columns
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.recursion.momentum import momentum_terms
+from adaptctl.dynamics.recursion.energy import momentum_terms
 from adaptctl.scalars import column
 
 ARMS = ["puma560_measured", "semi_direct_drive"]

@@ -14,7 +14,7 @@ from adaptctl.control.memory import leaves, like
 from adaptctl.description import Pose
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.closed_positions import ClosedPositions
+from adaptctl.dynamics.equations import ClosedPositions
 from adaptctl.envs import TrackingEnv
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.scalars import Column, column

@@ -27,7 +27,7 @@ from adaptctl.control import (
 )
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.constrained_mechanism import ConstrainedMechanism
-from adaptctl.dynamics.recursion.momentum import momentum_terms
+from adaptctl.dynamics.recursion.energy import momentum_terms
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.identifiability import (
     Constraints,

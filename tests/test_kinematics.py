@@ -13,8 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.description import GROUND, Pose
 from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.recursion.jacobian import MovingPoint, moving_point
-from adaptctl.dynamics.recursion.kinematics import joint_axes, link_poses
+from adaptctl.dynamics.recursion.kinematics import MovingPoint, joint_axes, link_poses, moving_point
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Vec, column
 

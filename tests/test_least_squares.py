@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adaptctl.arrays import Array
-from adaptctl.dynamics.loops.least_squares import Factored, TwoByTwo, factored
+from adaptctl.dynamics.loops.posture import Factored, TwoByTwo, factored
 from adaptctl.scalars import Column
 
 EPSILON = float(np.finfo(np.float64).eps)

@@ -11,7 +11,7 @@ from adaptctl.compilation import compile_function
 from adaptctl.control import SlotineLi
 from adaptctl.control.adaptation.composite import Filtered, TorqueFilter
 from adaptctl.control.adaptation.law import Period
-from adaptctl.dynamics.recursion.momentum import momentum_terms
+from adaptctl.dynamics.recursion.energy import momentum_terms
 from adaptctl.scalars import Column, column
 
 ARMS = ["puma560_arm3", "puma560_friction", "semi_direct_drive"]

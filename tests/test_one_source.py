@@ -15,7 +15,7 @@ from adaptctl.compilation import compile_function, compile_step, trace
 from adaptctl.control import PriorRanges, ReferencePoint, SlotineLi, Subspace, adaptation_gain
 from adaptctl.control.memory import leaves, like
 from adaptctl.dynamics import equation_costs, load
-from adaptctl.dynamics.recursion.momentum import momentum_terms
+from adaptctl.dynamics.recursion.energy import momentum_terms
 from adaptctl.errors import InputError, TraceError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.scalars import Column, Dual, column

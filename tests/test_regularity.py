@@ -7,8 +7,7 @@ import pytest
 from sampled_loops import arm
 
 from adaptctl.compilation import compile_function
-from adaptctl.dynamics.loops.continuation import NEAREST
-from adaptctl.dynamics.loops.determinant import determinant
+from adaptctl.dynamics.loops.continuation import NEAREST, determinant
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 

@@ -12,8 +12,8 @@ from random_trees import random_tree
 
 from adaptctl import load
 from adaptctl.arrays import Array
-from adaptctl.dynamics import Mechanism, array_equation, array_equations, row_by_row
-from adaptctl.dynamics.row_by_row import unit_rows
+from adaptctl.dynamics import Mechanism, array_equation, array_equations
+from adaptctl.dynamics.array_equations import unit_rows
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.identifiability import Constraints, constrained
 
@@ -30,7 +30,7 @@ CASES = {
 def short() -> Iterator[None]:
     """Mechanisms of any length count as long, and more than four states as many."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(row_by_row, "STATES", 4)
+        patch.setattr(array_equations, "STATES", 4)
         patch.setattr(array_equations, "MOST_PAIRS", 0)
         yield
 

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from adaptctl.compilation import trace
 from adaptctl.compilation.graph import Op
-from adaptctl.dynamics.recursion.segment import AxisRotation, about
-from adaptctl.dynamics.recursion.tensors import congruent, turned_back
+from adaptctl.dynamics.recursion.segment import AxisRotation, about, congruent, turned_back
 from adaptctl.scalars import Column, Mat, Vec, cos, product, sin
 
 entries = st.lists(st.floats(-10.0, 10.0), min_size=9, max_size=9)

@@ -15,7 +15,7 @@ from adaptctl.control.gains.hold import require_period
 from adaptctl.control.memory import leaves
 from adaptctl.control.ringing import Ringing
 from adaptctl.control.rows import row_each
-from adaptctl.dynamics.closed_positions import ClosedPositions
+from adaptctl.dynamics.equations import ClosedPositions
 from adaptctl.errors import InputError, require_kind
 from adaptctl.scalars import Column, Scalar, absolute, clip, column, maximum, minimum, where
 from adaptctl.scalars.scalar import Condition

@@ -14,7 +14,7 @@ from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.control.slotine_li import ReferenceVelocity, SlotineLi
-from adaptctl.dynamics.recursion.jacobian import moving_point
+from adaptctl.dynamics.recursion.kinematics import moving_point
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Dual, Vec, column, maximum

@@ -3,13 +3,51 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from adaptctl.caching import cached_property
-from adaptctl.dynamics.motion_memory import MotionMemory
+from adaptctl.compilation import trace
 from adaptctl.dynamics.recursion.mass_matrix import factorised
 from adaptctl.dynamics.recursion.segment import Segment
 from adaptctl.scalars import Column, Scalar
+
+
+class MotionMemory(NamedTuple):
+    """The choice of numbers to be remembered among the m from which a mechanism's motion can be rebuilt
+    (`Motion.numbers`). Those left out are constants of the mechanism, such as zeros of links that move in a plane, or
+    equal to one that is kept.
+
+    `kept` has the zero-based indices of the numbers to be remembered; `sources` (m,) has for every number its constant,
+    a float, or the index, an integer, of its equal among those kept. Made by `MotionMemory.of`; nothing is checked.
+    """
+
+    kept: tuple[int, ...]
+    sources: tuple[float | int, ...]
+
+    @classmethod
+    def of(cls, numbers: Callable[..., Column], sizes: Mapping[str, int]) -> MotionMemory:
+        """The `MotionMemory` of a mechanism, found by tracing `numbers` once: a callable that returns the m numbers of
+        a motion, a `Column` (m,), from Columns whose names and lengths are `sizes`. Raises what the callable
+        raises."""
+        kept: list[int] = []
+        places: dict[Any, int] = {}
+        sources: list[float | int] = []
+        for i, x in enumerate(trace(numbers, sizes, name="motion").outputs):
+            if not isinstance(x, float) and x not in places:
+                places[x] = len(kept)
+                kept.append(i)
+            sources.append(x if isinstance(x, float) else places[x])
+        return cls(tuple(kept), tuple(sources))
+
+    def chosen(self, numbers: Column) -> Column:
+        """The numbers to be remembered, a `Column`, of all m `numbers` (m,) of a motion. Raises `IndexError` where one
+        of them is missing."""
+        return Column(numbers[i] for i in self.kept)
+
+    def numbers(self, remembered: Column) -> Column:
+        """All m numbers of a motion, a `Column` (m,), from those `remembered`. Raises `IndexError` for too few."""
+        return Column(x if isinstance(x, float) else remembered[x] for x in self.sources)
 
 
 class Motion(ABC):
@@ -283,3 +321,22 @@ class Equations(ABC):
 def _damped(inertia: Scalar, damping: Scalar, dt: float) -> Scalar:
     """m + dt b, where there is a b: zeros of a tree's matrices stay zeros."""
     return inertia if isinstance(damping, float) and damping == 0.0 else inertia + dt * damping
+
+
+class ClosedPositions(Column):
+    """Positions of a mechanism's r primary (independent) joints, stored with the closed configuration that they
+    determine. The object is a `Column` (r,), a vector of scalars of any kind, in rad (m if prismatic).
+
+    Made of `positions` (r,); `configuration` (n,), the positions of all n joints of the mechanism's tree, rad (m), with
+    the loops closed; and `equations`, the `Equations` of the mechanism. Where `Equations` have closed forms for the
+    loops, their method `closed`, given these positions, returns that configuration and does not compute it again,
+    provided that their geometry equals that of `equations` in value, as where a mechanism is loaded twice. Others, such
+    as those of a model with other lengths, close their own loops. Sums and products of the positions are plain `Column`
+    objects. Nothing is checked.
+    """
+
+    __slots__ = ("configuration", "equations")
+
+    def __init__(self, positions: Column, configuration: Column, equations: Equations) -> None:
+        super().__init__(positions)
+        self.configuration, self.equations = configuration, equations

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, frozen_array, stacked, stacked_rows
 from adaptctl.caching import sent_as_made
 from adaptctl.dynamics.mechanism import Mechanism
-from adaptctl.dynamics.recursion.jacobian import moving_point
+from adaptctl.dynamics.recursion.kinematics import moving_point
 from adaptctl.errors import InputError, SingularityError
 from adaptctl.scalars import Column, Vec, column
 

@@ -8,12 +8,10 @@ from itertools import islice
 from typing import Any
 
 from adaptctl.caching import cached_property
-from adaptctl.dynamics.closed_positions import ClosedPositions
-from adaptctl.dynamics.equations import Equations, Motion
+from adaptctl.dynamics.equations import ClosedPositions, Equations, Motion
 from adaptctl.dynamics.loops.constraint import Closing
 from adaptctl.dynamics.loops.dyad import Rule
-from adaptctl.dynamics.loops.least_squares import factored
-from adaptctl.dynamics.loops.posture import Following, Posture
+from adaptctl.dynamics.loops.posture import Following, Posture, factored
 from adaptctl.dynamics.recursion.mass_matrix import factorised
 from adaptctl.dynamics.recursion.segment import Placement, Segment, placements
 from adaptctl.dynamics.tree_equations import TreeEquations, TreeMotion

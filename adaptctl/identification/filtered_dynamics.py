@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array, stacked_rows
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.recursion.momentum import momentum_terms
+from adaptctl.dynamics.recursion.energy import momentum_terms
 from adaptctl.errors import InputError
 from adaptctl.identification.preparation import AROUND, PreparedLog, derivative, filtered, low_pass, padded
 from adaptctl.scalars import column

@@ -13,7 +13,7 @@ from adaptctl.caching import cached_property
 from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.control.controller import GAINS, Controller, ReferencePoint
 from adaptctl.control.memory import leaves, like
-from adaptctl.dynamics.closed_positions import ClosedPositions
+from adaptctl.dynamics.equations import ClosedPositions
 from adaptctl.errors import InputError, require_kind
 from adaptctl.scalars import Column, Structure
 from adaptctl.simulation.plant import Plant

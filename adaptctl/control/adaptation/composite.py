@@ -13,8 +13,8 @@ from adaptctl.compilation import trace
 from adaptctl.control.adaptation.gradient import Descent
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.gains.gains import positive_numbers, positive_per_joint
+from adaptctl.dynamics.recursion.energy import momentum_terms
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
-from adaptctl.dynamics.recursion.momentum import momentum_terms
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, column, each, spread

@@ -235,7 +235,7 @@ def _add_mesh_inertias(model: mujoco.MjModel, scanned: ScannedFile, needed: Mapp
 
 
 def _serve() -> None:
-    """Read an MJCF text from standard input and write its bodies' inertias to standard output, in a process of its own."""
+    """Answer an MJCF text on standard input with its bodies' inertias on standard output: a process of its own."""
     import resource
 
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))

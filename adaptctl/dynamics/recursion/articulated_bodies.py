@@ -13,10 +13,8 @@ from typing import Any, NamedTuple
 from adaptctl.dynamics.recursion.held_axes import held_parameters
 from adaptctl.dynamics.recursion.mass_matrix import body
 from adaptctl.dynamics.recursion.motion import GROUND, LinkMotion, Twist, carried, moved
-from adaptctl.dynamics.recursion.newton_euler import joint_power, lifted
-from adaptctl.dynamics.recursion.segment import Placement
-from adaptctl.dynamics.recursion.tensors import symmetric_up, tensor_up
-from adaptctl.dynamics.recursion.wrench import Wrench, wrench
+from adaptctl.dynamics.recursion.newton_euler import Wrench, joint_power, lifted, wrench
+from adaptctl.dynamics.recursion.segment import Placement, symmetric_up, tensor_up
 from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, dot, product
 
 

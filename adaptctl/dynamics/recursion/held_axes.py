@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from adaptctl.dynamics.recursion.motion import GROUND
-from adaptctl.dynamics.recursion.segment import AxisRotation, Placement, Segment, axis_rotation
-from adaptctl.dynamics.recursion.tensors import turned_back
+from adaptctl.dynamics.recursion.segment import AxisRotation, Placement, Segment, axis_rotation, turned_back
 from adaptctl.scalars import Column, Mat, Scalar, Vec, cos, sin
 
 

@@ -7,10 +7,8 @@ from typing import NamedTuple
 
 from adaptctl.dynamics.recursion.held_axes import held_parameters
 from adaptctl.dynamics.recursion.motion import GROUND
-from adaptctl.dynamics.recursion.newton_euler import joint_power, lifted
-from adaptctl.dynamics.recursion.segment import Placement
-from adaptctl.dynamics.recursion.tensors import symmetric_up
-from adaptctl.dynamics.recursion.wrench import Wrench
+from adaptctl.dynamics.recursion.newton_euler import Wrench, joint_power, lifted
+from adaptctl.dynamics.recursion.segment import Placement, symmetric_up
 from adaptctl.scalars import Column, Mat, Scalar, Vec, cross
 
 
