@@ -12,9 +12,8 @@ from adaptctl.codegen import exporting, live_arm
 from adaptctl.compilation import floats, llvm, object_cache, sine
 from adaptctl.control import ringing
 from adaptctl.control.gains import hold
-from adaptctl.description import pose
+from adaptctl.description import pose, transforms
 from adaptctl.description.readers import robot_checks, xml_elements
-from adaptctl.description.transforms import snapping
 from adaptctl.dynamics.loops import continuation, single_precision
 from adaptctl.dynamics.recursion import drive
 from adaptctl.experiments.contest import MANY
@@ -66,7 +65,7 @@ STATED = [
     ("robots", f"elements {xml_elements.DEEPEST} deep"),
     ("robots", f"frames farther apart than 1e{log10(pose.LARGEST_LENGTH):.0f} m"),
     ("robots", f"beyond 1e{log10(xml_elements.LARGEST):.0f}"),
-    ("robots", f"within {power(snapping.WITHIN)} rad of a multiple of 90°"),
+    ("robots", f"within {power(transforms.WITHIN)} rad of a multiple of 90°"),
     ("identification", f"at most {percent(choice.ALLOWED_MISFIT - 1.0)} more root mean square"),
     ("identification", f"the last {percent(HELD_OUT)} of the others"),
     ("identification", f"one filter of {choice.JUDGED_AT:.0f} Hz"),
