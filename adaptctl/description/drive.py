@@ -1,4 +1,4 @@
-"""What a joint's drive is: its geared rotor, its friction and the joint's limits."""
+"""The drive of a joint, its geared rotor and its friction, and the joint's limits."""
 
 from __future__ import annotations
 
