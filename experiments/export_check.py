@@ -16,10 +16,9 @@ from adaptctl.errors import InputError
 from adaptctl.experiments.build_grid import build_grid
 from adaptctl.experiments.experiment import Experiment, setting, stated
 from adaptctl.experiments.exported_builds import COMPILERS, FLAGS, Build, built, found_compilers
-from adaptctl.files import write_json, write_text
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import Fact, Failure, Progress, Result, Verdict
-from adaptctl.recording.page import embedded, rendered
+from adaptctl.recording.page import Report, Section, Table, TableLayout, files_section, settings_section
 from adaptctl.recording.wording import number, scientific
 from adaptctl.tuning import tune
 from adaptctl.tuning.named_laws import LAWS, guarded, named_law
@@ -166,28 +165,37 @@ class Checked:
         return found
 
     def write(self, folder: Path, progress: Progress) -> None:
-        """Write summary.json, the figure, report.html and recording.rrd of the export check into an existing `folder`,
-        each file whole or not at all; nothing is returned. `progress(what, share)` is called when all is done. Raises
+        """Write summary.json, the figure, report.html and recording.rrd of the export check into a `folder`, all or
+        none; nothing is returned. `progress(what, share)` is called with what is written and the fraction done. Raises
         `FileError` where a file cannot be written."""
-        from adaptctl.recording.drawing import write_drawings
-        from adaptctl.recording.stream import write_illustrated
+        self.report().write(folder, self.summary(), progress=progress)
 
-        write_json(folder / "summary.json", self.summary())
-        (folder / "figures").mkdir(exist_ok=True)
-        drawings = [self.drawing()]
-        files = write_drawings(folder / "figures", drawings)
-        page = rendered(
-            "export_check.html",
-            settings=list(stated(self.of)),
-            flags=" ".join(FLAGS),
-            checked=self,
-            verdict=self.headline(),
-            facts=self.facts(),
-            figures=embedded(drawings, files),
+    def report(self) -> Report:
+        """Report of the export check, a `Report`: the compilers found, and every build with what its own test says."""
+        told = (
+            "Every law was written as C99, with guards of torques and speeds around it, compiled with "
+            f"{' '.join(FLAGS)}, and run on ticks that were recorded from Python's own controller, with a copied "
+            "state, with NaN, and with states and gains that it is to refuse."
         )
-        write_text(folder / "report.html", page)
-        write_illustrated(folder / "recording.rrd", self, self.markdown(), files)
-        progress("Recording and report", 1.0)
+        found = [*self.compilers.items(), *((name, "not found") for name in self.missing)]
+        compilers = Table(("compiler", "version"), found, align="cl", layout=TableLayout.STACKED)
+        rows = [(b.law, b.scalar, b.compiler, "yes" if b.passed else "no", b.message) for b in self.builds]
+        heads = ("law", "number", "compiler", "agrees", "its test says")
+        builds = Table(heads, rows, layout=TableLayout.ROWS)
+        return Report(
+            experiment=self.of.name,
+            title=self.title,
+            outcome=self.headline(),
+            facts=self.facts(),
+            sections=(
+                Section("What was built", (told, self.drawing(), compilers, builds)),
+                settings_section(stated(self.of)),
+                files_section("The outcome and the figure.", "Every build with what its test said, and the compilers."),
+            ),
+            seed=self.of.seed,
+            complete=self.complete,
+            incomplete="It was interrupted: these are the builds until then.",
+        )
 
     def summary(self) -> dict[str, Any]:
         """Summary of the export check as a dict in JSON's types: "schema", "experiment" (its name), "robot", "seed",
@@ -198,13 +206,6 @@ class Checked:
         about = {"schema": "adaptctl/export-check/2", "experiment": self.of.name, "robot": self.of.robot}
         passed = {"seed": self.of.seed, "complete": self.complete, "passed": self.verdict.passed}
         return {**about, **passed, "compilers": self.compilers, "missing": self.missing, "builds": told}
-
-    def markdown(self) -> str:
-        """Markdown text shown in the export check's recording: the outcome, the facts as a table, and the compilers'
-        versions."""
-        rows = "\n".join(f"| {fact.question} | **{fact.answer}** |" for fact in self.facts())
-        versions = "\n".join(f"- {name}: {version}" for name, version in self.compilers.items())
-        return f"{self.headline()}\n\n| | |\n|---|---|\n{rows}\n\n{versions}\n"
 
     def drawing(self) -> Drawing:
         """Drawing for the export check's report, a `Drawing` with name, caption and a function that makes the figure: a

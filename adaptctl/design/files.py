@@ -61,16 +61,12 @@ class Named:
     experiment: str
     title: str
     content: str = "summary.json"
-    """name of the file with its numbers"""
     seed: int = 0
     complete: bool = True
     outcome_words: str = ""
-    """the outcome, where it is not the study's own"""
     facts: tuple[Fact, ...] = ()
     drawings: tuple[Drawing, ...] = ()
-    """figures besides the study's own"""
     runs: tuple[ControllerRun, ...] = ()
-    """in closed loop; the last is the motion that is shown"""
 
 
 def write_study(

@@ -28,7 +28,6 @@ class TorqueCase(NamedTuple):
 
     torques: str
     off: float
-    """how far the torques are off, relative"""
     momentum: float
     energy: float
 

@@ -43,29 +43,19 @@ class Identification:
     """
 
     mechanism: Mechanism
-    """with the identified parameters, its links ones that bodies can have, its drives coupled by the transmission"""
     model: ReducedModel
-    """of that mechanism, on its fundamental parameters"""
     deviations: Array
-    """(k,) standard deviations of the fundamental parameters, by the block jackknife and what the prior leaves open"""
     nominal_deviations: Array
-    """(k,) as if residuals were white"""
     load: Array
-    """(r,) coefficients of load-dependent friction, which mechanisms do not have; zero where it was not chosen"""
     validation: Validation
     alternatives: dict[str, Validation]
-    """simpler models on the same rows"""
     choice: Choice
     steps: tuple[PreparationStep, ...]
     remarks: tuple[str, ...]
     misfit_ratio: float
-    """the training rows' root mean square, whitened, over that of least squares"""
     space: EssentialSpace
-    """with the logs' motion as its states"""
     components: int
-    """number of essential components that give the logs' energy to an error of 1 %"""
     combinations: tuple[Combination, ...]
-    """of fundamental parameters, the least excited first"""
     motions: tuple[SmoothMotion, ...]
     drives: Drives
 

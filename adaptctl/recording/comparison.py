@@ -44,11 +44,8 @@ class TickCost:
     None, the default, where not known. Nothing is checked at construction."""
 
     called: float
-    """s, called from Python"""
     native: float | None = None
-    """s, within a native loop over many states"""
     flops: int | None = None
-    """additions, subtractions, multiplications, divisions, negations"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,16 +60,11 @@ class ControllerRun:
     """
 
     name: str
-    """short and fit for a file: ``adaptive``"""
     label: str
-    """for legends and tables: ``Slotine-Li, 36 parameters``"""
     knows: str
-    """what it knew of the arm beforehand: ``nothing``"""
     rollout: Rollout
     lyapunov: Array | None = None
-    """(T,) where the law has such a function"""
     cost: TickCost | None = None
-    """where it was measured"""
 
     @property
     def duration(self) -> float:
@@ -171,7 +163,6 @@ class Finding:
     run did not reach has no finding. Nothing is checked at construction."""
 
     name: str
-    """the key in summary.json"""
     value: float
     unit: str
     meaning: str
@@ -192,11 +183,8 @@ class Leading:
     """
 
     meaning: str
-    """what is drawn: ``Distance of the tool from its path``"""
     unit: str
-    """of a thousandth of it: ``mm``"""
     errors: Mapping[str, Array]
-    """(T,) by the name of the run"""
 
     def final_rms(self, run: ControllerRun) -> float | None:
         """Root mean square, over the last two seconds of a `run`, of the leading errors that this object has for it, in
@@ -267,28 +255,18 @@ class Comparison:
     basis: FundamentalBasis
     runs: tuple[ControllerRun, ...]
     torque_limits: Array
-    """(r,) of the environment, N m or N"""
     settings: tuple[Setting, ...]
     seed: int
     duration: float
-    """s asked for"""
     findings: tuple[Finding, ...] = ()
     complete: bool = True
-    """False when it was interrupted: what was computed is kept."""
     without_adaptation: str = ADAPTATION_OFF
-    """the name of the run with the subject's gains and adaptation off"""
     more_drawings: tuple[Drawing, ...] = ()
-    """figures besides those of every comparison: what this one is about"""
     answer: str | None = None
-    """the outcome in a sentence or two, where it is not how much adaptation is worth"""
     truth_known: bool = True
-    """whether the mechanism's own parameters are the arm's: those of a real arm are not known"""
     leading: Leading | None = None
-    """what a recording shows before the joints' errors"""
     expected: Mapping[Failure, str] = field(default_factory=dict)
-    """the failures that the experiment expects of its subject, and why: they are its question"""
     live: InPage | str = ""
-    """the subject's closed loop for the report to run, or why there is none"""
 
     def __post_init__(self) -> None:
         if not self.runs or len(self.runs[0].rollout.time) == 0:

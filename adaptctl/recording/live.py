@@ -66,7 +66,6 @@ class Live:
         self._pause = 1.0 / positive_number(rate, "rate: expected a positive number of samples a second")
         self._dof, self._latest = mechanism.dof, -np.inf
         self.sent, self.dropped = 0, 0
-        """samples that were handed on; samples left out since the other process was behind"""
         self._socket: socket.socket | None = None
         self._process: subprocess.Popen[bytes] | None = None
         if not (to is None or isinstance(to, str)):
@@ -75,7 +74,6 @@ class Live:
         if to is not None and is_file:
             require_place(to)
         self.url = to if is_file else reachable(to or f"{HOST}:{PORT}", start_viewer, inline)
-        """of the viewer or of the file; None where there is none"""
         if self.url is not None:
             self._begin(mechanism, self.url)
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 from adaptctl.files import write_json, write_text
+from adaptctl.packages import needed
 from adaptctl.recording.drawing import Drawing, write_drawings
 from adaptctl.recording.result import FIGURES, RECORDING, REPORT, SUMMARY, Fact, Progress, all_or_none, silent
 
@@ -208,7 +209,8 @@ class Report:
     def html(self, figures: Mapping[str, Path]) -> str:
         """The page, as text, that needs no other file. `figures` maps the drawings' names to PNG files, which go into
         the page; a drawing without a file is left out. Raises `OSError` where a PNG file cannot be read."""
-        return rendered("page.html", report=self, figures=embedded(self.drawings, figures))
+        data = {name: base64.b64encode(file.read_bytes()).decode("ascii") for name, file in figures.items()}
+        return rendered("page.html", HOME, report=self, figures=data)
 
     def markdown(self, *parts: Part) -> str:
         """Text in Markdown for a recording: the outcome, and `parts` after it; without any, facts and all sections."""
@@ -303,31 +305,13 @@ def files_section(
     return Section("The files beside this page", (table,))
 
 
-class Figure(NamedTuple):
-    """A figure inside an HTML page: its `caption`, in words, and `data`, the bytes of its PNG file as base64 text.
-    Nothing is checked at construction."""
-
-    caption: str
-    data: str
-
-
-def rendered(template: str, package: str = HOME, **content: object) -> str:
-    """HTML, as text, made from a Jinja template: the file named `template` in the folder of the Python package
-    `package`, by default "adaptctl.recording", whose templates it may extend and import. `content` has the template's
-    variables, by name; texts among them are escaped for HTML.
-
-    Raises Jinja's `TemplateNotFound` for a template that does not exist, and its `UndefinedError` for a variable that
-    the template uses and `content` lacks; `ModuleNotFoundError` for a package that does not exist.
-    """
-    return _environment(package).get_template(template).render(**content)
-
-
 @cache
 def _environment(package: str) -> jinja2.Environment:
-    import jinja2
+    with needed("a report"):
+        import jinja2
 
     return jinja2.Environment(
-        loader=jinja2.ChoiceLoader([jinja2.PackageLoader(home, ".") for home in dict.fromkeys([package, HOME])]),
+        loader=jinja2.PackageLoader(package, "."),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -335,12 +319,9 @@ def _environment(package: str) -> jinja2.Environment:
     )
 
 
-def embedded(drawings: Iterable[Drawing], files: Mapping[str, Path]) -> dict[str, Figure]:
-    """Figures to put inside an HTML page, a mapping of the drawings' names to `Figure`, each a caption and a PNG file
-    in base64. `files` maps names to PNG files; a drawing without a file is left out. Raises `OSError` where a file
-    cannot be read."""
-    return {
-        drawing.name: Figure(drawing.caption, base64.b64encode(files[drawing.name].read_bytes()).decode("ascii"))
-        for drawing in drawings
-        if drawing.name in files
-    }
+def rendered(template: str, package: str, **content: object) -> str:
+    """HTML, as text, made from a Jinja template: the file named `template` in the folder of the Python package
+    `package`. `content` has the template's variables, by name; texts among them are escaped for HTML. Raises Jinja's
+    `TemplateNotFound` for a template that does not exist, its `UndefinedError` for a variable that the template uses
+    and `content` lacks, and `MissingExtraError` without Jinja."""
+    return _environment(package).get_template(template).render(**content)

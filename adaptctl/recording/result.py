@@ -21,9 +21,7 @@ class Whose(Enum):
     the name of the report's style: "subject", "off" or, for no colour, empty."""
 
     SUBJECT = "subject"
-    """the run that a comparison is about"""
     BASELINE = "off"
-    """the same with adaptation off"""
     NOBODY = ""
 
 
@@ -53,15 +51,10 @@ class Failure(Enum):
     tolerance."""
 
     STOPPED = "stopped"
-    """the environment ended the run, an error having passed its bound"""
     DIVERGED = "diverged"
-    """the run ended with errors of 1 rad (1 m) or more"""
     SATURATED = "saturated"
-    """torques were at their limits for seconds"""
     NO_BETTER = "no better"
-    """the same controller with adaptation off ends with as small an error"""
     DIFFERS = "differs"
-    """exported code does not repeat what Python did"""
 
 
 @dataclass(frozen=True)
@@ -72,9 +65,7 @@ class Fault:
 
     failure: Failure
     sentence: str
-    """a sentence"""
     expected: str | None = None
-    """why the experiment expects it; None where it does not"""
 
 
 @dataclass(frozen=True)
@@ -200,14 +191,8 @@ class Result:
     """
 
     complete: bool
-    """False when it was interrupted: what was computed is kept"""
     headline: str
-    """the outcome in a sentence or two"""
     facts: tuple[Fact, ...]
-    """questions that a person asks first, and the answers"""
     verdict: Verdict
-    """whether the controllers that it is about did what was asked"""
     write: Callable[[Path, Progress], object]
-    """writes recording, report, figures and all into an existing folder, every file whole or not at all"""
     failed: bool = False
-    """True where its subject should have succeeded and did not: it was stopped, or learned nothing"""

@@ -55,10 +55,8 @@ class Skeleton:
 
     shapes: tuple[Shape, ...]
     reach: float
-    """m, along the chain from the first joint to the tip"""
     tip_link: int
     tip: Array
-    """(3,) in the tip link's frame"""
 
 
 def skeleton(mechanism: Mechanism) -> Skeleton:
@@ -123,11 +121,8 @@ class Viewpoint:
     and `floor`, the height of the floor along z, all in m in the world's frame. Nothing is checked at construction."""
 
     eye: Array
-    """(3,) where the camera stands"""
     target: Array
-    """(3,) what it looks at"""
     floor: float
-    """height of the floor"""
 
     @classmethod
     def of(cls, mechanism: Mechanism, parts: Skeleton, p: Array) -> Viewpoint:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -18,9 +17,14 @@ from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.experiments import find
 from adaptctl.files import write_text
-from adaptctl.recording.page import Figure, rendered
-from adaptctl.recording.result import Fact
+from adaptctl.folders import made_folder
+from adaptctl.recording.drawing import Drawing, sheet, write_drawings
+from adaptctl.recording.page import Lines, Report, Section, Table
+from adaptctl.recording.result import FIGURES, Fact
 from adaptctl.sweeps.folder import Saved, read_table, saved_study
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 WORST = 5
 """Runs that the report lists, of each controller."""
@@ -184,20 +188,41 @@ def write_report(path: Path) -> Path:
     """Write the report of the sweep in the folder `path` as an HTML page, report.html in that folder, and return the
     page's path. Raises `FileError` for a folder without a sweep or without a finished row, for files that cannot be
     read, and where the page cannot be written."""
-    report, place = SweepReport.of(path), path / "report.html"
-    figures = {name: [map_figure(name, shown) for shown in report.maps(name)] for name in report.controllers}
-    content = {"report": report, "figures": figures, "facts": report.facts()}
-    write_text(place, rendered("sweep.html", "adaptctl.sweeps", title=f"Sweep of {report.study.experiment}", **content))
-    return place
+    report = SweepReport.of(path)
+    page = Report(
+        experiment=report.study.experiment,
+        title=f"Sweep of {report.study.experiment}",
+        outcome=report.study.question or "Many runs of one experiment.",
+        facts=report.facts(),
+        sections=(Section("What came of the runs", (Lines(report.text().splitlines()),)), *_of_controllers(report)),
+        about=f"{report.study.runs} runs",
+    )
+    figures = made_folder(path / FIGURES) if page.drawings else path
+    write_text(path / "report.html", page.html(write_drawings(figures, page.drawings)))
+    return path / "report.html"
 
 
-def map_figure(controller: str, shown: SettingsMap) -> Figure:
-    """Figure for a report, a `Figure` of caption and PNG: the two maps in `shown` side by side, that of root mean
-    square position errors, rad or m, and that of the fraction of stable runs, those of status "done". `controller` is
-    the name of the controller whose runs these are, with which the caption begins. Nothing is checked."""
-    from matplotlib.figure import Figure as Canvas
+def _of_controllers(report: SweepReport) -> Iterator[Section]:
+    """Maps of the settings, and the worst runs with the commands that repeat them."""
+    for name in report.controllers:
+        maps = [
+            Drawing(f"{name or 'runs'}-{k}", f"{name}: {shown.x} and {shown.y}", partial(map_figure, shown))
+            for k, shown in enumerate(report.maps(name))
+        ]
+        rows = [
+            (*(str(row[setting]) for setting in report.study.swept), row["status"], f"{row['rms_error_last']}", again)
+            for row, again in ((row, report.replay(row)) for row in report.worst(name))
+        ]
+        heads = (*report.study.swept, "status", "error at the end", "command")
+        title = "The worst, and how to see them again"
+        worst = Table(heads, rows, title=title, align="l" * (len(heads) - 1) + "c")
+        yield Section(name or "Runs", (*maps, worst))
 
-    canvas = Canvas(figsize=(10.0, 3.8), layout="constrained")
+
+def map_figure(shown: SettingsMap) -> Figure:
+    """Figure (Matplotlib) of the two maps in `shown` side by side, that of root mean square position errors, rad or m,
+    and that of the fraction of stable runs, those of status "done". Nothing is checked."""
+    canvas = sheet(3.5)
     titles = ("error at the end, rad or m", "share of stable runs")
     for axes, values, title in zip(canvas.subplots(1, 2), (shown.error, shown.stable), titles, strict=True):
         shares = {"vmin": 0.0, "vmax": 1.0} if title.startswith("share") else {}
@@ -205,11 +230,9 @@ def map_figure(controller: str, shown: SettingsMap) -> Figure:
         axes.set_xticks(range(len(shown.across)), [f"{value:.3g}" for value in shown.across], rotation=45)
         axes.set_yticks(range(len(shown.down)), [f"{value:.3g}" for value in shown.down])
         axes.set(xlabel=shown.x, ylabel=shown.y, title=title)
+        axes.grid(visible=False)
         canvas.colorbar(image, ax=axes)
-    data = io.BytesIO()
-    canvas.savefig(data, format="png", dpi=110)
-    caption = f"{controller}: {shown.x} and {shown.y}"
-    return Figure(caption, base64.b64encode(data.getvalue()).decode("ascii"))
+    return canvas
 
 
 def _is_idle(rows: Sequence[dict[str, Any]], setting: str, swept: Sequence[str]) -> bool:
