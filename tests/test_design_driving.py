@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -86,14 +87,19 @@ def test_wrong_flags_are_one_line(more: tuple[str, ...], told: str, capsys: pyte
     assert told in line
 
 
-def test_the_command_tells_of_runs_and_bodies(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_tells_of_runs_and_bodies(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     line = ["design", ARM, "--samples", "100", "--drive", "--duration", "1", "--components", "3"]
     assert main([*line, "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert set(said["runs"]["few-after"]) >= {"rms_error", "work", "rms_torque", "stopped"}
     assert said["runs"]["all-before"]["final_rms_error"] is None
     assert said["bodies"]["motor"]["lower"] > said["bodies"]["gripper"]["lower"] > said["bodies"]["camera"]["lower"]
-    assert main(line) == 0
+    assert main([*line, "--out", str(tmp_path / "out")]) == 0
+    page = (tmp_path / "out" / "report.html").read_text()
+    for told in ("In closed loop", "All adapted, with counterweights", "gripper", "torque, of limit"):
+        assert told in page
+    for name in ("tracking", "applied"):
+        assert (tmp_path / "out" / "figures" / f"{name}.png").stat().st_size > 1000
     words = " ".join(capsys.readouterr().out.split())
     for told in ("In closed loop", "All adapted, with counterweights", "camera", "torque, of limit"):
         assert told in words

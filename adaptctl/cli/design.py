@@ -113,7 +113,7 @@ def design(
         from adaptctl.folders import replacing_folder
 
         with replacing_folder(out, overwrite) as folder:
-            write_study(folder, study, content)
+            write_study(folder, study, content, runs=runs)
     if json:
         print_json(content)
     else:
@@ -221,13 +221,9 @@ def _before_after(study: DesignStudy) -> Table:
 
 def _runs(runs: Sequence[DrivenArm]) -> WrappedTable:
     """A row a run: its error, that of its last two seconds, or when it was stopped, and what its motors did."""
-    rows = []
-    for run in runs:
-        found, last = run.demand, run.demand.final_rms_error
-        late = f"stopped at {found.duration:.3g} s" if found.stopped else "-" if last is None else f"{last:.3g}"
-        torque, work = f"{100.0 * found.rms_torque:.3g} %", f"{found.work:.3g} J"
-        rows.append((run.label, f"{found.rms_error:.3g}", late, torque, work))
-    return WrappedTable(("rad, m", "error", "last 2 s", "torque, of limit", "work"), rows)
+    from adaptctl.design.report import run_rows
+
+    return WrappedTable(("rad, m", "error", "last 2 s", "torque, of limit", "work"), run_rows(runs))
 
 
 def _removals(study: DesignStudy) -> Table:

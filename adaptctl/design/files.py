@@ -13,6 +13,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.design.added_mass import AddedMass
 from adaptctl.design.counterweights import Counterweights
+from adaptctl.design.driving import DrivenArm
 from adaptctl.design.picture import log_costs
 from adaptctl.design.removals import Removal
 from adaptctl.design.report import SOURCE, costs_table, facts, header, outcome_words, removals_table, sections
@@ -75,12 +76,14 @@ def write_study(
     content: Mapping[str, Any],
     named: Named | None = None,
     progress: Progress = silent,
+    runs: Sequence[DrivenArm] = (),
 ) -> None:
     """Write the files of a design `study` into a `folder`, all or none: JSON, figures as PNG in the subfolder
     `figures`, report.html and recording.rrd. `content`, in JSON's types, goes into the JSON file. `named` has the
     files' names, title and further contents; None for those of the command `adaptctl design`, design.json being the
     JSON file. `progress(what, share)` is called with what is being written and the fraction done, 0 to 1; the default
-    does nothing. Raises `FileError` where a file cannot be written, and for numbers in `content` that are NaN or
+    does nothing. `runs` in closed loop, none by default, have a section of the page. Raises `FileError` where a file
+    cannot be written, and for numbers in `content` that are NaN or
     infinite, `RankError` where the mechanism's rank, its number of base parameters, cannot be certified, `ValueError`
     for runs in `named` with positions that are NaN or infinite."""
     called = named or Named("design", f"{study.task.mechanism.name}: where a mass may be added", "design.json")
@@ -89,7 +92,7 @@ def write_study(
         title=called.title,
         outcome=called.outcome_words or outcome_words(study),
         facts=called.facts or tuple(facts(study)),
-        sections=tuple(sections(study, called.drawings)),
+        sections=tuple(sections(study, called.drawings, runs)),
         seed=called.seed,
         complete=called.complete,
         source=SOURCE,

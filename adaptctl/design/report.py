@@ -2,27 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.design.driving import DrivenArm
 from adaptctl.design.picture import arm_figure
 from adaptctl.design.study import DesignStudy
 from adaptctl.design.task import DesignTask
-from adaptctl.recording.drawing import Drawing, run_color, sheet
+from adaptctl.dynamics.joint_units import error_unit
+from adaptctl.recording.drawing import Drawing, run_color, sheet, thinned
 from adaptctl.recording.page import SHEU_WALKER, Lines, Section, Table, TableLayout
 from adaptctl.recording.result import Fact
 from adaptctl.recording.skeleton import skeleton
-from adaptctl.recording.wording import coupling_unit
+from adaptctl.recording.wording import coupling_unit, torque_error_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SOURCE = f"Method: {SHEU_WALKER}, section 6."
 EACH_ALONE = "Each change is meant alone. The operations are those of one tick of Slotine and Li's law."
+IN_LOOP = (
+    "Slotine and Li's law follows one reference before and after, from knowing nothing: adapting all parameters, "
+    "adapting the few components of most energy, and with their true values."
+)
+DRAWN = 3000
+"""at most as many points of a curve"""
 EXPLAINED = 4
 """changes of links whose equations are shown"""
 
@@ -110,11 +118,11 @@ def place(x: Array) -> str:
     return f"({', '.join(f'{value:.3f}' for value in x + 0.0)})"
 
 
-def sections(study: DesignStudy, more: Sequence[Drawing] = ()) -> Iterator[Section]:
+def sections(study: DesignStudy, more: Sequence[Drawing] = (), runs: Sequence[DrivenArm] = ()) -> Iterator[Section]:
     """Sections of the report of a design `study`: changes of the motion's energy by a point mass at positions on every
     link, counterweights with the costs of the motion before and after them, and changes by which parameters are no
-    longer needed; `more` are figures besides its own. Raises `RankError` where the mechanism's rank, its number of base
-    parameters, cannot be certified."""
+    longer needed; `more` are figures besides its own, `runs` those in closed loop, if there are any. Raises `RankError`
+    where the mechanism's rank, its number of base parameters, cannot be certified."""
     mass, mechanism = f"{study.body.mass:g} kg", study.task.mechanism
     told = (
         f"{header(study)}. The energy that is carried is its root mean square about its mean, which counts all pairs "
@@ -132,7 +140,7 @@ def sections(study: DesignStudy, more: Sequence[Drawing] = ()) -> Iterator[Secti
         "place.",
         partial(links_figure, study),
     )
-    yield Section("Where a mass may be added", (told, arm, _links(study), links))
+    yield Section("Where a mass may be added", (told, arm, _links(study), links, _bodies(study)))
     weights = [f"{w.mass:.3g} kg of steel on {w.link} at {place(w.place)} m" for w in study.counterweights.weights]
     found = Lines(weights, bullets=True) if weights else "None helps within these bounds."
     torques = Drawing(
@@ -147,6 +155,8 @@ def sections(study: DesignStudy, more: Sequence[Drawing] = ()) -> Iterator[Secti
         partial(components_figure, study),
     )
     yield Section("Counterweights", (found, costs_table(study), torques, components, *more))
+    if runs:
+        yield Section("In closed loop", (IN_LOOP, _runs(runs), *_run_drawings(study, runs)))
     yield Section("Parameters that can go", (EACH_ALONE, removals_table(study), *_equations(study)))
 
 
@@ -166,6 +176,61 @@ def _links(study: DesignStudy) -> Table:
         for cost, added in zip(study.links, study.added, strict=True)
     ]
     return Table(heads, rows, align="llrrlr", layout=TableLayout.ROWS)
+
+
+def _bodies(study: DesignStudy) -> Table:
+    names, links = list(study.bodies), [places.link for places in study.within]
+    rows = [(link, *(change(study.bodies[name][link]) for name in names)) for link in links]
+    title = "What common bodies do to it, their centre at the link's centre of mass"
+    return Table(("link", *names), rows, title=title, align="l" + "r" * len(names))
+
+
+def run_rows(runs: Sequence[DrivenArm]) -> list[tuple[str, str, str, str, str]]:
+    """Rows of texts, one for each of `runs` in closed loop: its label, root mean square errors, rad (m if prismatic),
+    of the run and of its last two seconds (or when it was stopped), root mean square torque in percent of the limits,
+    and the motors' work, J. Nothing is raised."""
+    rows = []
+    for run in runs:
+        found, last = run.demand, run.demand.final_rms_error
+        late = f"stopped at {found.duration:.3g} s" if found.stopped else "–" if last is None else f"{last:.3g}"
+        torque, work = f"{100.0 * found.rms_torque:.3g} %", f"{found.work:.3g} J"
+        rows.append((run.label, f"{found.rms_error:.3g}", late, torque, work))
+    return rows
+
+
+def _runs(runs: Sequence[DrivenArm]) -> Table:
+    heads = ("run", "error [rad, m]", "last 2 s [rad, m]", "torque, of limit", "work")
+    return Table(heads, run_rows(runs), align="lrrrr", layout=TableLayout.ROWS)
+
+
+def _run_drawings(study: DesignStudy, runs: Sequence[DrivenArm]) -> Iterator[Drawing]:
+    errors = {run.label: (run.time, 1e3 * np.sqrt(np.mean(run.error**2, axis=1))) for run in runs}
+    torques = {run.label: (run.time, np.sqrt(np.mean(run.applied**2, axis=1))) for run in runs}
+    unit = error_unit(study.task.mechanism)
+    yield Drawing(
+        "tracking",
+        f"Root mean square of all joints' tracking errors, in {unit}, logarithmic.",
+        partial(_curves, errors, f"RMS error [{unit}]", log=True),
+    )
+    unit = torque_error_unit(study.task.mechanism)
+    yield Drawing(
+        "applied",
+        f"Root mean square of all joints' torques, in {unit}.",
+        partial(_curves, torques, f"RMS torque [{unit}]", log=False),
+    )
+
+
+def _curves(curves: Mapping[str, tuple[Array, Array]], label: str, *, log: bool) -> Figure:
+    figure = sheet(3.4)
+    axes = figure.subplots()
+    for i, (name, (time, values)) in enumerate(curves.items()):
+        every = thinned(len(time), DRAWN)
+        axes.plot(time[every], values[every], color=run_color(i).hex, label=name, linewidth=1.3)
+    axes.set_yscale("log" if log else "linear")
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel(label)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+    return figure
 
 
 def costs_table(study: DesignStudy) -> Table:
