@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import inspect
+import sys
 from difflib import get_close_matches
 from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from adaptctl.errors import NotFoundError
+from adaptctl.errors import FileError, InputError, NotFoundError
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
     from adaptctl.experiments.experiment import Experiment
 
-__all__ = ["EXPERIMENTS", "GROUP", "RENAMED", "Entry", "find", "offered"]
+__all__ = ["EXPERIMENTS", "GROUP", "RENAMED", "Entry", "find", "from_entry_point", "from_file", "offered"]
 
 
 class Entry(NamedTuple):
@@ -42,82 +46,28 @@ EXPERIMENTS = (
         "SemiDirectDriveAdaptive",
     ),
     Entry(
+        "adaptive",
+        "The same for any arm, a built-in robot or a file of yours, on adaptctl's plant, on MuJoCo, or on both",
+        "adaptctl.experiments.adaptive",
+        "AdaptiveTracking",
+    ),
+    Entry(
+        "laws",
+        "Every adaptation law and control law from one rough model: payloads, noise, friction, weak motors, springs",
+        "adaptctl.experiments.laws",
+        "Laws",
+    ),
+    Entry(
         "two-arms",
         "Two PUMAs hold one rod, a mechanism with a loop of twelve links, and learn its 70 parameters",
         "adaptctl.experiments.two_arms",
         "TwoArms",
     ),
     Entry(
-        "adaptation-laws",
-        "Every adaptation law and every control law from one rough model of an arm, on a motion that excites it",
-        "adaptctl.experiments.adaptation_laws",
-        "AdaptationLaws",
-    ),
-    Entry(
-        "payload-drop",
-        "A payload picked up and dropped in mid-motion: how long each law takes to recover",
-        "adaptctl.experiments.payload_drop",
-        "PayloadDrop",
-    ),
-    Entry(
-        "friction",
-        "Joints that rub: friction learned as parameters, and friction ignored",
-        "adaptctl.experiments.friction",
-        "FrictionInJoints",
-    ),
-    Entry(
-        "saturation",
-        "Motors too weak for a payload, for a while: adaptation frozen while they saturate, and not",
-        "adaptctl.experiments.saturation",
-        "Saturation",
-    ),
-    Entry(
-        "reduced-model",
-        "The PUMA 560 tracks while its controller carries only some of its essential components",
-        "adaptctl.experiments.reduced_model",
-        "ReducedModelTracking",
-    ),
-    Entry(
-        "added-mass",
-        "Where a mass may be added to an arm: what a point, a gripper, a camera and a motor cost on every link",
-        "adaptctl.experiments.added_mass",
-        "AddedMassStudy",
-    ),
-    Entry(
-        "counterweight",
-        "An arm before and after counterweights, in closed loop, with all parameters and with ten components",
-        "adaptctl.experiments.counterweight",
-        "CounterweightedTracking",
-    ),
-    Entry(
         "task-space",
         "A tool follows a path in the world: control of the tool against control of the joints",
         "adaptctl.experiments.task_space",
         "TaskSpaceTracking",
-    ),
-    Entry(
-        "noise-and-delay",
-        "Encoders, delay, lag and weak motors, and nothing that excites: which laws drift",
-        "adaptctl.experiments.noise_and_delay",
-        "NoiseAndDelay",
-    ),
-    Entry(
-        "stable-bandwidth",
-        "Elastic joints: up to which bandwidth each law stays stable, over their stiffness",
-        "adaptctl.experiments.stable_bandwidth",
-        "StableBandwidth",
-    ),
-    Entry(
-        "adaptive",
-        "The same for any arm: a built-in robot or a file of yours",
-        "adaptctl.experiments.adaptive",
-        "AdaptiveTracking",
-    ),
-    Entry(
-        "two-plants",
-        "One law on two plants, adaptctl's and MuJoCo: how far they are apart, and why",
-        "adaptctl.experiments.two_plants",
-        "TwoPlants",
     ),
     Entry(
         "identify-then-adapt",
@@ -144,10 +94,18 @@ EXPERIMENTS = (
         "SheuWalker1991",
     ),
 )
-
-
 RENAMED = {
     "serial-versus-graph": "experiment run sheu-walker-1991 --only serial-versus-graph",
+    "adaptation-laws": "experiment run laws",
+    "payload-drop": "experiment run laws --disturbance payload",
+    "noise-and-delay": "experiment run laws --disturbance noise",
+    "saturation": "experiment run laws --disturbance saturation",
+    "friction": "experiment run laws --disturbance friction",
+    "stable-bandwidth": "experiment run laws --disturbance springs",
+    "reduced-model": "experiment run puma560-adaptive --components 36 34 30 25 10",
+    "two-plants": "experiment run adaptive --plant both",
+    "added-mass": "design puma560_measured",
+    "counterweight": "design puma560_geared --drive",
 }
 """Commands that answer what experiments of these names answered."""
 GROUP = "adaptctl.experiments"
@@ -175,3 +133,67 @@ def find(name: str) -> type[Experiment]:
     entry = EXPERIMENTS[names.index(name)]
     kind: type[Experiment] = getattr(import_module(entry.module), entry.kind)
     return kind
+
+
+def from_entry_point(point: EntryPoint) -> type[Experiment]:
+    """Class of the experiment that the entry point `point` of an installed package names, a subclass of `Experiment`;
+    the package is imported. Raises `InputError` where the import fails, where the entry point names anything else, and
+    for a class without a `name` and a `title`, texts."""
+    try:
+        found = point.load()
+    except Exception as error:  # whatever the other package raises when it is imported
+        raise InputError(f"entry point {point.name!r} ({point.value}): {type(error).__name__}: {error}") from error
+    return _experiment(found, f"entry point {point.name!r} ({point.value})")
+
+
+def from_file(path: str | Path) -> type[Experiment]:
+    """Class of the experiment, a subclass of `Experiment`, that the Python file at `path` defines; the file is run.
+    Raises `FileError` where there is no such file, where it cannot be imported, and where it defines no such class or
+    several; `InputError` for a class without a `name` and a `title`, texts."""
+    file = Path(path)
+    if not file.is_file():
+        raise FileError(f"{path}: there is no such file")
+    spec = spec_from_file_location(f"adaptctl_own_{file.stem}", file)
+    if spec is None or spec.loader is None:
+        raise FileError(f"{path}: cannot be imported as Python")
+    module = module_from_spec(spec)
+    sys.modules[spec.name] = module  # where dataclasses look their annotations up
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # whatever the user's own code raises
+        raise FileError(f"{path}: {type(error).__name__}: {error} (line {_line(error, file)})") from error
+    own = [value for value in vars(module).values() if _is_own(value, spec.name)]
+    if len(own) != 1:
+        names = f": {', '.join(kind.__name__ for kind in own)}" if own else ""
+        raise FileError(
+            f"{path}: expected one class of an experiment, a subclass of Experiment, found {len(own)}{names}"
+        )
+    return _experiment(own[0], str(path))
+
+
+def _is_own(value: object, module: str) -> bool:
+    from adaptctl.experiments.experiment import Experiment
+
+    is_kind = isinstance(value, type) and issubclass(value, Experiment)
+    return is_kind and value.__module__ == module and not inspect.isabstract(value)
+
+
+def _experiment(found: object, where: str) -> type[Experiment]:
+    from adaptctl.experiments.experiment import Experiment
+
+    if not (isinstance(found, type) and issubclass(found, Experiment)):
+        raise InputError(f"{where}: expected a subclass of adaptctl.experiments.experiment.Experiment, got {found!r}")
+    for name in ("name", "title"):
+        if not isinstance(getattr(found, name, None), str):
+            raise InputError(f"{where}: class {found.__name__} needs a {name}: {name}: ClassVar[str] = ...")
+    return found
+
+
+def _line(error: BaseException, file: Path) -> int | str:
+    """The last line of the file that the error passed through."""
+    trace, line = error.__traceback__, getattr(error, "lineno", None) or "unknown"
+    while trace is not None:
+        if Path(trace.tb_frame.f_code.co_filename) == file:
+            line = trace.tb_lineno
+        trace = trace.tb_next
+    return line

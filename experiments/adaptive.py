@@ -1,25 +1,35 @@
-"""Adaptive tracking with any arm: a built-in robot, or a file of yours."""
+"""The method on any arm: a built-in robot, or a URDF, MJCF or TOML file of yours; on our plant, MuJoCo's, or both."""
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control import AdaptationLaw, Gains, SlotineLi
+from adaptctl.control import Gains, SlotineLi
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.joint_units import error_unit, position_unit
 from adaptctl.errors import InputError
-from adaptctl.experiments.contest import Contender, Outcome
+from adaptctl.experiments.contest import (
+    ADAPTIVE,
+    Contender,
+    Learning,
+    Outcome,
+    Told,
+    from_nothing,
+    listed,
+    one_controller,
+)
 from adaptctl.experiments.experiment import setting
-from adaptctl.experiments.learning import ADAPTIVE, MAPPED, Learning, numbers, one_controller
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Finding, Setting
+from adaptctl.recording import ControllerRun, Finding, Setting
 from adaptctl.simulation.mujoco_contacts import clear_of_contacts
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco
 from adaptctl.tuning import Tuning, tune
@@ -29,21 +39,20 @@ from adaptctl.tuning.motion_range import motion_ranges
 if TYPE_CHECKING:
     import gymnasium
 
-
-PLANTS = ("adaptctl", "mujoco")
+PLANTS = ("adaptctl", "mujoco", "both")
+FINE, OURS = "mujoco-fine", "adaptctl"
+SHORTER = 4
+"""Factor by which MuJoCo's steps are shorter in the run that shows the integrator's error."""
+FIRST_ORDER = 0.5 * SHORTER
+"""Least factor by which a difference shrinks at shorter steps, where it is the integrator's."""
 
 
 @dataclass(frozen=True)
 class AdaptiveTracking(Learning):
-    """Experiment of learning to track on any arm from zero initial estimates of its inertial parameters: reference,
-    gains and integration steps are those that `adaptctl.tuning.tune` chooses for it, and the plant is adaptctl's own or
-    MuJoCo.
-
-    In the settings' formulas T_c is the control period, M the mass matrix, B the viscous friction, K the damping, Y the
-    regressor, Γ the adaptation gain and λ_max the largest eigenvalue. Raises `InputError` at construction for another
-    `plant`, for a floating base in MuJoCo, and for a setting of the wrong type or out of its bounds, `NonFiniteError`
-    for NaN or infinity.
-    """
+    """Experiment of learning to track on any arm from zero initial estimates of its inertial parameters, on a drawn
+    reference and with gains found by `tune`; with `plant` "both", of one law on two plants, MuJoCo's and adaptctl's.
+    Raises `InputError` at construction for settings of the wrong type or out of their bounds, a `plant` of no such name
+    and a floating base in MuJoCo, `NonFiniteError` for NaN or infinity."""
 
     name: ClassVar[str] = "adaptive"
     title: ClassVar[str] = "{robot}: learning to track from knowing nothing"
@@ -54,11 +63,7 @@ class AdaptiveTracking(Learning):
         4.0, "how fast errors decay, where the torques can follow, 1/s", symbol="Λ", low=0.1, high=100.0
     )
     hold: float = setting(
-        0.5,
-        "K is as large as this T_c λ_max((M + T_c B)⁻¹K) allows along the path",
-        symbol="K",
-        low=0.01,
-        high=1.0,
+        0.5, "K is as large as this T_c λ_max((M + T_c B)⁻¹K) allows along the path", symbol="K", low=0.01, high=1.0
     )
     rate: float = setting(
         0.5, "Γ is as large as this T_c λ_max(K⁻¹ Y Γ Y') allows along the path", symbol="Γ", low=1e-4, high=1.0
@@ -69,16 +74,32 @@ class AdaptiveTracking(Learning):
         low=-1.0,
         high=1.0,
     )
-    plant: str = setting("adaptctl", "what moves the arm: adaptctl, or mujoco with all of the scene")
+    parameter_error: float = setting(
+        0.3, "the wrong model has each link's parameters off by this share, up or down by seed", low=0.0, high=1.0
+    )
+    plant: str = setting("adaptctl", "what moves the arm: adaptctl, mujoco with all of the scene, or both, compared")
     root: str = setting("", "body of a scene that the arm begins with, where more than one moves")
     servos_off: bool = setting(False, "switch off actuators of a scene's arm that are no torques")
     snap: bool = setting(False, "make angles between joint axes within 1e-3 rad of right ones exact")
     search: int = setting(0, "settings that are tried in closed loop besides those by rule", low=0, high=48)
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.plant not in PLANTS:
+            raise InputError(f"plant: expected {', '.join(PLANTS[:-1])} or {PLANTS[-1]}, got {self.plant!r}")
+        if self.plant != OURS and self.floating_base:
+            raise InputError("plant: floating bases are moved by adaptctl only, whose joints they have")
+
     @property
     def purpose(self) -> str:
-        """Paragraph of text for the experiment's report that states its question: whether an adaptive controller learns
-        to track on an arm from zero initial estimates of its inertial parameters."""
+        """Paragraph of text for the report that states the question: what an arm learns that knows nothing, or how far
+        two plants are apart."""
+        if self.plant == "both":
+            return (
+                "The same adaptive controller, from estimates of zero and on the same reference, drives the arm as "
+                "MuJoCo moves it and as adaptctl's own plant does. Where only integration differs, the motions come "
+                "together as MuJoCo's steps shorten; contacts, joint stops, springs and dry friction remain."
+            )
         return (
             f"An arm follows sinusoids drawn by seed {self.seed} within its limits of positions, speeds and torques, "
             "and nobody tells the controller its inertial parameters. First those that its motion depends on are "
@@ -86,41 +107,42 @@ class AdaptiveTracking(Learning):
             "adapts only those."
         )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.plant not in PLANTS:
-            raise InputError(f"plant: expected {' or '.join(PLANTS)}, got {self.plant!r}")
-        if self.plant == "mujoco" and self.floating_base:
-            raise InputError("plant: floating bases are moved by adaptctl only, whose joints they have")
+    @property
+    def in_mujoco(self) -> bool:
+        """True where MuJoCo moves the arm, in the subject's run at least."""
+        return self.plant != OURS
+
+    @property
+    def is_scene(self) -> bool:
+        """True where the robot is an MJCF file."""
+        return Path(self.robot).suffix.lower() in (".xml", ".mjcf")
 
     def mechanism(self) -> Mechanism:
-        """The `Mechanism` that the experiment drives, loaded from `robot`, with a fixed or a floating base; a scene
-        (.xml, .mjcf) that MuJoCo moves is loaded as MuJoCo reads it. Raises `NotFoundError` for an unknown name or root
-        body, `FileError` for a file that cannot be used, `InputError` for settings that do not suit it, such as a
-        floating base without a URDF file."""
+        """The `Mechanism` that the experiment drives, loaded from `robot`, in MuJoCo's plant as MuJoCo reads it. Raises
+        `NotFoundError` for an unknown name, `FileError` for a file that cannot be used, `InputError` where several
+        bodies of a scene move and `root` names none, `LoopError` where kinematic loops cannot be closed."""
         root = self.root or None
-        if self.plant == "mujoco" and Path(self.robot).suffix.lower() in (".xml", ".mjcf"):
+        if self.in_mujoco and self.is_scene:
             return load(as_mujoco(self.robot), snap=self.snap, root=root)
         return load(self.robot, floating_base=self.floating_base, snap=self.snap, root=root)
 
     def tuning(self, mechanism: Mechanism) -> Tuning:
-        """Tuning of a `mechanism`, a `Tuning`: the reference, gains, torque limits and integration steps that
-        `adaptctl.tuning.tune` chooses for this experiment's settings; the last four tunings are cached. With MuJoCo,
-        the reference is kept clear of contacts. Raises `InputError` where no gains stabilise a joint under a held
-        torque."""
+        """Reference, gains, adaptation gain and integration for a `mechanism`, found by `tune` from the settings; in
+        MuJoCo on a reference clear of contacts. Raises `InputError` where no gains stabilise a joint."""
         return _tuned(self, mechanism)
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of a `mechanism` on its tuned reference, with the tuned torque limits, N m (N
-        if prismatic), and initial position error, rad (m), moved by adaptctl's plant or by MuJoCo. Raises `InputError`
-        where no gains stabilise a joint under a held torque, `FileError` for a MuJoCo scene that cannot be used."""
+        """Gymnasium tracking environment of a `mechanism` on the tuned reference, in the plant that `plant` names, in
+        MuJoCo's for both. Raises `InputError` where no gains stabilise a joint, `MissingExtraError` without MuJoCo."""
+        return self._environment(mechanism, self.in_mujoco, self.scene(mechanism))
+
+    def _environment(self, mechanism: Mechanism, in_mujoco: bool, scene: Any) -> gymnasium.Env[Any, Any]:
         import gymnasium
 
         tuning = self.tuning(mechanism)
-        own: dict[str, Any]
-        name, own = "Tracking", {"robot": mechanism, "substeps": tuning.substeps, "integrator": tuning.integrator}
-        if self.plant == "mujoco":
-            name, own = "MuJoCoTracking", {"robot": self.scene(mechanism), **self.scene_settings}
+        name = "MuJoCoTracking" if in_mujoco else "Tracking"
+        ours = {"robot": mechanism, "substeps": tuning.substeps, "integrator": tuning.integrator}
+        own: dict[str, Any] = {"robot": scene, **self.scene_settings} if in_mujoco else ours
         return gymnasium.make(
             f"adaptctl.envs:adaptctl/{name}-v0",
             **own,
@@ -132,81 +154,119 @@ class AdaptiveTracking(Learning):
         )
 
     def scene(self, mechanism: Mechanism) -> Any:
-        """Model that MuJoCo is to simulate: the path, a text, of the robot's file where it is one of MuJoCo's (.xml,
-        .mjcf), else the `mechanism` itself, from whose links a MuJoCo model is made. Nothing is raised."""
-        return self.robot if Path(self.robot).suffix.lower() in (".xml", ".mjcf") else mechanism
+        """Thing that MuJoCo's plant moves: the scene's file where the robot is one, else the `mechanism`."""
+        return self.robot if self.is_scene else mechanism
 
     @property
     def scene_settings(self) -> dict[str, Any]:
-        """Keyword arguments of MuJoCo's tracking environment, by name: `body`, the name of the arm's root body, None
-        for the only one that moves; and `servos_off`, True to switch off actuators that are no torques."""
+        """Arguments of MuJoCo's plant on a scene."""
         return {"body": self.root or None, "servos_off": self.servos_off}
 
-    def gains(self, mechanism: Mechanism) -> Gains:
-        """Tuned gains, a `Gains`, of Slotine and Li's law for the r primary (independently moving) joints of a
-        `mechanism`: the bandwidth Lambda (r,), 1/s, and the damping K (r,), N m s/rad (N s/m if prismatic). Raises
-        `InputError` where no gains stabilise a joint under a held torque."""
-        return self.tuning(mechanism).gains
+    def _finer(self, mechanism: Mechanism) -> Any:
+        model = copy.copy(as_mujoco(self.scene(mechanism)))
+        model.opt.timestep = min(model.opt.timestep, self.control_period) / SHORTER
+        return model
+
+    def slotine_li(self, model: ReducedModel, adaptation: Array | None = None) -> SlotineLi:
+        """Slotine and Li's control law from zero estimates of a `model`'s parameters, with the tuned gains and the
+        adaptation gain given, None for none. Raises `GainError` for gains too large for the control period."""
+        tuning = self.tuning(model.mechanism)
+        given = (None, self.control_period, tuning.workspace, tuning.torque_limits)
+        return SlotineLi(model, tuning.gains.bandwidth, tuning.gains.damping, adaptation, *given)
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """Tuned adaptation gain Gamma for the parameters of a reduced `model`, in their SI units squared per J: the
-        diagonal (P,) for a model of all P parameters or, mapped from these, the matrix (k, k) for one of k fundamental
-        (base) parameters. Raises `InputError` where no gains stabilise a joint of the model's mechanism under a held
-        torque."""
+        """Tuned adaptation gain for a `model`'s parameters: the diagonal (P,) for one of all, else the matrix (k, k)
+        mapped from it."""
         tuning = self.tuning(model.mechanism)
         everything = len(model.columns) == len(model.mechanism.parameter_names)
         return tuning.adaptation if everything else tuning.gain_on(model)
 
-    def slotine_li(
-        self, model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None = None, first: Array | None = None
-    ) -> SlotineLi:
-        """Slotine and Li's control law, a `SlotineLi`, on a reduced `model` of k parameters, with the tuned gains.
-        `adaptation` is an adaptation law, or the gain Gamma, its diagonal (k,) or the matrix (k, k), in the parameters'
-        SI units squared per J, or None to switch adaptation off; `first` (k,) is the initial estimate in SI units,
-        zeros where None. Raises `GainError` for gains too large for the control period along the tuned reference,
-        `InputError` for arrays of other shapes and where no gains stabilise a joint under a held torque."""
-        tuning = self.tuning(model.mechanism)
-        gains, given = tuning.gains, (first, self.control_period, tuning.workspace, tuning.torque_limits)
-        return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, *given)
+    def gains(self, mechanism: Mechanism) -> Gains:
+        """Tuned gains of Slotine and Li's law for a `mechanism`: bandwidth (r,), 1/s, and damping (r,), N m s/rad."""
+        return self.tuning(mechanism).gains
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """List of the controllers to compare, a `Contender` (name, label and controller) each, in the order in which
-        they run: Slotine and Li's law on the k fundamental (base) parameters in `basis`, the experiment's subject; the
-        same with adaptation off; computed torque with true parameters, with wrong ones (every link's off by the
-        fraction `parameter_error`) and with zeros; and Slotine and Li's law on all parameters. Each controller is made
-        when first asked for, which raises `GainError` for gains too large for the control period. Raises `InputError`
-        for a basis of another geometry than the mechanism's."""
-        return [contender for contender in super().contenders(mechanism, basis) if contender.name != MAPPED]
+        """Controllers to compare: Slotine and Li's law on the k fundamental (base) parameters, the subject, and with
+        adaptation off; then computed torque with a true, a wrong and no model and the law on all parameters, or, on
+        both plants, the subject on MuJoCo at shorter steps and on adaptctl's plant. Raises `InputError` for a basis of
+        another geometry."""
+        bandwidth = self.gains(mechanism).bandwidth
+        given = (self.slotine_li, self.adaptation, bandwidth, self.parameter_error, self.seed)
+        found = from_nothing(mechanism, basis, *given)
+        if self.plant != "both":
+            return found
+        subject = replace(found[0], label="Slotine-Li on MuJoCo")
+        fine = partial(self._environment, mechanism, True)
+        return [
+            subject,
+            replace(found[1], label="the same, adaptation off"),
+            replace(
+                subject,
+                name=FINE,
+                label=f"Slotine-Li on MuJoCo, steps {SHORTER} times shorter",
+                env=lambda: fine(self._finer(mechanism)),
+            ),
+            replace(
+                subject,
+                name=OURS,
+                label="Slotine-Li on adaptctl's plant",
+                env=partial(self._environment, mechanism, False, None),
+            ),
+        ]
 
-    def findings(self, outcome: Outcome, basis: FundamentalBasis) -> Iterator[Finding]:
-        """Iterator over one `Finding` (named number with unit): the largest difference between the commanded torques, N
-        m (N if prismatic), of adapting the fundamental (base) parameters and of adapting all, which are one controller
-        if it is round-off; none where either was not run. `outcome`, an `Outcome`, has the runs; `basis` is not
-        used. Nothing is checked."""
-        return one_controller(outcome, ADAPTIVE)
-
-    def adaptation_setting(self, mechanism: Mechanism) -> str:
-        """Text for the report on how the adaptation gain Gamma of a `mechanism` is chosen: its rule, and the tuned
-        value of the largest eigenvalue of T_c K^-1 Y Gamma Y' along the reference (no unit; T_c the control period, K
-        the damping, Y the regressor, Y' its transpose). Raises `InputError` where no gains stabilise a joint under a
-        held torque."""
-        number = self.tuning(mechanism).adaptation_number
-        return f"as the prior ranges of typical inertias and reach, up to an adaptation number of {number:.3g}, mapped"
-
-    def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Iterator over settings for the report, a `Setting` (name, value and meaning) each: centre and amplitude (rad,
-        m if prismatic) and frequency (Hz) of the drawn reference, one a joint; what limits each joint's gains; and
-        notes on the tuning. `env`, the tracking environment, is reset with the experiment's seed. Nothing is checked.
-        """
+    def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
+        """Iterator over what the report says was chosen: tuned gains, what limits each, the drawn reference, notes."""
+        tuning = self.tuning(mechanism)
+        rule = "as the prior ranges of typical inertias and reach, up to an adaptation number of"
+        yield Setting("Λ", listed(tuning.gains.bandwidth), "bandwidth of the tracking loop, 1/s, a joint each")
+        yield Setting("K", listed(tuning.gains.damping), "damping, N·m·s (N·s/m), a joint each")
+        yield Setting("Γ", f"{rule} {tuning.adaptation_number:.3g}, mapped", "adaptation gain: rate × (prior range)²")
+        yield Setting("first estimate", "0", "of every parameter")
         env.reset(seed=self.seed)
         drawn = env.unwrapped.reference  # type: ignore[attr-defined]
         for name, unit in (("center", "rad"), ("amplitude", "rad"), ("frequency", "Hz")):
-            yield Setting(f"reference {name}", numbers(getattr(drawn, name).ravel()), f"a joint each, {unit} (m)")
-        tuning = self.tuning(env.unwrapped.mechanism)  # type: ignore[attr-defined]
-        for joint, limit in zip(tuning.mechanism.primary_joints, tuning.limited_by, strict=True):
+            yield Setting(f"reference {name}", listed(getattr(drawn, name).ravel()), f"a joint each, {unit} (m)")
+        for joint, limit in zip(mechanism.primary_joints, tuning.limited_by, strict=True):
             yield Setting(f"gains of {joint.name}", limit, "what limits them")
         for k, note in enumerate(tuning.notes, 1):
             yield Setting(f"note {k}", note, "on the tuning")
+
+    def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
+        """Findings and an answer on the `outcome`: that two controllers are one; or how far two plants are apart, and
+        whether integration explains it."""
+        if self.plant != "both":
+            return Told(one_controller(outcome, ADAPTIVE))
+        if OURS not in outcome.run:
+            return Told()
+        words = {
+            "plants_apart": (ADAPTIVE, "MuJoCo's own steps"),
+            "plants_apart_fine": (FINE, f"steps {SHORTER} times shorter"),
+        }
+        apart = {name: _apart(outcome.run[other], outcome.run[OURS]) for name, (other, _) in words.items()}
+        meaning = "largest difference of a joint's position between MuJoCo and adaptctl's plant, at"
+        findings = [
+            Finding(name, value, position_unit(outcome.mechanism), f"{meaning} {words[name][1]}")
+            for name, value in apart.items()
+        ]
+        coarse, fine = apart.values()
+        start = (
+            f"MuJoCo and adaptctl's plant are at most {1e3 * coarse:.2g} {error_unit(outcome.mechanism)} apart, and "
+            f"{1e3 * fine:.2g} at steps {SHORTER} times shorter:"
+        )
+        if coarse < FIRST_ORDER * fine:
+            reason = (
+                "integration does not explain it, but contacts, joint stops, springs or dry friction do, which only "
+                "MuJoCo has, or models otherwise."
+            )
+        else:
+            reason = "the difference is MuJoCo's integrator's."
+        return Told(findings, f"{start} {reason}")
+
+
+def _apart(one: ControllerRun, other: ControllerRun) -> float:
+    """Largest difference of positions, rad or m, at common times."""
+    common = min(len(one.rollout.time), len(other.rollout.time))
+    return float(np.abs(one.rollout.p[:common] - other.rollout.p[:common]).max())
 
 
 @lru_cache(maxsize=4)
@@ -223,7 +283,7 @@ def _tuned(experiment: AdaptiveTracking, mechanism: Mechanism) -> Tuning:
         "seed": experiment.seed,
     }
     tuning = tune(mechanism, **chosen)
-    if experiment.plant != "mujoco" or not isinstance(drawn := tuning.reference, Sinusoids):
+    if not experiment.in_mujoco or not isinstance(drawn := tuning.reference, Sinusoids):
         return tuning
     plant = MuJoCoPlant.of(experiment.scene(mechanism), experiment.control_period, **experiment.scene_settings)
     clear = clear_of_contacts(plant, drawn)

@@ -1,30 +1,50 @@
-"""Contests: several controllers on one environment, one after the other, under equal conditions."""
+"""Several controllers on one environment, one after the other, under equal conditions, and what came of it."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.codegen.live_arm import LiveArm, live_arm
-from adaptctl.control import Controller, ReferencePoint, SlotineLi, lyapunov
+from adaptctl.control import ComputedTorque, Controller, ReferencePoint, SlotineLi, lyapunov
 from adaptctl.control.memory import leaves
-from adaptctl.dynamics import Mechanism
-from adaptctl.recording import ControllerRun, Progress, TickCost
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, stated
+from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
+from adaptctl.recording import (
+    Comparison,
+    ControllerRun,
+    Failure,
+    Finding,
+    Leading,
+    Progress,
+    Result,
+    Setting,
+    TickCost,
+    shown,
+)
+from adaptctl.recording.comparison import ADAPTATION_OFF as ADAPTATION_OFF
 from adaptctl.simulation import Plant, Rollout, rollout, simulate
 from adaptctl.simulation.rollout import known_steps
+from adaptctl.tuning.verification import scaled_links
 
 if TYPE_CHECKING:
     import gymnasium
 
+    from adaptctl.recording.drawing import Drawing
+
+ADAPTIVE, FULL = "adaptive", "adaptive-full"
+OFFLINE = "Independent parameters from energies"
 TIMED_TICKS, REPETITIONS = 1000, 30
 """control ticks that are timed to find out how long one takes"""
 LONG = 20_000
@@ -35,39 +55,199 @@ MANY, FEW = 600_000, 30_000
 
 @dataclass(frozen=True, eq=False)
 class Contender:
-    """A controller to compare with others on one environment, with its names: `name`, short, fit for a file and unique
-    among those compared; `label`, for legends; `knows`, in words what the controller knows of the arm beforehand; and
-    `make`, a function without arguments that makes the controller, called once, when it is first asked for. Nothing is
-    checked at construction."""
+    """A controller to compare with others: `name`, short, fit for a file and unique among those compared; `label`, for
+    legends; `knows`, in words what it knows of the arm beforehand; `make`, a function without arguments that makes the
+    controller, called once, when it is first asked for; and `env`, a function that makes the environment that it
+    drives, None for the one that all others drive."""
 
     name: str
     label: str
     knows: str
     make: Callable[[], Controller[Any]]
+    env: Callable[[], gymnasium.Env[Any, Any]] | None = None
 
     @classmethod
     def of(cls, name: str, label: str, knows: str, controller: Controller[Any]) -> Contender:
-        """The `Contender`, a controller to compare with its names, for a `controller` that is made already: `name`,
-        short and fit for a file; `label`, for legends; and `knows`, in words what the controller knows of the arm
-        beforehand. Nothing is checked."""
+        """The `Contender` for a `controller` that is made already."""
         return cls(name, label, knows, lambda: controller)
 
     @cached_property
     def controller(self) -> Controller[Any]:
-        """Controller to compare, a `Controller`, made by the field `make` when first asked for and then cached. Raises
-        what `make` raises, such as `GainError` for gains too large for the control period."""
+        """Controller to compare, made when first asked for. Raises what `make` raises, such as `GainError`."""
         return self.make()
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Outcome of a contest, a comparison of controllers on one environment: the `mechanism` that they drove; `runs`, a
-    `ControllerRun` for each controller, in their order; and `complete`, False where the contest was interrupted: `runs`
-    are then those that had begun. Nothing is checked at construction."""
+    """Outcome of a contest: the `mechanism` that was driven; `runs`, a `ControllerRun` a controller in their order; and
+    `complete`, False where it was interrupted: `runs` are then those that had begun."""
 
     mechanism: Mechanism
     runs: tuple[ControllerRun, ...]
     complete: bool
+
+    @cached_property
+    def run(self) -> dict[str, ControllerRun]:
+        """Runs by the names of their controllers."""
+        return {run.name: run for run in self.runs}
+
+
+class Told(NamedTuple):
+    """Sayings of an experiment on its outcome: `findings`; `answer`, sentences, None for what adaptation is worth;
+    `drawings`, figures of its own; and `leading`, what a recording shows before the joints' errors."""
+
+    findings: Iterable[Finding] = ()
+    answer: str | None = None
+    drawings: Iterable[Drawing] = ()
+    leading: Leading | None = None
+
+
+@dataclass(frozen=True)
+class Learning(ClosedLoopExperiment):
+    """Abstract base class of experiments that compare controllers of one arm on one environment, the first of them
+    being the subject.
+
+    A subclass gives `name`, `title`, the property `purpose`, `environment` and `contenders`, and may give
+    `mechanism`, `options`, `expected`, `chosen` and `told`. Raises `InputError` at construction for settings of the
+    wrong type or out of their bounds, `NonFiniteError` for NaN or infinity."""
+
+    robot: str = setting("puma560", "a built-in robot or a file (.urdf, .xml, .toml)")
+
+    @property
+    @abstractmethod
+    def purpose(self) -> str:
+        """Paragraph of text for the report that states the question."""
+
+    def mechanism(self) -> Mechanism:
+        """The `Mechanism` that the experiment drives, loaded from `robot` unless a subclass makes another. Raises
+        `NotFoundError` for an unknown name, `FileError` for a file that cannot be used, `LoopError` where its kinematic
+        loops cannot be closed."""
+        return load(self.robot)
+
+    @abstractmethod
+    def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
+        """Gymnasium tracking environment with the `mechanism` as its arm and finite torque limits, N m (N if
+        prismatic), as the bounds of its actions. Raises `InputError` for a mechanism that the experiment is not for."""
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options of the environment's reset by name, such as a payload: none unless a subclass gives some."""
+        return {}
+
+    @abstractmethod
+    def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
+        """Controllers of the `mechanism`, whose fundamental (base) parameters `basis` has, in the order in which they
+        run, the subject first. Raises `InputError` for a basis of another geometry than the mechanism's."""
+
+    @property
+    def expected(self) -> Mapping[Failure, str]:
+        """Failures of the subject that are the experiment's question, and why: none unless a subclass has some."""
+        return {}
+
+    def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
+        """Iterator over what was chosen besides the settings, a `Setting` (name, value and meaning) each, for the
+        report: gains of the `mechanism` and the reference of `env`."""
+        yield from ()
+
+    def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
+        """Sayings on the `outcome`, `basis` having the mechanism's fundamental (base) parameters."""
+        return Told()
+
+    def run(self, progress: Progress) -> Result:
+        """Result of comparing all controllers. `progress(label, share)` is called with what is done and the fraction
+        of it, 0 to 1. Ctrl-C keeps the runs begun; where there are none, `KeyboardInterrupt` is raised. Raises
+        `RankError` where the number of base parameters cannot be certified, `GainError` for gains too large for the
+        control period, and what the experiment's methods raise."""
+        return shown(self.compare(progress))
+
+    def compare(self, progress: Progress) -> Comparison:
+        """Comparison of all controllers on the experiment's environment, as data; otherwise as `run`."""
+        progress(OFFLINE, 0.0)
+        mechanism = self.mechanism()
+        env = self.environment(mechanism)
+        space = essential_space(mechanism, seed=self.seed)
+        basis = fundamental_basis(space)
+        progress(OFFLINE, 1.0)
+        contenders = self.contenders(mechanism, basis)
+        outcome = contest(env, mechanism, contenders, self.seed, progress, self.options)
+        told = self.told(outcome, basis)
+        return Comparison(
+            experiment=self.name,
+            title=self.title.format(robot=mechanism.name),
+            purpose=self.purpose,
+            mechanism=mechanism,
+            space=space,
+            basis=basis,
+            runs=outcome.runs,
+            torque_limits=env.action_space.high,  # type: ignore[attr-defined]
+            settings=(*self.chosen(mechanism, env), *stated(self)),
+            seed=self.seed,
+            duration=self.duration,
+            findings=tuple(told.findings),
+            complete=outcome.complete,
+            more_drawings=tuple(told.drawings),
+            answer=told.answer if outcome.complete else None,
+            leading=told.leading,
+            expected=self.expected,
+            live=live_subject(env, contenders[0].controller, self.seed, self.options) if outcome.complete else "",
+        )
+
+
+def from_nothing(
+    mechanism: Mechanism,
+    basis: FundamentalBasis,
+    law: Callable[[ReducedModel, Array | None], SlotineLi],
+    gain: Callable[[ReducedModel], Array],
+    bandwidth: Array,
+    share: float,
+    seed: int,
+) -> list[Contender]:
+    """Controllers that start from knowing nothing, or something, of an arm: Slotine and Li's `law(model, gain)` from
+    estimates of zero on the k fundamental (base) parameters in `basis`, the subject; the same with adaptation off;
+    computed torque with true parameters, with those of a model whose links are off by the fraction `share`, up or down
+    by `seed`, and with zeros; and the law on all P. `gain(model)` is the adaptation gain, `bandwidth` (r,) in 1/s.
+    Raises `InputError` for a basis of another geometry."""
+    model, full = ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
+    true, k, P = mechanism.inertial_parameters, len(basis.columns), len(mechanism.parameter_names)
+    off = f"{100 * share:.0f} % off"
+
+    def computed_torque(parameters: Array) -> ComputedTorque:
+        return ComputedTorque(mechanism, bandwidth, parameters=parameters)
+
+    return [
+        Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", lambda: law(model, gain(model))),
+        Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", lambda: law(model, None)),
+        Contender("computed-torque", "Computed torque, true model", "everything", lambda: computed_torque(true)),
+        Contender(
+            "computed-torque-wrong",
+            f"Computed torque, model {off}",
+            f"links {off}",
+            lambda: computed_torque(scaled_links(mechanism, share, seed)),
+        ),
+        Contender("computed-torque-none", "Computed torque, no model", "nothing", lambda: computed_torque(0.0 * true)),
+        Contender(FULL, f"Slotine-Li, all {P} parameters", "nothing", lambda: law(full, gain(full))),
+    ]
+
+
+def one_controller(outcome: Outcome, mapped: str) -> Iterator[Finding]:
+    """Finding with the largest difference, N m (N if prismatic), between the commanded torques of the run named
+    `mapped`, on k parameters with its gain mapped from that of all P, and of the run on all P: round-off, since the two
+    are one controller. None where either is missing."""
+    if not {mapped, FULL} <= set(outcome.run):
+        return
+    one, other = (outcome.run[name].rollout for name in (mapped, FULL))
+    common, sizes = min(len(one.time), len(other.time)), [run.estimate.shape[1] for run in (one, other)]
+    yield Finding(
+        "torque_difference_reduced_full",
+        float(np.abs(one.torque[:common] - other.torque[:common]).max(initial=0.0)),
+        "N m",
+        f"largest difference between the torques of {sizes[0]} and of {sizes[1]} adapted parameters, Γ mapped",
+    )
+
+
+def listed(values: Array) -> str:
+    """Text of one number a joint, such as gains, with four digits each."""
+    return ", ".join(f"{value:.4g}" for value in values)
 
 
 def contest(
@@ -78,17 +258,14 @@ def contest(
     progress: Progress,
     options: Mapping[str, Any] = MappingProxyType({}),
 ) -> Outcome:
-    """Outcome, an `Outcome`, of a contest: each of the `contenders` (controllers with names) drives the environment
-    `env`, whose arm is `mechanism`, one after the other, from the same `seed` and `options` of the environment's reset,
-    such as a payload.
+    """Outcome of a contest: each of the `contenders` drives the environment `env`, whose arm is `mechanism`, or its own
+    one, one after the other, from the same `seed` and `options` of the environment's reset, such as a payload.
 
     `progress(label, share)` is called with the contender's label and the fraction of its run that is done, 0 to 1. All
-    controllers are made before anything runs, so that what their making raises, such as `GainError`, comes first. Where
-    all runs together have more than 600 000 control periods, at most about 30 000 of them, evenly spaced, are recorded.
-    Raises `InputError` for an environment that a controller cannot drive, `NonFiniteError` where a motion diverges to
-    non-finite values. Ctrl-C ends the contest: the runs that had begun are returned, as not complete;
-    `KeyboardInterrupt` is raised where there are none, and for an environment that gives no sample.
-    """
+    controllers are made before anything runs. Where all runs together have more than 600 000 control periods, at most
+    about 30 000 of them, evenly spaced, are recorded. Raises `InputError` for an environment that a controller cannot
+    drive, `NonFiniteError` where a motion diverges to non-finite values. Ctrl-C ends the contest: the runs that had
+    begun are returned, as not complete; `KeyboardInterrupt` is raised where there are none."""
     for contender in contenders:
         _ = contender.controller  # what cannot be made is told before anything runs
     runs: list[ControllerRun] = []
@@ -140,6 +317,7 @@ def _run(
     every: int,
 ) -> ControllerRun:
     controller = contender.controller
+    env = contender.env() if contender.env else env
     progress(0.0)
     step = getattr(type(getattr(env.unwrapped, "plant", None)), "step", Plant.step)
     drive = simulate if step is Plant.step else rollout  # MuJoCo's steps are not ours to compile
@@ -189,11 +367,10 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
 
 
 def tick_cost(controller: Controller[Any], run: Rollout) -> TickCost:
-    """Cost of a control tick, the computation of one torque, a `TickCost`, over 1000 states evenly spread over a `run`
-    of a `controller`: the median time of a call from Python, s; the mean time in a loop of native code over all these
-    states, s, the least of 30 such loops; and the number of floating-point operations. The last two are None where the
-    control law is not compiled; the native time is None also beyond 20 000 operations, which take too long to compile.
-    Raises `IndexError` for a run without samples."""
+    """Cost of a tick of a `controller`, which computes one torque, over 1000 states of a `run`: the median time of a
+    call from Python, s; the mean time in a loop of native code, s, the least of 30; and the number of floating-point
+    operations. The last two are None where the control law is not compiled, the native time also beyond 20 000
+    operations. Raises `IndexError` for a run without samples."""
     picked = np.linspace(0, len(run.time) - 1, TIMED_TICKS).astype(int)
     states = [run.p[picked], run.v[picked], run.reference_p[picked], run.reference_v[picked], run.reference_a[picked]]
     called, kernel = _called(controller, states), controller.kernel

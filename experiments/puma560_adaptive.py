@@ -2,28 +2,109 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
-from adaptctl.experiments.experiment import setting
-from adaptctl.experiments.stated_task import StatedTask
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control import (
+    AdaptationLaw,
+    PriorRanges,
+    Sinusoids,
+    SlotineLi,
+    Subspace,
+    adaptation_gain,
+    mapped_gain,
+)
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.joint_units import error_unit
+from adaptctl.errors import InputError
+from adaptctl.experiments.contest import (
+    ADAPTATION_OFF,
+    Contender,
+    Learning,
+    Outcome,
+    Told,
+    from_nothing,
+    listed,
+    one_controller,
+)
+from adaptctl.experiments.experiment import require_count, setting
+from adaptctl.identifiability import (
+    FundamentalBasis,
+    ReducedModel,
+    Reduction,
+    essential_space,
+    reduce,
+    states_within_limits,
+)
+from adaptctl.recording import Finding, Setting, wording
+
+if TYPE_CHECKING:
+    import gymnasium
+    from matplotlib.figure import Figure
+
+MAPPED = "adaptive-mapped"
+KEPT, FIXED = "adaptive", "fixed"
+"""names of runs with some components: adapted from zero, and held at their true values"""
+STATES = 101
+"""states within the joints' limits over which components are sorted by their energy"""
+Named: TypeAlias = tuple[tuple[str, Any], ...]
+"""Settings as pairs of a name and a value, which compare."""
+
+
+class SinusoidTask(NamedTuple):
+    """Definition of a tracking environment on sinusoids, as plain data, so that equal tasks compare equal:
+    `environment_id`; `reference`, the arguments of `Sinusoids`; and `settings`, other arguments of the environment."""
+
+    environment_id: str
+    reference: Named
+    settings: Named
+
+    def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
+        """Gymnasium tracking environment of a `mechanism` on this task's sinusoids. Raises `InputError` for arguments
+        that do not suit the mechanism."""
+        import gymnasium
+
+        reference = Sinusoids(**dict(self.reference))
+        return gymnasium.make(
+            f"adaptctl.envs:{self.environment_id}", robot=mechanism, reference=reference, **dict(self.settings)
+        )
 
 
 @dataclass(frozen=True)
-class Puma560Adaptive(StatedTask):
-    """Experiment of learning to track on the PUMA 560 from zero initial estimates of its inertial parameters, on one
-    sinusoid a joint: by default each of the six joints swings by 0.4 rad or more at 0.1 Hz or more. Raises `InputError`
-    at construction for settings of the wrong type, out of their bounds, or not one a joint, `NonFiniteError` for NaN or
-    infinity."""
+class Puma560Adaptive(Learning):
+    """Experiment of learning to track sinusoids, one a joint, from zero initial estimates of an arm's inertial
+    parameters; or, with `components`, of adapting only the essential components that carry the most energy, and of
+    holding them at their true values. Raises `InputError` at construction for settings of the wrong type, out of their
+    bounds, or not one a joint, `NonFiniteError` for NaN or infinity."""
 
     name: ClassVar[str] = "puma560-adaptive"
     title: ClassVar[str] = "PUMA 560: learning to track from knowing nothing"
     joints: ClassVar[int] = 6
     environment_id: ClassVar[str] = "adaptctl/Puma560Tracking-v0"
+    asks: ClassVar[str] = "The PUMA 560 follows sinusoids in all six joints."
 
     robot: str = setting("puma560", "puma560 (Sheu and Walker 1991), or another arm of six joints")
+    bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=100.0)
     damping: tuple[float, ...] = setting(
         (90.0, 150.0, 70.0, 20.0, 16.0, 18.0), "damping of each joint, N m s", symbol="K", low=1e-3, high=1e4
+    )
+    rate: float = setting(
+        0.6,
+        "adaptation rate: the gain is it times the square of each parameter's prior range",
+        symbol="Γ",
+        low=1e-6,
+        high=1e3,
+    )
+    mass_range: float = setting(5.0, "prior range of masses, kg", low=1e-3, high=1e3)
+    first_moment_range: float = setting(2.0, "prior range of first moments, kg m", low=1e-3, high=1e3)
+    inertia_range: float = setting(0.6, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
+    components: tuple[int, ...] = setting(
+        (0,), "how many essential components each controller carries, the subject first; 0: compare all", low=0
     )
     center: tuple[float, ...] = setting(
         (0.0, -0.6, 0.8, 0.0, 0.5, 0.0), "centre of the reference, rad", low=-10.0, high=10.0
@@ -34,15 +115,194 @@ class Puma560Adaptive(StatedTask):
     frequency: tuple[float, ...] = setting(
         (0.1, 0.125, 0.15, 0.175, 0.2, 0.225), "frequency of the reference, Hz", low=0.0, high=5.0
     )
+    start_time: float = setting(2.0, "length of the smooth (quintic) start, s", low=0.0, high=60.0)
+    initial_error: float = setting(0.1, "initial error of every joint, rad or m", low=-1.0, high=1.0)
+    parameter_error: float = setting(
+        0.3, "the wrong model has each link's parameters off by this share, up or down by seed", low=0.0, high=1.0
+    )
+    payload: float = setting(0.0, "mass that the last link holds and no controller knows of, kg", low=0.0, high=1e3)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_count(self, ("damping", "center", "amplitude", "frequency"), self.joints, "one a joint")
+        if len(set(self.components)) < len(self.components) or (0 in self.components and len(self.components) > 1):
+            raise InputError("components: expected each at most once, or 0 alone")
 
     @property
     def purpose(self) -> str:
-        """Paragraph of text for the experiment's report that states its question: whether an adaptive controller learns
-        to track on the PUMA 560 from zero initial estimates of its inertial parameters."""
+        """Paragraph of text for the report that states the question: what an arm learns that knows nothing, or what
+        the number of components costs."""
+        if self.components == (0,):
+            question = (
+                "Nobody tells the controller a single mass, centre of mass or inertia. First the parameters that the "
+                "motion depends on are found, from energies alone. Then Slotine and Li's adaptive controller starts "
+                "with estimates of zero and adapts only those."
+            )
+        else:
+            question = (
+                "Sheu and Walker sort the components of the essential parameters by the energy that each carries. Here "
+                "the controller carries only the first s: it adapts s numbers from zero, or holds their true values. "
+                "The order needs the true parameters; the values are learned."
+            )
         return (
-            "The PUMA 560 follows sinusoids in all six joints, and nobody tells the controller a single mass, centre "
-            "of mass or inertia. First the parameters that its motion depends on are found, from energies alone. "
-            "Then Slotine and Li's adaptive controller starts with estimates of zero and adapts only those. "
-            "Every controller drives the same environment from the same seed, and starts "
+            f"{self.asks} {question} Every controller drives the same environment from the same seed, and starts "
             f"{self.initial_error:g} rad off in every joint."
         )
+
+    def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
+        """Gymnasium tracking environment of a `mechanism`, on the sinusoids that the settings state. Raises
+        `InputError` for a mechanism whose number of primary joints is not this experiment's `joints`."""
+        if mechanism.dof != self.joints:
+            raise InputError(
+                f"robot: {mechanism.name} has {mechanism.dof} joints, this experiment is for {self.joints}; "
+                "use the experiment 'adaptive'"
+            )
+        return self.task(mechanism).environment(mechanism)
+
+    def task(self, mechanism: Mechanism) -> SinusoidTask:
+        """Data that define the experiment's environment for a `mechanism`, in SI units."""
+
+        def named(*names: str) -> Named:
+            return tuple((name, getattr(self, name)) for name in names)
+
+        limits = self.torque_limits(mechanism)
+        limited = ("torque_limits", None if limits is None else tuple(limits.tolist()))
+        settings = (*named("duration", "control_period", "initial_error"), limited)
+        return SinusoidTask(self.environment_id, named("center", "amplitude", "frequency", "start_time"), settings)
+
+    def torque_limits(self, mechanism: Mechanism) -> Array | None:
+        """Torque limits (r,) of a `mechanism`, N m (N if prismatic); None, as here, for the environment's own."""
+        return None
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options of the environment's reset: the payload, where there is one."""
+        return {"payload": self.payload} if self.payload > 0.0 else {}
+
+    @property
+    def ranges(self) -> PriorRanges:
+        """Prior ranges (greatest plausible errors) of masses, first moments and inertias, from the settings."""
+        return PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
+
+    def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
+        """Controllers to compare: Slotine and Li's law from zero on the k fundamental (base) parameters, the subject,
+        with adaptation off, and on all P; computed torque with a true, a wrong and no model; and the law on the k with
+        its gain mapped from that of all, which is one controller with that on all. With `components` s the law adapts
+        the first s components instead, and holds their true values. Raises `InputError` for a basis of another
+        geometry."""
+
+        def law(
+            model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None, first: Array | None = None
+        ) -> SlotineLi:
+            bandwidth = np.full(self.joints, self.bandwidth)
+            return SlotineLi(model, bandwidth, np.array(self.damping), adaptation, first, self.control_period)
+
+        def gain(model: ReducedModel) -> Array:
+            return adaptation_gain(model, self.ranges, self.rate)
+
+        model = ReducedModel(mechanism, basis)
+        if self.components == (0,):
+            bandwidth = np.full(self.joints, self.bandwidth)
+            given = (law, gain, bandwidth, self.parameter_error, self.seed)
+            mapped = f"Slotine-Li, {len(basis.columns)} parameters, Γ mapped"
+            return [
+                *from_nothing(mechanism, basis, *given),
+                Contender(
+                    MAPPED,
+                    mapped,
+                    "nothing",
+                    lambda: law(model, mapped_gain(model, gain(ReducedModel.full(mechanism)))),
+                ),
+            ]
+        reduction, essential = self._reduction(mechanism)
+        self._require_components(mechanism, model, len(reduction.weights))
+        ordered = essential[:, reduction.order]
+        directions = model.regrouping @ ordered
+        gains = self.rate * (ordered.T**2 @ self.ranges.of(mechanism.parameter_names) ** 2)
+        found = []
+        for s in self.components:
+            some = Subspace(gains[:s], directions[:, :s])
+            found.append(Contender(f"{KEPT}-{s}", f"Adapting {s}", "nothing", partial(law, model, some)))
+        for s in self.components:
+            held = model.regrouping @ reduction.parameters(s)
+            found.append(Contender(f"{FIXED}-{s}", f"True {s}", f"{s} components", partial(law, model, None, held)))
+        return [*found, Contender(ADAPTATION_OFF, "Adaptation off", "nothing", partial(law, model, None))]
+
+    def _reduction(self, mechanism: Mechanism) -> tuple[Reduction, Array]:
+        """Model reduction over states within the limits, and V1 (P, k)."""
+        states = states_within_limits(mechanism, STATES, self.seed)
+        space = essential_space(mechanism, seed=self.seed, states=states)
+        return reduce(space, mechanism, components=space.rank), space.basis
+
+    def _require_components(self, mechanism: Mechanism, model: ReducedModel, rank: int) -> None:
+        if model.regrouping.shape[1] != mechanism.energetic:
+            raise InputError(f"robot: {mechanism.name} has friction, which carries no energy: use an arm without")
+        for s in self.components:
+            if s > rank:
+                raise InputError(f"components: {mechanism.name} has {rank} essential parameters, got {s}")
+
+    def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
+        """Iterator over what the report says was chosen: gains, the first estimate and the reference's formula."""
+        ranges = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
+        rule = "; ".join(f"{self.rate:g}·({value:g} {unit})²" for value, unit in ranges)
+        yield Setting("Λ", listed(np.full(self.joints, self.bandwidth)), "bandwidth of the tracking loop, 1/s")
+        yield Setting("K", listed(np.array(self.damping)), "damping, N·m·s (N·s/m), a joint each")
+        yield Setting("Γ", rule, "adaptation gain: rate × (prior range)²")
+        yield Setting("first estimate", "0", "of every parameter")
+        law, fade = "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)", f"{self.start_time:g} s"
+        yield Setting("reference", law, f"fade is a quintic from rest over {fade}")
+
+    def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
+        """Findings, an answer and figures on the `outcome`: that two controllers are one; or errors by components."""
+        if self.components == (0,):
+            return Told(one_controller(outcome, MAPPED))
+        from adaptctl.recording.drawing import Drawing
+
+        energies, unit = self._reduction(outcome.mechanism)[0].percent_errors, error_unit(outcome.mechanism)
+        last = {run.name: 1e3 * run.final_rms_error for run in outcome.runs if run.final_rms_error is not None}
+        findings = [
+            Finding(f"energy_error.{s}", float(energies[s]), "%", f"energy error of {s} components (equation 23)")
+            for s in self.components
+        ]
+        findings += [
+            Finding(f"final_rms_error.{name}", error, unit, f"{outcome.run[name].label}: RMS error, last 2 s")
+            for name, error in last.items()
+        ]
+        least, most = min(self.components), max(self.components)
+        many, few, held = (
+            wording.number(last.get(name)) for name in (f"{KEPT}-{most}", f"{KEPT}-{least}", f"{FIXED}-{least}")
+        )
+        answer = (
+            f"Adapting {most} components from zero, the controller ends at {many} {unit} of tracking error; adapting "
+            f"{least}, at {few} {unit}, and holding the true values of these {least}, at {held} {unit}."
+        )
+        caption = (
+            "Tracking error over the last two seconds, and the energy error of Sheu and Walker's equation 23, by the "
+            "number of components that the controller carries."
+        )
+        drawing = Drawing("components", caption, partial(error_by_count, self.components, last, energies, unit))
+        return Told(findings, answer, (drawing,))
+
+
+def error_by_count(counts: tuple[int, ...], last: dict[str, float], percent_errors: Array, unit: str) -> Figure:
+    """Matplotlib figure of the errors of runs in the last two seconds, `last`, in `unit`, by names such as adaptive-10,
+    and of the energy errors `percent_errors` (k + 1,), %, over the number of essential components; runs that are
+    missing have no point."""
+    from adaptctl.recording.drawing import MUTED, run_color, sheet
+
+    figure = sheet(3.6)
+    axes = figure.subplots()
+    for i, (kind, label) in enumerate(((KEPT, "adapted from zero"), (FIXED, "true values held"))):
+        drawn = {s: last[f"{kind}-{s}"] for s in sorted(counts) if f"{kind}-{s}" in last}
+        axes.semilogy(list(drawn), list(drawn.values()), "o-", color=run_color(i).hex, label=label)
+    if ADAPTATION_OFF in last:
+        label = "adaptation off, nothing known"
+        axes.axhline(last[ADAPTATION_OFF], color=MUTED.hex, linestyle=(0, (4, 3)), label=label)
+    axes.set_xlabel("components")
+    axes.set_ylabel(f"RMS tracking error [{unit}]")
+    energy = axes.twinx()
+    energy.semilogy(np.arange(1, len(percent_errors) - 1), percent_errors[1:-1], color=run_color(2).hex, linewidth=1.2)
+    energy.set_ylabel("energy error [%]", color=run_color(2).hex)
+    energy.grid(visible=False)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+    return figure

@@ -15,9 +15,16 @@ from adaptctl.control import Sinusoids, SlotineLi
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.errors import InputError, NotFoundError
-from adaptctl.experiments.contest import Contender, contest, live_subject
+from adaptctl.experiments.contest import (
+    ADAPTATION_OFF,
+    ADAPTIVE,
+    FULL,
+    Contender,
+    contest,
+    listed,
+    live_subject,
+)
 from adaptctl.experiments.experiment import ClosedLoopExperiment, require_count, setting, stated
-from adaptctl.experiments.learning import ADAPTATION_OFF, ADAPTIVE, FULL, numbers
 from adaptctl.experiments.replication import puma560, semi_direct_drive
 from adaptctl.experiments.replication.cases import Study
 from adaptctl.experiments.replication.judging import Computation, Item, item
@@ -211,7 +218,7 @@ class SheuWalker1991(TipPath, ClosedLoopExperiment):
             basis=basis,
             runs=outcome.runs,
             torque_limits=env.action_space.high,  # type: ignore[attr-defined]  # a Box, as every torque's space
-            settings=(Setting("K", numbers(self.gains(mechanism).damping), "damping, N·m·s, a joint each"),),
+            settings=(Setting("K", listed(self.gains(mechanism).damping), "damping, N·m·s, a joint each"),),
             seed=self.seed,
             duration=self.duration,
             complete=outcome.complete,

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adaptctl.control import Gains, Sinusoids, Spline
+from adaptctl.arrays import Array
+from adaptctl.control import Gains, PriorRanges, Sinusoids, Spline, adaptation_gain
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.inverse_kinematics import Tip
-from adaptctl.experiments.ranged_gain import RangedGain
+from adaptctl.identifiability import ReducedModel
 from adaptctl.recording import Setting
 
 KNOT = 0.02
@@ -52,7 +53,7 @@ ARMS = (
 )
 
 
-class TipPath(RangedGain):
+class TipPath:
     """Base class of experiments in which an arm's tip follows a sinusoid along each world axis and its controllers
     learn from zero initial estimates of the parameters. `center`, `amplitude` (m), `frequency` (Hz) and `phase` (rad)
     have three entries, x, y and z; `duration` (s) is the run's, `start_time` (s) that of the smooth start, 2 s by
@@ -70,6 +71,10 @@ class TipPath(RangedGain):
     frequency: tuple[float, ...]
     phase: tuple[float, ...]
     start_time: float = 2.0
+    rate: float
+    mass_range: float
+    first_moment_range: float
+    inertia_range: float
 
     @property
     def path(self) -> Sinusoids:
@@ -93,6 +98,14 @@ class TipPath(RangedGain):
         Lambda times the joint's typical inertia, the median of its entry of the mass matrix's diagonal over 200 random
         configurations. Raises `InputError` where a joint's typical inertia is not positive."""
         return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
+
+    def adaptation(self, model: ReducedModel) -> Array:
+        """Diagonal (k,) of the adaptation gain for a `model`'s k parameters: `rate` times the squared prior ranges of
+        masses, first moments and inertias. Raises `InputError` for ranges or a rate that are not positive and
+        finite."""
+        return adaptation_gain(
+            model, PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range), self.rate
+        )
 
     def path_settings(self, tip: str) -> Iterator[Setting]:
         """Iterator over settings for the report, a `Setting` (name, value and meaning) each, that state the path's

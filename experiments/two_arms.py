@@ -16,7 +16,7 @@ from adaptctl.description.transforms import joined
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.experiments.experiment import setting
-from adaptctl.experiments.stated_task import StatedTask
+from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.recording import Setting
 from adaptctl.scalars import Column
 
@@ -33,7 +33,7 @@ RIGHT = (2.455, -2.233, -0.116, 1.624, -1.103, -2.392)
 
 
 @dataclass(frozen=True)
-class TwoArms(StatedTask):
+class TwoArms(Puma560Adaptive):
     """Experiment of learning to track with two arms whose hands are welded to one rod: one mechanism of twelve links
     with a closed loop (six closure conditions) and six degrees of freedom.
 
@@ -47,6 +47,11 @@ class TwoArms(StatedTask):
     title: ClassVar[str] = "Two arms and a rod: learning to track as one mechanism"
     joints: ClassVar[int] = 6
     environment_id: ClassVar[str] = "adaptctl/Tracking-v0"
+    asks: ClassVar[str] = (
+        "Two PUMAs stand face to face and hold one rod: one mechanism of twelve links with a closed loop, which moves "
+        "with six degrees of freedom, in the left arm's joints. Torques are what the motors of both arms give together "
+        "in these; they may be shared in any way."
+    )
 
     robot: str = setting(
         "puma560_geared", "each of the two arms: a PUMA 560 (puma560_geared, puma560_measured) or one of its size"
@@ -61,19 +66,6 @@ class TwoArms(StatedTask):
         (0.1, 0.125, 0.15, 0.175, 0.2, 0.225), "frequency of the reference, Hz", low=0.0, high=5.0
     )
     initial_error: float = setting(0.05, "initial error of every joint, rad or m", low=-1.0, high=1.0)
-
-    @property
-    def purpose(self) -> str:
-        """Paragraph of text for the experiment's report that states its question: whether an adaptive controller learns
-        to track on two arms that hold one rod, as one mechanism."""
-        return (
-            "Two PUMAs stand face to face and hold one rod. Together they are one mechanism of twelve links with a "
-            "closed loop, which moves with six degrees of freedom. Nobody tells the controller a single mass, centre "
-            "of mass or inertia of either arm. The parameters that the motion depends on are found from energies "
-            "alone; then Slotine and Li's adaptive controller starts with estimates of zero and adapts only those, "
-            "in the left arm's joints. Torques are what the motors of both arms give together in these; they may be "
-            f"shared in any way. Every controller starts {self.initial_error:g} rad off in every one of them."
-        )
 
     def mechanism(self) -> Mechanism:
         """The `Mechanism` that the experiment drives: two arms that hold one rod, each arm as `robot` describes it.
@@ -92,11 +84,9 @@ class TwoArms(StatedTask):
             raise InputError(f"robot: {self.robot} has joints without a torque limit: give each an effort")
         return np.abs(_slopes(mechanism)) @ limits
 
-    def reference_settings(self, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Iterator over settings for the report, a `Setting` (name, value and meaning) each: the reference's formula,
-        the rod's length (m), and what the torque limits are. `env`, the tracking environment, is not used. Nothing is
-        checked."""
-        yield from super().reference_settings(env)
+    def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
+        """Iterator over what the report says was chosen, the rod and the motors' torque limits too."""
+        yield from super().chosen(mechanism, env)
         yield Setting("rod", f"{ROD:g} m", f"from hand to hand, between bases {APART:g} m apart; part of both hands")
         yield Setting("torque limits", "of both arms' motors together", "in the left arm's joints, at the centre")
 

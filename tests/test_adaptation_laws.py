@@ -15,13 +15,14 @@ from adaptctl.description.inertia import is_physically_consistent
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments import contest
-from adaptctl.experiments.adaptation_laws import LAWS, AdaptationLaws
-from adaptctl.experiments.rough_model import deviations
+from adaptctl.experiments.disturbed_arm import LAWS
+from adaptctl.experiments.laws import Laws
+from adaptctl.experiments.laws_measures import deviations
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import TickCost
 from adaptctl.tuning.verification import scaled_links
 
-COMMAND = ("experiment", "run", "adaptation-laws")
+COMMAND = ("experiment", "run", "laws")
 SMALL = "docs/examples/two_link.toml"
 CHOSEN = ("composite", "gradient", "gradient-euler", "dead-zone", "natural", "pd-gravity")
 
@@ -49,7 +50,7 @@ def test_every_law_that_adapts_learns(said: dict[str, Any]) -> None:
 
 
 def test_six_joints_learn_too() -> None:
-    said = AdaptationLaws(laws=("gradient",), duration=3.0).compare(lambda what, share: None)
+    said = Laws(laws=("gradient",), duration=3.0).compare(lambda what, share: None)
     errors = {finding.name: finding.value for finding in said.findings}
     assert errors["parameter_error.gradient"] < 0.6 * errors["parameter_error.adaptation-off"]
     final = {run.name: run.final_rms_error for run in said.runs}
@@ -70,7 +71,7 @@ def test_each_tick_has_its_price(said: dict[str, Any]) -> None:
 
 def test_a_long_tick_is_not_compiled_once_more_to_be_timed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(contest, "LONG", 1000)
-    runs = AdaptationLaws(laws=("gradient",), duration=0.5).compare(lambda what, share: None).runs
+    runs = Laws(laws=("gradient",), duration=0.5).compare(lambda what, share: None).runs
     costs = {run.name: run.cost or TickCost(0.0) for run in runs}
     assert [costs[name].native is None for name in ("gradient", "adaptation-off")] == [True, False]
     assert [(costs[name].flops or 0) > 1000 for name in ("gradient", "adaptation-off")] == [True, False]
@@ -103,25 +104,25 @@ def test_a_rough_model_is_rigid_bodies_within_its_deviations() -> None:
 
 def test_the_most_exciting_motion_is_that_of_the_search() -> None:
     """Of a small arm, and refused for loops."""
-    asked = AdaptationLaws(robot=SMALL, motion="exciting", laws=("gradient",), duration=1.0)
+    asked = Laws(robot=SMALL, motion="exciting", laws=("gradient",), duration=1.0)
     said = asked.compare(lambda what, share: None)
     reference = said.runs[0].rollout.reference_p
     expected = asked.reference(said.mechanism)(said.runs[0].rollout.time).p
     np.testing.assert_allclose(reference, expected, rtol=0.0, atol=1e-12)
     assert np.abs(np.diff(reference, axis=0)[0]).max() > 0.0  # it begins in motion
     with pytest.raises(InputError, match="exciting is for arms without loops"):
-        AdaptationLaws(motion="exciting").reference(load("semi_direct_drive"))
-    with pytest.raises(NotFoundError, match="motion: expected random or exciting, got 'wild'"):
-        AdaptationLaws(motion="wild")
+        Laws(motion="exciting").reference(load("semi_direct_drive"))
+    with pytest.raises(NotFoundError, match="motion: expected random, exciting, single, rest, got 'wild'"):
+        Laws(motion="wild")
 
 
 def test_laws_that_do_not_exist_or_come_twice_are_refused() -> None:
     with pytest.raises(NotFoundError, match="unknown law 'gradients'; laws: composite, gradient"):
-        AdaptationLaws(laws=("gradients",))
+        Laws(laws=("gradients",))
     with pytest.raises(InputError, match="each at most once"):
-        AdaptationLaws(laws=(LAWS[0], LAWS[0]))
+        Laws(laws=(LAWS[0], LAWS[0]))
     with pytest.raises(InputError, match=r"farther than its loops allow; make it smaller than 0.25 rad"):
-        AdaptationLaws().followed(load("semi_direct_drive"))
+        Laws().followed(load("semi_direct_drive"))
 
 
 def five_bar(folder: Path) -> str:
@@ -138,7 +139,7 @@ def five_bar(folder: Path) -> str:
 @pytest.mark.usefixtures("untimed_lanes")
 def test_every_law_runs_through_a_loop(tmp_path: Path) -> None:
     """All laws, on reduced and on full parameters of a closed chain."""
-    asked = AdaptationLaws(robot=five_bar(tmp_path), amplitude=0.12, duration=2.0)
+    asked = Laws(robot=five_bar(tmp_path), amplitude=0.12, duration=2.0)
     said = asked.compare(lambda what, share: None)
     assert [run.name for run in said.runs] == [*LAWS, "adaptation-off"]
     assert not any(run.rollout.terminated for run in said.runs)

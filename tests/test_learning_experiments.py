@@ -10,14 +10,12 @@ import pytest
 
 from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.errors import InputError
-from adaptctl.experiments.adaptation_laws import AdaptationLaws
-from adaptctl.experiments.noise_and_delay import NoiseAndDelay
-from adaptctl.experiments.payload_drop import PayloadDrop
-from adaptctl.experiments.stable_bandwidth import StableBandwidth
+from adaptctl.experiments.laws import Laws
 from adaptctl.identifiability import essential_space, fundamental_basis
 from adaptctl.recording import Comparison
 from adaptctl.simulation import Rollout, rollout, simulate
 
+CONSISTENT = ("consistent-lift", "natural")
 SMALL = "docs/examples/two_link.toml"
 
 pytestmark = pytest.mark.usefixtures("untimed_lanes")
@@ -33,7 +31,7 @@ def quietly(what: str, share: float) -> None:
 
 def test_laws_that_remember_know_more_once_motion_has_ended() -> None:
     laws = ("gradient", "composite-learning", "concurrent-learning", "consistent-lift")
-    said = AdaptationLaws(robot=SMALL, laws=laws, duration=8.0, halt=3.0).compare(quietly)
+    said = Laws(robot=SMALL, laws=laws, duration=8.0, halt=3.0).compare(quietly)
     numbers = found(said)
     assert numbers["parameter_error.composite-learning"] < 0.1 * numbers["parameter_error.gradient"]
     assert numbers["parameter_error.concurrent-learning"] < 0.2 * numbers["parameter_error.gradient"]
@@ -46,7 +44,7 @@ def test_laws_that_remember_know_more_once_motion_has_ended() -> None:
 
 def test_what_nothing_excites_enough_is_said_to_be_remembered_by_none() -> None:
     laws = ("composite-learning", "concurrent-learning")
-    comparison = AdaptationLaws(robot=SMALL, laws=laws, duration=1.0, excitation=1e9, novelty=1e9).compare(quietly)
+    comparison = Laws(robot=SMALL, laws=laws, duration=1.0, excitation=1e9, novelty=1e9).compare(quietly)
     numbers = found(comparison)
     assert [numbers[f"remembered.{law}"] for law in laws] == [0.0, 0.0]
     assert (comparison.answer or "").count("remembered nothing: no excitation passed its threshold") == 2
@@ -56,7 +54,7 @@ def test_what_nothing_excites_enough_is_said_to_be_remembered_by_none() -> None:
 
 def test_runs_keep_what_a_law_tells_of_its_memory(tmp_path: Path) -> None:
     """Behind guards too: a lift whose estimate is the run's; stepped, compiled, thinned out and from a file alike."""
-    study = NoiseAndDelay(robot=SMALL, laws=("consistent-lift", "composite-learning"), duration=0.3)
+    study = Laws(disturbance="noise", robot=SMALL, laws=("consistent-lift", "composite-learning"), duration=0.3)
     mechanism = study.mechanism()
     basis = fundamental_basis(essential_space(mechanism))
     for contender, told in zip(study.contenders(mechanism, basis), (len(mechanism.parameter_names), 1, 0), strict=True):
@@ -77,13 +75,21 @@ def test_runs_keep_what_a_law_tells_of_its_memory(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "study",
     [
-        AdaptationLaws(robot=SMALL, laws=("consistent-lift", "natural"), duration=0.5),
-        PayloadDrop(robot=SMALL, laws=("consistent-lift", "natural"), duration=8.0, times=2, start=2.0, stop=3.0),
-        NoiseAndDelay(robot=SMALL, laws=("consistent-lift", "natural"), duration=0.5),
+        Laws(robot=SMALL, laws=CONSISTENT, duration=0.5),
+        Laws(
+            disturbance="payload",
+            robot=SMALL,
+            laws=CONSISTENT,
+            duration=8.0,
+            times=2,
+            start=2.0,
+            stop=3.0,
+        ),
+        Laws(disturbance="noise", robot=SMALL, laws=CONSISTENT, duration=0.5),
     ],
-    ids=lambda study: study.name,
+    ids=lambda study: study.disturbance,
 )
-def test_every_comparison_tells_how_consistent_the_bodies_of_estimates_stayed(study: AdaptationLaws) -> None:
+def test_every_comparison_tells_how_consistent_the_bodies_of_estimates_stayed(study: Laws) -> None:
     comparison = study.compare(quietly)
     numbers, runs = found(comparison), {run.name: run.rollout for run in comparison.runs}
     for law, parameters in (("consistent-lift", "learning"), ("natural", "estimate")):
@@ -95,7 +101,7 @@ def test_every_comparison_tells_how_consistent_the_bodies_of_estimates_stayed(st
 
 def test_a_payload_may_come_back() -> None:
     laws = ("composite-learning", "bounded-gain-forgetting")
-    study = PayloadDrop(robot=SMALL, laws=laws, duration=40.0, times=2, start=5.0, stop=12.0)
+    study = Laws(disturbance="payload", robot=SMALL, laws=laws, duration=40.0, times=2, start=5.0, stop=12.0)
     comparison = study.compare(quietly)
     numbers = found(comparison)
     for event in ("pickup", "last_pickup"):
@@ -104,11 +110,11 @@ def test_a_payload_may_come_back() -> None:
     np.testing.assert_array_equal(np.flatnonzero(np.diff(held)), [4998, 11998, 24998, 31998])
     assert "After the last pickup errors are below twice" in (comparison.answer or "")
     with pytest.raises(InputError, match=r"within each of 4 parts of the 40 s of the run, got 5 and 12"):
-        PayloadDrop(robot=SMALL, duration=40.0, times=4, start=5.0, stop=12.0)
+        Laws(disturbance="payload", robot=SMALL, duration=40.0, times=4, start=5.0, stop=12.0)
 
 
 def test_stiffer_joints_carry_more_bandwidth() -> None:
-    study = StableBandwidth(laws=("gradient",), stiffness=(1e3, 1e5), duration=0.2, trial=0.6)
+    study = Laws(disturbance="springs", laws=("gradient",), stiffness=(1e3, 1e5), duration=0.2, trial=0.6)
     comparison = study.compare(quietly)
     numbers = found(comparison)
     soft, stiff, rigid = (numbers[f"stable_bandwidth.gradient.{at}"] for at in ("1000", "100000", "rigid"))
@@ -122,7 +128,7 @@ def test_stiffer_joints_carry_more_bandwidth() -> None:
 @pytest.mark.parametrize(
     ("settings", "says"),
     [
-        ({"stiffness": (-1e3,)}, "stiffness: expected numbers from 0.001 to"),
+        ({"stiffness": (-1e3,)}, "stiffness: expected numbers from 0 to"),
         ({"encoders": "both"}, "encoders: expected 'link' or 'motor', got 'both'"),
         (
             {"robot": "puma560_measured"},
@@ -132,4 +138,4 @@ def test_stiffer_joints_carry_more_bandwidth() -> None:
 )
 def test_elastic_joints_that_cannot_be_are_refused(settings: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=says):
-        StableBandwidth(laws=("gradient",), duration=0.1, **settings).compare(quietly)
+        Laws(disturbance="springs", laws=("gradient",), duration=0.1, **settings).compare(quietly)

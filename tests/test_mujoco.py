@@ -24,7 +24,7 @@ from adaptctl.errors import (
     PhysicalConsistencyWarning,
     SimplificationWarning,
 )
-from adaptctl.experiments.two_plants import TwoPlants
+from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant
 
 BOX = '<body name="box" pos="1 0 0.05"><freejoint/><geom type="box" size=".05 .05 .05" density="100"/></body>'
@@ -366,7 +366,7 @@ def test_command_lines_that_are_refused(
 
 
 def test_two_plants_differ_by_integration_and_by_contacts() -> None:
-    free = TwoPlants(robot=str(SCENE), root="stand", duration=2.0).compare(lambda *_: None)
+    free = AdaptiveTracking(plant="both", robot=str(SCENE), root="stand", duration=2.0).compare(lambda *_: None)
     found = {finding.name: finding.value for finding in free.findings}
     assert found["plants_apart_fine"] < 0.3 * found["plants_apart"] < 0.3e-2
     assert free.answer is not None
@@ -374,15 +374,13 @@ def test_two_plants_differ_by_integration_and_by_contacts() -> None:
 
 
 def test_two_plants_are_not_one_twice() -> None:
-    with pytest.raises(
-        InputError, match="plant: expected mujoco, with which adaptctl's own is compared, got 'adaptctl'"
-    ):
-        TwoPlants(plant="adaptctl")
+    with pytest.raises(InputError, match="plant: expected adaptctl, mujoco or both, got 'twice'"):
+        AdaptiveTracking(plant="twice")
 
 
 def test_stops_are_no_matter_of_integration(tmp_path: Path) -> None:
     stopped = SCENE.read_text().replace('range="-100 100"', 'range="-100 100" frictionloss="3"')
     path = written(tmp_path, stopped)
-    compared = TwoPlants(robot=str(path), root="stand", duration=2.0).compare(lambda *_: None)
+    compared = AdaptiveTracking(plant="both", robot=str(path), root="stand", duration=2.0).compare(lambda *_: None)
     assert compared.answer is not None
     assert "integration does not explain it" in compared.answer

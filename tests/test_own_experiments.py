@@ -10,7 +10,7 @@ import pytest
 
 from adaptctl.cli.main import main
 from adaptctl.errors import InputError
-from adaptctl.experiments import EXPERIMENTS, GROUP, own
+from adaptctl.experiments import EXPERIMENTS, GROUP, from_entry_point
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 
 OWN = Path("docs/examples/my_experiment.py")
@@ -67,10 +67,10 @@ def test_a_file_that_is_not_there(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_entry_points_name_classes() -> None:
     point = EntryPoint("mine", "adaptctl.experiments.puma560_adaptive:Puma560Adaptive", GROUP)
-    assert own.from_entry_point(point) is Puma560Adaptive
+    assert from_entry_point(point) is Puma560Adaptive
     for value, message in (("adaptctl.cli.main:main", "expected a subclass"), ("nothing:No", "ModuleNotFoundError")):
         with pytest.raises(InputError, match=message):
-            own.from_entry_point(EntryPoint("mine", value, GROUP))
+            from_entry_point(EntryPoint("mine", value, GROUP))
 
 
 def test_installed_experiments_are_found_by_name(

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 
 from adaptctl.dynamics import load
-from adaptctl.experiments.adaptation_laws import AdaptationLaws
+from adaptctl.experiments.laws import Laws
 from adaptctl.identifiability import essential_space, fundamental_basis
 from benchmarks import long_mechanisms, start_up
 from benchmarks.findings import Agreement, Finding, Measurement, Speedup
@@ -130,7 +130,7 @@ def test_arms_that_differ_along_a_null_direction_move_alike(tmp_path: Path) -> N
 
 def test_operations_of_laws_are_those_of_their_ticks() -> None:
     """Each row of the table of laws, whose name is that of a controller of the experiment."""
-    experiment = AdaptationLaws()
+    experiment = Laws()
     mechanism = load(experiment.robot)
     contenders = experiment.contenders(mechanism, fundamental_basis(essential_space(mechanism)))
     counted = {one.name: one.controller.kernel.operations.flops for one in contenders}

@@ -9,7 +9,7 @@ import pytest
 from comparisons import shown
 
 from adaptctl.errors import InputError
-from adaptctl.experiments.reduced_model import ReducedModelTracking, error_by_count
+from adaptctl.experiments.puma560_adaptive import Puma560Adaptive, error_by_count
 
 COUNTS = (36, 30, 10)
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsist
 
 @pytest.fixture(scope="module")
 def said() -> dict[str, Any]:
-    return shown(ReducedModelTracking(duration=6.0, components=COUNTS))
+    return shown(Puma560Adaptive(duration=6.0, components=COUNTS))
 
 
 def test_every_count_runs_adapted_and_held(said: dict[str, Any]) -> None:
@@ -50,7 +50,7 @@ def test_only_what_is_whole_leaves_the_proof_as_it_is(said: dict[str, Any]) -> N
 
 
 def test_runs_too_short_for_a_final_error_have_no_points() -> None:
-    axes = error_by_count((10, 36), (), np.ones(37)).axes[0]
+    axes = error_by_count((10, 36), {}, np.ones(37), "mrad").axes[0]
     assert [len(line.get_xdata()) for line in axes.lines] == [0, 0]  # type: ignore[arg-type]  # arrays, of numbers
 
 
@@ -64,4 +64,4 @@ def test_runs_too_short_for_a_final_error_have_no_points() -> None:
 )
 def test_what_cannot_be_is_refused(options: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=says):
-        ReducedModelTracking(duration=0.1, **options).compare(lambda what, share: None)
+        Puma560Adaptive(duration=0.1, **{"components": (30,)} | options).compare(lambda what, share: None)

@@ -12,11 +12,10 @@ import pytest
 from comparisons import comparison
 
 from adaptctl.dynamics import load
-from adaptctl.experiments import EXPERIMENTS
 from adaptctl.recording import Comparison, Fact, Whose, write_artifacts
 from adaptctl.recording.judgement import outcome_words
 from adaptctl.recording.report import report
-from docs.making.gallery import PAGE, PICTURES, outcome_of
+from docs.making.gallery import PAGE, PICTURES, SHOWN, outcome_of
 
 
 @pytest.fixture(scope="module")
@@ -139,9 +138,9 @@ def test_the_gallery_tells_what_a_report_says_first(folder: Path, shown: Compari
 
 def test_the_gallery_has_every_experiment_with_picture_command_and_outcome() -> None:
     parts = PAGE.read_text(encoding="utf-8").split("\n## ")[1:]
-    assert [part.partition("\n")[0] for part in parts] == [entry.name for entry in EXPERIMENTS]
-    for entry, part in zip(EXPERIMENTS, parts, strict=True):
+    assert [part.partition("\n")[0] for part in parts] == [entry.name for entry in SHOWN]
+    for entry, part in zip(SHOWN, parts, strict=True):
         assert (PICTURES / f"{entry.name}.webp").is_file()
         assert f"](images/gallery/{entry.name}.webp)" in part
-        assert f"adaptctl experiment run {entry.name}\n" in part
+        assert f"adaptctl experiment run {entry.arguments}\n" in part
         assert re.search(rf"{re.escape(entry.summary)}\. \S.*\.\n", part), entry.name

@@ -38,11 +38,11 @@ def test_what_was_found_is_read_as_it_was(tmp_path: Path) -> None:
         "duration": 0.1,
         "seed": 3,
     }
-    study = SweepStudy.named("adaptation-laws", {}, precision="single")
+    study = SweepStudy.named("laws", {}, precision="single")
     write_settings(tmp_path / "best.toml", study, BestSettings(settings, "composite", 1.0, 4))
     again = SweepStudy.named(str(tmp_path / "best.toml"), {})
     assert list(again.runs()) == [settings]
-    assert (again.experiment, again.controllers, again.precision) == ("adaptation-laws", ("composite",), "single")
+    assert (again.experiment, again.controllers, again.precision) == ("laws", ("composite",), "single")
 
 
 @given(st.text())

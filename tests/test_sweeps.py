@@ -365,4 +365,4 @@ def test_a_user_s_own_cluster_is_used(tmp_path: Path) -> None:
 
 
 def test_every_experiment_can_be_swept_by_name() -> None:
-    assert SweepStudy.named("payload-drop", {"payload": "1,2"}).kind is find("payload-drop")
+    assert SweepStudy.named("laws", {"payload": "1,2"}).kind is find("laws")

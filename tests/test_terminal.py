@@ -96,7 +96,7 @@ def test_completion_knows_commands_experiments_and_flags(tmp_path: Path) -> None
     script = tmp_path / "completion.bash"
     assert main(["install-completion", "--shell", "bash", "--out", str(script)]) == 0
     text = script.read_text()
-    for word in ("doctor", "payload-drop", "--initial-error", "--energy-error"):
+    for word in ("doctor", "two-arms", "--initial-error", "--energy-error"):
         assert word in text
     subprocess.run(["bash", "-n", str(script)], check=True)
 

@@ -16,9 +16,8 @@ from adaptctl.design.report import quantities
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.joint_units import error_unit, position_unit, position_units
 from adaptctl.errors import InputError
-from adaptctl.experiments.counterweight import CounterweightedTracking
-from adaptctl.experiments.friction_curves import Curve, friction_curves
-from adaptctl.experiments.two_plants import TwoPlants
+from adaptctl.experiments.adaptive import AdaptiveTracking
+from adaptctl.experiments.laws_figures import friction_curves
 from adaptctl.identification.preparation import prepare
 from adaptctl.recording.result import silent
 from adaptctl.recording.wording import coupling_unit
@@ -75,12 +74,6 @@ def test_runs_that_verify_gains_say_so(cart: Path) -> None:
     assert "mrad; adaptation off" in str(tune(load("docs/examples/two_link.toml")).verified[0])
 
 
-def test_counterweights_say_so(cart: Path) -> None:
-    result = CounterweightedTracking(robot=str(cart), duration=2.5, samples=50, components=3).run(silent)
-    assert "mrad or mm instead of" in result.headline
-    assert "mrad or mm" in next(fact.answer for fact in result.facts if fact.question == "Error, all adapted")
-
-
 def test_coupling_is_in_the_unit_of_its_joints(cart: Path) -> None:
     assert [coupling_unit(load(arm)) for arm in (str(cart), "puma560_measured")] == ["kg m", "kg m²"]
     task = DesignTask.within_limits(load(cart), 50, 0, 0.25)
@@ -93,7 +86,7 @@ def test_coupling_is_in_the_unit_of_its_joints(cart: Path) -> None:
 
 
 def test_two_plants_say_so(cart: Path) -> None:
-    compared = TwoPlants(robot=str(cart), duration=2.0).compare(silent)
+    compared = AdaptiveTracking(robot=str(cart), plant="both", duration=2.0).compare(silent)
     assert {f.unit for f in compared.findings if f.name.startswith("plants_apart")} == {"rad or m"}
 
 
@@ -113,13 +106,8 @@ def test_logs_beyond_limits_are_told_in_the_joints_units() -> None:
     assert " N, its robot at most 0.001: are" in refused(Limits(effort=1e-3))
 
 
-def test_friction_over_speed_has_the_joints_units() -> None:
-    speeds = np.linspace(-1.0, 1.0, 50)
-    curves = [
-        Curve(name, (1.0, 2.0), 0.1, 0.1, (1.0, 2.0), speeds, units)
-        for name, units in (("rail", ("N", "m/s")), ("elbow", ("N·m", "rad/s")))
-    ]
-    figure = friction_curves(curves)
+def test_friction_over_speed_has_the_joints_units(cart: Path) -> None:
+    figure = friction_curves(load(cart), {"rail.coulomb": 2.0}, np.linspace(-1.0, 1.0, 100).reshape(50, 2), 0.1, 0.1)
     assert isinstance(figure, Figure)
-    assert [axes.get_title() for axes in figure.axes if axes.get_title()] == ["rail [N]", "elbow [N·m]"]
+    assert [axes.get_title() for axes in figure.axes if axes.get_title()] == ["rail [N]", "pivot [N·m]"]
     assert figure._supxlabel.get_text() == "speed [rad/s or m/s]"  # type: ignore[attr-defined]

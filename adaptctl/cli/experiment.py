@@ -14,7 +14,7 @@ from cyclopts import App, Parameter
 from adaptctl.cli.interruption import Interruption, interruptible
 from adaptctl.cli.output import print_json
 from adaptctl.errors import InputError
-from adaptctl.experiments import EXPERIMENTS, find, offered
+from adaptctl.experiments import EXPERIMENTS, RENAMED, find, from_entry_point, from_file, offered
 
 if TYPE_CHECKING:
     from adaptctl.experiments.experiment import Experiment
@@ -58,12 +58,12 @@ def offer_own(given: Sequence[str]) -> None:
     name = given[2] if list(given[:2]) == ["experiment", "run"] and len(given) > 2 else "-"
     if name.startswith("-") or name in (entry.name for entry in EXPERIMENTS):
         return
-    from adaptctl.experiments import own
-
+    if name in RENAMED:
+        find(name)
     if name.endswith(".py"):
-        kind = own.from_file(name)
+        kind = from_file(name)
     elif (point := offered().get(name)) is not None:
-        kind = own.from_entry_point(point)
+        kind = from_entry_point(point)
     else:
         return
     run.command(_command(kind, kind.name), name=name, help=f"{kind.title}.")

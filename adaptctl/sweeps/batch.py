@@ -13,9 +13,8 @@ from adaptctl.compilation.lanes import Precision
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import AdaptctlError, NotFoundError
-from adaptctl.experiments.contest import Contender
+from adaptctl.experiments.contest import Contender, Learning
 from adaptctl.experiments.experiment import Experiment
-from adaptctl.experiments.learning import Learning
 from adaptctl.identifiability import FundamentalBasis, essential_space, fundamental_basis
 from adaptctl.recording import ControllerRun
 from adaptctl.simulation import Episode, Rollouts, simulate_many

@@ -17,7 +17,7 @@ import numpy as np
 from adaptctl.caching import cached_property
 from adaptctl.compilation.lanes import Precision, require_precision
 from adaptctl.errors import FileError, InputError, NotFoundError
-from adaptctl.experiments import EXPERIMENTS, find
+from adaptctl.experiments import EXPERIMENTS, RENAMED, find
 from adaptctl.experiments.experiment import CheckedSettings
 from adaptctl.files import hashed, read_toml
 from adaptctl.nearest_name import nearest_name
@@ -106,7 +106,7 @@ class SweepStudy:
         cannot be read, has other content or names an unknown experiment or setting; `InputError` for values that a
         setting cannot have, and for options that do not fit.
         """
-        if target in (entry.name for entry in EXPERIMENTS):
+        if target in (*(entry.name for entry in EXPERIMENTS), *RENAMED):
             return cls._made(StudyFile("adaptctl/study/1", target), given, options)
         path = STUDIES / f"{target}.toml"
         if not path.is_file():

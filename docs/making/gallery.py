@@ -11,10 +11,11 @@ from contextlib import suppress
 from html import unescape
 from pathlib import Path
 from subprocess import run
+from typing import NamedTuple
 
 from PIL import Image
 
-from adaptctl.experiments import EXPERIMENTS, Entry
+from adaptctl.experiments import EXPERIMENTS
 
 DOCS = Path(__file__).resolve().parent.parent
 PICTURES, PAGE = DOCS / "images" / "gallery", DOCS / "gallery.md"
@@ -24,8 +25,63 @@ TRIES = 3
 """of a viewer, which on a busy machine may not answer in time"""
 LOOKS = 6
 """Of a viewer, a second apart: what it says of itself when it opens goes away while it is looked at."""
-FIRST = {"task-space": "tool-error", "sheu-walker-1991": "figure-3"}
+FIRST = {
+    "task-space": "tool-error",
+    "sheu-walker-1991": "figure-3",
+    "laws": "parameter-error",
+    "laws-payload": "recovery",
+    "laws-noise": "parameter-error",
+    "laws-saturation": "parameter-error",
+    "laws-friction": "friction",
+    "laws-springs": "stable-bandwidth",
+    "puma560-adaptive-components": "components",
+}
 """Figures that show what the experiment is about, where it is not the tracking error."""
+
+
+class Shown(NamedTuple):
+    """A run in the gallery: its `name`, fit for a file; what it is about, in words; and the command's arguments."""
+
+    name: str
+    summary: str
+    arguments: str
+
+
+MORE = {
+    "puma560-adaptive": (
+        Shown(
+            "puma560-adaptive-components",
+            "The PUMA 560 tracks while its controller carries only some of its essential components",
+            "puma560-adaptive --components 36 34 30 25 10",
+        ),
+    ),
+    "adaptive": (
+        Shown(
+            "adaptive-both",
+            "One law on two plants, adaptctl's and MuJoCo: how far they are apart, and why",
+            "adaptive --plant both",
+        ),
+    ),
+    "laws": tuple(
+        Shown(f"laws-{name}", summary, f"laws --disturbance {name}")
+        for name, summary in (
+            ("payload", "A payload picked up and dropped in mid-motion: how long each law takes to recover"),
+            ("noise", "Encoders, delay, lag and weak motors, and nothing that excites: which laws drift"),
+            (
+                "saturation",
+                "Motors too weak for a payload, for a while: adaptation frozen while they saturate, and not",
+            ),
+            ("friction", "Joints that rub: friction learned as parameters, and friction ignored"),
+            ("springs", "Elastic joints: up to which bandwidth each law stays stable, over their stiffness"),
+        )
+    ),
+}
+"""Other runs of an experiment, which answer questions of their own."""
+SHOWN = [
+    shown
+    for entry in EXPERIMENTS
+    for shown in (Shown(entry.name, entry.summary, entry.name), *MORE.get(entry.name, ()))
+]
 HEAD = """# Gallery
 
 Every experiment: a picture, the command that makes it, and what came out. `make gallery` makes this page anew.
@@ -36,11 +92,11 @@ def make(results: Path) -> list[str]:
     """Run what has no results yet, and write pictures and page; returns sentences on what is missing."""
     missing, parts = [], [HEAD]
     PICTURES.mkdir(parents=True, exist_ok=True)
-    for entry in EXPERIMENTS:
+    for entry in SHOWN:
         folder = results / entry.name
         if not (folder / "report.html").is_file():
-            command = [sys.executable, "-m", "adaptctl", "experiment", "run", entry.name, "--out", str(folder)]
-            if run(command, check=False).returncode not in (0, 3):
+            command = [sys.executable, "-m", "adaptctl", "experiment", "run", *entry.arguments.split()]
+            if run([*command, "--out", str(folder)], check=False).returncode not in (0, 3):
                 missing.append(f"{entry.name}: it did not run")
         missing += list(_picture(entry.name, folder))
         parts.append(_part(entry, folder))
@@ -89,12 +145,12 @@ def _screenshot(recording: Path, target: Path, seconds: float = 8.0) -> bool:
     return True
 
 
-def _part(entry: Entry, folder: Path) -> str:
+def _part(entry: Shown, folder: Path) -> str:
     """Section of an experiment, in Markdown: its question and its outcome, its picture, its command."""
     outcome = outcome_of(folder / "report.html")
     shown = PICTURES / f"{entry.name}.webp"
     picture = f"![What {entry.name} shows](images/gallery/{entry.name}.webp)\n\n" if shown.is_file() else ""
-    command = f"```console\nadaptctl experiment run {entry.name}\n```\n"
+    command = f"```console\nadaptctl experiment run {entry.arguments}\n```\n"
     return f"## {entry.name}\n\n{picture}{entry.summary}. {outcome}\n\n{command}"
 
 

@@ -1,0 +1,400 @@
+"""An arm known roughly, disturbed by what real plants have: settings, plant, motion and gains."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control import Gains, Halted, Reference, Sinusoids, exciting_reference, typical_inertia
+from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.experiments.contest import ADAPTATION_OFF, Learning, listed
+from adaptctl.experiments.experiment import FAR, setting
+from adaptctl.experiments.laws_measures import WINDOW
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.recording import Failure, Setting
+from adaptctl.tuning.verification import scaled_links
+
+if TYPE_CHECKING:
+    import gymnasium
+
+    from adaptctl.simulation.effects import Effect, Payload
+
+CENTER = (0.0, -0.6, 0.8, 0.0, 0.5, 0.0)
+"""rad: a posture of a PUMA with its elbow bent"""
+FREQUENCIES = (0.15, 0.3, 0.55, 0.85, 1.2)
+"""Hz, each drawn 20 % up or down for every joint, its amplitude as 1/sqrt(frequency)"""
+AMPLITUDES, SINGLE = (0.5, 0.4, 0.4, 0.4, 0.4, 0.4), (0.1, 0.125, 0.15, 0.175, 0.2, 0.225)
+"""rad and Hz of the single sinusoids that `puma560-adaptive` follows"""
+SAMPLES = 400
+"""moments of a reference at which loops are asked whether they allow it, and over which parameters are weighed"""
+RANDOM, EXCITING, SINGLES, REST = MOTIONS = ("random", "exciting", "single", "rest")
+LABELS = {
+    "composite": "Composite",
+    "gradient": "Gradient",
+    "sigma-modification": "σ-modification",
+    "e-modification": "e-modification",
+    "dead-zone": "Dead zone",
+    "projection": "Projection",
+    "bounded-gain-forgetting": "Least squares, bounded gain",
+    "cushioned-floor": "Least squares, floor",
+    "composite-learning": "Composite learning",
+    "concurrent-learning": "Concurrent learning",
+    "natural": "Natural, full parameters",
+    "consistent-lift": "Consistent lift",
+    "adaptive-computed-torque": "Adaptive computed torque",
+    "passivity-integral": "Integral action, gradient",
+    "computed-torque": "Computed torque, rough model",
+    "pd-gravity": "PD with rough gravity",
+    "gradient-euler": "Gradient, Euler",
+    "never-frozen": "Never frozen",
+    "no-friction-columns": "No friction columns",
+    "computed-torque-true": "Computed torque, true drives",
+    "computed-torque-smooth": "Computed torque, no friction",
+    ADAPTATION_OFF: "Adaptation off",
+}
+LAWS, OTHERS = tuple(LABELS)[:16], tuple(LABELS)[16:-1]
+"""Laws that run by default, and others, which show what these are better than."""
+DISTURBANCES: dict[str, dict[str, Any]] = {
+    name: {key: tuple(value) if isinstance(value, list) else value for key, value in chosen.items()}
+    for name, chosen in tomllib.loads(Path(__file__).with_name("disturbances.toml").read_text("utf-8")).items()
+}
+"""Settings by name that each disturbance sets where they are not given."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DisturbedArm(Learning):
+    """Abstract base class of experiments on an arm known roughly, under a disturbance: its rough model has every link's
+    parameters off by `parameter_error`, up or down by seed, and no friction.
+
+    A `disturbance` sets what is not given: `DISTURBANCES` says what. All are settings, so that they go together. Raises
+    `InputError` at construction for settings of the wrong type, out of their bounds or against each other, and for a
+    law twice, `NotFoundError` for an unknown law, motion or disturbance, `NonFiniteError` for NaN or infinity."""
+
+    disturbance: str = setting("none", f"what is set where it is not given, for: {', '.join(DISTURBANCES)}")
+    laws: tuple[str, ...] = setting(LAWS, f"which laws run, the subject first; others: {', '.join(OTHERS)}")
+    robot: str = setting("puma560_geared", "a built-in robot or a file whose links rigid bodies are")
+    duration: float = setting(20.0, "length of every run, s", low=0.01, high=1000.0)
+    bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=2000.0)
+    ratio: float = setting(
+        2.0, "damping over bandwidth times each joint's typical inertia", symbol="K", low=0.1, high=100.0
+    )
+    rate: float = setting(
+        5.0,
+        "adaptation rate: the gain is it times the square of each parameter's deviation",
+        symbol="Γ",
+        low=1e-6,
+        high=1e6,
+    )
+    parameter_error: float = setting(
+        0.5, "the rough model has each link's parameters off by this share, up or down by seed", low=0.01, high=0.9
+    )
+    initial_error: float = setting(0.0, "initial error of every joint, rad or m", low=-1.0, high=1.0)
+
+    motion: str = setting(
+        RANDOM,
+        f"{RANDOM}: five sinusoids a joint by seed; {EXCITING}: Fourier series that tell most within the joints' "
+        f"limits; {SINGLES}: one sinusoid a joint, of six joints; {REST}: none",
+    )
+    amplitude: float = setting(0.25, f"of each joint's {RANDOM} term at 0.2 Hz, rad", low=0.0, high=2.0)
+    halt: float = setting(0.0, "when the motion comes to rest, s; 0 for never", low=0.0, high=300.0)
+
+    payload: float = setting(0.0, "mass that is picked up and dropped, kg", low=0.0, high=1e3)
+    size: float = setting(0.1, "edge of the payload, a cube, m", low=0.0, high=10.0)
+    lever: float = setting(0.05, "its centre before the flange, m", low=-10.0, high=10.0)
+    start: float = setting(10.0, "when it is picked up, s", low=0.0, high=300.0)
+    stop: float = setting(25.0, "when it is dropped, s", low=0.0, high=300.0)
+    times: int = setting(1, "how often it is picked up and dropped, in equal parts of the run", low=1, high=100)
+
+    strength: float = setting(1.0, "the motors have this share of their torque limits", low=0.01, high=1.0)
+    rate_limit: float = setting(0.0, "torques change by at most this, N m/s; 0 for no limit", low=0.0, high=1e9)
+    resolution: float = setting(0.0, "of the encoders at the joints, rad", low=0.0, high=0.1)
+    noise: float = setting(0.0, "deviation of positions before they are counted, rad", low=0.0, high=0.1)
+    velocity_noise: float = setting(0.0, "deviation of what is measured of velocities, rad/s", low=0.0, high=1.0)
+    filter: float = setting(
+        0.0, "cutoff of the differences that velocities are, Hz; 0: they are measured", low=0.0, high=1e4
+    )
+    delay: int = setting(0, "control periods from measurement to torque", low=0, high=64)
+    lag: float = setting(0.0, "time constant of the drives, s; 0 for none", low=0.0, high=1.0)
+    stribeck: float = setting(0.0, "static friction exceeds Coulomb friction by this share of it", low=0.0, high=10.0)
+    stribeck_speed: float = setting(0.1, "speed at which half of that excess is gone, rad/s", low=1e-3, high=10.0)
+    friction_range: float = setting(
+        0.1,
+        "prior range of Coulomb friction over the torque limit; of viscous friction, at 1 rad/s",
+        low=1e-4,
+        high=1.0,
+    )
+    stiffness: tuple[float, ...] = setting((0.0,), "of every joint's spring, N m/rad; 0 for none", low=0.0, high=1e9)
+    damping_ratio: float = setting(0.05, "of a spring's own oscillation", low=0.0, high=2.0)
+    encoders: str = setting("link", "where encoders sit: behind the spring, on the link, or before it, on the motor")
+    trial: float = setting(
+        3.0, "length of the run that decides whether a bandwidth is stable on springs, s", low=0.05, high=60.0
+    )
+
+    leakage: float = setting(0.05, "sigma-modification's leak to the rough model, 1/s", symbol="σ", low=1e-6, high=10.0)
+    sliding_leakage: float = setting(0.5, "e-modification's, 1/rad", symbol="ν", low=1e-6, high=100.0)
+    dead_zone: float = setting(0.02, "width of the dead zone of s, rad/s", low=1e-6, high=10.0)
+    prediction: float = setting(
+        1e3, "weight of torque prediction errors in parts of the torque limits, N m/s", symbol="R", low=1e-6, high=1e9
+    )
+    cutoff: float = setting(5.0, "of the torque filter, rad/s", low=0.1, high=1e3)
+    forgetting: float = setting(2.0, "of least squares, 1/s", low=0.0, high=100.0)
+    recall: float = setting(2.0, "how fast composite learning returns to its memory, 1/s", low=0.0, high=100.0)
+    excitation: float = setting(
+        5.0, "least of a joint's equation that composite learning remembers, 1/s", low=0.0, high=1e9
+    )
+    alarm: float = setting(0.2, "power missed above which its memory is wrong, and forgotten, W", low=1e-9, high=1e9)
+    samples: int = setting(24, "of concurrent learning's stack", low=1, high=64)
+    novelty: float = setting(100.0, "of a sample that concurrent learning keeps, 1/s", low=1e-9, high=1e9)
+    acceleration_gain: float = setting(
+        1.0, "adaptive computed torque, which learns from accelerations, has this share of the gain", low=1e-6, high=1.0
+    )
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls.__init__ = DisturbedArm.__init__  # type: ignore[method-assign]  # else a dataclass makes its own
+
+    def __init__(self, **given: Any) -> None:
+        asked = given.get("disturbance", "none")
+        if asked not in DISTURBANCES:
+            raise NotFoundError(f"disturbance: expected one of {', '.join(DISTURBANCES)}, got {asked!r}")
+        chosen = {entry.name: entry.default for entry in fields(self)} | DISTURBANCES[asked] | given
+        if unknown := chosen.keys() - {entry.name for entry in fields(self)}:
+            raise TypeError(f"{type(self).__name__} has no setting {min(unknown)!r}")
+        for name, value in chosen.items():
+            object.__setattr__(self, name, value)
+        self.__post_init__()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.motion not in MOTIONS:
+            raise NotFoundError(f"motion: expected {', '.join(MOTIONS)}, got {self.motion!r}")
+        for name in self.laws:
+            if name not in (*LAWS, *OTHERS):
+                raise NotFoundError(f"laws: unknown law {name!r}; laws: {', '.join((*LAWS, *OTHERS))}")
+        if len(set(self.laws)) < len(self.laws):
+            raise InputError(f"laws: expected each at most once, got {', '.join(self.laws)}")
+        if 0.0 in self.stiffness and len(self.stiffness) > 1:
+            raise InputError("stiffness: expected positive numbers, or 0 alone for no springs")
+        before = WINDOW if self.recovers else 0.0
+        if self.payload and not before <= self.start < self.stop <= self.turn:
+            part = "" if self.times == 1 else f"each of {self.times} parts of "
+            raise InputError(
+                f"start, stop: expected {before:g} s before the payload is picked up, and that it is dropped after "
+                f"that and within {part}the {self.duration:g} s of the run, got {self.start:g} and {self.stop:g}"
+            )
+
+    @property
+    def turn(self) -> float:
+        """Length (s) of a part of the run, in which the payload is picked up and dropped once."""
+        return self.duration / self.times
+
+    @property
+    def has_springs(self) -> bool:
+        """True where motors turn the links through springs."""
+        return self.stiffness != (0.0,)
+
+    @property
+    def is_weak(self) -> bool:
+        """True where motors are held back, so that all laws are guarded."""
+        return self.strength < 1.0 or self.rate_limit > 0.0
+
+    @property
+    def recovers(self) -> bool:
+        """True where a payload comes that the motors can carry, so that laws return from it."""
+        return self.payload > 0.0 and not self.is_weak
+
+    @property
+    def expected(self) -> Mapping[Failure, str]:
+        """Failures of the first law that the disturbance is to show, and why."""
+        if self.has_springs:
+            return dict.fromkeys(Failure, "springs ring")
+        weak = {Failure.SATURATED: "its motors are weak"} if self.strength < 1.0 else {}
+        return weak | ({Failure.NO_BETTER: "nothing excites the arm"} if self.motion == REST else {})
+
+    @property
+    def purpose(self) -> str:
+        """Paragraph of text for the report that states the question."""
+        asked = {
+            "It is to hold still, so that errors say nothing of most parameters; but noise in the regressor times "
+            "noise in the error has a mean, and the gradient follows it.": self.motion == REST,
+            f"It picks up {self.payload:g} kg at {self.start:g} s and drops it at {self.stop:g} s, and nobody tells "
+            "its controller. Parameter errors are against the arm alone.": self.payload,
+            f"Its motors have {100 * self.strength:.0f} % of their strength. While one saturates, the error says "
+            "nothing of the parameters: what goes on learning from it winds up, as an integrator does.": self.is_weak,
+            f"Encoders of {self.resolution:g} rad have {self.noise:g} rad of noise, velocities "
+            f"{self.velocity_noise:g} rad/s; torques are late by {1e3 * self.delay * self.control_period:g} ms, with "
+            f"a lag of {1e3 * self.lag:g} ms.": self.resolution or self.noise or self.velocity_noise,
+            "Gears rub: viscous and Coulomb friction are two more columns of the regressor a joint, which start from "
+            f"zero; static friction beyond Coulomb's, {100 * self.stribeck:.0f} % of it, is in nobody's model."
+            "": self.stribeck,
+            "Motors turn the links through springs and dampers (Spong 1987), which no law knows of; encoders sit on "
+            f"the {self.encoders}.": self.has_springs,
+        }
+        return " ".join(
+            (
+                f"An arm's links are known within {100 * self.parameter_error:.0f} %.",
+                *(sentence for sentence, is_asked in asked.items() if is_asked),
+                "Slotine and Li's control law is run with each adaptation law, from the same rough model and with the "
+                "same gain, and each other control law with gradient adaptation where it adapts. The parameter error "
+                "is weighed by the torque that each parameter makes along a motion that excites.",
+            )
+        )
+
+    def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
+        """Gymnasium tracking environment of a `mechanism` on the reference, its plant with the disturbances. Raises
+        `InputError` for a motion that the mechanism cannot follow, and for friction or springs on joints without."""
+        return self.plant_env(mechanism, self.followed(mechanism), max(self.stiffness))
+
+    def plant_env(self, mechanism: Mechanism, reference: Reference, stiffness: float) -> gymnasium.Env[Any, Any]:
+        """Environment of a `mechanism` on a `reference`, with springs of a `stiffness`, N m/rad, none for 0."""
+        import gymnasium
+
+        return gymnasium.make(
+            "adaptctl.envs:adaptctl/Tracking-v0",
+            robot=mechanism,
+            reference=reference,
+            duration=self.duration,
+            control_period=self.control_period,
+            initial_error=self.initial_error,
+            error_bound=self.error_bound,
+            torque_limits=self.motors(mechanism),
+            effects=tuple(self.effects(mechanism, stiffness)),
+        )
+
+    @property
+    def error_bound(self) -> float:
+        """Error of a joint, rad or m, that ends a run: beyond it, an undisturbed arm is lost, any other diverges."""
+        return 1.0 if self.disturbance == "none" else FAR
+
+    def motors(self, mechanism: Mechanism) -> Array:
+        """Torque limits (r,) of a `mechanism`'s motors, N m (N if prismatic): finite ones, times their strength."""
+        return self.strength * finite_torque_limits(mechanism)
+
+    def effects(self, mechanism: Mechanism, stiffness: float) -> Iterator[Effect]:
+        """Iterator over the effects of the plant that no controller knows of, with springs of the `stiffness` given,
+        N m/rad, none for 0. Raises `InputError` for a mechanism without friction or rotors, where these are asked."""
+        from adaptctl.simulation import effects
+
+        if stiffness:
+            yield self._elastic(mechanism, stiffness)
+        if self.payload:
+            for k in range(self.times):
+                yield effects.PayloadHeld(self.body(), self.start + k * self.turn, self.stop + k * self.turn)
+        if self.rate_limit:
+            yield effects.TorqueRateLimit(self.rate_limit)
+        if self.stribeck:
+            yield self._friction(mechanism)
+        if self.resolution or self.noise or self.velocity_noise:
+            yield effects.Encoder(self.resolution, self.noise, self.velocity_noise)
+        if self.filter:
+            yield effects.FilteredDifferences(self.filter)
+        if self.delay:
+            yield effects.ControlDelay(self.delay)
+        if self.lag:
+            yield effects.ActuatorLag(self.lag)
+
+    def body(self, share: float = 1.0) -> Payload:
+        """The payload, a cube before the flange, or one of a share of its mass."""
+        from adaptctl.simulation.effects import Payload
+
+        mass = share * self.payload
+        return Payload(mass, np.array([0.0, 0.0, self.lever]), mass * self.size**2 / 6.0 * np.eye(3))
+
+    def _friction(self, mechanism: Mechanism) -> Effect:
+        from adaptctl.simulation.effects import Friction
+
+        drives = [joint.drive for joint in mechanism.primary_joints]
+        if not any(drive.coulomb or drive.viscous for drive in drives):
+            raise InputError(
+                f"robot: {mechanism.name} has no friction in its joints: give them viscous or coulomb in its file, or "
+                "use puma560_friction"
+            )
+        excess = self.stribeck * np.array([drive.coulomb or 0.0 for drive in drives])
+        return Friction(stribeck=excess, speed=self.stribeck_speed)
+
+    def _elastic(self, mechanism: Mechanism, stiffness: float) -> Effect:
+        """Springs of one stiffness, damped as an oscillation of each joint's motor against its typical links."""
+        from adaptctl.simulation.effects import ElasticJoints
+
+        inertia, names = typical_inertia(mechanism), mechanism.parameter_names
+        wanted = [f"{joint.name}.rotor_inertia" for joint in mechanism.primary_joints]
+        for name in wanted:
+            if name not in names:
+                raise InputError(
+                    f"robot: {mechanism.name} has no {name}: springs need motors with inertia; use an arm with rotors"
+                )
+        rotors = np.array([mechanism.inertial_parameters[names.index(name)] for name in wanted])
+        together = np.maximum(inertia - rotors, 1e-3 * inertia) * rotors / inertia
+        return ElasticJoints(
+            stiffness, 2.0 * self.damping_ratio * np.sqrt(stiffness * together), encoders=self.encoders
+        )
+
+    def reference(self, mechanism: Mechanism, amplitude: float | None = None) -> Sinusoids:
+        """Motion of a `mechanism`'s r joints before any halt, with another `amplitude` than the setting's where given.
+        Raises `InputError` for another number of joints, and for the optimised motion of one with loops."""
+        if self.motion == EXCITING:
+            return most_exciting(mechanism, self.seed)
+        dof, loops = mechanism.dof, mechanism.description.loops is not None
+        if dof > len(CENTER) or (self.motion == SINGLES and dof != len(CENTER)):
+            many = "6" if self.motion == SINGLES else "up to 6"
+            raise InputError(f"robot: {mechanism.name} has {dof} joints, this experiment is for {many}; use 'adaptive'")
+        if self.motion == SINGLES:
+            return Sinusoids(np.array(CENTER), np.array(AMPLITUDES), np.array(SINGLE))
+        if amplitude is None:
+            amplitude = 0.0 if self.motion == REST else self.amplitude
+        rng, shape = np.random.default_rng(self.seed), (len(FREQUENCIES), dof)
+        frequency = np.array(FREQUENCIES)[:, None] * rng.uniform(0.8, 1.25, shape)
+        phase = rng.uniform(-np.pi, np.pi, shape)
+        center = mechanism.home if loops else np.array(CENTER[:dof])
+        return Sinusoids(center, amplitude / np.sqrt(frequency / 0.2), frequency, phase)
+
+    def followed(self, mechanism: Mechanism) -> Reference:
+        """Motion to follow, the reference with its halt. Raises `InputError` as `reference` does, and for a motion that
+        a mechanism's loops do not allow."""
+        moving = self.reference(mechanism)
+        reference = Halted(moving, self.halt) if self.halt else moving
+        p = reference(np.linspace(0.0, self.duration, SAMPLES)).p
+        apart = mechanism.continuation is not None and not mechanism.continuation.reachable(p).all()
+        if apart or not mechanism.description.within_conditions(p).all():
+            raise InputError(
+                f"amplitude: {mechanism.name} is to move farther than its loops allow; make it smaller than "
+                f"{self.amplitude:g} rad"
+            )
+        return reference
+
+    def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
+        """Iterator over what the report says was chosen: gains, the rough model and the reference."""
+        gains, share = self.gains(mechanism), f"{100 * self.parameter_error:.0f} %"
+        rough = f"a rough model: every link off by {share}, up or down by seed; of friction, zero"
+        yield Setting("Λ", listed(gains.bandwidth), "bandwidth of the tracking loop, 1/s, a joint each")
+        yield Setting("K", listed(gains.damping), "damping, N·m·s (N·s/m), a joint each")
+        yield Setting("Γ", f"{self.rate:g} × (deviation)²", f"deviation: {share} of each link's and drive's size")
+        yield Setting("first estimate", rough, "of every parameter")
+        if self.motion == RANDOM:
+            yield Setting("reference frequencies", listed(np.array(FREQUENCIES)), "Hz, ±20 % by joint and seed")
+
+    def gains(self, mechanism: Mechanism) -> Gains:
+        """Gains of the tracking loop, from the bandwidth and a `mechanism`'s typical inertia."""
+        return Gains.from_bandwidth(mechanism, self.bandwidth, self.ratio)
+
+    def rough(self, mechanism: Mechanism) -> Array:
+        """All P parameters (P,) of the rough model of a `mechanism`, in SI units."""
+        return scaled_links(mechanism, self.parameter_error, self.seed)
+
+
+@lru_cache(maxsize=4)
+def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
+    """Fourier series within a `mechanism`'s limits, found by the `seed`. Raises `InputError` for loops or no limits."""
+    if mechanism.description.loops is not None:
+        raise InputError(f"motion: {EXCITING} is for arms without loops, and {mechanism.name} has some")
+    basis = fundamental_basis(essential_space(mechanism, seed=seed))
+    return exciting_reference(ReducedModel(mechanism, basis), seed=seed).reference
