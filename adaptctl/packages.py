@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 
 from adaptctl.errors import MissingExtraError
@@ -14,14 +15,19 @@ DISTRIBUTIONS = {
     "cvxpy": "'adaptctl[consistency]'",
     "dask": "'adaptctl[sweep]'",
     "distributed": "'adaptctl[sweep]'",
+    "jinja2": "'adaptctl[report]'",
+    "matplotlib": "'adaptctl[report]'",
     "mujoco": "'adaptctl[mujoco]'",
     "optuna": "'adaptctl[search]'",
     "pinocchio": "pin",
+    "pyarrow": "'adaptctl[report]'",
     "rerun": "rerun-sdk",
     "rosbags": "'adaptctl[logs]'",
     "stable_baselines3": "'adaptctl[rl]'",
 }
-"""Names for pip of the packages that are imported by another name."""
+"""Names for pip of the packages that are imported by another name, or come with an extra."""
+OF_RESULTS = ("jinja2", "matplotlib", "pyarrow", "rerun")
+"""What the folder of a run is written by: its report, figures, tables and recording."""
 
 
 @contextmanager
@@ -39,6 +45,14 @@ def needed(what: str) -> Iterator[None]:
         if missing == "adaptctl":
             raise
         raise MissingExtraError(f"{what} needs {missing}: pip install {DISTRIBUTIONS.get(missing, missing)}") from error
+
+
+def require_for_results() -> None:
+    """Raise `ModuleNotFoundError` where a package that the folder of a run is written by is not installed: before
+    hours of computing, not after them. Nothing is imported."""
+    for name in OF_RESULTS:
+        if find_spec(name) is None:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 
 def viewer_program() -> str | None:

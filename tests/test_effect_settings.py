@@ -202,12 +202,16 @@ def test_a_log_is_not_lost_for_its_names(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("package", "make", "what"),
     [
-        ("matplotlib.figure", lambda: logged().plot(), "Rollout.plot needs matplotlib: pip install matplotlib"),
+        (
+            "matplotlib.figure",
+            lambda: logged().plot(),
+            "Rollout.plot needs matplotlib: pip install 'adaptctl\\[report\\]'",
+        ),
         ("matplotlib.figure", lambda: logged()._repr_html_(), "the figure of a Rollout needs matplotlib: pip"),
         (
             "pyarrow.parquet",
             lambda: logged().save("run.parquet"),
-            "the file of a run needs pyarrow: pip install pyarrow",
+            "the file of a run needs pyarrow: pip install 'adaptctl\\[report\\]'",
         ),
         ("pyarrow.parquet", lambda: RunLogger(3, 1e-3, "run.parquet"), "the file of a run needs pyarrow: pip install"),
         ("control", lambda: mechanism_system(arm("puma560_arm3")), "mechanism_system needs control: pip install"),

@@ -60,7 +60,11 @@ def test_load_basis_tick_and_many_arms_need_four_packages(environment: dict[str,
         ("adaptctl.load('puma560').to_pinocchio()", "Mechanism.to_pinocchio", "pin"),
         ("adaptctl.load('semi_direct_drive').home", "a mechanism with loops", "scipy"),
         ("adaptctl.control.Spline(np.zeros((6, 1)), np.arange(6))(0.5)", "Spline", "scipy"),
-        ("import adaptctl.simulation; adaptctl.simulation.Rollout.load('run.parquet')", "Rollout.load", "pyarrow"),
+        (
+            "import adaptctl.simulation; adaptctl.simulation.Rollout.load('run.parquet')",
+            "Rollout.load",
+            "'adaptctl[report]'",
+        ),
     ],
 )
 def test_what_is_missing_is_named_with_its_cure(

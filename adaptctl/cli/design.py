@@ -82,7 +82,10 @@ def design(
     from adaptctl.design.files import as_builtins
     from adaptctl.dynamics import load
     from adaptctl.errors import InputError
+    from adaptctl.packages import require_for_results
 
+    if out is not None:
+        require_for_results()
     if at is not None and link is None:
         raise InputError("--at says where on a link: give --link too")
     if body is not None and mass is not None:

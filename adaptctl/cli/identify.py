@@ -77,7 +77,9 @@ def identify(
     estimate is found.
     """
     from adaptctl.identification import identify as identified
+    from adaptctl.packages import require_for_results
 
+    require_for_results()
     with replacing_folder(out, overwrite) as folder, _files(logs, robot, drives) as (logs, robot, drives):
         found = identified(
             logs,

@@ -1,0 +1,147 @@
+"""Packages that are not installed, as after `--no-deps` on a robot: every command works, or names one in a line."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import adaptctl
+
+HIDING = """
+import os, sys
+
+class Hiding:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in os.environ["HIDDEN"].split():
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Hiding())
+"""
+"""A module that Python imports as it starts."""
+
+RUNNING = """
+import contextlib, io, json, sys
+from adaptctl.cli.main import main
+
+for words in json.loads(sys.argv[1]):
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(words)
+    lines = [line for line in err.getvalue().splitlines() if ": note: " not in line]
+    print(json.dumps([" ".join(words), code, lines]), flush=True)
+"""
+
+API = """
+import numpy as np, adaptctl
+from adaptctl.envs import TrackingEnv
+from adaptctl.errors import MissingExtraError
+arm = adaptctl.load("docs/examples/two_link.toml")
+model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+tuning = adaptctl.tune(arm)
+env = TrackingEnv(arm, tuning.reference, duration=0.1)
+run = adaptctl.simulate(env, tuning.controller(model), seed=0)
+assert np.isfinite(run.p).all()
+try:
+    adaptctl.export(tuning.controller(model), "nowhere", unguarded=True)
+except MissingExtraError as error:
+    print(error)
+"""
+
+ROBOT = "docs/examples/two_link.toml"
+REPORT = "jinja2 matplotlib pyarrow"
+NAMED = re.compile(r"adaptctl: [\w. -]+ needs (?P<what>\w+): pip install (?P<how>\S+)")
+
+
+def commands(folder: Path) -> dict[str, list[str]]:
+    """A line of each command that comes to its end, by a short name."""
+    run = ["--robot", ROBOT, "--duration", "0.1"]
+    return {
+        "basis": ["basis", ROBOT],
+        "gains": ["gains", ROBOT],
+        "tune": ["tune", ROBOT],
+        "design": ["design", ROBOT],
+        "design to a folder": ["design", ROBOT, "--out", str(folder / "design")],
+        "excite": ["excite", ROBOT, "--out", str(folder / "excite")],
+        "export": ["export", ROBOT, "--out", str(folder / "export")],
+        "export wasm": ["export", ROBOT, "--language", "wasm", "--out", str(folder / "wasm")],
+        "identify": ["identify", str(folder / "log.csv"), "--robot", ROBOT, "--out", str(folder / "identify")],
+        "experiment list": ["experiment", "list"],
+        "experiment run": ["experiment", "run", "adaptive", *run, "--out", str(folder / "run")],
+        "doctor": ["doctor"],
+        "install-completion": ["install-completion", "--shell", "bash", "--out", str(folder / "script")],
+    }
+
+
+@pytest.fixture(scope="module")
+def hiding(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("hiding")
+    (place / "sitecustomize.py").write_text(HIDING)
+    return place
+
+
+def python(hiding: Path, hidden: str, *words: str) -> str:
+    """What a process prints that does not find some packages."""
+    path = os.pathsep.join(filter(None, [str(hiding), os.environ.get("PYTHONPATH", str(Path.cwd()))]))
+    known = os.environ | {"PYTHONPATH": path, "HIDDEN": hidden}
+    done = subprocess.run([sys.executable, "-W", "ignore", *words], env=known, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def log(path: Path) -> None:
+    t = np.arange(0.0, 8.0, 0.005)
+    p = np.stack([0.5 * np.sin(2.0 * t), 0.4 * np.sin(3.3 * t)], axis=1)
+    v, a = np.gradient(p, 0.005, axis=0), np.gradient(np.gradient(p, 0.005, axis=0), 0.005, axis=0)
+    torque = adaptctl.load(ROBOT).inverse_dynamics(p, v, a)
+    header = "time,position1,position2,torque1,torque2"
+    np.savetxt(path, np.c_[t, p, torque], delimiter=",", header=header, comments="")
+
+
+@pytest.fixture(scope="module")
+def said(hiding: Path, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """What each command does, by what is hidden."""
+
+    def told(hidden: str) -> dict[str, tuple[int, list[str]]]:
+        folder = tmp_path_factory.mktemp("out")
+        log(folder / "log.csv")
+        lines = commands(folder)
+        out = python(hiding, hidden, "-c", RUNNING, json.dumps(list(lines.values())))
+        found = [json.loads(line) for line in out.splitlines()]
+        assert [words for words, *_ in found] == [" ".join(words) for words in lines.values()]
+        return {name: (code, err) for name, (_, code, err) in zip(lines, found, strict=True)}
+
+    return told
+
+
+@pytest.mark.parametrize("hidden", ["", REPORT, "scipy", "control", "gymnasium", "rerun", "pinocchio", "rich"])
+def test_every_command_works_or_names_a_package(said: Any, hidden: str) -> None:
+    for name, (code, lines) in said(hidden).items():
+        if code == 0:
+            assert not [line for line in lines if "interrupted" in line or "Traceback" in line], name
+            continue
+        assert code == 1, (name, code, lines)
+        assert len(lines) == 1, (name, lines)
+        found = NAMED.fullmatch(lines[0])
+        assert found, (name, lines)
+        assert found["what"] in hidden.split(), name
+        assert found["how"].strip("'") in (found["what"], "adaptctl[report]", "rerun-sdk", "pin"), name
+
+
+def test_what_needs_no_report_works_without_its_packages(said: Any) -> None:
+    told = said(REPORT)
+    done = {name for name, (code, _) in told.items() if code == 0}
+    assert done == {"basis", "tune", "design", "excite", "experiment list", "doctor"}
+    for name in told.keys() - done:
+        assert told[name][1][0].endswith(": pip install 'adaptctl[report]'"), name
+
+
+def test_python_loads_learns_and_simulates_without_them(hiding: Path) -> None:
+    assert python(hiding, REPORT, "-c", API) == "adaptctl.export needs jinja2: pip install 'adaptctl[report]'\n"
