@@ -81,12 +81,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if argv is None else argv)
     with _warnings_as_notes():
         try:
-            if given[:2] == ["experiment", "run"]:
-                from adaptctl.cli.experiment import offer_own
+            with needed(_called(given[: 3 if given[:1] == ["experiment"] else 1])):
+                if given[:2] == ["experiment", "run"]:
+                    from adaptctl.cli.experiment import offer_own
 
-                offer_own(given)
-            _require_command(given)
-            with needed(_called(app.parse_commands(given)[0])):
+                    offer_own(given)
+                _require_command(given)
                 code = int(app(given) or DONE)
             print(end="", flush=True)  # here, where a reader that went away or a full disk can be told of
             return code

@@ -20,6 +20,7 @@ from adaptctl.dynamics.loops.single_precision import require_single_precision
 from adaptctl.errors import FileError, InputError, printable
 from adaptctl.files import hashed, reason, write_json
 from adaptctl.folders import replacing_folder
+from adaptctl.packages import needed
 from adaptctl.simulation.sampled_references import sampled
 from adaptctl.version import __version__
 
@@ -117,6 +118,7 @@ class Exported:
     manifest: dict[str, Any]
 
 
+@needed("adaptctl.export")
 def export(
     controller: Controller[Any],
     directory: str | Path,
