@@ -7,14 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from synthetic_logs import Known, known, motion
 
+from adaptctl.cli.main import main
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.description.readers.entries import Tensor
-from adaptctl.experiments.energy_differences import EnergyDifferences
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.drives_file import PayloadEntry
 from adaptctl.identification.energy_differences import by_energy, energy_rows
+from adaptctl.identification.estimator_comparison import compared_estimators
+from adaptctl.identification.examples import example
 from adaptctl.identification.filtered_dynamics import Rows
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.identify import freed_of_noise, gathered, identified
@@ -138,8 +141,9 @@ def test_energy_balance_is_exact_and_an_estimator_that_amplifies() -> None:
     assert ratios["off"][1] > 3.0
 
 
-def test_the_experiment_shows_it_on_a_real_log(tmp_path: Path) -> None:
-    result = EnergyDifferences().compare(lambda what, share: None)
+def test_the_comparison_shows_it_on_a_real_log(tmp_path: Path) -> None:
+    with example("tx40") as files:
+        result = compared_estimators(files.log, files.robot, files.drives)
     exact, one, _, _, measured = result.measured
     assert exact.momentum < 1e-3
     assert exact.energy < 0.1
@@ -149,3 +153,15 @@ def test_the_experiment_shows_it_on_a_real_log(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "summary.json").read_text())["torques"][-1]["energy"] == measured.energy
     assert (tmp_path / "recording.rrd").stat().st_size > 1000
     assert "energy differences" in (tmp_path / "report.html").read_text()
+
+
+def test_the_command_tells_of_energy_differences(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["identify", "tx40", "--energy-differences", "0.1", "--out", str(tmp_path / "out")]
+    assert main([*line, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["energy_differences"]
+    assert told[-1]["energy"] > 10.0 * told[-1]["momentum"]
+    assert (tmp_path / "out" / "energy-differences" / "report.html").is_file()
+    assert (tmp_path / "out" / "report.html").is_file()
+    assert main(["identify", "tx40", "--energy-differences", "9", "--out", str(tmp_path / "two")]) == 2
+    assert "expected windows of 0.01 to 2 s, got 9" in capsys.readouterr().err
+    assert not (tmp_path / "two").exists()

@@ -1,62 +1,62 @@
-"""The experiment on exported controllers tells which builds repeat Python's ticks, and writes what every one does."""
+"""`adaptctl export --check` builds the C that it writes, and says which builds repeat Python's ticks."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
-from rerun.chunk import RrdReader
 
-from adaptctl.errors import InputError
-from adaptctl.experiments.build_grid import build_grid
-from adaptctl.experiments.export_check import Checked, ExportCheck
-from adaptctl.experiments.exported_builds import Build, found_compilers
+from adaptctl.cli.main import main
+from adaptctl.codegen import builds
+from adaptctl.codegen.builds import COMPILERS, Build, found_compilers
+
+LINE = ("export", "docs/examples/two_link.toml", "--law", "computed-torque", "--check", "--anyway")
 
 
-def test_it_needs_a_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_compilers_are_those_on_the_path(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     assert set(found_compilers()) <= {"zig cc"}
-    if not found_compilers():
-        with pytest.raises(InputError, match="no compiler is found; install one of: cc, clang, tcc, zig cc"):
-            ExportCheck().run(lambda _what, _share: None)
+    (tmp_path / "tcc").write_text("#!/bin/sh\necho tcc version 1\n")
+    (tmp_path / "tcc").chmod(0o755)
+    (tmp_path / "clang").write_text("#!/bin/sh\nexit 1\n")
+    (tmp_path / "clang").chmod(0o755)
+    assert found_compilers() == {"tcc": "tcc version 1"} | {k: v for k, v in found_compilers().items() if k == "zig cc"}
 
 
-def builds(messages: Mapping[str, str]) -> tuple[Build, ...]:
-    """A build of each law with two kinds of number by one compiler, with one by another, and what its test said."""
-    kinds = (("cc", "double"), ("cc", "float"), ("tcc", "double"))
-    rows = ((law, said, *kind) for law, said in messages.items() for kind in kinds)
-    return tuple(Build(law, scalar, which, said.startswith("passed"), said) for law, said, which, scalar in rows)
-
-
-SAID = {"slotine-li": "passed: torques within 2.84e-14 of 151 N m", "natural": "FAILED: torques within nan of 9 N m"}
-
-
-def test_an_export_check_shows_which_builds_agree_and_how_far() -> None:
-    axes = build_grid(builds(SAID)).axes[0]
-    assert [label.get_text() for label in axes.get_yticklabels()] == list(SAID)
-    assert [label.get_text() for label in axes.get_xticklabels()] == ["cc, double", "cc, float", "tcc, double"]
-    assert [text.get_text() for text in axes.texts] == ["2.8·10⁻¹⁴ N m off"] * 3 + ["differs"] * 3
-    assert len({line.get_color() for line in axes.lines}) == 2
-
-
-def test_an_export_check_writes_all_that_an_experiment_does(tmp_path: Path) -> None:
-    checked = Checked(ExportCheck(), {"cc": "cc 1.0"}, builds(SAID), complete=True)
-    result = checked.result()
-    assert result.failed
-    assert result.headline.startswith("Failed: natural (double) by cc: FAILED")
-    assert result.headline.endswith(
-        "3 of 6 builds repeat Python's torques, of up to 151 N m, within 2.8·10⁻¹⁴ N m (double) and "
-        "2.8·10⁻¹⁴ N m (float)."
+def compiler(folder: Path, program: str) -> str:
+    """A compiler that makes a program of its own: a script."""
+    made = folder / "cc"
+    made.write_text(
+        f'#!/bin/sh\nfor last; do :; done\nprintf \'#!/bin/sh\\n{program}\\n\' > "$last"\nchmod +x "$last"\n'
     )
-    result.write(tmp_path, lambda _what, _share: None)
-    assert {path.name for path in tmp_path.iterdir()} == {"summary.json", "figures", "report.html", "recording.rrd"}
-    told = json.loads((tmp_path / "summary.json").read_text())
-    assert [build["difference"] for build in told["builds"]] == [2.84e-14] * 3 + [None] * 3
-    page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "cc 1.0" in page
-    assert page.count("not found") == 3
-    schema = str(RrdReader(tmp_path / "recording.rrd").store().schema())
-    assert "/summary" in schema
-    assert "/figures/builds" in schema
+    made.chmod(0o755)
+    return str(made)
+
+
+def test_builds_are_told_and_what_differs_is_a_failure(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    right = compiler(tmp_path, "echo passed: torques within 2.84e-14 of 151 N m")
+    monkeypatch.setattr(builds, "COMPILERS", {"cc": (right,)})
+    monkeypatch.setattr(builds, "found_compilers", lambda: {"cc": "cc 1"})
+    assert main([*LINE, "--json", "--out", str(tmp_path / "one")]) == 0
+    (told,) = json.loads(capsys.readouterr().out)["builds"]
+    assert told == Build("cc", True, "passed: torques within 2.84e-14 of 151 N m", 2.84e-14, 151.0)._asdict()
+    assert not [path for path in (tmp_path / "one").iterdir() if path.name.startswith("test_cc")]
+    compiler(tmp_path, "echo FAILED: torques within nan of 9 N m; exit 1")
+    assert main([*LINE, "--out", str(tmp_path / "two")]) == 3
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "note:" not in line]
+    assert line.endswith("two: not what Python computes: cc: FAILED: torques within nan of 9 N m")
+    (tmp_path / "cc").write_text("#!/bin/sh\necho no such flag >&2; exit 1\n")
+    assert main([*LINE, "--out", str(tmp_path / "three")]) == 3
+    assert "does not compile: no such flag" in capsys.readouterr().err
+
+
+def test_without_a_compiler_it_says_so(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(builds, "found_compilers", dict[str, Any])
+    assert main([*LINE, "--out", str(tmp_path / "none")]) == 0
+    assert f"not built: no compiler is found, of {', '.join(COMPILERS)}" in capsys.readouterr().out

@@ -31,7 +31,7 @@ def export(
     period: Annotated[float, Parameter(help="Control period, s: how long a torque is held.")] = 1e-3,
     bandwidth: Annotated[float, Parameter(help="Largest Λ, 1/s.")] = 4.0,
     unguarded: Annotated[bool, Parameter(help="Leave out the guards of torques, positions and velocities.")] = False,
-    check: Annotated[bool, Parameter(help="Simulate 600 s first, and put the outcome into the manifest.")] = False,
+    check: Annotated[bool, Parameter(help="Simulate 600 s first; build and run the C where compilers are.")] = False,
     anyway: Annotated[bool, Parameter(help="Write it even where it fails in simulation.")] = False,
     floating_base: Annotated[
         bool, Parameter(help="Let a URDF file's root link float instead of being fixed to the ground.")
@@ -43,7 +43,8 @@ def export(
     Writes C99 source or a WebAssembly module, with a manifest, into a folder that must not exist, and prints a summary,
     or with `json` the manifest. `bandwidth` is the largest rate, the Λ of Slotine and Li's law, at which errors decay.
     Raises `VerdictError`, unless `anyway`, where the arm does not learn with these gains in `adaptctl tune`, or in a
-    `check` diverges, rings, is stopped by its guards or does not learn; `NotFoundError` for an unknown robot or law,
+    `check` diverges, rings, is stopped by its guards or does not learn, and where a build of the C does not repeat
+    Python's torques; `NotFoundError` for an unknown robot or law,
     `InputError` for a name or number that is not allowed, float in
     WebAssembly, a joint that moves no inertia or a mass matrix that is not positive definite, for which there are no
     gains; `FileError` for a robot's file that cannot be
@@ -51,7 +52,9 @@ def export(
     be certified, `LoopError` where kinematic loops cannot be closed.
     """
     from adaptctl.codegen import export as exported
+    from adaptctl.codegen.builds import COMPILERS, builds
     from adaptctl.dynamics import load
+    from adaptctl.errors import VerdictError
     from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
     from adaptctl.tuning import tune
     from adaptctl.tuning.named_laws import guarded, named_law
@@ -67,10 +70,17 @@ def export(
         controller, out, name=name, scalar=scalar, language=language, unguarded=unguarded, check=check,
         reference=tuning.reference, anyway=anyway,
     )  # fmt: skip
+    made = builds(done) if check and language == "c" else ()
     if json:
-        print_json(done.manifest)
+        print_json(done.manifest | ({"builds": [build._asdict() for build in made]} if made else {}))
     else:
         _print(done)
+        for build in made:
+            print(f"{build.compiler}: {build.message}")
+        if check and language == "c" and not made:
+            print(f"not built: no compiler is found, of {', '.join(COMPILERS)}")
+    if wrong := [build for build in made if not build.passed]:
+        raise VerdictError(f"{out}: not what Python computes: {wrong[0].compiler}: {wrong[0].message}")
 
 
 def _print(done: Exported) -> None:

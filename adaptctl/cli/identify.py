@@ -14,9 +14,10 @@ from adaptctl.folders import replacing_folder
 
 if TYPE_CHECKING:
     from adaptctl.identification import Identification
+    from adaptctl.identification.amplification import Amplification
 
 Pairs = tuple[str, ...]
-SCHEMA = "adaptctl/identified/1"
+SCHEMA, ENERGIES = "adaptctl/identified/1", "energy-differences"
 
 
 def identify(
@@ -62,6 +63,10 @@ def identify(
     instruments: Annotated[
         bool, Parameter(help="Instrumental variables, for encoders that are coarse or noisy.")
     ] = False,
+    energy_differences: Annotated[
+        float | None,
+        Parameter(metavar="S", help="Compare with energy differences over so many s: what each estimator amplifies."),
+    ] = None,
     out: Annotated[Path, Parameter(metavar="DIR", help="Folder to write.")] = Path("results/identify"),
     overwrite: Annotated[bool, Parameter(help="Write into a folder that is not empty.")] = False,
     json: Annotated[bool, Parameter(help="Print JSON instead of text.")] = False,
@@ -69,12 +74,14 @@ def identify(
     """Identify a robot's inertial and friction parameters from logs of its motion.
 
     Writes the identified robot, estimates, validation, summary, recording, figures and report into a folder, and prints
-    the outcome, or with `json` a JSON object. The name of an example in place of a log, without `robot`, takes the
-    example's files. Raises `FileError` for files that cannot be read or used and a folder that is not empty or cannot
-    be written, `NotFoundError` for an unknown robot, `InputError` for options of a wrong form or out of range, without
-    a `robot`, and for logs that are at rest, too short or slow, or not this robot's, `LoopError` where kinematic loops
-    cannot be closed, `MissingExtraError` for ROS bags without the extra `logs`, `AdaptctlError` where no consistent
-    estimate is found.
+    the outcome, or with `json` a JSON object. `energy_differences` is the length, s, of windows in which another
+    estimator equates work and energy: what it makes of torques that are off is told beside, in a folder of its own.
+    The name of an example in place of a log, without `robot`, takes the example's files. Raises `FileError` for
+    files that cannot be read or used and a folder that is not empty or cannot be written, `NotFoundError` for an
+    unknown robot, `InputError` for options of a wrong form or out of range, without a `robot`, and for logs that
+    are at rest, too short or slow, or not this robot's, `LoopError` where kinematic loops cannot be closed,
+    `MissingExtraError` for ROS bags without the extra `logs`, `AdaptctlError` where no consistent estimate is
+    found.
     """
     from adaptctl.identification import identify as identified
     from adaptctl.packages import require_for_results
@@ -97,10 +104,18 @@ def identify(
             instruments=instruments,
         )
         _write(folder, found, robot)
+        compared = None
+        if energy_differences is not None:
+            compared = _compared(logs, robot, drives, energy_differences, folder / ENERGIES)
     if json:
-        print_json(as_builtins(found, out))
+        words = {} if compared is None else {"energy_differences": [case._asdict() for case in compared.measured]}
+        print_json(as_builtins(found, out) | words)
     else:
         _tell(found, out)
+        if compared is not None:
+            print(f"\n{compared.headline()}")
+            print("\n".join(f"  {torques:<34}  {answer}" for torques, answer, *_ in compared.facts()))
+            print(f"Read it:     {out / ENERGIES / 'report.html'}")
 
 
 def as_builtins(found: Identification, folder: Path) -> dict[str, Any]:
@@ -130,6 +145,21 @@ def _files(
         raise InputError(f"--robot is missing: name the robot's file, or try the example: adaptctl identify {NAMES[0]}")
     else:
         yield logs, robot, drives
+
+
+def _compared(logs: tuple[Path, ...], robot: str, drives: Path | None, window: float, folder: Path) -> Amplification:
+    """Comparison of what two estimators make of torques that are off, written into a folder of its own."""
+    from adaptctl.errors import InputError
+    from adaptctl.folders import made_folder
+    from adaptctl.identification.estimator_comparison import compared_estimators
+    from adaptctl.recording.result import silent
+
+    if len(logs) != 1 or drives is None:
+        raise InputError("--energy-differences takes one log, whose columns and units a file of --drives says")
+    found = compared_estimators(logs[0], robot, drives, window)
+    made_folder(folder)
+    found.write(folder, silent)
+    return found
 
 
 def _write(folder: Path, found: Identification, robot: str) -> None:
