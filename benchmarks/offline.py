@@ -14,8 +14,8 @@ from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.errors import PhysicalConsistencyWarning
 from adaptctl.identifiability import Priority
 from adaptctl.identifiability.certification import CertifiedNullSpace
-from adaptctl.identifiability.search import Search
-from adaptctl.identifiability.tree.null_space import TreeNullSpace
+from adaptctl.identifiability.essential_space import Search
+from adaptctl.identifiability.tree_null_space import TreeNullSpace
 from benchmarks.findings import Finding, Measurement
 from benchmarks.interleaved import Effort, Race, Spread, Statement, race
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from adaptctl.dynamics import load
-from adaptctl.identifiability.basis_check import NEAR, SAMPLES, _few_states
+from adaptctl.identifiability.reduced_model import NEAR, SAMPLES, _few_states
 
 
 def test_trees_are_tried_anywhere_and_loops_where_following_them_is_short() -> None:

@@ -12,7 +12,7 @@ from adaptctl.description import Condition, Limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability import essential_space, random_states, states_within_limits
-from adaptctl.identifiability.branch import REGULAR, _within_conditions
+from adaptctl.identifiability.sampling import REGULAR, _within_conditions
 from adaptctl.scalars import Column
 
 WIDE = dict.fromkeys(RECIPES, 1) | {

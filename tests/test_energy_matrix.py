@@ -15,6 +15,7 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.identifiability import States, essential_space, random_states
 from adaptctl.identifiability.energy_matrix import (
     EnergyFactor,
+    ScaledRegressor,
     energies,
     energy_blocks,
     energy_differences,
@@ -22,7 +23,6 @@ from adaptctl.identifiability.energy_matrix import (
 )
 from adaptctl.identifiability.factorisation import singular_values
 from adaptctl.identifiability.sampling import random_halves
-from adaptctl.identifiability.scaled_rank import ScaledRegressor
 
 
 @pytest.fixture(scope="module")

@@ -33,12 +33,11 @@ from adaptctl.identifiability import (
     random_states,
     states_within_limits,
 )
-from adaptctl.identifiability.energy_matrix import energy_differences
+from adaptctl.identifiability.certificate import near_right_angles
+from adaptctl.identifiability.energy_matrix import NumericalRank, energy_differences
 from adaptctl.identifiability.essential_space import _sample_count
 from adaptctl.identifiability.factorisation import singular_values
-from adaptctl.identifiability.right_angles import near_right_angles
 from adaptctl.identifiability.sampling import characteristic_length
-from adaptctl.identifiability.scaled_rank import NumericalRank
 
 seeds = st.integers(0, 2**32 - 1)
 

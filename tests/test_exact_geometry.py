@@ -10,8 +10,7 @@ import pytest
 from adaptctl.description import Description, Joint, Link, Pose
 from adaptctl.description.pose import rotation_about
 from adaptctl.identifiability.proof.exact_geometry import ExactGeometry, Reading
-from adaptctl.identifiability.proof.simplest import AS_GIVEN, AS_MEANT
-from adaptctl.identifiability.proof.turns import turns_of
+from adaptctl.identifiability.proof.joint_frames import AS_GIVEN, AS_MEANT, turns_of
 from adaptctl.scalars import Mat, Vec
 
 

@@ -23,9 +23,8 @@ from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError, InputError, NonFiniteError, RankError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Priority, essential_space, fundamental_basis
-from adaptctl.identifiability.basis_check import require_energies
-from adaptctl.identifiability.regrouping_equations import regrouping_equations
-from adaptctl.identifiability.selection import removable
+from adaptctl.identifiability.reduced_model import require_energies
+from adaptctl.identifiability.regrouping import regrouping_equations, removable
 from benchmarks import ranks
 from benchmarks.rank_oracle import independent
 

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from random_trees import random_chain
 
-from adaptctl.identifiability.proof.joint_frames import FloatFrame, _axis_frame, _upright
-from adaptctl.identifiability.proof.simplest import AS_GIVEN
-from adaptctl.identifiability.tree.joint_frames import twist_entries, twist_matrices
+from adaptctl.identifiability.inertial_transfers import twist_entries, twist_matrices
+from adaptctl.identifiability.proof.joint_frames import AS_GIVEN, FloatFrame, _axis_frame, _upright
 from adaptctl.scalars import Mat, Vec
 
 UPRIGHT = Mat(Vec(1.0, 0.0, 0.0), Vec(0.0, 1.0, 0.0), Vec(0.0, 0.0, 1.0))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from adaptctl.identifiability.proof.exact_energies import ExactEnergies
-from adaptctl.identifiability.proof.near_geometry import loop_lengths, near_coincidences
+from adaptctl.identifiability.proof.exact_geometry import loop_lengths, near_coincidences
 from benchmarks.rank_oracle import five_bar
 
 

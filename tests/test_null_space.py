@@ -8,7 +8,7 @@ import scipy.linalg
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adaptctl.identifiability.null_space import null_residual, unscaled_bases
+from adaptctl.identifiability.regrouping import null_residual, unscaled_bases
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 8), st.data())

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adaptctl.identifiability.proof.prime_field import PRIME, Modular, modular, residue
+from adaptctl.identifiability.proof.arithmetic import PRIME, Modular, modular, residue
 
 fractions = st.fractions(-1000, 1000, max_denominator=10**6)
 

@@ -21,17 +21,13 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability import Constraints, Priority, Relation, constrained, essential_space, fundamental_basis
 from adaptctl.identifiability.fundamental_basis import _kept_against_the_order
-from adaptctl.identifiability.proof import elimination, pivots
-from adaptctl.identifiability.proof.digits import BITS, Digits, digits, floats, samples_of, scaled
-from adaptctl.identifiability.proof.exact_energies import ExactEnergies
+from adaptctl.identifiability.inertial_transfers import inertial_transfers
+from adaptctl.identifiability.proof import arithmetic
+from adaptctl.identifiability.proof.arithmetic import BITS, PRIME, Digits, digits, floats, modular, samples_of, scaled
+from adaptctl.identifiability.proof.exact_energies import ExactEnergies, energy_changes, random_places, random_rates
 from adaptctl.identifiability.proof.exact_geometry import ExactGeometry, Reading
-from adaptctl.identifiability.proof.field_energies import energy_changes
-from adaptctl.identifiability.proof.joint_states import random_places, random_rates
-from adaptctl.identifiability.proof.prime_field import PRIME, modular
-from adaptctl.identifiability.proof.simplest import AS_GIVEN, AS_MEANT, simplest_rational, turn
-from adaptctl.identifiability.proof.turns import turns_of
+from adaptctl.identifiability.proof.joint_frames import AS_GIVEN, AS_MEANT, simplest_rational, turn, turns_of
 from adaptctl.identifiability.sampling import characteristic_length
-from adaptctl.identifiability.tree.unobservable_inertia import inertial_transfers
 from adaptctl.scalars import Column, Mat, column, cos, sin
 from benchmarks.rank_oracle import Case, bent, five_bar, independent, tree
 
@@ -111,12 +107,12 @@ def test_ranks_and_first_columns_of_known_matrices(seed: int, m: int, n: int, ra
     for j in order:
         if np.linalg.matrix_rank(small[:, [*expected, j]]) > len(expected):
             expected.append(j)
-    assert list(elimination.independent_columns(small % PRIME, order)) == expected
-    assert elimination.rank(small % PRIME) == len(expected)
-    assert elimination.ranks(np.stack([small % PRIME, 0 * small])) == (len(expected), 0)
+    assert list(arithmetic.independent_columns(small % PRIME, order)) == expected
+    assert arithmetic.rank(small % PRIME) == len(expected)
+    assert arithmetic.ranks(np.stack([small % PRIME, 0 * small])) == (len(expected), 0)
     many = small.astype(object) << BITS
-    assert list(pivots.independent_columns(many, order, pivots.NOTHING)) == expected
-    assert pivots.rank(many, pivots.NOTHING) == len(expected)
+    assert list(arithmetic.independent_columns(many, order, arithmetic.NOTHING)) == expected
+    assert arithmetic.rank(many, arithmetic.NOTHING) == len(expected)
 
 
 @settings(max_examples=15, deadline=None)
@@ -355,7 +351,7 @@ def test_as_much_changes_at_a_joint_exactly_as_in_floats(seed: int) -> None:
         expected = 0 * rates[i] if drive.rotor_inertia is None else rates[i] * rates[i] % PRIME
         np.testing.assert_array_equal(changes[i, :, 10], expected)
     seen = inertial_transfers(mechanism).observable
-    assert elimination.ranks(changes) == tuple(map(len, seen))
+    assert arithmetic.ranks(changes) == tuple(map(len, seen))
 
 
 def test_what_floats_keep_and_exact_geometry_removes_is_told_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from adaptctl.arrays import Array
 from adaptctl.errors import InputError
-from adaptctl.identifiability.regrouping import Regrouping
-from adaptctl.identifiability.selection import independent_columns, removable
+from adaptctl.identifiability.regrouping import Regrouping, independent_columns, removable
 
 
 def test_round_off_does_not_pass_for_independence() -> None:

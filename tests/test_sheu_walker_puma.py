@@ -26,11 +26,10 @@ from adaptctl.identifiability import (
     reduce,
     states_within_limits,
 )
-from adaptctl.identifiability.energy_matrix import energies, energy_differences
+from adaptctl.identifiability.energy_matrix import NumericalRank, column_scales, energies, energy_differences
 from adaptctl.identifiability.factorisation import singular_values
+from adaptctl.identifiability.regrouping import removable
 from adaptctl.identifiability.sampling import characteristic_length
-from adaptctl.identifiability.scaled_rank import NumericalRank, column_scales
-from adaptctl.identifiability.selection import removable
 
 pytestmark = pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 

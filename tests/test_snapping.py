@@ -15,7 +15,7 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.errors import RankError
 from adaptctl.identifiability import essential_space
-from adaptctl.identifiability.right_angles import near_right_angles
+from adaptctl.identifiability.certificate import near_right_angles
 
 
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")

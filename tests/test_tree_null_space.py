@@ -27,11 +27,16 @@ from adaptctl.identifiability import (
     essential_space,
     fundamental_basis,
 )
-from adaptctl.identifiability.methods import Method
-from adaptctl.identifiability.tree.joint_frames import twist_entries, twist_matrices
-from adaptctl.identifiability.tree.pseudo_inertia import frame_change_rates, frame_changes, functionals
-from adaptctl.identifiability.tree.regrouping import tree_regrouping
-from adaptctl.identifiability.tree.unobservable_inertia import inertial_transfers
+from adaptctl.identifiability.certificate import Method
+from adaptctl.identifiability.inertial_transfers import (
+    frame_change_rates,
+    frame_changes,
+    functionals,
+    inertial_transfers,
+    twist_entries,
+    twist_matrices,
+)
+from adaptctl.identifiability.tree_null_space import tree_regrouping
 
 seeds = st.integers(0, 2**32 - 1)
 UP, ACROSS = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)

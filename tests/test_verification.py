@@ -9,10 +9,10 @@ from random_trees import random_tree
 
 from adaptctl.description import GROUND
 from adaptctl.description.drive import Drive
+from adaptctl.identifiability.energy_matrix import parameter_units
+from adaptctl.identifiability.inertial_transfers import inertial_transfers
 from adaptctl.identifiability.sampling import random_states
-from adaptctl.identifiability.scaled_rank import parameter_units
-from adaptctl.identifiability.tree.unobservable_inertia import inertial_transfers
-from adaptctl.identifiability.tree.verification import energy_changes
+from adaptctl.identifiability.tree_null_space import energy_changes
 
 
 @settings(max_examples=15, deadline=None)

@@ -16,8 +16,7 @@ from adaptctl.design.task import DesignTask
 from adaptctl.dynamics.equation_costs import equation_costs
 from adaptctl.errors import InputError
 from adaptctl.identifiability import FundamentalBasis
-from adaptctl.identifiability.regrouping_equations import regrouping_equations
-from adaptctl.identifiability.selection import TOLERANCE
+from adaptctl.identifiability.regrouping import TOLERANCE, regrouping_equations
 
 Way = Literal["symmetry", "balance", "relocation"]
 MIRRORED = {

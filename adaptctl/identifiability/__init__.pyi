@@ -1,5 +1,6 @@
 from adaptctl.identifiability.certificate import Certificate as Certificate
 from adaptctl.identifiability.certificate import Leftover as Leftover
+from adaptctl.identifiability.certificate import NearRightAngle as NearRightAngle
 from adaptctl.identifiability.consistency import Lift as Lift
 from adaptctl.identifiability.consistency import nearest_consistent as nearest_consistent
 from adaptctl.identifiability.constraints import Constraints as Constraints
@@ -13,7 +14,6 @@ from adaptctl.identifiability.priority import Priority as Priority
 from adaptctl.identifiability.reduced_model import ReducedModel as ReducedModel
 from adaptctl.identifiability.reduction import Reduction as Reduction
 from adaptctl.identifiability.reduction import reduce as reduce
-from adaptctl.identifiability.right_angles import NearRightAngle as NearRightAngle
 from adaptctl.identifiability.sampling import States as States
 from adaptctl.identifiability.sampling import random_states as random_states
 from adaptctl.identifiability.sampling import states_within_limits as states_within_limits

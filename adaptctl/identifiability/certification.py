@@ -12,24 +12,29 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, RankError
-from adaptctl.identifiability.certificate import LARGEST_LEFTOVER, ROUND_OFF, Certificate, Leftover
-from adaptctl.identifiability.energetic_names import energetic_names
-from adaptctl.identifiability.energy_matrix import EnergyFactor, energy_blocks, torque_rows
-from adaptctl.identifiability.methods import Method, Near
-from adaptctl.identifiability.null_space import NullSpace, null_residual, unscaled_bases
-from adaptctl.identifiability.proof.exact_energies import ExactEnergies
-from adaptctl.identifiability.proof.proved import proved
-from adaptctl.identifiability.right_angles import near_right_angles
-from adaptctl.identifiability.sampling import random_halves, random_states, whereabouts
-from adaptctl.identifiability.scaled_rank import (
+from adaptctl.identifiability.certificate import (
+    LARGEST_LEFTOVER,
+    ROUND_OFF,
+    Certificate,
+    Leftover,
+    Method,
+    Near,
+    near_right_angles,
+)
+from adaptctl.identifiability.energy_matrix import (
     FEW_STATES,
     NOTHING,
     DecomposedNullSpace,
+    EnergyFactor,
     ScaledRegressor,
+    energy_blocks,
     energy_scales,
+    torque_rows,
 )
-from adaptctl.identifiability.tree.null_space import TreeNullSpace
-from adaptctl.identifiability.tree.verification import TransferEvidence, energy_changes, transfer_evidence
+from adaptctl.identifiability.proof.exact_energies import ExactEnergies, proved
+from adaptctl.identifiability.regrouping import NullSpace, null_residual, unscaled_bases
+from adaptctl.identifiability.sampling import random_halves, random_states, whereabouts
+from adaptctl.identifiability.tree_null_space import TransferEvidence, TreeNullSpace, energy_changes, transfer_evidence
 
 LONG = 100
 """Number of a tree's parameters from which on its null space is found joint by joint."""
@@ -119,7 +124,9 @@ def certified_by_decomposition(
         samples=samples,
         seed=seed,
         null_residual=null_residual(rows, unscaled_bases(scaled.null_basis, scaled.scales)[0], scaled.scales),
-        leftovers=leftovers(scaled.singular_values, scaled.vectors, scaled.rank, energetic_names(mechanism)),
+        leftovers=leftovers(
+            scaled.singular_values, scaled.vectors, scaled.rank, mechanism.parameter_names[: mechanism.energetic]
+        ),
         near_right_angles=near_right_angles(mechanism.description),
         rank_exact=None if proof is None else proof.rank,
         exact_by="" if proof is None else proof.method,

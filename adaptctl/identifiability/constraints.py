@@ -20,15 +20,18 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.constrained_mechanism import ConstrainedMechanism, Parametrisation
 from adaptctl.errors import FileError, InputError, NotFoundError, printable, require_kind
 from adaptctl.files import read_toml
+from adaptctl.identifiability.energy_matrix import length_scales
 from adaptctl.identifiability.priority import Priority, or_default, suggestion
+from adaptctl.identifiability.regrouping import removable
 from adaptctl.identifiability.sampling import characteristic_length
-from adaptctl.identifiability.scaled_rank import length_scales
-from adaptctl.identifiability.selection import removable
 
 MOST = 1000
 """Most relations in one file."""
 INDEPENDENT = 1e-9
 """Least part of a relation, relative to its size, that those before it must leave unsaid."""
+
+
+_Nested = dict[str, float | dict[str, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,9 +214,6 @@ def _independent(relations: Sequence[Relation], A: Array, b: Array) -> list[int]
                 continue
         kept.append(i)
     return kept
-
-
-_Nested = dict[str, float | dict[str, float]]
 
 
 class _RelationEntry(msgspec.Struct, forbid_unknown_fields=True):

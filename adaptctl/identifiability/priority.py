@@ -12,7 +12,6 @@ import msgspec
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError, NotFoundError, printable
 from adaptctl.files import read_toml
-from adaptctl.identifiability.energetic_names import energetic_names
 
 SCHEMA = "adaptctl/priority/1"
 
@@ -51,7 +50,7 @@ class Priority:
         """The default priority, the order in which a mechanism's dependent inertial parameters are removed by Table 4
         of Sheu and Walker (1991). It goes kind by kind, m, mc_x, mc_y, mc_z, I_xy, I_xz, I_yz, I_xx, I_yy, I_zz, then
         rotor inertias, each from the mechanism's first link to its last. Nothing is raised."""
-        return cls(_default_order(energetic_names(mechanism)))
+        return cls(_default_order(mechanism.parameter_names[: mechanism.energetic]))
 
     @classmethod
     def read(cls, path: str | Path, mechanism: Mechanism) -> Priority:
@@ -82,8 +81,8 @@ class Priority:
         """
         table = read_toml(path, _Table)
         try:
-            priority = _from_table(table, energetic_names(mechanism))
-            priority.indices(energetic_names(mechanism))
+            priority = _from_table(table, mechanism.parameter_names[: mechanism.energetic])
+            priority.indices(mechanism.parameter_names[: mechanism.energetic])
         except InputError as error:
             raise FileError(f"{path}: {error}") from error
         return priority

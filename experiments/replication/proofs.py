@@ -17,11 +17,10 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.replication.arms import SampledArm, index, parameters, sign
 from adaptctl.experiments.replication.printed import PrintedTable
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Priority, essential_space
-from adaptctl.identifiability.energy_matrix import energies
+from adaptctl.identifiability.energy_matrix import NumericalRank, energies
 from adaptctl.identifiability.factorisation import singular_values
+from adaptctl.identifiability.regrouping import removable
 from adaptctl.identifiability.sampling import random_states
-from adaptctl.identifiability.scaled_rank import NumericalRank
-from adaptctl.identifiability.selection import removable
 
 TIGHT = 1e-8
 """A tolerance that takes what a rounded right angle leaves for independence."""

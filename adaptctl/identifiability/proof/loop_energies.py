@@ -13,7 +13,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.loop_equations import LoopEquations
 from adaptctl.dynamics.loops.constraint import ClosureSide, Follower, Loop
 from adaptctl.errors import InputError
-from adaptctl.identifiability.proof.digits import digits, samples_of, stacked_digits
+from adaptctl.identifiability.proof.arithmetic import digits, samples_of, stacked_digits
 from adaptctl.identifiability.proof.exact_geometry import ExactGeometry
 from adaptctl.scalars import Column
 

@@ -1,23 +1,8 @@
-"""Unobservable inertia of every joint of a tree: what can be transferred across it without any energy changing.
+"""Inertial transfers of a tree: what can be moved from a link to its parent without any energy changing.
 
-Wensing, Niemeyer and Slotine (2017, "Observability in inertial parameter identification", arXiv:1711.03896): a change
-of parameters changes no torque exactly when it is a sum of transfers, each of which takes inertia that is unobservable
-at a joint from its link and gives it to the parent link.
-
-In a joint's own frame its twist S is constant, and a body d (ten) on its link is, for the parent link, the body
-exp(A q) d with A = `frame_change_rates(S)`. With X the twist of the parent link, its energy is
-
-    f' exp(A q) d + v <X'S, exp(A q) d> + v^2/2 <S'S, d>,
-
-f the functional that gives energies of bodies on the parent link. It is the same for all q and v when f'A, <X'S, .>
-and <S'S, .> vanish on exp(A q) d, that is on d, A d, A^2 d, ...: d is in the unobservable space of a linear system.
-What matters of the motion before the joint is only what f and X span, and these spans follow from the root, where f is
-gravity's alone and X is zero: X spans, after the joint, all exp(-ad(S) q) X and S, and f the functionals that it
-spanned before and those that are observable at the joint. A planar arm's spans stay small for good; most arms' are
-everything after three or four joints.
-
-Why transfers are all there is: in an energy that never changes, only a leaf's own part has the leaf's q and v. So
-the leaf's body must be unobservable at its joint; give it to the parent link, take the leaf off, and go on.
+A body of pseudo-inertia J (4, 4) = sum of x x' dm over its points x = (position, 1) has, in a frame that stands at T
+(4, 4) and moves with the twist X (T' = T X), the energy <X'X/2 - e4 g'T, J> with gravity g: a functional <M, J>. In a
+frame that stands at G in another one, the same body has G J G' there.
 """
 
 from __future__ import annotations
@@ -30,10 +15,12 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.description import GROUND
+from adaptctl.description.inertia import UNIT_PSEUDO_INERTIAS, from_pseudo_inertia
 from adaptctl.dynamics import Mechanism
-from adaptctl.identifiability.tree.joint_frames import JointFrames, twist_entries, twist_matrices
-from adaptctl.identifiability.tree.pseudo_inertia import frame_change_rates, frame_changes, functionals
+from adaptctl.identifiability.sampling import characteristic_length
 
+_TENS = np.stack([from_pseudo_inertia(unit) for unit in np.eye(16).reshape(16, 4, 4)], axis=1)
+"""Matrix (10, 16) from the entries of a pseudo-inertia to its ten."""
 NEGLIGIBLE = 1e-8
 """Relative size below which singular values count as zero: halfway, in digits, between lengths and round-off."""
 POWERS = 5
@@ -41,6 +28,114 @@ POWERS = 5
 shift has A^3 = 0."""
 BODY = 11
 """Numbers of a body: its ten, and the inertia of the joint's rotor, whose energy is v^2/2."""
+
+
+def twist_matrices(twists: Array) -> Array:
+    """The matrices (..., 4, 4) of `twists` (..., 6): the cross-product matrix of the angular velocity in the upper
+    left, the linear velocity in the last column, zeros below. Each twist is an angular velocity (3,), rad/s, and the
+    velocity (3,) of the frame's origin, m/s or another unit of length per s, both along the moving frame's own axes. A
+    frame of pose T (4, 4) that moves with the twist of matrix X has the rate T X. Nothing is checked."""
+    out = np.zeros((*twists.shape[:-1], 4, 4))
+    x, y, z = np.moveaxis(twists[..., :3], -1, 0)
+    out[..., 2, 1], out[..., 0, 2], out[..., 1, 0] = x, y, z
+    out[..., 1, 2], out[..., 2, 0], out[..., 0, 1] = -x, -y, -z
+    out[..., :3, 3] = twists[..., 3:]
+    return out
+
+
+def twist_entries(matrices: Array) -> Array:
+    """The twists (..., 6) of their `matrices` (..., 4, 4), the inverse of `twist_matrices`: each is an angular velocity
+    (3,), rad/s, and the velocity (3,) of the frame's origin, m/s or another unit of length per s, both along the moving
+    frame's own axes. Nothing is checked."""
+    turn = [matrices[..., 2, 1], matrices[..., 0, 2], matrices[..., 1, 0]]
+    return np.stack([*turn, *np.moveaxis(matrices[..., :3, 3], -1, 0)], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class JointFrames:
+    """The frames of the N joints of a tree, each moving with its link so that its own joint's twist is constant in it;
+    lengths are in units of `length` L in m.
+
+    `parents` (N,) are the parent links' zero-based indices, -1 for the ground; `near` (N, 4, 4) the poses of the
+    joints' frames, at joint position zero, in the frames of their parents' joints (in the world for joints on the
+    ground); `far` (N, 4, 4) the poses of the links' frames in their joints'; `twists` (N, 6) are the joints' twists,
+    angular then linear, along the axes of their own frames, per unit of their positions (rad, or L for a prismatic
+    joint); `gravity` (3,) is the unit vector along gravity in the world, zero where there is none. Made by `of`;
+    nothing is checked at construction.
+    """
+
+    length: float
+    parents: tuple[int, ...]
+    near: Array
+    """Poses (N, 4, 4) of joint frames in their parents' joint frames, at zero; in the world for those on the ground."""
+    far: Array
+    """Poses (N, 4, 4) of link frames in their joints' frames."""
+    twists: Array
+    """Twists S (N, 6) of the joints' frames per unit of their coordinates."""
+    gravity: Array
+    """Direction (3,) of gravity; zero where there is none."""
+
+    @property
+    def rotor_scales(self) -> Array:
+        """The scales (N,) of the N joints' rotor inertias, with the unit of length L (m) that this object's `length`
+        is: L^2, in m^2, where a joint turns, 1 where it slides. Rotor inertias divided by these are in kg."""
+        return np.where(self.twists[:, :3].any(axis=1), self.length**2, 1.0)
+
+    @classmethod
+    def of(cls, mechanism: Mechanism) -> JointFrames:
+        """The joint frames of a mechanism's tree, with lengths in units of its characteristic length (the largest
+        distance from a joint to the next or to its link's frame, 1 m where there is none). Loop closures are left out.
+        Nothing is checked."""
+        links, length = mechanism.links, characteristic_length(mechanism)
+        on_parent = _matrices([(k.near.rotation, k.near.translation) for k in links], length)
+        far = _matrices([(k.far.rotation, k.far.translation) for k in links], length)
+        hangs = np.array([k.parent != GROUND for k in links])
+        parents = np.array([k.parent for k in links])
+        near = np.where(hangs[:, None, None], far[parents], np.eye(4)) @ on_parent
+        turns = np.array([k.joint.kind.turns for k in links])[:, None]
+        axes = np.array([k.joint.axis for k in links])
+        twists = np.hstack([np.where(turns, axes, 0.0), np.where(turns, 0.0, axes)])
+        gravity = mechanism.description.gravity
+        strength = float(np.linalg.norm(gravity)) or 1.0
+        return cls(length, tuple(k.parent for k in links), near, far, twists, gravity / strength)
+
+
+def _matrices(poses: list[tuple[Array, Array]], length: float) -> Array:
+    out = np.tile(np.eye(4), (len(poses), 1, 1))
+    out[:, :3, :3] = [rotation for rotation, _ in poses]
+    out[:, :3, 3] = [translation / length for _, translation in poses]
+    return out
+
+
+def functionals(matrices: Array) -> Array:
+    """The coefficients f (..., 10) of linear functionals of a body's ten inertial parameters, one row for each of
+    `matrices` M (..., 4, 4): f times the ten (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz) is tr(M' J). J
+    (4, 4) is the body's pseudo-inertia, the sum of x x' dm over its points x = (position, 1). Raises `ValueError` for
+    matrices that have not 16 entries each."""
+    return matrices.reshape(*matrices.shape[:-2], 16) @ UNIT_PSEUDO_INERTIAS.reshape(10, 16).T
+
+
+def frame_changes(frames: Array) -> Array:
+    """The matrices (..., 10, 10) that map a body's ten inertial parameters in a frame B to its ten in a frame A, one
+    for each pose of B in A in `frames` (..., 4, 4), a homogeneous matrix of rotation and origin. The ten are m, mc_x,
+    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, with lengths in the poses' unit. Raises `ValueError` for poses of
+    another size."""
+    G = frames[..., None, :, :]
+    return _tens(G @ UNIT_PSEUDO_INERTIAS @ G.mT)
+
+
+def frame_change_rates(twists: Array) -> Array:
+    """The rates (..., 10, 10) at which a body's ten inertial parameters in a fixed frame change as the body begins to
+    move with `twists`, given by their matrices S (..., 4, 4). The ten are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz,
+    I_yz, I_zz; the pseudo-inertia J (4, 4), the sum of x x' dm over the body's points x = (position, 1), changes at S J
+    + J S'. Raises `ValueError` for matrices of another size."""
+    moved = twists[..., None, :, :] @ UNIT_PSEUDO_INERTIAS
+    return _tens(moved + moved.mT)
+
+
+def _tens(matrices: Array) -> Array:
+    """The ten (..., 10, n), a column each, of pseudo-inertias (..., n, 4, 4)."""
+    return (matrices.reshape(*matrices.shape[:-2], 16) @ _TENS.T).mT
 
 
 class LinkParameters(NamedTuple):
