@@ -105,6 +105,16 @@ def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
     return frozen(each)
 
 
+def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
+    """A read-only float64 array (dof,) of one positive number for each of `dof` joints, as by `per_joint`; infinity is
+    allowed. Raises `InputError` where a number is not positive, and what `per_joint` raises; `what` is the name of the
+    values in the messages."""
+    each = per_joint(values, dof, what)
+    if not np.all(each > 0.0):
+        raise InputError(f"{what}: expected positive numbers, one or {dof}, got {each.tolist()}")
+    return each
+
+
 def positive_number(value: object, what: str) -> float:
     """The float of a positive finite number, `value`, given as a Python or NumPy number or an array of shape (). Raises
     `InputError` for all else, such as zero, NaN, texts, booleans, complex numbers, longer arrays and whole numbers

@@ -15,8 +15,8 @@ from adaptctl.envs.mujoco_tracking import MuJoCoTrackingEnv
 from adaptctl.envs.puma560 import Puma560TrackingEnv
 from adaptctl.envs.random_reference import random_sinusoids
 from adaptctl.envs.residual import ResidualEnv, ResidualVectorEnv
-from adaptctl.envs.reward import RewardWeights
 from adaptctl.envs.semi_direct_drive import SemiDirectDriveTrackingEnv
+from adaptctl.envs.task import RewardWeights
 from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.simulation.effects import Payload
 

@@ -8,15 +8,12 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import per_joint
-from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.control.gains.torque_limits import torque_limits as own_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs.random_reference import Trajectory
-from adaptctl.envs.reward import RewardWeights
-from adaptctl.envs.settings import control_period_of, require_reference
+from adaptctl.envs.task import RewardWeights, control_period_of, require_reference
 from adaptctl.envs.tracking import TrackingEnv
-from adaptctl.simulation.mujoco_contacts import warn_of_contacts
-from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco
+from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco, warn_of_contacts
 
 if TYPE_CHECKING:
     import mujoco
@@ -82,8 +79,7 @@ class MuJoCoTrackingEnv(TrackingEnv):
     ) -> None:
         period, model = control_period_of(control_period), as_mujoco(robot)
         mechanism = robot if isinstance(robot, Mechanism) else Mechanism.from_mujoco(model, body)
-        own = finite_torque_limits(mechanism) if torque_limits is None else torque_limits
-        limits = per_joint(own, mechanism.dof, "torque_limits")
+        limits = own_limits(mechanism, torque_limits, finite=True)
         plant = MuJoCoPlant(mechanism, period, torque_limits=limits, model=model, body=body, servos_off=servos_off)
         require_reference(reference, mechanism.dof)
         if callable(reference):

@@ -12,17 +12,17 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, frozen_array, numbers, per_joint
+from adaptctl.arrays import Array, frozen_array, numbers, positive_per_joint
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.control.controller import Reference, ReferencePoint
-from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.control.gains.torque_limits import torque_limits as own_limits
 from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.envs.judgement import Judgement
 from adaptctl.envs.random_reference import Trajectory, drawn
-from adaptctl.envs.reward import RewardWeights
-from adaptctl.envs.running_episode import RunningEpisode
-from adaptctl.envs.settings import (
+from adaptctl.envs.task import (
+    Judgement,
+    RewardWeights,
+    RunningEpisode,
     control_period_of,
     finite_numbers,
     initial_error_of,
@@ -33,11 +33,11 @@ from adaptctl.envs.settings import (
 )
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.simulation import Integrator, Plant, PlantState, RungeKutta4
+from adaptctl.simulation.closed_loop import Episode
 from adaptctl.simulation.effects import Effect, Payload, PlantEffects
 from adaptctl.simulation.effects.plant_effects import listed
-from adaptctl.simulation.episode import Episode
 from adaptctl.simulation.plant import require_ten_a_link
-from adaptctl.simulation.sampled_references import Preview
+from adaptctl.simulation.references import Preview
 from adaptctl.simulation.stiffness import integration
 from adaptctl.simulation.transmission import Transmission
 
@@ -170,8 +170,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         render_mode: str | None = None,
     ) -> None:
         mechanism = robot if isinstance(robot, Mechanism) else load(robot)
-        own = finite_torque_limits(mechanism) if torque_limits is None else torque_limits
-        limits, period = per_joint(own, mechanism.dof, "torque_limits"), control_period_of(control_period)
+        limits, period = own_limits(mechanism, torque_limits, finite=True), control_period_of(control_period)
         placed = PlantEffects.of(effects := listed(effects))
         placed.require(mechanism.dof, mechanism.description.body_names, period)
         springs = None if placed.elastic is None else Transmission.of(mechanism, placed.elastic)
@@ -195,9 +194,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self.plant, self.mechanism, self.control_period = plant, plant.mechanism, plant.control_period
         self.steps = steps_of(duration, self.control_period)
         self.look_ahead = times_ahead_of(look_ahead)
-        self.error_bound = per_joint(error_bound, self.mechanism.dof, "error_bound")
-        if not np.all(self.error_bound > 0.0):
-            raise InputError(f"error_bound: expected positive numbers, got {self.error_bound.tolist()}")
+        self.error_bound = positive_per_joint(error_bound, self.mechanism.dof, "error_bound")
         self.reward_weights = weights_of(reward_weights)
         self.initial_error = initial_error_of(initial_error, self.mechanism.dof)
         require_reference(reference, self.mechanism.dof)
@@ -243,7 +240,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self.plant.compile()
         state = self.plant.init(start[:r] + error, start[r : 2 * r], self._now(parameters, 0), self._noise())
         self._episode = RunningEpisode(parameters, preview, state)
-        return self._observation(self._episode), self._info(self._episode, np.zeros(r))
+        return self._observation(self._episode), self._info(parameters, state, 0, 0)
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Observation (5r + r L,), reward, `terminated`, `truncated` and `info` after one control period, by which this
@@ -270,7 +267,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         rewards, over = self._judged(state.q, state.v, self._reference(episode), state.applied)
         reward, terminated, truncated = float(rewards), bool(over), episode.step >= self.steps
         episode.over = terminated or truncated
-        return self._observation(episode), reward, terminated, truncated, self._info(episode, state.applied)
+        info = self._info(episode.parameters, state, episode.step, episode.clipped)
+        return self._observation(episode), reward, terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """RGB image (480, 640, 3), uint8, of the arm now and a translucent ghost of it on the reference; None, with a
@@ -286,25 +284,18 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         goal = episode.preview.row(episode.step)[: self.plant.dof]
         return self._renderer.image(episode.state.p, goal, episode.step * self.control_period)
 
-    def hand_over(self) -> Episode:
-        """Running episode as an `Episode`, which `simulate` continues in native code: plant and state, true parameters,
-        reference, random generator, number of control periods left (0 where it is over), and the function that computes
-        rewards and ends. `take_back` resumes it here. Raises Gymnasium's `ResetNeeded` before the first reset."""
-        episode = self._running("hand_over")
-        left, reference = 0 if episode.over else self.steps - episode.step, episode.preview.reference
-        return Episode(self.plant, episode.state, episode.parameters, reference, self.np_random, left, self._judged)
-
-    def take_back(self, state: PlantState, steps: int, clipped: int, terminated: bool) -> dict[str, Any]:
-        """Resume here an episode that was continued elsewhere from what `hand_over` returned, and return its `info`:
-        `time` (s), true `parameters` (P,), inertial and friction, in SI units, `applied_torque` (r,) of r joints, N m
-        (N if prismatic), `energy` (J) and `clipped` (a number), with effects `p`, `v` (r,), rad, rad/s (m, m/s), and
-        `marks`. `state`, a `PlantState`, is the plant's from which `step` goes on; `steps` is the number of control
-        periods taken elsewhere, `clipped` that of those with a clipped torque, `terminated` True if the episode ended
-        there. Arguments are not checked; raises Gymnasium's `ResetNeeded` before the first reset."""
-        episode = self._running("take_back")
-        episode.state, episode.step, episode.clipped = state, episode.step + steps, episode.clipped + clipped
-        episode.over = terminated or episode.step >= self.steps
-        return self._info(episode, state.applied)
+    def episode(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Episode:
+        """New episode as an `Episode`, which `simulate` runs in native code: what `reset` begins with the same `seed`
+        and `options`, with the function that computes rewards and ends. The environment's generator draws its noise,
+        and `step` takes no step before the next `reset`. Raises what `reset` raises, and `NotImplementedError` where a
+        subclass has a `step` of its own, which then has to write this method as well."""
+        if type(self).step is not TrackingEnv.step:
+            raise NotImplementedError(f"{type(self).__name__} has a step of its own")
+        self.reset(seed=seed, options=options)
+        begun = self._running("episode")
+        begun.over, reference = True, begun.preview.reference
+        told = self._judged, self._info
+        return Episode(self.plant, begun.state, begun.parameters, reference, self.np_random, self.steps, *told)
 
     def _judged(self, q: Array, v: Array, reference: ReferencePoint, applied: Array) -> tuple[Array, NDArray[np.bool_]]:
         """The rewards (...) of states reached (...), one or (m,) of them, and whether the episode ends there."""
@@ -325,24 +316,22 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     def _observation(self, episode: RunningEpisode) -> Array:
         return np.concatenate((episode.state.measured_p, episode.state.measured_v, episode.preview.row(episode.step)))
 
-    def _info(self, episode: RunningEpisode, applied: Array) -> dict[str, Any]:
-        parameters, state = self._now(episode.parameters, episode.step), episode.state
+    def _info(self, own: Array, state: PlantState, steps: int, clipped: int) -> dict[str, Any]:
+        """What is told of a state reached after so many control periods, with the true parameters `own`, (P,)."""
+        parameters, time = self._now(own, steps), steps * self.control_period
         info: dict[str, Any] = {
-            "time": episode.step * self.control_period,
+            "time": time,
             "parameters": parameters.copy(),  # Gymnasium: what is returned is the caller's to change
-            "applied_torque": applied,
+            "applied_torque": state.applied if steps else np.zeros(self.plant.dof),
             "energy": self.plant.energy(state, parameters),
-            "clipped": episode.clipped,
+            "clipped": clipped,
         }
         if self.plant.effects:
-            info |= {"p": state.p.copy(), "v": state.v.copy(), "marks": self._marks(episode)}
+            marks = dict(zip(self.plant.marks, state.marks.tolist(), strict=True))
+            if self.plant.loads:
+                marks["payload"] = self.plant.payload(time)
+            info |= {"p": state.p.copy(), "v": state.v.copy(), "marks": marks}
         return info
-
-    def _marks(self, episode: RunningEpisode) -> dict[str, float]:
-        marks = dict(zip(self.plant.marks, episode.state.marks.tolist(), strict=True))
-        if self.plant.loads:
-            marks["payload"] = self.plant.payload(episode.step * self.control_period)
-        return marks
 
     def _now(self, parameters: Array, step: int) -> Array:
         """The true parameters at a step, what is held by then included."""

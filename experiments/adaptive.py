@@ -30,8 +30,7 @@ from adaptctl.experiments.contest import (
 from adaptctl.experiments.experiment import setting
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Finding, Setting
-from adaptctl.simulation.mujoco_contacts import clear_of_contacts
-from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco
+from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco, clear_of_contacts
 from adaptctl.tuning import Tuning, tune
 from adaptctl.tuning.carried_gains import LARGEST_ERROR
 from adaptctl.tuning.motion_range import motion_ranges

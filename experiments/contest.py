@@ -298,12 +298,11 @@ def live_subject(
     in the browser, from the state in which `env` begins with the `seed` and `options` of its reset; or, as text, the
     reason why it cannot be made, such as a plant of another simulator, effects such as a payload, or a reference that
     is no sum of sinusoids. Raises what the environment's reset raises."""
-    if not hasattr(env.unwrapped, "hand_over"):
+    if not hasattr(env.unwrapped, "episode"):
         return f"{type(env.unwrapped).__name__} does not tell what it is made of"
     if type(env.unwrapped.plant).step is not Plant.step:  # type: ignore[attr-defined]
         return f"{type(env.unwrapped).__name__} has physics of its own"
-    env.reset(seed=seed, options=dict(options))
-    episode = env.unwrapped.hand_over()
+    episode = env.unwrapped.episode(seed=seed, options=dict(options))
     return live_arm(episode.plant, controller, episode.reference, episode.state, episode.parameters)
 
 

@@ -26,7 +26,7 @@ from adaptctl.codegen.live_arm import LiveArm, live_arm
 from adaptctl.recording.page import Fragment, Report, Section
 from adaptctl.simulation import Plant
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
-from adaptctl.simulation.sampled_references import REFERENCE
+from adaptctl.simulation.references import REFERENCE
 from benchmarks.machine import Machine
 from benchmarks.tasks import PERIOD, Task, puma, semi_direct_drive
 

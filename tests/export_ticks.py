@@ -17,7 +17,7 @@ from adaptctl.control import Controller, ReferencePoint
 from adaptctl.control.memory import leaves
 from adaptctl.simulation import Plant
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
-from adaptctl.simulation.sampled_references import REFERENCE
+from adaptctl.simulation.references import REFERENCE
 
 TICKS = 20_000
 

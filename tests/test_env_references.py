@@ -17,7 +17,7 @@ from adaptctl.control.gains.torque_limits import finite_torque_limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv, random_sinusoids
 from adaptctl.errors import InputError
-from adaptctl.simulation.sampled_references import BLOCK, Preview
+from adaptctl.simulation.references import BLOCK, Preview
 
 
 @pytest.fixture(scope="module")

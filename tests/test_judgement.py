@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adaptctl.envs.judgement import Judgement
-from adaptctl.envs.reward import RewardWeights
+from adaptctl.envs.task import Judgement, RewardWeights
 
 R = 3
 JUDGEMENT = Judgement(RewardWeights(2.0, 0.3, 0.05), np.array([0.5, np.inf, 0.25]), np.array([10.0, 4.0, 1.0]))

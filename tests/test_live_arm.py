@@ -24,7 +24,7 @@ from adaptctl.recording.report import report
 from adaptctl.simulation import Plant
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
 from adaptctl.simulation.effects import ControlDelay
-from adaptctl.simulation.sampled_references import REFERENCE
+from adaptctl.simulation.references import REFERENCE
 
 SWING = Sinusoids(np.zeros(3), np.full(3, 0.2), np.array([0.3, 0.5, 0.7]))
 

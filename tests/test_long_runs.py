@@ -22,7 +22,7 @@ from adaptctl.envs import TrackingEnv
 from adaptctl.errors import AdaptctlError, FileError, InputError
 from adaptctl.simulation import Rollout, rollout, simulate
 from adaptctl.simulation.effects import Encoder, PayloadHeld
-from adaptctl.simulation.kept_samples import KeptSamples
+from adaptctl.simulation.rollout import KeptSamples
 from adaptctl.simulation.rollout_file import RolloutFile
 
 ARM = "puma560_arm3"

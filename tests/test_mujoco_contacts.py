@@ -14,8 +14,7 @@ from adaptctl.cli.main import main
 from adaptctl.control.references import Sinusoids
 from adaptctl.envs import MuJoCoTrackingEnv
 from adaptctl.errors import InputError, ReferenceWarning
-from adaptctl.simulation.mujoco_contacts import clear_of_contacts, contacts_along, contacts_at
-from adaptctl.simulation.mujoco_plant import MuJoCoPlant
+from adaptctl.simulation.mujoco_plant import MuJoCoPlant, clear_of_contacts, contacts_along, contacts_at
 
 SCENE = """
 <mujoco><option timestep="0.001"/><worldbody>

@@ -172,9 +172,7 @@ def of_environments() -> Any:
     for one in made:
         one.reset(seed=1)
         one.step(np.zeros(one.action_space.shape))
-    handed = envs.TrackingEnv(ARM, reference)
-    handed.reset(seed=1)
-    return made, handed.hand_over()
+    return made, envs.TrackingEnv(ARM, reference).episode(seed=1)
 
 
 def of_laws() -> Any:

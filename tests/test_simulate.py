@@ -57,6 +57,7 @@ from adaptctl.simulation.effects import (
     TorqueLimit,
     TorqueRateLimit,
 )
+from adaptctl.simulation.simulate import EpisodeRun
 
 SMALL, LOOP = "puma560_arm3", "semi_direct_drive"
 EFFECTS: dict[str, list[Effect]] = {
@@ -166,8 +167,8 @@ def test_loops_run_as_in_the_gymnasium_loop(law: str) -> None:
 def test_loops_stay_closed(integrator: Integrator, open_by: float) -> None:
     mechanism = arm(LOOP)
     env = TrackingEnv(mechanism, swinging(mechanism), duration=3.0, integrator=integrator)
-    run = simulate(env, CONTROLLERS["gradient"](LOOP))
-    q = env.hand_over().state.q
+    made = EpisodeRun(env.episode(), CONTROLLERS["gradient"](LOOP))
+    run, q = made.driven(), made.reached.q
     assert len(run.time) == 3000
     assert np.abs(run.v).max() > 1.0
     residual = mechanism.equations.residual(Column(q.tolist()))
@@ -205,7 +206,7 @@ def test_seeds_options_and_wrappers_of_make_are_the_same() -> None:
     assert not np.array_equal(*(run.reference_p for run in drawn))
 
 
-def test_the_environment_is_left_where_the_loop_leaves_it() -> None:
+def test_the_environment_takes_no_step_before_it_is_reset() -> None:
     env, controller = environment(SMALL, "payload"), ComputedTorque(arm(SMALL), 8.0)
     env.reset()
     simulate(env, controller)
@@ -346,6 +347,13 @@ def test_environments_with_a_step_of_their_own_are_driven_step_by_step() -> None
         def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
             return super().step(np.asarray(action) + 1.0)
 
+    class Noted(TrackingEnv):
+        """It begins as it likes, and its episodes are those of every other."""
+
+        def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, Any]:
+            return super().reset(seed=seed, options={"initial_error": 0.02})
+
+    both(Noted(arm(SMALL), swinging(arm(SMALL)), duration=0.02), Spring())
     env = Windy(arm(SMALL), swinging(arm(SMALL)), duration=0.02)
     with pytest.warns(NotCompiledWarning, match="Windy has a step of its own"):
         run = simulate(env, Spring())

@@ -177,8 +177,7 @@ class TestRows:
         assert of[0][1] is of[1][1] is not of[2][1]
         for one, (shared, _) in zip(chosen, of, strict=True):
             env: Any = one.environment(mechanism)
-            env.reset(seed=one.seed, options=one.options)
-            own = env.unwrapped.hand_over()
+            own = env.unwrapped.episode(seed=one.seed, options=one.options)
             np.testing.assert_array_equal(shared.parameters, own.parameters)
             np.testing.assert_array_equal(shared.state.p, own.state.p)
             np.testing.assert_array_equal(shared.state.v, own.state.v)

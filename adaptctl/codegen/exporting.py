@@ -21,7 +21,7 @@ from adaptctl.errors import FileError, InputError, printable
 from adaptctl.files import hashed, reason, write_json
 from adaptctl.folders import replacing_folder
 from adaptctl.packages import needed
-from adaptctl.simulation.sampled_references import sampled
+from adaptctl.simulation.references import sampled
 from adaptctl.version import __version__
 
 Language: TypeAlias = Literal["c", "wasm"]

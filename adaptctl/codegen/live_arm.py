@@ -26,7 +26,7 @@ from adaptctl.recording.page import rendered
 from adaptctl.scalars import Column, clip
 from adaptctl.simulation import Plant
 from adaptctl.simulation.effects import Payload
-from adaptctl.simulation.plant_state import PlantState
+from adaptctl.simulation.period import PlantState
 
 MOST = 60_000
 """bytes of a module in a page"""

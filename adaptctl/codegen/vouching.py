@@ -5,22 +5,21 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.codegen.interface import Interface
 from adaptctl.compilation.floats import LARGEST_COMPILED
-from adaptctl.control import Reference, Sinusoids
-from adaptctl.errors import InputError, VerdictError
+from adaptctl.control import Reference, ReferencePoint, Sinusoids
+from adaptctl.errors import InputError, NonFiniteError, VerdictError
 from adaptctl.files import finite_or_none
-from adaptctl.simulation import Plant
-from adaptctl.simulation.closed_loop import ClosedLoop, Sample
-from adaptctl.simulation.sampled_references import REFERENCE, sampled
+from adaptctl.simulation import Episode, Plant
+from adaptctl.simulation.rollout import KeptSamples
+from adaptctl.simulation.simulate import EpisodeRun, Stretch
 from adaptctl.simulation.stiffness import integration
 
 DURATION = 600.0
 """s"""
-STRETCH = 10_000
-"""control periods in one native call"""
 SMALL, LEARNED = 5e-3, 1.0 / 3.0
 """rad or m, and share of the first error: a last error above both was not learned away"""
 FAILURES = {
@@ -53,27 +52,18 @@ def vouched(
         raise InputError("check: the controller names no mechanism that can be simulated; export it without the check")
     period = interface.period
     plant = Plant(mechanism, period, *integration(mechanism, (), period))
-    loop = ClosedLoop(plant, controller)
-    arms, steps = loop.compiled().ensemble(1), round(duration / period)
-    p = _first(interface, reference)
-    loop.begin(arms, plant.init(p, np.zeros(plant.dof)), controller.init(p, np.zeros(plant.dof)))
-    arms.held["parameters"] = mechanism.inertial_parameters
+    run = EpisodeRun(_episode(plant, interface, reference, round(duration / period)), controller, KeptSamples(most=1))
     squares: list[Array] = []
-    finite, failure = True, None
-    for first in range(0, steps, STRETCH):
-        time = np.asarray(period * np.arange(first, min(first + STRETCH, steps)), dtype=np.float64)
-        points = sampled(reference, time, controller.reference_size)
-        signals = dict(zip(REFERENCE, points, strict=True)) | {"noise": np.zeros((len(time), 0))}
-        sample = Sample(*(values[:, 0] for values in arms.run(len(time), signals, record=True)))
-        finite, failure = _sound(loop, sample, time)
+    failure = None
+    while failure is None and not run.over:
+        stretch, failure = _sound(run)
         if interface.follows_joints:
-            squares.append(((plant.positions(sample.q) - points.p) ** 2).mean(axis=1))
-        if failure is not None:
-            break
+            q, wanted = (None, None) if stretch is None else (stretch.sample.q, stretch.reference.p[:-1])
+            squares.append(np.full(1, np.nan) if q is None else ((plant.positions(q) - wanted) ** 2).mean(axis=1))
     count = round(min(10.0, duration) / period)
     square = np.concatenate(squares) if squares else np.zeros(0)
     begun, ended = (float(np.sqrt(part.mean())) if squares else None for part in (square[:count], square[-count:]))
-    if failure is None and begun is not None and ended is not None and 2 * count <= steps:
+    if failure is None and begun is not None and ended is not None and 2 * count <= run.steps:
         failure = _unlearned(interface, begun, ended)
     if failure is not None and not anyway:
         raise VerdictError(f"check: in simulation {failure}, or export it all the same (`anyway`, --anyway)")
@@ -81,7 +71,7 @@ def vouched(
         "duration": duration,
         "reference": stated(reference),
         "failure": failure,
-        "finite": finite,
+        "finite": run.lost is None,
         "rms_error_first_10_s": finite_or_none(begun),
         "rms_error_last_10_s": finite_or_none(ended),
     }
@@ -98,27 +88,35 @@ def stated(reference: Reference) -> dict[str, Any]:
     return {"kind": "Sinusoids"} | {name: np.asarray(getattr(reference, name)).tolist() for name in names}
 
 
-def _first(interface: Interface, reference: Reference) -> Array:
-    """Positions (r,) at which the run begins: on the reference where it is one of joints, else at home."""
+def _episode(plant: Plant, interface: Interface, reference: Reference, steps: int) -> Episode:
+    """The episode that is run: from rest on the reference, to its end."""
     point = np.asarray(reference(0.0).p, dtype=np.float64)
-    return point if interface.follows_joints else np.asarray(interface.controller.home)
+    p = point if interface.follows_joints else np.asarray(interface.controller.home)
+    state, parameters = plant.init(p, np.zeros(plant.dof)), plant.mechanism.inertial_parameters
+    return Episode(plant, state, parameters, reference, np.random.default_rng(0), steps, _unjudged)
 
 
-def _sound(loop: ClosedLoop, sample: Sample, time: Array) -> tuple[bool, str | None]:
-    """True where all is finite; and what is wrong, with the time of it, in words, None where nothing is."""
-    finite = (
-        np.isfinite(sample.torque).all(axis=1) & np.isfinite(sample.q).all(axis=1) & np.isfinite(sample.v).all(axis=1)
-    )
-    if not finite.all():
-        when = time[int(finite.argmin())]
-        return False, (
-            f"the loop is not finite after {when:g} s: exported, this would be an arm that runs away; use smaller "
+def _unjudged(q: Array, v: Array, point: ReferencePoint, torque: Array) -> tuple[Array, NDArray[np.bool_]]:
+    return np.zeros(len(q)), np.zeros(len(q), dtype=np.bool_)
+
+
+def _sound(run: EpisodeRun) -> tuple[Stretch | None, str | None]:
+    """The next stretch of a run, None if it is not finite; and what is wrong, with the time of it, in words."""
+    try:
+        stretch = run.advance()
+    except NonFiniteError:
+        if run.lost is None:  # the reference is not finite
+            raise
+        return None, (
+            f"the loop is not finite after {run.lost:g} s: exported, this would be an arm that runs away; use smaller "
             "gains or a shorter period"
         )
     for mark, what in FAILURES.items():
-        if mark in loop.marks and (marked := sample.marks[:, loop.marks.index(mark)] > 0.5).any():
-            return True, what.format(time[int(marked.argmax())])
-    return True, None
+        if mark in run.loop.marks:
+            marked = stretch.sample.marks[:, run.loop.marks.index(mark)] > 0.5
+            if marked.any():
+                return stretch, what.format(stretch.time[int(marked.argmax())])
+    return stretch, None
 
 
 def _unlearned(interface: Interface, begun: float, ended: float) -> str | None:

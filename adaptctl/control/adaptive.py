@@ -12,13 +12,14 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, per_joint
+from adaptctl.arrays import Array, frozen_array
 from adaptctl.caching import cached_property
 from adaptctl.control.adaptation.gradient import Gradient
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.controller import Controller
 from adaptctl.control.gains.hold import require_period
-from adaptctl.errors import FileError, InputError, printable, require_kind
+from adaptctl.control.gains.torque_limits import torque_limits
+from adaptctl.errors import FileError, printable, require_kind
 from adaptctl.files import read_json, write_json
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Tunable, absolute, clip, spread, where
@@ -163,12 +164,7 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     def _settle_torque_limits(self) -> None:
         """Check the torque limits, the mechanism's own unless given, and freeze them."""
-        own = self.model.mechanism.effort_limits
-        given = np.where(own > 0.0, own, np.inf) if self.torque_limits is None else self.torque_limits
-        limits = per_joint(given, self.dof, "torque_limits")
-        if not np.all(limits > 0.0):
-            raise InputError(f"torque_limits: expected positive numbers, got {limits.tolist()}")
-        object.__setattr__(self, "torque_limits", limits)
+        object.__setattr__(self, "torque_limits", torque_limits(self.model.mechanism, self.torque_limits))
 
     def _held(self, torque: Column) -> tuple[Column, Column]:
         """The torque (r,) that the limits let through, and the time to learn from it: none while it is clipped, when

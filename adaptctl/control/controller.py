@@ -18,9 +18,8 @@ from adaptctl.compilation import Kernel
 from adaptctl.compilation.builtin import Finite, Form, Place, has_builtins
 from adaptctl.compilation.floats import LARGEST_COMPILED, OnFloats, native_or_floats
 from adaptctl.compilation.kernel import Given
-from adaptctl.control.many_arms import ManyArms
+from adaptctl.control.many_arms import ManyArms, row_each, rows_of_arms
 from adaptctl.control.memory import InOneArray, Memory, in_one_array, leaves, like, paths, require_tick, ticked
-from adaptctl.control.rows import row_each, rows_of_arms
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, Structure, Tunable
 

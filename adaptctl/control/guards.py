@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, per_joint
+from adaptctl.arrays import Array, per_joint, positive_per_joint
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.control.gains.hold import require_period
 from adaptctl.control.memory import leaves
@@ -126,7 +126,7 @@ class Guarded(Controller[GuardedState]):
         if not isinstance(self.freeze, bool):
             raise InputError(f"freeze: expected True or False, got {self.freeze!r}")
         for name in ("torque_limits", "rate_limits", "velocity_limits"):
-            object.__setattr__(self, name, _limits(getattr(self, name), self.dof, name))
+            object.__setattr__(self, name, positive_per_joint(getattr(self, name), self.dof, name))
         own = getattr(self.of, "damping", None) if self.stop_damping is None else self.stop_damping
         if own is None:
             raise InputError(f"stop_damping: {type(self.of).__name__} has no damping of its own to brake by: give one")
@@ -254,14 +254,6 @@ class Guarded(Controller[GuardedState]):
             return after, 0.0
         estimate = Column(map(clip, after.estimate, *map(column, self.estimate_bounds)))
         return after._replace(estimate=estimate), _differ(after.estimate, estimate)
-
-
-def _limits(values: ArrayLike, dof: int, what: str) -> Array:
-    """Positive limits (r,), one for all joints or one each; infinite where there is none."""
-    limits = per_joint(values, dof, what)
-    if not np.all(limits > 0.0):
-        raise InputError(f"{what}: expected positive numbers, one or {dof}, got {limits.tolist()}")
-    return limits
 
 
 def _pair(bounds: object, size: int, what: str) -> tuple[Array, Array]:

@@ -1,7 +1,6 @@
 """The physical arm in time: integrators, the plant, its effects, and closed-loop runs."""
 
-from adaptctl.simulation.closed_loop import ClosedLoop
-from adaptctl.simulation.episode import Episode
+from adaptctl.simulation.closed_loop import ClosedLoop, Episode
 from adaptctl.simulation.integrator import (
     Acceleration,
     Integrator,
@@ -9,8 +8,8 @@ from adaptctl.simulation.integrator import (
     RungeKutta4,
     SemiImplicitEuler,
 )
+from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.plant import Plant
-from adaptctl.simulation.plant_state import PlantState
 from adaptctl.simulation.rollout import rollout
 from adaptctl.simulation.run import Rollout
 from adaptctl.simulation.run_logger import RunLogger

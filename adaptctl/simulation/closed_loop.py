@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from adaptctl.arrays import whole_number
-from adaptctl.caching import cached_property
+from adaptctl.arrays import Array, whole_number
+from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.compilation import Ensemble, Stepper, compile_step
-from adaptctl.control.controller import GAINS, Controller, ReferencePoint
+from adaptctl.compilation.floats import LARGEST_COMPILED
+from adaptctl.control.controller import GAINS, Controller, Reference, ReferencePoint
 from adaptctl.control.memory import leaves, like
 from adaptctl.dynamics.equations import ClosedPositions
 from adaptctl.errors import InputError, require_kind
 from adaptctl.scalars import Column, Structure
+from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.plant import Plant
-from adaptctl.simulation.plant_state import PlantState
-from adaptctl.simulation.sampled_references import REFERENCE
+from adaptctl.simulation.references import REFERENCE
 
 _NOTHING = (Column(()), Column(()))
 
@@ -227,9 +230,60 @@ class ClosedLoop:
         return self.plant.noise_size > 0
 
 
+def not_compiled(plant: Plant, controller: Controller[Any]) -> str:
+    """The reason why a plant and a controller cannot be compiled together, in words; empty if they can."""
+    for part, kind in ((controller, Controller), (plant, Plant)):
+        if type(part).step is not kind.step:
+            return f"{type(part).__name__} has a step of its own"
+    links = len(plant.mechanism.links)
+    return f"{links} links are too many to compile" if links > LARGEST_COMPILED else ""
+
+
 def guards(memory: Any) -> tuple[Any, ...]:
     """The flags of a controller's guards in `memory`, its internal state: where the controller is `Guarded`, a named
     tuple of columns or arrays (1,) each, such as `torque_limited`, that are 1 where that guard acted in the last
     control period, else 0; an empty tuple for a controller without guards. Nothing is raised."""
     marks = getattr(memory, "marks", ())
     return marks if isinstance(marks, tuple) else ()
+
+
+Judge: TypeAlias = Callable[[Array, Array, ReferencePoint, Array], tuple[Array, NDArray[np.bool_]]]
+"""From configurations q (..., n), velocities (..., r), the reference there and the torques applied before (..., r), to
+rewards (...) and whether the episode ends there (...)."""
+
+
+def _untold(parameters: Array, state: PlantState, steps: int, clipped: int) -> dict[str, Any]:
+    return {}
+
+
+@sent_as_made
+class Episode(NamedTuple):
+    """Episode of one arm: plant, state, reference trajectory and all else from which the function `simulate` runs it to
+    its end in native code. Nothing is checked.
+
+    `plant` is the arm, now at `state`; `parameters` (P,) are its P true inertial and friction parameters, SI units, in
+    the order of `Mechanism.parameter_names`, without the loads of effects such as payloads; `reference` is the
+    trajectory, a function from T times (T,), s, to a `ReferencePoint` (positions, velocities, accelerations); `rng`
+    draws the sensors' noise, `Plant.noise_size` standard normal numbers a control period; `steps` is the number of
+    control periods left. `judge(q, v, point, torque)` returns rewards (...), no unit, and a mask (...), True where the
+    episode ends, from what was reached: configurations q (..., n) of the n joints of the spanning tree, rad (m if
+    prismatic), velocities v (..., r) of the r primary (independent) joints, rad/s (m/s), the `ReferencePoint` there and
+    the torques (..., r), N m (N), applied in the control period before.
+
+    `info(parameters, state, steps, clipped)` is what `Env.step` tells of a state that was reached after so many control
+    periods, of which `clipped` had a clipped torque. An environment begins an episode and returns it by
+    `episode(seed=..., options=...)`, which draws what `reset` draws, and takes no step before the next `reset`. It
+    raises `NotImplementedError`, with the reason as its message, where its `step` does anything else than the episode.
+    """
+
+    plant: Plant
+    state: PlantState
+    parameters: Array
+    """(P,) the true ones, without what effects load on them"""
+    reference: Reference
+    rng: np.random.Generator
+    """draws the sensors' noise, 2r standard normal numbers a step"""
+    steps: int
+    """control periods left"""
+    judge: Judge
+    info: Callable[[Array, PlantState, int, int], dict[str, Any]] = _untold

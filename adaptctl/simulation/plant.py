@@ -12,10 +12,11 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, checked, per_joint, positive_number, same_samples, stacked, vectors, whole_number
+from adaptctl.arrays import Array, checked, positive_number, same_samples, stacked, vectors, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.compilation.floats import native_or_floats
+from adaptctl.control.gains.torque_limits import torque_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NonFiniteError, require_kind
 from adaptctl.scalars import Column, Scalar, Structure, Tunable, column
@@ -23,8 +24,7 @@ from adaptctl.simulation.effects import Effect, LoadEffect, PlantEffects
 from adaptctl.simulation.effects.plant_effects import listed
 from adaptctl.simulation.held_motion import held_motion
 from adaptctl.simulation.integrator import Integrator, RungeKutta4, require_integrator
-from adaptctl.simulation.period import ControlPeriod
-from adaptctl.simulation.plant_state import PlantState
+from adaptctl.simulation.period import ControlPeriod, PlantState
 from adaptctl.simulation.stiffness import require_substeps
 from adaptctl.simulation.transmission import Motors, Transmission
 
@@ -65,8 +65,7 @@ class Plant(Tunable):
         whole_number(self.substeps, "substeps", 1, MOST_SUBSTEPS)
         require_integrator(self.integrator)
         self.mechanism.require_mass()
-        own = self.mechanism.effort_limits if self.torque_limits is None else self.torque_limits
-        object.__setattr__(self, "torque_limits", _limits(own, self.mechanism.dof))
+        object.__setattr__(self, "torque_limits", torque_limits(self.mechanism, self.torque_limits))
         object.__setattr__(self, "effects", listed(self.effects))
         self._effects.require(self.dof, self._links, self.control_period)
         if self.loads:
@@ -391,10 +390,3 @@ def require_ten_a_link(mechanism: Mechanism) -> None:
             f"payload: {mechanism.name} has relations among its parameters, which a payload would not keep to: take "
             "the mechanism without them as the plant"
         )
-
-
-def _limits(values: ArrayLike, dof: int) -> Array:
-    limits = per_joint(values, dof, "torque_limits")
-    if not np.all(limits > 0.0):
-        raise InputError(f"torque_limits: expected {dof} positive numbers, got {limits.tolist()}")
-    return limits

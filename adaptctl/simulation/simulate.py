@@ -1,32 +1,28 @@
-"""Simulation in native code: `rollout` with controller and plant compiled together, thousands of control periods a
-call."""
+"""Simulation of one run in native code: `rollout` with controller and plant compiled together, thousands of control
+periods a call."""
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from time import perf_counter
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 
 from adaptctl.arrays import Array, frozen
-from adaptctl.compilation.floats import LARGEST_COMPILED
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics.joint_units import position_units
 from adaptctl.errors import NonFiniteError, NotCompiledWarning
-from adaptctl.simulation.closed_loop import ClosedLoop, Sample
-from adaptctl.simulation.episode import Episode
-from adaptctl.simulation.kept_samples import KeptSamples
-from adaptctl.simulation.plant import Plant
-from adaptctl.simulation.plant_state import PlantState
-from adaptctl.simulation.rollout import interface, known_steps, rollout
+from adaptctl.simulation.closed_loop import ClosedLoop, Episode, Sample, not_compiled
+from adaptctl.simulation.period import PlantState
+from adaptctl.simulation.references import REFERENCE, sampled
+from adaptctl.simulation.rollout import KeptSamples, interface, known_steps, rollout
 from adaptctl.simulation.rollout_file import KEPT, RolloutFile
 from adaptctl.simulation.run import Rollout
-from adaptctl.simulation.sampled_references import REFERENCE, sampled
 
 if TYPE_CHECKING:
     import gymnasium
@@ -51,91 +47,104 @@ def simulate(
 
     Controller, effects and plant are compiled into one step, which is taken thousands of times in each call; in between
     `progress`, if given, is called with the fraction done, 0 to 1, and Ctrl-C is heard, which keeps what was computed.
-    The environment is left where `rollout` leaves it. `seed` and `options` are passed to `env.reset`, None for its own
-    defaults.
+    `seed` and `options` are those of `env.reset`, None for its own defaults. Afterwards the environment's generator is
+    where `rollout` leaves it, and the environment takes no step before it is reset.
 
     The run has a sample of one in `every` control periods, the first one included, and only those of its last `last`
     seconds, None for the whole run: however long it is, it takes no more memory than these. `stream` is the path of a
     Parquet file, None for none, to which all samples that `every` chooses are written as they come, also those before
     the `last`. It appears when the run ends, and `Rollout.load` reads it.
 
-    It takes a `TrackingEnv`, or another environment that hands over its `Episode`, in no wrappers but those of
-    `gymnasium.make`; a controller that has a `law` and no `step` of its own; and at most LARGEST_COMPILED (100) links.
-    Anything else is driven by `rollout`, with a `NotCompiledWarning` that says why; `stream` then has only the samples
-    of the run returned. Raises `InputError` for an environment that cannot be driven by this controller, an `every`
-    that is not a whole number of at least 1, and a `last` that is not positive and finite; `NonFiniteError` where the
-    motion becomes non-finite; and for `stream` `FileError` where it cannot be written, `MissingExtraError` without
-    pyarrow.
+    It takes a `TrackingEnv`, or another environment with a `plant` and a method `episode(seed=..., options=...)` that
+    returns its `Episode`, in no wrappers but those of `gymnasium.make`; a controller that has a `law` and no `step` of
+    its own; and at most LARGEST_COMPILED (100) links. Anything else is driven by `rollout`, with a `NotCompiledWarning`
+    that says why; `stream` then has only the samples of the run returned. Raises `InputError` for an environment that
+    cannot be driven by this controller, an `every` that is not a whole number of at least 1, and a `last` that is not
+    positive and finite; `NonFiniteError` where the motion becomes non-finite; and for `stream` `FileError` where it
+    cannot be written, `MissingExtraError` without pyarrow.
     """
     _, period = interface(env, controller)
-    if reason := _obstacle(env, controller):
+    kept = KeptSamples.of(every, last, period)
+    try:
+        episode = _episode(env, controller, seed, options)
+    except NotImplementedError as reason:
         warnings.warn(f"simulate: {reason}: rollout drives it, step by step", NotCompiledWarning, stacklevel=2)
         run = rollout(env, controller, seed=seed, options=options, progress=progress, every=every, last=last)
         if stream is not None:
             run.save(stream)
         return run
-    kept = KeptSamples.of(every, last, period)
-    env.reset(seed=seed, options=options)
-    episode: Episode = env.unwrapped.hand_over()  # type: ignore[attr-defined]
-    steps = min(episode.steps, known_steps(env) or episode.steps)
+    episode = episode._replace(steps=min(episode.steps, known_steps(env) or episode.steps))
     if stream is None:
-        kind = _WholeRun if kept == KeptSamples() else _NativeRun
-        return kind(episode, controller, steps, period, kept).driven(env.unwrapped, progress)
-    native = _NativeRun(episode, controller, steps, period, kept)
+        return EpisodeRun(episode, controller, kept).driven(progress)
     with RolloutFile(stream, controller.dof, None, position_units(episode.plant.mechanism)) as file:
-        result = native.driven(env.unwrapped, progress, file)
+        result = EpisodeRun(episode, controller, kept, file).driven(progress)
         file.about = {name: getattr(result, name) for name in KEPT}
     return result
 
 
-def _obstacle(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> str:
-    """The reason why an environment and a controller cannot be compiled together; empty when they can."""
+def _episode(
+    env: gymnasium.Env[Any, Any], controller: Controller[Any], seed: int | None, options: dict[str, Any] | None
+) -> Episode:
+    """The episode that an environment begins; `NotImplementedError`, before anything is drawn, if it has none that can
+    be compiled."""
     from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 
     wrapper, inner = env, env.unwrapped
     while wrapper is not inner:
         if type(wrapper) not in (OrderEnforcing, PassiveEnvChecker, TimeLimit):
-            return f"what {type(wrapper).__name__} does to the environment is not known"
+            raise NotImplementedError(f"what {type(wrapper).__name__} does to the environment is not known")
         if isinstance(wrapper, TimeLimit) and env.spec is None:
-            return "the time limit is not known"
+            raise NotImplementedError("the time limit is not known")
         wrapper = wrapper.env  # type: ignore[attr-defined]
-    if not hasattr(inner, "hand_over"):
-        return f"{type(inner).__name__} has no hand_over() for its episode"
-    if type(controller).step is not Controller.step:
-        return f"{type(controller).__name__} has a step of its own"
-    if _home_of(inner, "step") is not _home_of(inner, "hand_over"):
-        return f"{type(inner).__name__} has a step of its own"
-    if type(inner.plant).step is not Plant.step:  # type: ignore[attr-defined]
-        return f"{type(inner.plant).__name__} has a step of its own"  # type: ignore[attr-defined]
-    links = len(inner.plant.mechanism.links)  # type: ignore[attr-defined]
-    return f"{links} links are too many to compile" if links > LARGEST_COMPILED else ""
+    if not (hasattr(inner, "episode") and hasattr(inner, "plant")):
+        raise NotImplementedError(f"{type(inner).__name__} has no plant and no episode()")
+    if reason := not_compiled(inner.plant, controller):
+        raise NotImplementedError(reason)
+    episode: Episode = inner.episode(seed=seed, options=options)
+    return episode
 
 
-def _home_of(thing: object, method: str) -> type | None:
-    """The class that has a method's code."""
-    return next((kind for kind in type(thing).__mro__ if method in vars(kind)), None)
+class Stretch(NamedTuple):
+    """Control periods of a run that were taken in one call: `time` (n + 1,), s, of their beginnings and the end; a
+    `Sample` of arrays (n, ...); the reference (n + 1, r); rewards (n,); and the masses (n,) held, kg, at the ends."""
+
+    time: Array
+    sample: Sample
+    reference: ReferencePoint
+    reward: Array
+    payload: Array
 
 
-class _NativeRun:
-    """A run in the making, of which some samples are kept."""
+class EpisodeRun:
+    """A run in the making of an `episode` under a `controller`, in native code. Of its samples those are kept that
+    `kept` says, and those that it chooses are written to `file`, if there is one. `lost` is the time, s, at which a
+    number became non-finite, None while none did. Raises `InputError` for a controller for another number of joints,
+    `TraceError` for a law that cannot be traced."""
 
     def __init__(
-        self, episode: Episode, controller: Controller[Any], steps: int, period: float, kept: KeptSamples
+        self,
+        episode: Episode,
+        controller: Controller[Any],
+        kept: KeptSamples = KeptSamples(),  # noqa: B008  # frozen
+        file: RolloutFile | None = None,
     ) -> None:
-        self.loop, self.episode = ClosedLoop(episode.plant, controller), episode
-        self.steps, self.period, self.kept = steps, period, kept
+        self.loop, self.episode, self.kept, self.file = ClosedLoop(episode.plant, controller), episode, kept, file
+        self.steps, self.period = episode.steps, episode.plant.control_period
         self.arms = self.loop.compiled().ensemble(1)
         self.loop.begin(self.arms, episode.state, controller.init(*_measured(episode.state)))
-        self.samples: dict[str, Array] = {}
-        self.file: RolloutFile | None = None
-        self.room, self.signals = self.arms.room(self._longest + 1), self.arms.signals(self._longest + 1)
-        self.sample = Sample(*map(self.room.view, self.room.columns))
+        self.whole = file is None and kept == KeptSamples()  # then the buffers are the result, and nothing is copied
+        self.longest = self.steps if self.whole else min(LONGEST, self.steps)
+        self.room, self.signals = self.arms.room(self.longest + 1), self.arms.signals(self.longest + 1)
+        self.recorded = Sample(*map(self.room.view, self.room.columns))
+        self.samples = {name: np.empty(self.kept.room(self.steps)) for name in ("reward", "payload")}
         self.count, self.clips, self.terminated = 0, 0, False
         self.place, self.end = self._place(), episode.state
+        self.lost: float | None = None
 
-    def driven(self, env: Any, progress: Callable[[float], object] | None, file: RolloutFile | None = None) -> Rollout:
-        """The run to its end, or to Ctrl-C."""
-        complete, started, self.file = False, perf_counter(), file
+    def driven(self, progress: Callable[[float], object] | None = None) -> Rollout:
+        """The run, a `Rollout`, taken to its end, or to Ctrl-C; in between `progress` is called with the fraction done.
+        Raises `NonFiniteError` where the motion becomes non-finite."""
+        complete, started = False, perf_counter()
         try:
             while not self.over:
                 self.advance()
@@ -144,30 +153,16 @@ class _NativeRun:
             complete = True
         except KeyboardInterrupt:
             pass
-        return self.result(env, perf_counter() - started, complete)
-
-    @property
-    def _longest(self) -> int:
-        """Control periods that there is room for at once."""
-        return min(LONGEST, self.steps)
-
-    @property
-    def _stretch(self) -> int:
-        """Control periods of the next native call, at most: few at first, for a run may soon be over."""
-        return min(LONGEST, max(CHUNK, 4 * self.count))
-
-    @property
-    def _first(self) -> int:
-        """Index in the buffer where the next control periods are recorded."""
-        return 0
+        return self._result(perf_counter() - started, complete)
 
     @property
     def over(self) -> bool:
-        """True if the environment ended the run, or its time is up."""
+        """True if the episode ended itself, or its time is up."""
         return self.terminated or self.count >= self.steps
 
-    def advance(self) -> None:
-        """One stretch, in which the true parameters stay as they are; it counts when all of it is done."""
+    def advance(self) -> Stretch:
+        """The next `Stretch` of control periods, in which the true parameters stay as they are; it counts when all of
+        it is done. Raises `NonFiniteError` where the motion becomes non-finite."""
         time = self._times()
         reference = self._reference(time)
         self.arms.held["parameters"] = self._parameters(time[0])
@@ -179,52 +174,16 @@ class _NativeRun:
             sample = self._taken(count)
             if not over:
                 self._fail(time[count], ReferencePoint(*(part[count] for part in reference)))
-        self._keep(time[: count + 1], sample, reference, reward)
+        payload = np.full(count, self.episode.plant.payload(time[0]))
+        payload[-1:] = self.episode.plant.payload(time[count])
+        stretch = Stretch(time[: count + 1], sample, reference, reward, payload)
+        self._keep(stretch)
         end, place = self._last(time[count], sample), self._place()
         self.count, self.end, self.place, self.terminated = self.count + count, end, place, over
+        return stretch
 
-    def _keep(self, time: Array, sample: Sample, reference: ReferencePoint, reward: Array) -> None:
-        """Keep the samples, of all times but the last, that are to be kept."""
-        count = len(reward)
-        chosen = self.kept.among(self.count, count)
-        columns = {name: values[:count][chosen] for name, values in self._columns(time, sample, reference, reward)}
-        rows = self.kept.rows(self.count, count)[-self.kept.room(self.steps) :]
-        for name, values in columns.items():
-            if name not in self.samples:
-                self.samples[name] = np.empty((self.kept.room(self.steps), *values.shape[1:]))
-            self.samples[name][rows] = values[len(values) - len(rows) :]
-        self.clips += int(sample.clipped[:count].sum())
-        if self.file is not None:
-            marks = columns.pop("marks"), columns.pop("payload")
-            self.file.append({"measured_p": None, "measured_v": None, **columns}, self._marks(*marks))
-
-    def _nothing(self) -> tuple[Array, Sample, ReferencePoint, Array]:
-        """Empty arrays in the form of what is kept of control periods."""
-        sample = Sample(*(np.empty((0, *shape)) for shape in self.arms.stepper.outputs))
-        size = self.loop.controller.reference_size
-        return np.zeros(1), sample, ReferencePoint(*np.empty((3, 0, size))), np.empty(0)
-
-    def _columns(
-        self, time: Array, sample: Sample, reference: ReferencePoint, reward: Array
-    ) -> Iterator[tuple[str, Array]]:
-        """Samples of a stretch by their names in a `Rollout`."""
-        plant, count = self.episode.plant, len(reward)
-        p, payload = plant.positions(sample.q), np.full(count, plant.payload(time[0]))
-        payload[-1:] = plant.payload(time[count])
-        yield from (("time", time[:count]), ("p", p), ("v", sample.v), ("payload", payload), ("reward", reward))
-        if plant.effects:
-            measured = (sample.measured_p, sample.measured_v) if plant.noise_size else (p, sample.v)
-            yield from zip(("measured_p", "measured_v"), measured, strict=True)
-        yield from zip(("reference_p", "reference_v", "reference_a"), reference, strict=True)
-        yield from ((name, getattr(sample, name)) for name in ("torque", "applied", "estimate", "marks", "learning"))
-        yield from ((name, getattr(sample, name)[:, 0]) for name in ("clipped", "energy"))
-
-    def _last(self, time: float, sample: Sample) -> PlantState:
-        """The time after the last sample, and what that keeps of a plant's state; the rest is in `place`."""
-        marks, clipped = sample.marks[-1, : len(self.episode.plant.marks)].copy(), bool(sample.clipped[-1, 0])
-        return self.end._replace(time=time, applied=sample.applied[-1].copy(), clipped=clipped, marks=marks)
-
-    def _reached(self) -> PlantState:
+    @property
+    def reached(self) -> PlantState:
         """The plant's state at the end of all that counts, to which it returns from a stretch that was interrupted."""
         self._return()
         if not self.count:
@@ -232,27 +191,64 @@ class _NativeRun:
         own = {name: getattr(self.end, name) for name in ("applied", "clipped", "marks")}
         return self.loop.now(self.arms, self.end.time)[0]._replace(**own)
 
+    @property
+    def _first(self) -> int:
+        """Index in the buffer where the next control periods are recorded."""
+        return self.count if self.whole else 0
+
+    def _keep(self, stretch: Stretch) -> None:
+        """Keep the samples of a stretch that are to be kept and are not kept by themselves."""
+        count, own = len(stretch.reward), self.kept.room(self.steps)
+        chosen, rows = self.kept.among(self.count, count), self.kept.rows(self.count, count)[-own:]
+        columns = {"reward": stretch.reward, "payload": stretch.payload} if self.whole else self._columns(stretch)
+        columns = {name: values[:count][chosen] for name, values in columns.items()}
+        for name, values in columns.items():
+            if name not in self.samples:
+                self.samples[name] = np.empty((own, *values.shape[1:]))
+            self.samples[name][rows] = values[len(values) - len(rows) :]
+        self.clips += int(stretch.sample.clipped[:count].sum())
+        if self.file is not None:
+            marks = columns.pop("marks"), columns.pop("payload")
+            self.file.append({"measured_p": None, "measured_v": None, **columns}, self._marks(*marks))
+
+    def _columns(self, stretch: Stretch) -> dict[str, Array]:
+        """A stretch's columns by their names in a `Rollout`."""
+        plant, sample = self.episode.plant, stretch.sample
+        names = "v", "torque", "applied", "estimate", "marks", "learning"
+        columns = {name: getattr(sample, name) for name in names} | {"p": plant.positions(sample.q)}
+        columns |= {"clipped": sample.clipped[:, 0], "energy": sample.energy[:, 0], "time": stretch.time[:-1]}
+        columns |= {f"reference_{name}": part for name, part in stretch.reference._asdict().items()}
+        if plant.effects:
+            measured = (sample.measured_p, sample.measured_v) if plant.noise_size else (columns["p"], sample.v)
+            columns |= zip(("measured_p", "measured_v"), measured, strict=True)
+        return columns | {"reward": stretch.reward, "payload": stretch.payload}
+
+    def _last(self, time: float, sample: Sample) -> PlantState:
+        """The time after the last sample, and what that keeps of a plant's state; the rest is in `place`."""
+        marks, clipped = sample.marks[-1, : len(self.episode.plant.marks)].copy(), bool(sample.clipped[-1, 0])
+        return self.end._replace(time=time, applied=sample.applied[-1].copy(), clipped=clipped, marks=marks)
+
     def _judged(self, sample: Sample, reference: ReferencePoint) -> tuple[Array, bool]:
         """Rewards of the control periods up to the end of the run or the first number that is not finite; and True if
-        the environment ended it."""
+        the episode ended itself."""
         count, after = len(sample.q), slice(self._first + 1, self._first + len(sample.q) + 1)
-        q, v = self.sample.q[after], self.sample.v[after]
+        q, v = self.recorded.q[after], self.recorded.v[after]
         q[-1], v[-1] = self.arms.state["q"][0], self.arms.state["v"][0]
-        sound = count if self._sound(count) else _finite(sample.torque, q, v)
+        sound = count if self._sound(sample.torque) else _finite(sample.torque, q, v)
         ahead = ReferencePoint(*(part[1 : sound + 1] for part in reference))
         reward, over = self.episode.judge(q[:sound], v[:sound], ahead, sample.applied[:sound])
         return (reward[: int(over.argmax()) + 1], True) if over.any() else (reward, False)
 
-    def _sound(self, count: int) -> bool:
+    def _sound(self, torque: Array) -> bool:
         """True only if all torques just recorded and the state after them are finite, and so the states before."""
-        torque = self.sample.torque[self._first : self._first + count]
         with np.errstate(over="ignore", invalid="ignore"):
             return bool(np.isfinite(torque).all()) and math.isfinite(self.arms.state.blocks.sum())
 
     def _times(self) -> Array:
-        """The times of the next stretch and its end: as long as nothing changes, in one call's length."""
-        first = self.count
-        longest = min(self._stretch, self.steps - first)
+        """The times of the next stretch and its end: few control periods at first, for a run may soon be over, then as
+        many as fit in one call, as long as nothing changes."""
+        first, most = self.count, min(LONGEST, max(CHUNK, 4 * self.count))
+        longest = min(most, self.steps - first)
         times = self.period * np.arange(first, first + longest + 1)
         same = int(np.searchsorted(times, self.episode.plant.until(times[0])))
         return np.asarray(times[: max(1, min(same, longest)) + 1])
@@ -272,90 +268,59 @@ class _NativeRun:
         if size:
             self.signals.shared.view("noise")[rows] = self.episode.rng.standard_normal((count, size))
         self.arms.record_into(self.room, self._first, count, self.signals)
-        return Sample(*(part[rows] for part in self.sample))
+        return Sample(*(part[rows] for part in self.recorded))
 
     def _place(self) -> tuple[Array, Any]:
-        """State of the run and of its noise, to return to."""
+        """All that changes as the run goes on: the arm's state, and the generator's."""
         return self.arms.state.blocks.copy(), self.episode.rng.bit_generator.state
 
     def _return(self) -> None:
+        """Go back to where the last stretch that counts ended."""
         self.arms.state.blocks[...], self.episode.rng.bit_generator.state = self.place
 
     def _fail(self, time: float, reference: ReferencePoint) -> NoReturn:
-        """Raise what the controller or the plant raises when they step from here."""
-        plant, controller = self.episode.plant, self.loop.controller
+        """Raise what the step raises in which a number was not finite."""
+        plant, controller, self.lost = self.episode.plant, self.loop.controller, time
         state, memory = self.loop.now(self.arms, time)
         torque, _ = controller.step(memory, *_measured(state), reference)
         plant.step(state, torque, self._parameters(time))
         raise NonFiniteError(f"the closed loop is not finite after {time:g} s")
 
-    def result(self, env: Any, wall_time: float, complete: bool) -> Rollout:
-        """The run so far; the environment is taken there."""
-        columns = self._columns_kept()
-        marks = columns.pop("marks"), columns.pop("payload")
+    def _result(self, wall_time: float, complete: bool) -> Rollout:
+        columns = self._kept()
+        marks, state = (columns.pop("marks"), columns.pop("payload")), self.reached
         return Rollout(
             **columns,
             control_period=self.period,
             wall_time=wall_time,
             complete=complete,
             terminated=self.terminated,
-            info=env.take_back(self._reached(), self.count, self.clips, self.terminated),
+            info=self.episode.info(self.episode.parameters, state, self.count, self.clips),
             marks=self._marks(*marks),
             every=self.kept.every,
             position_units=position_units(self.episode.plant.mechanism),
         )
 
-    def _columns_kept(self) -> dict[str, Array]:
-        """Samples that were kept, in order of time, by their names in a `Rollout`."""
-        if not self.samples:  # interrupted at once
-            self._keep(*self._nothing())
-        order = self.kept.order(self.count)
-        return {name: self._in_order(values, order) for name, values in self.samples.items()}
+    def _kept(self) -> dict[str, Array]:
+        """The columns kept, in order; arrays of their own where less was computed than there is room for."""
+        columns, order = self.samples, self.kept.order(self.count)
+        if self.whole or not self.count:  # where nothing was computed yet, there is nothing else
+            columns = self._columns(self._recorded(slice(0, self.count)))
+        full = isinstance(order, slice) and self.count == self.steps
+        return {name: frozen(values if full else values[order].copy()) for name, values in columns.items()}
 
-    def _in_order(self, values: Array, order: Any) -> Array:
-        """The samples so far, and no memory for more."""
-        whole = isinstance(order, slice) and order.stop == len(values)
-        return frozen(values if whole else values[order].copy())
+    def _recorded(self, done: slice) -> Stretch:
+        """What the buffers have of some control periods."""
+        time = np.asarray(self.period * np.arange(done.start, done.stop + 1))
+        reference = ReferencePoint(*(self.signals.shared.view(name)[done] for name in REFERENCE))
+        sample, own = Sample(*(part[done] for part in self.recorded)), (self.samples["reward"], self.samples["payload"])
+        return Stretch(time, sample, reference, *(values[done] for values in own))
 
     def _marks(self, values: Array, payload: Array) -> Mapping[str, Array]:
-        """Marks of the effects by name, in the order of `rollout`."""
+        """Marks by their names, the plant's own first, with the mass held if there are loads."""
         own, by_name = self.episode.plant, dict(zip(self.loop.marks, map(frozen, values.T), strict=True))
         loaded = {"payload": frozen(payload)} if own.loads else {}
         return MappingProxyType({name: by_name[name] for name in own.marks} | loaded | by_name)
-
-
-class _WholeRun(_NativeRun):
-    """A run in the making whose samples are all kept, recorded where they stay."""
-
-    def __init__(
-        self, episode: Episode, controller: Controller[Any], steps: int, period: float, kept: KeptSamples
-    ) -> None:
-        super().__init__(episode, controller, steps, period, kept)
-        self.reference = ReferencePoint(*map(self.signals.shared.view, REFERENCE))
-        self.reward, self.payload = np.empty((2, steps))
-
-    @property
-    def _longest(self) -> int:
-        return self.steps
-
-    @property
-    def _first(self) -> int:
-        return self.count
-
-    def _keep(self, time: Array, sample: Sample, reference: ReferencePoint, reward: Array) -> None:
-        """Put what is not recorded with the samples, of all times but the last, in its place."""
-        new, plant = slice(self.count, self.count + len(reward)), self.episode.plant
-        self.reward[new], self.payload[new] = reward, plant.payload(time[0])
-        self.payload[new.stop - 1] = plant.payload(time[-1])
-        self.clips += int(sample.clipped[: len(reward)].sum())
-
-    def _columns_kept(self) -> dict[str, Array]:
-        done = slice(0, self.count)
-        time = np.asarray(self.period * np.arange(self.count + 1))
-        sample, reference = Sample(*(x[done] for x in self.sample)), ReferencePoint(*(x[done] for x in self.reference))
-        columns = dict(self._columns(time, sample, reference, self.reward[done])) | {"payload": self.payload}
-        whole = self.count == self.steps
-        return {name: frozen(x if whole else x[done].copy()) for name, x in columns.items()}
 
 
 def _measured(state: PlantState) -> tuple[Array, Array]:
@@ -363,7 +328,7 @@ def _measured(state: PlantState) -> tuple[Array, Array]:
 
 
 def _finite(torque: Array, q: Array, v: Array) -> int:
-    """Number of control periods before a torque or a state (T, ...) is not finite."""
+    """The number of samples at the beginning in which every torque, and the state after it, is finite."""
     with np.errstate(over="ignore", invalid="ignore"):
         squares = np.vecdot(torque, torque) + np.vecdot(q, q) + np.vecdot(v, v)
     faulty = ~np.isfinite(squares)

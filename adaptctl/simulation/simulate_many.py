@@ -22,15 +22,21 @@ from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 from adaptctl.simulation.closed_loop import ClosedLoop
-from adaptctl.simulation.error_sums import SETTLED, ErrorSums, judged_by, sum_sizes, summary, summed
-from adaptctl.simulation.gains_of_many import GainsOfMany, alike
-from adaptctl.simulation.herd import Herd
-from adaptctl.simulation.lyapunov_rise import rise_sizes, risen, truth_sizes, watched
-from adaptctl.simulation.noise import Noise, checked_seeds
+from adaptctl.simulation.herd import GainsOfMany, Herd, Noise, alike, checked_seeds, require_single
 from adaptctl.simulation.plant import Plant
-from adaptctl.simulation.references_of_many import ReferenceForm, ReferencesOfMany
-from adaptctl.simulation.sampled_references import REFERENCE
-from adaptctl.simulation.single_precision import require_single
+from adaptctl.simulation.references import REFERENCE, ReferenceForm, ReferencesOfMany
+from adaptctl.simulation.summaries import (
+    SETTLED,
+    ErrorSums,
+    judged_by,
+    rise_sizes,
+    risen,
+    sum_sizes,
+    summary,
+    summed,
+    truth_sizes,
+    watched,
+)
 
 HERD = 512
 """Arms that take a stretch of time together, one herd after the other: what they read and write fits the caches."""

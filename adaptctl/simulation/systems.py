@@ -19,7 +19,7 @@ from adaptctl.packages import needed
 from adaptctl.scalars import Column
 from adaptctl.simulation.effects import JointEffect
 from adaptctl.simulation.plant import Plant
-from adaptctl.simulation.sampled_references import REFERENCE
+from adaptctl.simulation.references import REFERENCE
 
 if TYPE_CHECKING:
     import control

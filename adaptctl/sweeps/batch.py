@@ -151,8 +151,7 @@ def _home(kind: type, name: str) -> type | None:
 
 def _reset(experiment: Learning, mechanism: Mechanism) -> tuple[Episode, Any]:
     env: Any = experiment.environment(mechanism)
-    env.reset(seed=experiment.seed, options=experiment.options)
-    return env.unwrapped.hand_over(), env.unwrapped
+    return env.unwrapped.episode(seed=experiment.seed, options=experiment.options), env.unwrapped
 
 
 def _trial(experiment: Learning, controllers: Sequence[str], known: Begun) -> BatchedRun | None:

@@ -1,15 +1,26 @@
-"""Torque limits of actions, also where the mechanism states none."""
+"""Torque limits: given, the mechanism's own, or bounds where it states none. Plants, laws and environments ask here."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, positive_per_joint
 from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.dynamics import Mechanism
 
 SPEED, ACCELERATION, MARGIN = 2.0, 10.0, 4.0
 """rad/s (m/s), rad/s^2 (m/s^2), and how many times the torque that these ask of a joint is its limit."""
+
+
+def torque_limits(mechanism: Mechanism, given: ArrayLike | None = None, *, finite: bool = False) -> Array:
+    """Torque limits (r,) of the `mechanism`'s r primary (independent) joints, N m (N if prismatic), read-only: `given`
+    ones, one number or (r,), or where that is None the joints' own effort limits. Where a joint states none its limit
+    is infinite, or if `finite` the bound of `finite_torque_limits`. Raises `InputError` for limits that are not
+    positive or of another shape, and where no such bound is found, `NonFiniteError` for NaN."""
+    if given is None:
+        given = finite_torque_limits(mechanism) if finite else mechanism.effort_limits
+    return positive_per_joint(given, mechanism.dof, "torque_limits")
 
 
 def finite_torque_limits(mechanism: Mechanism) -> Array:

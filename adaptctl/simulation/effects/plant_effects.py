@@ -12,7 +12,7 @@ from adaptctl.arrays import Array
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 from adaptctl.simulation.effects.effect import ActuatorEffect, Effect, JointEffect, LoadEffect, SensorEffect
-from adaptctl.simulation.effects.elastic_joints import MOTOR, ElasticJoints
+from adaptctl.simulation.effects.joints import MOTOR, ElasticJoints
 
 KINDS = (ActuatorEffect, SensorEffect, JointEffect, LoadEffect, ElasticJoints)
 """Base classes of the effects that a plant has a place for; it refuses others."""

@@ -1,4 +1,4 @@
-"""Joints that are elastic: motors that turn the links through springs."""
+"""Friction in the joints that the controller's model need not know."""
 
 from __future__ import annotations
 
@@ -8,8 +8,71 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
+from adaptctl.dynamics.recursion.drive import SLOW
 from adaptctl.errors import InputError
-from adaptctl.simulation.effects.effect import Effect, at_least_zero
+from adaptctl.scalars import Column, Scalar, sqrt
+from adaptctl.simulation.effects.effect import Effect, JointEffect, at_least_zero, require_positive
+
+
+@dataclass(frozen=True, eq=False)
+class Friction(JointEffect):
+    """Joint friction: viscous, Coulomb and Stribeck friction, greatest at the start of a motion and falling while the
+    lubricant's film builds up.
+
+        torque = viscous v + (coulomb + stribeck/(1 + (v/speed)^2)) sign(v)
+
+    (Hess and Soom 1990; Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2.) v are the joints' velocities
+    in rad/s (m/s of a prismatic joint). `stribeck` is the excess of static over Coulomb friction, half of which is gone
+    at `speed` (rad/s, m/s), one number, 0.1 by default. `viscous` (N m s/rad, N s/m), `coulomb` and `stribeck` (N m, N)
+    are one number or one a joint (r,), zero by default. The sign is smoothed to v/sqrt(v^2 + 0.01^2), also for a
+    drive's Coulomb friction, so the arm creeps where a real one sticks.
+
+    This friction acts on the r primary (independent) joints of the plant alone; the controller's model has none of it.
+    The friction of the mechanism's drives is in the plant and in the model, where it can be adapted; this comes on top.
+    Raises `InputError` for a speed that is not positive and finite; a `Plant` raises it for other numbers that are
+    negative, not finite or do not fit its r joints.
+    """
+
+    viscous: ArrayLike = 0.0
+    coulomb: ArrayLike = 0.0
+    stribeck: ArrayLike = 0.0
+    speed: float = 0.1
+
+    def __post_init__(self) -> None:
+        require_positive(self.speed, "friction: speed", "rad/s")
+
+    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+        """Raise `InputError` unless each of `viscous`, `coulomb` and `stribeck` is one finite number of at least 0 or
+        one for each of `dof` (r) joints. The names `links` and `control_period` (s) are not used."""
+        if not np.isfinite(self._each(dof)).all():
+            raise InputError("friction: expected finite numbers")
+
+    def torque(self, v: Column) -> Column:
+        """The friction torque (r,) of r joints, N m (N for a prismatic joint), at their velocities v (r,), rad/s (m/s).
+        It has the sign of v, so the equations of motion subtract it from the drives' torque. Both are Columns,
+        vectors of scalars of any kind: floats, arrays, or symbols to be compiled. Raises `InputError` for settings that
+        are negative, NaN or do not fit r joints."""
+        viscous, coulomb, stribeck = (Column(values.tolist()) for values in self._each(len(v)))
+        signs = Column(map(_sign, v))
+        film = Column(1.0 / (1.0 + (x / self.speed) * (x / self.speed)) for x in v)
+        return viscous * v + (coulomb + stribeck * film) * signs
+
+    def steepest(self, dof: int) -> Array:
+        """The greatest slope (r,) of each joint's friction torque over its velocity, N m s/rad (N s/m for a prismatic
+        joint), for `dof` (r) joints: the one at rest, viscous + (coulomb + stribeck)/0.01. Raises `InputError` for
+        settings that are negative, NaN or do not fit r joints."""
+        viscous, coulomb, stribeck = self._each(dof)
+        return viscous + (coulomb + stribeck) / SLOW
+
+    def _each(self, dof: int) -> Array:
+        """The three (3, r)."""
+        names = ("viscous", "coulomb", "stribeck")
+        return np.array([at_least_zero(getattr(self, name), dof, f"friction: {name}") for name in names])
+
+
+def _sign(v: Scalar) -> Scalar:
+    return v / sqrt(v * v + SLOW * SLOW)
+
 
 LINK, MOTOR = "link", "motor"
 """Places of encoders: behind the spring or before it."""
