@@ -13,22 +13,16 @@ from adaptctl.control.controller import Reference
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.tuning.motion_range import AMPLITUDE, motion_ranges
+from adaptctl.tuning.motion_range import START_TIME, motion_ranges, random_swing
 
 Trajectory: TypeAlias = Reference | int | str | None
 """A reference, the seed of a random one, or "random" or None for a new one each time."""
 
-FREQUENCIES = (0.1, 0.25)
-"""Hz"""
 SHARE = 0.8
 """The share of a position range and of a velocity limit that is used."""
 ROOM = 0.1
 """rad or m that loops must leave around a reference, for the tracking error."""
 BOX_SAMPLES = 64
-START_TIME = 2.0
-"""Length of the smooth start, s."""
-FADE_SLOPE = 1.875
-"""Greatest slope of the quintic fade from 0 to 1 over unit time."""
 
 
 def drawn(trajectory: Trajectory, mechanism: Mechanism, rng: np.random.Generator) -> Reference:
@@ -103,11 +97,8 @@ def many_random_sinusoids(mechanism: Mechanism, rngs: Iterable[np.random.Generat
 
 def _within_limits(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoids:
     lower, upper = motion_ranges(mechanism)
-    fastest = np.array([joint.limits.velocity for joint in mechanism.primary_joints])
     middle, reach = 0.5 * (lower + upper), 0.5 * SHARE * (upper - lower)
-    frequency = rng.uniform(*FREQUENCIES, mechanism.dof)
-    largest = np.minimum(np.minimum(AMPLITUDE, reach), SHARE * fastest / _unit_speed(frequency))
-    amplitude = largest * rng.uniform(0.5, 1.0, mechanism.dof)
+    frequency, amplitude = random_swing(mechanism, reach, SHARE, rng)
     center = middle + (reach - amplitude) * rng.uniform(-1.0, 1.0, mechanism.dof)
     return Sinusoids(center, amplitude, frequency, start_time=START_TIME)
 
@@ -144,8 +135,3 @@ def _reached(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
         reachable = mechanism.continuation.reachable(p[inside].reshape(-1, p.shape[-1]))
         inside[inside] = reachable.reshape(-1, p.shape[1]).all(axis=1)
     return inside
-
-
-def _unit_speed(frequency: Array) -> Array:
-    """A bound on the speed of a sinusoid of unit amplitude, its fading in included."""
-    return 2.0 * np.pi * frequency + FADE_SLOPE / START_TIME

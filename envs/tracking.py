@@ -225,6 +225,12 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         friction ones, SI, in the order of `Mechanism.parameter_names`. Raises `InputError` for a bad option (its
         subclasses `NotFoundError` for an unknown one, `NonFiniteError` for one that is not finite), `SingularityError`
         where loops cannot be followed to the start, Gymnasium's `Error` for a bad seed."""
+        begun = self._begun(seed, options)
+        self.plant.compile()
+        return self._observation(begun), self._info(begun.parameters, begun.state, 0, 0)
+
+    def _begun(self, seed: int | None, options: dict[str, Any] | None) -> RunningEpisode:
+        """The episode that now begins."""
         super().reset(seed=seed)
         given = options if options is not None else {}
         if not isinstance(given, Mapping):
@@ -237,10 +243,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         reference = drawn(given.get("trajectory", self.trajectory), self.mechanism, self.np_random)
         preview = Preview(reference, r, self.control_period, self.look_ahead)
         start = preview.row(0)
-        self.plant.compile()
         state = self.plant.init(start[:r] + error, start[r : 2 * r], self._now(parameters, 0), self._noise())
         self._episode = RunningEpisode(parameters, preview, state)
-        return self._observation(self._episode), self._info(parameters, state, 0, 0)
+        return self._episode
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Observation (5r + r L,), reward, `terminated`, `truncated` and `info` after one control period, by which this
@@ -291,8 +296,11 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         subclass has a `step` of its own, which then has to write this method as well."""
         if type(self).step is not TrackingEnv.step:
             raise NotImplementedError(f"{type(self).__name__} has a step of its own")
-        self.reset(seed=seed, options=options)
-        begun = self._running("episode")
+        if type(self).reset is TrackingEnv.reset:
+            begun = self._begun(seed, options)  # what a step needs is not compiled
+        else:
+            self.reset(seed=seed, options=options)
+            begun = self._running("episode")
         begun.over, reference = True, begun.preview.reference
         told = self._judged, self._info
         return Episode(self.plant, begun.state, begun.parameters, reference, self.np_random, self.steps, *told)
@@ -316,14 +324,17 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     def _observation(self, episode: RunningEpisode) -> Array:
         return np.concatenate((episode.state.measured_p, episode.state.measured_v, episode.preview.row(episode.step)))
 
-    def _info(self, own: Array, state: PlantState, steps: int, clipped: int) -> dict[str, Any]:
-        """What is told of a state reached after so many control periods, with the true parameters `own`, (P,)."""
+    def _info(
+        self, own: Array, state: PlantState, steps: int, clipped: int, energy: float | None = None
+    ) -> dict[str, Any]:
+        """What is told of a state reached after so many control periods, with the true parameters `own`, (P,), and its
+        energy, J, if that is known."""
         parameters, time = self._now(own, steps), steps * self.control_period
         info: dict[str, Any] = {
             "time": time,
             "parameters": parameters.copy(),  # Gymnasium: what is returned is the caller's to change
             "applied_torque": state.applied if steps else np.zeros(self.plant.dof),
-            "energy": self.plant.energy(state, parameters),
+            "energy": self.plant.energy(state, parameters) if energy is None else energy,
             "clipped": clipped,
         }
         if self.plant.effects:

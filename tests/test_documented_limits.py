@@ -73,7 +73,7 @@ STATED = [
     ("tuning", rf"${carried_gains.ACCELERATION_SHARE}\,\tau_j / M_{{jj}}$"),
     ("tuning", rf"$K_j \le {carried_gains.FIRST_SHARE}\,\tau_j"),
     ("tuning", f"{motion_range.AMPLITUDE} rad. A joint that asks"),
-    ("tuning", "One sinusoid a joint, {} to {} Hz".format(*workable_reference.FREQUENCIES)),
+    ("tuning", "One sinusoid a joint, {} to {} Hz".format(*motion_range.FREQUENCIES)),
     ("tuning", f"at most {percent(workable_reference.HIGHEST)}. Where it still asks"),
     ("tuning", f"in up to {stiffness.MOST} steps a period"),
     ("tuning", f"are run for {SEARCHED:.0f} s each"),

@@ -252,7 +252,7 @@ Judge: TypeAlias = Callable[[Array, Array, ReferencePoint, Array], tuple[Array, 
 rewards (...) and whether the episode ends there (...)."""
 
 
-def _untold(parameters: Array, state: PlantState, steps: int, clipped: int) -> dict[str, Any]:
+def _untold(parameters: Array, state: PlantState, steps: int, clipped: int, energy: float) -> dict[str, Any]:
     return {}
 
 
@@ -270,10 +270,10 @@ class Episode(NamedTuple):
     prismatic), velocities v (..., r) of the r primary (independent) joints, rad/s (m/s), the `ReferencePoint` there and
     the torques (..., r), N m (N), applied in the control period before.
 
-    `info(parameters, state, steps, clipped)` is what `Env.step` tells of a state that was reached after so many control
-    periods, of which `clipped` had a clipped torque. An environment begins an episode and returns it by
-    `episode(seed=..., options=...)`, which draws what `reset` draws, and takes no step before the next `reset`. It
-    raises `NotImplementedError`, with the reason as its message, where its `step` does anything else than the episode.
+    `info(parameters, state, steps, clipped, energy)` is what `Env.step` tells of a state of this energy, J, that was
+    reached after so many control periods, of which `clipped` had a clipped torque. An environment begins an episode
+    and returns it by `episode(seed=..., options=...)`, which draws what `reset` draws, and takes no step before the
+    next `reset`. It raises `NotImplementedError`, with the reason as its message, where its `step` does anything else.
     """
 
     plant: Plant
@@ -286,4 +286,4 @@ class Episode(NamedTuple):
     steps: int
     """control periods left"""
     judge: Judge
-    info: Callable[[Array, PlantState, int, int], dict[str, Any]] = _untold
+    info: Callable[[Array, PlantState, int, int, float], dict[str, Any]] = _untold

@@ -295,11 +295,18 @@ class EpisodeRun:
             wall_time=wall_time,
             complete=complete,
             terminated=self.terminated,
-            info=self.episode.info(self.episode.parameters, state, self.count, self.clips),
+            info=self.episode.info(self.episode.parameters, state, self.count, self.clips, self._energy_reached()),
             marks=self._marks(*marks),
             every=self.kept.every,
             position_units=position_units(self.episode.plant.mechanism),
         )
+
+    def _energy_reached(self) -> float:
+        """The energy, J, at the end of all that counts, as the next control period would record it."""
+        self.arms.held["parameters"] = self._parameters(self.end.time)
+        self.arms.record_into(self.room, self._first, 1, self.signals)
+        self._return()
+        return float(self.recorded.energy[self._first, 0])
 
     def _kept(self) -> dict[str, Array]:
         """The columns kept, in order; arrays of their own where less was computed than there is room for."""

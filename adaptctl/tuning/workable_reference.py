@@ -11,12 +11,8 @@ from adaptctl.control.controller import Reference
 from adaptctl.control.gains.workspace import reachable
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism
-from adaptctl.tuning.motion_range import AMPLITUDE, motion_ranges
+from adaptctl.tuning.motion_range import START_TIME, motion_ranges, random_swing
 
-FREQUENCIES = (0.1, 0.25)
-"""Hz"""
-START_TIME, FADE_SLOPE = 2.0, 1.875
-"""s of the smooth start, and the greatest slope of a quintic fade over unit time"""
 TORQUE_SHARE, SPEED_SHARE, ROOM_SHARE = 0.6, 0.6, 0.8
 """of torque limits, of velocity limits and of the room to the position limits"""
 SAMPLES, STEPS = 200, 8
@@ -71,12 +67,8 @@ def workable_reference(mechanism: Mechanism, limits: Array, seed: int) -> Workab
     rng = np.random.default_rng(seed)
     lower, upper = motion_ranges(mechanism)
     center = _center(mechanism, limits, rng)
-    fastest = np.array([joint.limits.velocity for joint in mechanism.primary_joints])
-    frequency = rng.uniform(*FREQUENCIES, mechanism.dof)
-    slope = 2.0 * np.pi * frequency + FADE_SLOPE / START_TIME
     room = ROOM_SHARE * np.minimum(center - lower, upper - center)
-    largest = np.minimum(np.minimum(AMPLITUDE, room), SPEED_SHARE * fastest / slope)
-    amplitude = largest * rng.uniform(0.5, 1.0, mechanism.dof)
+    frequency, amplitude = random_swing(mechanism, room, SPEED_SHARE, rng)
     static = _static(mechanism, limits, center)
     return _fitted(mechanism, limits, static, Sinusoids(center, amplitude, frequency, start_time=START_TIME))
 

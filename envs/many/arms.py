@@ -29,26 +29,21 @@ LARGEST = 1e300
 
 class Facts(NamedTuple):
     """Named tuple of what one control period of one arm gives besides its state and observation, a scalar each (float,
-    array over arms, or symbol to be compiled). Conditions are 1.0 for true, 0.0 for false.
-
-    `reward`, unitless, without the penalty for termination; `finite`, 1 where the squares of all joint positions and
-    velocities sum to less than 1e300; `lost`, 1 where a joint's position error passed its bound; `sure`, 1 where a
-    mechanism has no loops, or a lower bound proves its loops away from singularities (regularity of at least 0.05) and
-    its positions are within the conditions that its file states, 0 where this must be computed exactly; `energy`,
-    kinetic plus potential, J, with the inertial parameters of that control period; `clipped`, 1 where the torque was
-    clipped to its limits. Nothing is checked.
+    array over arms, or symbol to be compiled); conditions are 1.0 for true, 0.0 for false. `finite` asks that the
+    squares of all joint positions and velocities sum to less than 1e300; `sure`, that a lower bound proves loops away
+    from singularities and positions within the file's conditions, 0 where one has to look. Nothing is checked.
     """
 
     reward: Any
     """without what ending costs"""
     finite: Any
     lost: Any
-    """an error passed its bound"""
+    """a position error passed its bound"""
     sure: Any
-    """loops may work beyond doubt; where not, one has to look"""
     energy: Any
-    """J, with the parameters of the period that ends"""
+    """kinetic plus potential, J, with the parameters of the period that ends"""
     clipped: Any
+    """the torque was clipped to its limits"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,19 +83,14 @@ class VectorStep:
         return given | {"parameters": self.plant.mechanism.equations.parameters} | self.reference
 
     def compile(self, precision: Precision = "double") -> Stepper:
-        """Native code of the step, a `Stepper`, in the given `precision` of floating-point numbers, "double" by default
-        or "single", which works on as many arms at once as suit the processor's SIMD registers. Its state columns,
-        which a step changes, are the plant's "q", "v", "drives" and "sensors"; its held columns, which a step does not
-        change, are "torque", "noise", "parameters" and the reference's, with the lengths in the property `held`. Raises
-        `InputError` for another precision."""
+        """Native code of the step, a `Stepper`, whose state are the plant's columns, named in `Plant.sizes`, and which
+        holds those of the property `held`. Raises `InputError` for a `precision` other than "double" and "single"."""
         sizes = self.plant.sizes
         return compile_step(self.equation, state=sizes, held=self.held, name="vector_step", precision=precision)
 
     def compile_row(self) -> Kernel:
-        """Native code, a `Kernel`, that evaluates a reference: called with an array for each column in the property
-        `reference`, in that order and of the length there, it returns (3r + r L,), the positions, velocities and
-        accelerations of r joints now, then the positions at each of L look-ahead times, in rad, rad/s, rad/s^2 (m, m/s,
-        m/s^2 if prismatic). Nothing is raised."""
+        """Native code, a `Kernel`, of `row`, with an array for each column of the property `reference`, in that order.
+        Nothing is raised."""
 
         def row(**reference: Column) -> Column:
             return self.row(reference)
@@ -119,17 +109,13 @@ class VectorStep:
         return Column(x for part in (*now, *(point.p for point in ahead)) for x in part)
 
     def equation(self, **columns: Column) -> tuple[Column, ...]:
-        """Results of one control period, a tuple of seven Columns (vectors of scalars of any kind), SI units. The first
-        four are the plant's new state: positions q (n,) of the n joints of the spanning tree, velocities v (r,) of the
-        r primary (independent) joints and the internal states of drives and of sensors. The fifth is the observation
-        (5r + r L,), for L look-ahead times: measured positions and velocities, then the reference's row. The sixth (6 +
-        h,) has the six numbers of `Facts` (reward, finite, lost, sure, energy, clipped) and the plant's h flags of
-        actuator effects. The seventh (3r,) has the true positions, the velocities and the torques applied at the
-        joints.
+        """Results of one control period over Columns (vectors of scalars of any kind), SI units. The first four are the
+        plant's new state, in the order of `Plant.sizes`. The fifth is the observation (5r + r L,): measured positions
+        and velocities, then the reference's row. The sixth has the six numbers of `Facts` and the plant's flags of
+        actuator effects. The seventh (3r,) has the true positions, the velocities and the torques applied.
 
-        `columns` are, by name, the state before the control period, "q", "v", "drives" and "sensors", and those of the
-        property `held`: "torque" (r,), "noise", "parameters" (P,) and the reference's. Raises `KeyError` for one that
-        is missing.
+        `columns` are, by name, the state before the control period and those of the property `held`. Raises `KeyError`
+        for one that is missing.
         """
         plant, row = self.plant, self.row(columns)
         after = plant.equation(columns)
@@ -187,20 +173,16 @@ class StepResult:
     energy: Array
     clipped: Numbers
     p: Array
-    """(k, r) as it truly is"""
     v: Array
     torque: Array
-    """(k, r) N m, what reached the joints"""
     marks: Array
-    """(k, h) of `Plant.marks`"""
 
     def copy(self) -> StepResult:
         """Copy of this object, a new `StepResult` whose arrays are copies."""
         return StepResult(*(getattr(self, field.name).copy() for field in fields(self)))
 
     def put(self, arms: Numbers, others: StepResult) -> None:
-        """Replace the rows of the arms of indices `arms` (k,), zero-based, by the k rows of `others`, in place; nothing
-        is returned. NumPy raises `IndexError` or `ValueError` for indices and rows that do not fit."""
+        """Replace the rows of the arms of indices `arms` (k,), zero-based, by the k rows of `others`, in place."""
         for field in fields(self):
             getattr(self, field.name)[arms] = getattr(others, field.name)
 
@@ -236,17 +218,11 @@ class Arms:
         self._kernels: dict[int, Kernel] = {}
 
     def begin(self, arms: Numbers, options: Mapping[str, Any]) -> StepResult:
-        """First results, a `StepResult` of k rows, of new episodes of the k arms, of r joints each, of zero-based
-        indices `arms` (k,), which this call begins. `options` may have `payload` (a mass in kg, a `Payload`, or a
-        mapping with `mass`, kg, `center` (3,), m, and `inertia` (3, 3), kg m^2, about that centre, in the last link's
-        frame), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one number, (r,) or (N, r), rad, m if
-        prismatic) and `parameters`, (P,) or (N, P), the P true inertial and friction ones, SI units, in the order of
-        `Mechanism.parameter_names`: one value for all N arms or N of them. Other entries are ignored, and what is
-        missing is that of the single environment.
-
-        Raises `InputError`, naming the arm, for a bad value (its subclass `NonFiniteError` for numbers that are not
-        finite), and `SingularityError` where loops cannot be followed to the start.
-        """
+        """First results, a `StepResult` of k rows, of new episodes of the k arms of zero-based indices `arms`, which
+        this call begins. `options` are those of `TrackingEnv.reset`, one value for all N arms or N of them; others are
+        ignored, and what is missing is that of the single environment. Raises `InputError`, naming the arm, for a bad
+        value (its subclass `NonFiniteError` for one that is not finite), `SingularityError` where loops cannot be
+        followed to the start."""
         single, chosen, r = self.single, ArmOptions(self.count, arms), self._dof
         error = chosen.numbers(options.get("initial_error", single.initial_error), r, "initial_error")
         own, last = single.mechanism.inertial_parameters, len(single.mechanism.description.bodies) - 1
@@ -282,7 +258,8 @@ class Arms:
         self.clipped += facts.clipped > 0.0
         p, v, applied = (true[:, k * self._dof : (k + 1) * self._dof] for k in range(3))
         terminated = self._terminated(facts)
-        judged = self._paid(facts, terminated), terminated, self.steps >= self.single.steps
+        reward = np.asarray(facts.reward - self.single.reward_weights.termination * terminated, dtype=np.float64)
+        judged = reward, terminated, self.steps >= self.single.steps
         result = StepResult(observation, *judged, time, facts.energy, self.clipped.copy(), p, v, applied, marks)
         self._reload(result)
         return result
@@ -300,14 +277,10 @@ class Arms:
         else:
             held["row"] = self.references.rows(self.all, self.steps)
 
-    def _paid(self, facts: Facts, terminated: Flags) -> Array:
-        return np.asarray(facts.reward - self.single.reward_weights.termination * terminated, dtype=np.float64)
-
     @property
     def rows(self) -> Array:
-        """Values (N, 3r + r L) of the references of all N arms now, a row an arm: positions, velocities and
-        accelerations of r joints, then the positions at each of the L look-ahead times, in rad, rad/s, rad/s^2 (m, m/s,
-        m/s^2 if prismatic). Raises `NotFoundError`, naming an arm, before all arms have begun an episode."""
+        """Values (N, 3r + r L) of the references of all N arms now, as `VectorStep.row` has them. Raises
+        `NotFoundError`, naming an arm, before all arms have begun an episode."""
         return self._row(self.all)
 
     @property

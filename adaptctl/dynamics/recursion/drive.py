@@ -13,6 +13,32 @@ STRIBECK_SPEED = 0.1
 """Speed (rad/s, m/s) at which half of Stribeck's excess of static friction is gone."""
 
 
+def friction(kind: DriveParameter, s: Scalar, stribeck_speed: float = STRIBECK_SPEED) -> Scalar:
+    """Friction torque, N m (N if prismatic), of one kind and per unit of its parameter at a speed s, rad/s (m/s). This
+    is the one model of friction: of drives, whose parameters it is linear in, and of the effect `Friction`.
+
+    With |s| = sqrt(s^2 + 0.01^2), which smooths the sign, it is s for viscous friction, s/|s| for Coulomb's, s/sqrt|s|
+    for the square root, s/|s| / (1 + (s/s_s)^2) for Stribeck's, s_s being `stribeck_speed`, and 1 for a constant offset
+    (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2). Nothing is checked."""
+    match kind:
+        case DriveParameter.VISCOUS:
+            return s
+        case DriveParameter.OFFSET:
+            return 1.0
+    return s / _smoothed(kind, s, stribeck_speed)
+
+
+def _smoothed(kind: DriveParameter, s: Scalar, stribeck_speed: float = STRIBECK_SPEED) -> Scalar:
+    """The speed that friction's curve divides the shaft's by, never zero."""
+    size = sqrt(s * s + SLOW * SLOW)
+    match kind:
+        case DriveParameter.SQUARE_ROOT:
+            return sqrt(size)
+        case DriveParameter.STRIBECK:
+            return size * (1.0 + s * s * (1.0 / stribeck_speed**2))
+    return size
+
+
 class DriveTerm(NamedTuple):
     """One term (rotor inertia or a kind of friction) of a joint's drive, whose energy and torque are linear in its
     parameter.
@@ -49,20 +75,10 @@ class DriveTerm(NamedTuple):
         term's parameter, at velocities `v`, rad/s (m/s), and accelerations `a`, rad/s^2 (m/s^2), both (n,), of the
         spanning tree's n joints.
 
-        With the shaft's speed s, rad/s (m/s), and |s| = sqrt(s^2 + 0.01^2), which smooths the sign, it is: the shaft's
-        acceleration for a rotor's inertia, s for viscous friction, s/|s| for Coulomb's, s/sqrt|s| for the square root,
-        s/|s| / (1 + (s/0.1)^2) for Stribeck's and 1 for a constant offset; 0.01 and 0.1 are speeds in rad/s (m/s)
-        (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2). Arguments are not checked: too short a v or a
-        raises `IndexError` where it is read.
+        It is the shaft's acceleration for a rotor's inertia, else `friction` at the shaft's speed. Arguments are not
+        checked: too short a v or a raises `IndexError` where it is read.
         """
-        match self.kind:
-            case DriveParameter.ROTOR_INERTIA:
-                return self.speed(a)
-            case DriveParameter.VISCOUS:
-                return self.speed(v)
-            case DriveParameter.OFFSET:
-                return 1.0
-        return self.speed(v) / self._smoothed(v)
+        return friction(self.kind, self.speed(v)) if self.kind.is_friction else self.speed(a)
 
     def damping(self, v: Column) -> Scalar:
         """Secant of the term's friction curve per unit of its parameter: friction torque about the drive's shaft over
@@ -74,18 +90,7 @@ class DriveTerm(NamedTuple):
                 return 1.0
             case DriveParameter.ROTOR_INERTIA | DriveParameter.OFFSET:
                 return 0.0
-        return 1.0 / self._smoothed(v)
-
-    def _smoothed(self, v: Column) -> Scalar:
-        """The speed that friction's curve divides the shaft's by, never zero."""
-        s = self.speed(v)
-        size = sqrt(s * s + SLOW * SLOW)
-        match self.kind:
-            case DriveParameter.SQUARE_ROOT:
-                return sqrt(size)
-            case DriveParameter.STRIBECK:
-                return size * (1.0 + s * s * (1.0 / STRIBECK_SPEED**2))
-        return size
+        return 1.0 / _smoothed(self.kind, self.speed(v))
 
     def on_joints(self, share: Scalar) -> list[tuple[int, Scalar]]:
         """Torques on the joints that a drive's shaft turns with, as pairs (zero-based joint index, torque), for a

@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
-from adaptctl.dynamics.recursion.drive import SLOW
+from adaptctl.description.drive import DriveParameter
+from adaptctl.dynamics.recursion.drive import SLOW, friction
 from adaptctl.errors import InputError
-from adaptctl.scalars import Column, Scalar, sqrt
+from adaptctl.scalars import Column
 from adaptctl.simulation.effects.effect import Effect, JointEffect, at_least_zero, require_positive
+
+KINDS = (DriveParameter.VISCOUS, DriveParameter.COULOMB, DriveParameter.STRIBECK)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +55,9 @@ class Friction(JointEffect):
         It has the sign of v, so the equations of motion subtract it from the drives' torque. Both are Columns,
         vectors of scalars of any kind: floats, arrays, or symbols to be compiled. Raises `InputError` for settings that
         are negative, NaN or do not fit r joints."""
-        viscous, coulomb, stribeck = (Column(values.tolist()) for values in self._each(len(v)))
-        signs = Column(map(_sign, v))
-        film = Column(1.0 / (1.0 + (x / self.speed) * (x / self.speed)) for x in v)
-        return viscous * v + (coulomb + stribeck * film) * signs
+        terms = zip(KINDS, self._each(len(v)).tolist(), strict=True)
+        each = (Column(values) * Column(friction(kind, x, self.speed) for x in v) for kind, values in terms)
+        return sum(each, Column.zeros(len(v)))
 
     def steepest(self, dof: int) -> Array:
         """The greatest slope (r,) of each joint's friction torque over its velocity, N m s/rad (N s/m for a prismatic
@@ -66,12 +68,8 @@ class Friction(JointEffect):
 
     def _each(self, dof: int) -> Array:
         """The three (3, r)."""
-        names = ("viscous", "coulomb", "stribeck")
-        return np.array([at_least_zero(getattr(self, name), dof, f"friction: {name}") for name in names])
-
-
-def _sign(v: Scalar) -> Scalar:
-    return v / sqrt(v * v + SLOW * SLOW)
+        given = ((kind.value, getattr(self, kind.value)) for kind in KINDS)
+        return np.array([at_least_zero(values, dof, f"friction: {name}") for name, values in given])
 
 
 LINK, MOTOR = "link", "motor"
