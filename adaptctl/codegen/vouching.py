@@ -58,8 +58,7 @@ def vouched(
     while failure is None and not run.over:
         stretch, failure = _sound(run)
         if interface.follows_joints:
-            q, wanted = (None, None) if stretch is None else (stretch.sample.q, stretch.reference.p[:-1])
-            squares.append(np.full(1, np.nan) if q is None else ((plant.positions(q) - wanted) ** 2).mean(axis=1))
+            squares.append(np.full(1, np.nan) if stretch is None else _squares(plant, stretch))
     count = round(min(10.0, duration) / period)
     square = np.concatenate(squares) if squares else np.zeros(0)
     begun, ended = (float(np.sqrt(part.mean())) if squares else None for part in (square[:count], square[-count:]))
@@ -94,6 +93,12 @@ def _episode(plant: Plant, interface: Interface, reference: Reference, steps: in
     p = point if interface.follows_joints else np.asarray(interface.controller.home)
     state, parameters = plant.init(p, np.zeros(plant.dof)), plant.mechanism.inertial_parameters
     return Episode(plant, state, parameters, reference, np.random.default_rng(0), steps, _unjudged)
+
+
+def _squares(plant: Plant, stretch: Stretch) -> Array:
+    """The mean squares (n,) of the position errors in a stretch, rad^2 (m^2)."""
+    error = plant.positions(stretch.sample.q) - stretch.reference.p[:-1]
+    return np.asarray((error**2).mean(axis=1))
 
 
 def _unjudged(q: Array, v: Array, point: ReferencePoint, torque: Array) -> tuple[Array, NDArray[np.bool_]]:

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, per_joint, positive_per_joint
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.control.gains.hold import require_period
+from adaptctl.control.many_arms import row_each
 from adaptctl.control.memory import leaves
 from adaptctl.control.ringing import Ringing
-from adaptctl.control.rows import row_each
 from adaptctl.dynamics.equations import ClosedPositions
 from adaptctl.errors import InputError, require_kind
 from adaptctl.scalars import Column, Scalar, absolute, clip, column, maximum, minimum, where

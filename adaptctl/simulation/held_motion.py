@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from adaptctl.compilation import outlined
-from adaptctl.description.transforms.joint_frames import joint_frame_parameters, with_joint_frames
+from adaptctl.description.transforms import joint_frame_parameters, with_joint_frames
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.equations import Equations
 from adaptctl.errors import AdaptctlError
