@@ -14,6 +14,7 @@ from mjcf_files import BODY, chain, mjcf
 
 import adaptctl
 from adaptctl.cli.main import main
+from adaptctl.control import ComputedTorque, Sinusoids
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs import MuJoCoTrackingEnv
@@ -25,6 +26,7 @@ from adaptctl.errors import (
     SimplificationWarning,
 )
 from adaptctl.experiments.adaptive import AdaptiveTracking
+from adaptctl.simulation import simulate_many
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant
 
 BOX = '<body name="box" pos="1 0 0.05"><freejoint/><geom type="box" size=".05 .05 .05" density="100"/></body>'
@@ -61,6 +63,13 @@ def test_an_arm_is_picked_out_of_a_scene_as_if_it_stood_alone(tmp_path: Path, wo
         assert [link.name for link in arm.links] == ["a", "b"]
         assert arm.primary_joints[0].limits.upper == pytest.approx(np.pi / 2)
         same_torques(alone, arm)
+
+
+def test_physics_of_mujoco_are_not_taken_for_our_own() -> None:
+    plant = MuJoCoPlant.of("puma560_measured", 1e-3)
+    law, still = ComputedTorque(plant.mechanism, 8.0), Sinusoids(*np.zeros((3, 6)))
+    with pytest.raises(InputError, match="simulate_many: MuJoCoPlant has a step of its own: use `rollout`"):
+        simulate_many(plant, law, still, duration=0.1)
 
 
 def test_floating_bodies_are_objects_of_a_compiled_scene() -> None:

@@ -20,7 +20,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
-from adaptctl.simulation import Plant, rollout, simulate_many
+from adaptctl.simulation import Plant, rollout, simulate, simulate_many
 from adaptctl.simulation.closed_loop import ClosedLoop
 from adaptctl.simulation.effects import (
     ControlDelay,
@@ -59,6 +59,20 @@ def one_by_one(
         options = {"trajectory": reference, "parameters": true, "initial_error": error}
         found.append(rollout(env, learning(name), seed=0, options=options))
     return found
+
+
+@pytest.mark.parametrize("name", [SMALL, LOOP])
+@pytest.mark.parametrize("effects", [[], [PayloadHeld(1.0, 0.1, 0.2)]], ids=["ideal", "loaded"])
+def test_a_run_by_itself_is_the_same_to_the_last_bit(name: str, effects: list[Effect]) -> None:
+    """By `simulate`, and by `simulate_many` as one of several or alone."""
+    law, reference = learning(name), swinging(arm(name), seed=2, amplitude=0.05)
+    env = TrackingEnv(arm(name), reference, duration=0.4, effects=effects, error_bound=np.inf, torque_limits=LIMIT)
+    begun, run = env.episode(options={"initial_error": 0.02}).state, simulate(env, law, options={"initial_error": 0.02})
+    for off in (np.zeros((1, 1)), np.array([[0.0], [0.01], [-0.01]])):
+        start = {"p": begun.p + off, "v": np.broadcast_to(begun.v, (len(off), law.dof))}
+        many = simulate_many(env.plant, law, reference, duration=0.4, **start)
+        for part in ("p", "v", "reference_p", "torque", "applied", "estimate"):
+            np.testing.assert_array_equal(getattr(many, part)[:, 0], getattr(run, part), err_msg=part)
 
 
 @pytest.mark.parametrize("name", [SMALL, LOOP])

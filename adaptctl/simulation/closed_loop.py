@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from time import perf_counter
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -237,6 +239,49 @@ def not_compiled(plant: Plant, controller: Controller[Any]) -> str:
             return f"{type(part).__name__} has a step of its own"
     links = len(plant.mechanism.links)
     return f"{links} links are too many to compile" if links > LARGEST_COMPILED else ""
+
+
+class Driven(ABC):
+    """Runs of a closed loop in the making, which native code takes a stretch of control periods at a time: `count` of
+    `steps` control periods of `period` s are done. Nothing is checked."""
+
+    loop: ClosedLoop
+    steps: int
+    period: float
+
+    @property
+    @abstractmethod
+    def count(self) -> int:
+        """The number of control periods done."""
+
+    @abstractmethod
+    def advance(self) -> object:
+        """Take the next stretch, which counts when all of it is done."""
+
+    @property
+    def over(self) -> bool:
+        """True if there is nothing left to be done."""
+        return self.count >= self.steps
+
+    def drive(self, progress: Callable[[float], object] | None) -> tuple[float, bool]:
+        """Take all that is left; in between `progress`, if given, is called with the fraction done, and Ctrl-C is
+        heard. Returns the time it took, s, and False if Ctrl-C was. Raises what `advance` and `progress` raise."""
+        complete, started = False, perf_counter()
+        try:
+            while not self.over:
+                self.advance()
+                if progress is not None:
+                    progress(self.count / self.steps)
+            complete = True
+        except KeyboardInterrupt:
+            pass
+        return perf_counter() - started, complete
+
+    def ahead(self, most: int) -> Array:
+        """Times, s, of the next control periods, `most` at most and one at least, in which the true parameters stay as
+        they are. Nothing is raised."""
+        times = self.period * np.arange(self.count, min(self.steps, self.count + most))
+        return np.asarray(times[: max(1, int(np.searchsorted(times, self.loop.plant.until(times[0]))))])
 
 
 def guards(memory: Any) -> tuple[Any, ...]:

@@ -7,7 +7,6 @@ import math
 import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from time import perf_counter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
@@ -17,7 +16,7 @@ from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics.joint_units import position_units
 from adaptctl.errors import NonFiniteError, NotCompiledWarning
-from adaptctl.simulation.closed_loop import ClosedLoop, Episode, Sample, not_compiled
+from adaptctl.simulation.closed_loop import ClosedLoop, Driven, Episode, Sample, not_compiled
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.references import REFERENCE, sampled
 from adaptctl.simulation.rollout import KeptSamples, interface, known_steps, rollout
@@ -115,7 +114,7 @@ class Stretch(NamedTuple):
     payload: Array
 
 
-class EpisodeRun:
+class EpisodeRun(Driven):
     """A run in the making of an `episode` under a `controller`, in native code. Of its samples those are kept that
     `kept` says, and those that it chooses are written to `file`, if there is one. `lost` is the time, s, at which a
     number became non-finite, None while none did. Raises `InputError` for a controller for another number of joints,
@@ -137,28 +136,24 @@ class EpisodeRun:
         self.room, self.signals = self.arms.room(self.longest + 1), self.arms.signals(self.longest + 1)
         self.recorded = Sample(*map(self.room.view, self.room.columns))
         self.samples = {name: np.empty(self.kept.room(self.steps)) for name in ("reward", "payload")}
-        self.count, self.clips, self.terminated = 0, 0, False
+        self._count, self.clips, self.terminated = 0, 0, False
         self.place, self.end = self._place(), episode.state
         self.lost: float | None = None
 
     def driven(self, progress: Callable[[float], object] | None = None) -> Rollout:
         """The run, a `Rollout`, taken to its end, or to Ctrl-C; in between `progress` is called with the fraction done.
         Raises `NonFiniteError` where the motion becomes non-finite."""
-        complete, started = False, perf_counter()
-        try:
-            while not self.over:
-                self.advance()
-                if progress is not None:
-                    progress(self.count / self.steps)
-            complete = True
-        except KeyboardInterrupt:
-            pass
-        return self._result(perf_counter() - started, complete)
+        return self._result(*self.drive(progress))
+
+    @property
+    def count(self) -> int:
+        """The number of control periods that count."""
+        return self._count
 
     @property
     def over(self) -> bool:
         """True if the episode ended itself, or its time is up."""
-        return self.terminated or self.count >= self.steps
+        return self.terminated or super().over
 
     def advance(self) -> Stretch:
         """The next `Stretch` of control periods, in which the true parameters stay as they are; it counts when all of
@@ -179,7 +174,7 @@ class EpisodeRun:
         stretch = Stretch(time[: count + 1], sample, reference, reward, payload)
         self._keep(stretch)
         end, place = self._last(time[count], sample), self._place()
-        self.count, self.end, self.place, self.terminated = self.count + count, end, place, over
+        self._count, self.end, self.place, self.terminated = self.count + count, end, place, over
         return stretch
 
     @property
@@ -247,11 +242,8 @@ class EpisodeRun:
     def _times(self) -> Array:
         """The times of the next stretch and its end: few control periods at first, for a run may soon be over, then as
         many as fit in one call, as long as nothing changes."""
-        first, most = self.count, min(LONGEST, max(CHUNK, 4 * self.count))
-        longest = min(most, self.steps - first)
-        times = self.period * np.arange(first, first + longest + 1)
-        same = int(np.searchsorted(times, self.episode.plant.until(times[0])))
-        return np.asarray(times[: max(1, min(same, longest)) + 1])
+        times = self.ahead(min(LONGEST, max(CHUNK, 4 * self.count)))
+        return np.append(times, self.period * (self.count + len(times)))
 
     def _parameters(self, time: float) -> Array:
         return self.episode.plant.parameters(self.episode.parameters, time)

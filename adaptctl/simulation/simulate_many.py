@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -14,14 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from adaptctl.arrays import Array, checked, frozen, per_joint, positive_number, whole_count
 from adaptctl.caching import sent_as_made
 from adaptctl.compilation import Stepper, compile_step
-from adaptctl.compilation.floats import LARGEST_COMPILED
 from adaptctl.compilation.lanes import Precision
 from adaptctl.control.controller import Controller, Reference
 from adaptctl.control.memory import leaves, like
 from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
-from adaptctl.simulation.closed_loop import ClosedLoop
+from adaptctl.simulation.closed_loop import ClosedLoop, Driven, not_compiled
 from adaptctl.simulation.herd import GainsOfMany, Herd, Noise, alike, checked_seeds, require_single
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.references import REFERENCE, ReferenceForm, ReferencesOfMany
@@ -183,16 +181,7 @@ def simulate_many(
     run = _Runs(ClosedLoop(plant, law), reference, duration, every, threads, precision)
     bounds = {"within": per_joint(within, plant.dof, "within"), "beyond": per_joint(beyond, plant.dof, "beyond")}
     run.begin(members, seed, memory, GainsOfMany.of(law, gains or {}, own), bounds, parameters=parameters, p=p, v=v)
-    complete, started = False, perf_counter()
-    try:
-        while run.count < run.steps:
-            run.advance()
-            if progress is not None:
-                progress(run.count / run.steps)
-        complete = True
-    except KeyboardInterrupt:
-        pass
-    return run.result(perf_counter() - started, complete)
+    return run.result(*run.drive(progress))
 
 
 @lru_cache(maxsize=8)
@@ -221,7 +210,7 @@ def _compiled(loop: ClosedLoop, form: ReferenceForm, precision: Precision) -> St
     )
 
 
-class _Runs:
+class _Runs(Driven):
     """Runs in the making."""
 
     def __init__(
@@ -305,7 +294,7 @@ class _Runs:
         It counts when all arms have done it."""
         first, every = self.count, self.every
         end = self.steps if every in (None, 1) else min(first + -first % (every or 1) + 1, self.steps)
-        time = self._times(end)
+        time = self.ahead(min(end - first, *(herd.longest(record=every == 1) for herd in self.herds)))
         last = first + len(time)
         kept = slice(self._samples(first), self._samples(last))
         for herd in self.herds:
@@ -313,12 +302,6 @@ class _Runs:
             for record, part in zip(self.records if every is not None else (), outputs, strict=False):
                 record[kept, herd.members] = part
         self._done = last, self._sums(), self._rises()
-
-    def _times(self, end: int) -> Array:
-        """The times of the next control periods, at most to this one, in which the true parameters stay as they are."""
-        longest = min(herd.longest(record=self.every == 1) for herd in self.herds)
-        ahead = np.arange(self.count, min(end, self.count + longest)) * self.period
-        return np.asarray(ahead[: max(1, int(np.searchsorted(ahead, self.loop.plant.until(ahead[0]))))])
 
     def _sums(self) -> ErrorSums:
         """Sums of errors of all arms so far."""
@@ -359,18 +342,10 @@ def _of_arms(memory: Any, arms: slice) -> Any:
 
 
 def _require_compilable(loop: ClosedLoop) -> None:
-    if (links := len(loop.plant.mechanism.links)) > LARGEST_COMPILED:
-        raise InputError(
-            f"simulate_many: {links} links are too many to compile, at most {LARGEST_COMPILED} are not: use `rollout` "
-            "for one run after the other"
-        )
+    if reason := not_compiled(loop.plant, loop.controller):
+        raise InputError(f"simulate_many: {reason}: use `rollout` for one run after the other")
     if loop.controller.reference_size != loop.controller.dof:
         raise InputError("simulate_many: expected a controller whose reference is one of joints")
-    if type(loop.controller).step is not Controller.step:
-        raise InputError(
-            f"simulate_many: {type(loop.controller).__name__} has a step of its own, and only a law is compiled: use "
-            "`rollout` for one run after the other"
-        )
 
 
 def _members(given: int | None, rows: Mapping[str, tuple[int, ...]]) -> int:
