@@ -3,6 +3,7 @@
 from gymnasium.envs.registration import register
 
 from adaptctl.envs.baselines import baselines
+from adaptctl.envs.built_in import Puma560TrackingEnv, SemiDirectDriveTrackingEnv
 from adaptctl.envs.gain_tuning import TuningEnv, TuningVectorEnv
 from adaptctl.envs.learning import LearningEnv, LearningVectorEnv
 from adaptctl.envs.live import LiveView
@@ -12,10 +13,8 @@ from adaptctl.envs.many.vector_tracking import (
     VectorTrackingEnv,
 )
 from adaptctl.envs.mujoco_tracking import MuJoCoTrackingEnv
-from adaptctl.envs.puma560 import Puma560TrackingEnv
 from adaptctl.envs.random_reference import random_sinusoids
 from adaptctl.envs.residual import ResidualEnv, ResidualVectorEnv
-from adaptctl.envs.semi_direct_drive import SemiDirectDriveTrackingEnv
 from adaptctl.envs.task import RewardWeights
 from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.simulation.effects import Payload
@@ -44,8 +43,8 @@ __all__ = [
 # The environments check actions and the order of calls themselves, so the wrappers that do are left out: at
 # a step of some 20 microseconds they would cost more than the physics.
 for _id, _kind, _module in (
-    ("adaptctl/Puma560Tracking-v0", "Puma560", "puma560"),
-    ("adaptctl/SemiDirectDriveTracking-v0", "SemiDirectDrive", "semi_direct_drive"),
+    ("adaptctl/Puma560Tracking-v0", "Puma560", "built_in"),
+    ("adaptctl/SemiDirectDriveTracking-v0", "SemiDirectDrive", "built_in"),
     ("adaptctl/Tracking-v0", "", "tracking"),
 ):
     register(

@@ -13,9 +13,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
+from adaptctl.envs.built_in import Puma560TrackingEnv
 from adaptctl.envs.many.controlled import finite_actions
 from adaptctl.envs.many.vector_tracking import Puma560VectorTrackingEnv, VectorTrackingEnv
-from adaptctl.envs.puma560 import Puma560TrackingEnv
 from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.tuning.motion_range import motion_ranges

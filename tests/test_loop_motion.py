@@ -23,7 +23,7 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.loop_equations import LoopEquations
 from adaptctl.dynamics.recursion.segment import placements
 from adaptctl.envs import SemiDirectDriveTrackingEnv, TrackingEnv, random_sinusoids
-from adaptctl.envs.semi_direct_drive import REFERENCE
+from adaptctl.envs.built_in import FIVE_BAR_REFERENCE
 from adaptctl.errors import SingularityError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.scalars import Column
@@ -67,7 +67,7 @@ def test_the_loop_is_closed_after_ten_seconds(arm: Mechanism, integrator: RungeK
     plant, law = Plant(arm, 1e-3, integrator=integrator), ComputedTorque(arm, 8.0)
     state = plant.init(START + 0.1, np.zeros(3))
     memory = law.init(state.p, state.v)
-    points = REFERENCE(np.arange(10_000) * 1e-3)
+    points = FIVE_BAR_REFERENCE(np.arange(10_000) * 1e-3)
     for p, v, a in zip(*points, strict=True):
         torque, memory = law.step(memory, state.p, state.v, ReferencePoint(p, v, a))
         state = plant.step(state, torque)

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -75,13 +74,10 @@ class Noise:
         return np.stack([rng.standard_normal((steps, self.size)) for rng in self.generators], axis=1)
 
 
-NONE: Mapping[str, Array] = MappingProxyType({})
-
-
 @dataclass(frozen=True, eq=False)
 class GainsOfMany:
-    """Gains (tunable numbers) of M arms' controllers, which differ in nothing else. `controller` is the controller of
-    all; `given` maps names in `controller.numbers`, such as "bandwidth", to arrays in the shapes and units that they
+    """Gains (tunable numbers) of M arms' controllers, which differ in nothing else. `controller` stands for all of
+    them; `given` maps names in `controller.numbers`, such as "bandwidth", to arrays in the shapes and units that they
     have there, the same for all arms, or with a leading axis of M. Numbers not given are those of the `controller`.
     `GainsOfMany.of` checks them; the class itself checks nothing."""
 
@@ -89,30 +85,22 @@ class GainsOfMany:
     given: Mapping[str, Array]
 
     @classmethod
-    def of(
-        cls,
-        controller: Controller[Any],
-        given: Mapping[str, ArrayLike],
-        own: Mapping[str, Array] = NONE,
-    ) -> GainsOfMany:
-        """The `GainsOfMany`, gains of the controllers of M arms, from one of two mappings of names in
-        `controller.numbers`, such as "bandwidth", to arrays. In `given` each array has the shape that the number has in
-        the `controller`, the same for all arms, or a leading axis of M before it. In `own`, empty by default, each has
-        that axis: the numbers of M controllers that exist already, which are not checked again. Both may be empty: then
-        all arms have the controller's own gains.
+    def of(cls, controller: Controller[Any] | Sequence[Controller[Any]], given: Mapping[str, ArrayLike]) -> GainsOfMany:
+        """The gains of M controllers in a sequence, which differ in their numbers alone; or of one `controller` with
+        the numbers that are `given` by name, for all arms or with a row for each, which its constructor checks.
 
-        Each arm's gains in `given` are checked by the controller's constructor. Raises `InputError` where neither
-        mapping is empty and for arrays of another shape or of no numbers, `NotFoundError` for an unknown name, and what
-        the controller's class raises for its numbers, such as `GainError`.
-        """
-        if own and given:
-            raise InputError("gains: expected none besides those of a sequence of controllers")
-        if own:
-            return cls(controller, own)
-        controller.tuned({name: controller.numbers.get(name, values) for name, values in given.items()})
-        gains = cls(controller, {name: numbers(values, name) for name, values in given.items()})
+        Raises `InputError` for an empty sequence, for what is no `Controller`, for controllers that differ in more or
+        come with gains, and for arrays of another shape or of no numbers, `NotFoundError` for an unknown name, and what
+        the controller's class raises for its numbers, such as `GainError`."""
+        one = controller if isinstance(controller, Controller) else _first_of(controller)
+        if isinstance(controller, Sequence) and one.numbers:
+            if given:
+                raise InputError("gains: expected none besides those of a sequence of controllers")
+            return cls(one, {name: np.stack([law.numbers[name] for law in controller]) for name in one.numbers})
+        one.tuned({name: one.numbers.get(name, values) for name, values in given.items()})
+        gains = cls(one, {name: numbers(values, name) for name, values in given.items()})
         for name, values in gains.given.items():
-            shape = controller.numbers[name].shape
+            shape = one.numbers[name].shape
             if values.shape not in (shape, (*values.shape[:1], *shape)):
                 raise InputError(f"gains: {name}: expected shape {shape}, or {('M', *shape)}, got {values.shape}")
         gains.require()
@@ -168,22 +156,15 @@ class GainsOfMany:
         return {name: np.broadcast_to(x, (count, *self.controller.numbers[name].shape)) for name, x in rows.items()}
 
 
-def alike(given: Controller[Any] | Sequence[Controller[Any]]) -> tuple[Controller[Any], dict[str, Array]]:
-    """A controller that stands for all those `given`, and a dict of their own tunable numbers, such as gains. For a
-    sequence of M controllers it is the first, and the dict maps the names in `Controller.numbers` to arrays (M, ...), a
-    row for each in the shape and unit that the number has there; for one controller alone it is that one and an empty
-    dict. Raises `InputError` for an empty sequence, for an element that is no `Controller`, and where controllers
-    differ in more than these numbers."""
-    if isinstance(given, Controller):
-        return given, {}
-    controllers = list(given) if isinstance(given, Sequence) else []
-    if not controllers or not all(isinstance(one, Controller) for one in controllers):
+def _first_of(given: object) -> Controller[Any]:
+    """The first of a sequence of controllers that differ in numbers alone."""
+    laws = list(given) if isinstance(given, Sequence) else []
+    if not laws or not all(isinstance(one, Controller) for one in laws):
         raise InputError(f"controller: expected a Controller or a sequence of them, got {given!r}")
-    first = controllers[0]
-    for k, one in enumerate(controllers):
-        if one.structure != first.structure:
+    for k, one in enumerate(laws):
+        if one.structure != laws[0].structure:
             raise InputError(f"controller: expected any to differ in numbers alone, number {k} does not")
-    return first, {name: np.stack([one.numbers[name] for one in controllers]) for name in first.numbers}
+    return laws[0]
 
 
 LONGEST = 2**24
@@ -242,36 +223,29 @@ class Herd:
         self.noise, self.members = noise, members
         self.arms = stepper.ensemble(len(parameters))
 
-    def begin(self, p: Array, v: Array, memory: Any, tuned: GainsOfMany) -> None:
+    def begin(
+        self, p: Array, v: Array, memory: Any, tuned: GainsOfMany, bounds: Mapping[str, Array], final: int
+    ) -> None:
         """Put the M arms of this group, of r joints each, at time zero, at positions `p`, rad (m if prismatic), and
         velocities `v`, rad/s (m/s), (M, r) each. `memory` is the controllers' initial internal state: arrays (M,
         length), or (length,) for all arms alike; None for that of new controllers at the first measurement, whose noise
-        is drawn here. `tuned` has the gains of all arms simulated, of which this group takes its own.
+        is drawn here. `tuned` has the gains of all arms simulated, of which this group takes its own. `bounds` are
+        arrays (r,), rad (m), by the names "within", to which errors are to return, and "beyond", past which a run has
+        diverged (infinity becomes the largest number of the precision); `final` is the index of the control period from
+        which on errors count as final.
 
         Raises `SingularityError` where loops cannot be followed to p, `InputError` on a wrong shape, `NonFiniteError`
         on NaN or infinity.
         """
-        loop, own = self.loop, tuned.of_arms(self.members)
+        loop, own, largest = self.loop, tuned.of_arms(self.members), float(np.finfo(self.arms.stepper.dtype).max)
         state = loop.plant.init(p, v, loop.plant.parameters(self.parameters, 0.0), self.noise.drawn(1)[0])
         begun = loop.controller.init(state.measured_p, state.measured_v, own) if memory is None else memory
         loop.begin(self.arms, state, begun)
-        for name in loop.controller.gain_sizes if own else ():
-            self.arms.held[name] = tuned.packed(self.members)
-        for name, values in {"parameters": self.parameters, **self.references.held}.items():
-            self.arms.held[name] = values
-
-    def judge(self, bounds: Mapping[str, Array], final: int, tuned: GainsOfMany) -> None:
-        """Set the criteria for the tracking errors of this group's arms. `bounds` are arrays (r,), rad (m if
-        prismatic), by the names "within", to which errors are to return, and "beyond", past which a run has diverged
-        (infinity becomes the largest number of the precision); `final` is the zero-based index of the control period
-        from which on errors count as final. The true parameters of the Lyapunov function are set too, where it is
-        known; `tuned` has the gains of all arms simulated. Raises `InputError` for other names and lengths."""
-        for name, bound in bounds.items():
-            self.arms.held[name] = np.minimum(bound, float(np.finfo(self.arms.stepper.dtype).max))
-        self.arms.held["final"] = float(final)
-        law = watched(self.loop, self.arms.stepper.precision)
-        begun, true = first_rise(law, self.parameters, tuned.of_arms(self.members))
-        for columns, values in ((self.arms.state, begun), (self.arms.held, true)):
+        rise, true = first_rise(watched(loop, self.arms.stepper.precision), self.parameters, own)
+        held = {"parameters": self.parameters, **self.references.held, "final": float(final), **true}
+        held |= {name: np.minimum(bound, largest) for name, bound in bounds.items()}
+        held |= dict.fromkeys(loop.controller.gain_sizes, tuned.packed(self.members)) if own else {}
+        for columns, values in ((self.arms.state, rise), (self.arms.held, held)):
             for name, each in values.items():
                 columns[name] = each
 

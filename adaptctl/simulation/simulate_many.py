@@ -20,7 +20,7 @@ from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 from adaptctl.simulation.closed_loop import ClosedLoop, Driven, not_compiled
-from adaptctl.simulation.herd import GainsOfMany, Herd, Noise, alike, checked_seeds, require_single
+from adaptctl.simulation.herd import GainsOfMany, Herd, Noise, checked_seeds, require_single
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.references import REFERENCE, ReferenceForm, ReferencesOfMany
 from adaptctl.simulation.summaries import (
@@ -177,10 +177,10 @@ def simulate_many(
     `NotFoundError` for an unknown name in `gains` and what a new controller raises for theirs, and `SingularityError`
     where loops cannot be followed to `p`.
     """
-    law, own = alike(controller)
-    run = _Runs(ClosedLoop(plant, law), reference, duration, every, threads, precision)
+    tuned = GainsOfMany.of(controller, gains or {})
+    run = _Runs(ClosedLoop(plant, tuned.controller), reference, duration, every, threads, precision)
     bounds = {"within": per_joint(within, plant.dof, "within"), "beyond": per_joint(beyond, plant.dof, "beyond")}
-    run.begin(members, seed, memory, GainsOfMany.of(law, gains or {}, own), bounds, parameters=parameters, p=p, v=v)
+    run.begin(members, seed, memory, tuned, bounds, parameters=parameters, p=p, v=v)
     return run.result(*run.drive(progress))
 
 
@@ -272,8 +272,8 @@ class _Runs(Driven):
         for k, first in enumerate(range(0, count, HERD)):
             arms = slice(first, min(first + HERD, count))
             herd = Herd(loop, stepper, self.references.of_arms(arms), self.parameters[arms], noise[k], arms)
-            herd.begin(p[arms], v[arms], memory if memory is None else _of_arms(memory, arms), tuned)
-            herd.judge(bounds, self.final, tuned)
+            own_memory = memory if memory is None else _of_arms(memory, arms)
+            herd.begin(p[arms], v[arms], own_memory, tuned, bounds, self.final)
             self.herds.append(herd)
         shapes = self.herds[0].arms.stepper.outputs
         self.records = tuple(np.empty((self._samples(self.steps), count, *shape)) for shape in shapes)

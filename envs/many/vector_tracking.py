@@ -16,9 +16,8 @@ from adaptctl.arrays import Array, numbers
 from adaptctl.caching import sent_as_made
 from adaptctl.compilation.floats import LARGEST_COMPILED
 from adaptctl.compilation.lanes import Precision
+from adaptctl.envs.built_in import Puma560TrackingEnv, SemiDirectDriveTrackingEnv
 from adaptctl.envs.many.arms import Arms, Flags, StepResult
-from adaptctl.envs.puma560 import Puma560TrackingEnv
-from adaptctl.envs.semi_direct_drive import SemiDirectDriveTrackingEnv
 from adaptctl.envs.tracking import OPTIONS, TrackingEnv
 from adaptctl.errors import InputError, NonFiniteError, NotFoundError
 
