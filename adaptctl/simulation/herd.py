@@ -242,7 +242,7 @@ class Herd:
         begun = loop.controller.init(state.measured_p, state.measured_v, own) if memory is None else memory
         loop.begin(self.arms, state, begun)
         rise, true = first_rise(watched(loop, self.arms.stepper.precision), self.parameters, own)
-        held = {"parameters": self.parameters, **self.references.held, "final": float(final), **true}
+        held: dict[str, Any] = {"parameters": self.parameters, **self.references.held, "final": float(final), **true}
         held |= {name: np.minimum(bound, largest) for name, bound in bounds.items()}
         held |= dict.fromkeys(loop.controller.gain_sizes, tuned.packed(self.members)) if own else {}
         for columns, values in ((self.arms.state, rise), (self.arms.held, held)):
