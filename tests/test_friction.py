@@ -128,3 +128,20 @@ def test_learning_friction_far_too_large_stays_stable() -> None:
     run = simulate_many(plant, law, reference, duration=3.0)
     assert run.finite.all()
     assert float(run.largest_error.max()) < 0.5
+
+
+@pytest.mark.parametrize("v", [-1.3, -0.1, -1e-3, 0.0, 2e-3, 0.1, 0.7])
+def test_drives_and_the_effect_have_the_same_curve(v: float) -> None:
+    """The formula of Armstrong-Helouvry, Dupont and Canudas de Wit (1994); at rest, and by its parameters, one by
+    one."""
+    sign = v / np.sqrt(v**2 + 0.01**2)
+    expected = 0.5 * v + (1.5 + 0.7 / (1.0 + (v / 0.1) ** 2)) * sign
+    (torque,) = Friction(0.5, 1.5, 0.7).torque(column(np.array([v]))).of
+    assert torque == pytest.approx(expected, rel=1e-14)
+    drives = Drive(viscous=0.5, coulomb=1.5, stribeck=0.7)
+    robot = load("puma560_arm3")
+    rest, moving = np.zeros(3), np.array([0.0, 0.0, v])
+    with_them, without = (arm.inverse_dynamics(rest, moving, rest) for arm in (robot.with_drives(drives), robot))
+    np.testing.assert_allclose((with_them - without)[2], expected, rtol=1e-9, atol=1e-12)
+    slower = Friction(stribeck=0.7, speed=0.05).torque(column(np.array([v]))).of[0]
+    assert slower == pytest.approx(0.7 / (1.0 + (v / 0.05) ** 2) * sign, rel=1e-14)
