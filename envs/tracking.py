@@ -327,7 +327,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     def _info(
         self, own: Array, state: PlantState, steps: int, clipped: int, energy: float | None = None
     ) -> dict[str, Any]:
-        """What is told of a state reached after so many control periods, with the true parameters `own`, (P,), and its
+        """The info of a state reached after so many control periods, with the true parameters `own`, (P,), and its
         energy, J, if that is known."""
         parameters, time = self._now(own, steps), steps * self.control_period
         info: dict[str, Any] = {

@@ -264,8 +264,8 @@ class Driven(ABC):
         return self.count >= self.steps
 
     def drive(self, progress: Callable[[float], object] | None) -> tuple[float, bool]:
-        """Take all that is left; in between `progress`, if given, is called with the fraction done, and Ctrl-C is
-        heard. Returns the time it took, s, and False if Ctrl-C was. Raises what `advance` and `progress` raise."""
+        """The time, s, that it takes to do all that is left, which this call does, and False if Ctrl-C ended it. In
+        between `progress`, if given, is called with the fraction done. Raises what `advance` and it raise."""
         complete, started = False, perf_counter()
         try:
             while not self.over:

@@ -309,7 +309,7 @@ class EpisodeRun(Driven):
         return {name: frozen(values if full else values[order].copy()) for name, values in columns.items()}
 
     def _recorded(self, done: slice) -> Stretch:
-        """What the buffers have of some control periods."""
+        """The stretch of some control periods, as the buffers have it."""
         time = np.asarray(self.period * np.arange(done.start, done.stop + 1))
         reference = ReferencePoint(*(self.signals.shared.view(name)[done] for name in REFERENCE))
         sample, own = Sample(*(part[done] for part in self.recorded)), (self.samples["reward"], self.samples["payload"])
