@@ -139,8 +139,8 @@ def test_drives_and_the_effect_have_the_same_curve(v: float) -> None:
     (torque,) = Friction(0.5, 1.5, 0.7).torque(column(np.array([v]))).of
     assert torque == pytest.approx(expected, rel=1e-14)
     drives = Drive(viscous=0.5, coulomb=1.5, stribeck=0.7)
-    robot = load("puma560_arm3")
-    rest, moving = np.zeros(3), np.array([0.0, 0.0, v])
+    robot = load("puma560_measured")
+    rest, moving = np.zeros(6), v * np.eye(6)[2]
     with_them, without = (arm.inverse_dynamics(rest, moving, rest) for arm in (robot.with_drives(drives), robot))
     np.testing.assert_allclose((with_them - without)[2], expected, rtol=1e-9, atol=1e-12)
     slower = Friction(stribeck=0.7, speed=0.05).torque(column(np.array([v]))).of[0]
