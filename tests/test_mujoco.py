@@ -360,7 +360,7 @@ def test_experiments_run_on_mujoco(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--plant", "bullet"], "plant: expected adaptctl or mujoco, got 'bullet'"),
+        (["--plant", "bullet"], "plant: expected adaptctl, mujoco or both, got 'bullet'"),
         (["--plant", "mujoco", "--root", "nobody", "--robot", str(SCENE)], "there is no body 'nobody'"),
         (["--plant", "mujoco", "--robot", "none.xml"], "none.xml: MuJoCo:"),
         (["--root", "stand"], "only an MJCF scene has a root body"),
