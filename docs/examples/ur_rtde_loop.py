@@ -56,7 +56,7 @@ def main(address: str) -> None:
     from rtde_control import RTDEControlInterface  # type: ignore[import-not-found]
     from rtde_receive import RTDEReceiveInterface  # type: ignore[import-not-found]
 
-    arm = adaptctl.load("ur5e.urdf")
+    arm = adaptctl.load("ur5e.urdf")  # with its gravity, which `prepared` takes out
     controller, reference = prepared(arm)
     with adaptctl.RunLogger(6, PERIOD, "run.parquet", estimates=controller.of.model.regrouping.shape[0]) as log:
         control(RTDEReceiveInterface(address), RTDEControlInterface(address), controller, reference, 10.0, log)
