@@ -15,15 +15,7 @@ from adaptctl.control import Sinusoids, SlotineLi
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.errors import InputError, NotFoundError
-from adaptctl.experiments.contest import (
-    ADAPTATION_OFF,
-    ADAPTIVE,
-    FULL,
-    Contender,
-    contest,
-    listed,
-    live_subject,
-)
+from adaptctl.experiments.contest import ADAPTATION_OFF, ADAPTIVE, FULL, Contender, contest, listed, live_subject
 from adaptctl.experiments.experiment import ClosedLoopExperiment, require_count, setting, stated
 from adaptctl.experiments.replication import puma560, semi_direct_drive
 from adaptctl.experiments.replication.cases import Study
@@ -40,28 +32,8 @@ if TYPE_CHECKING:
     import gymnasium
 
 ITEMS: dict[str, Callable[[Study], Computation]] = {
-    step.__name__ if step is not semi_direct_drive.section53 else "section5.3": step
-    for step in (
-        puma560.figure1,
-        puma560.table1,
-        puma560.table2,
-        puma560.figure3,
-        puma560.table3,
-        puma560.figure4,
-        puma560.table4,
-        puma560.table5,
-        puma560.table6,
-        puma560.table7,
-        puma560.table8,
-        semi_direct_drive.table9,
-        semi_direct_drive.table10,
-        semi_direct_drive.figure6,
-        semi_direct_drive.table11,
-        semi_direct_drive.table12,
-        semi_direct_drive.table13,
-        semi_direct_drive.section53,
-        semi_direct_drive.conclusions,
-    )
+    "section5.3" if step is semi_direct_drive.section53 else step.__name__: step
+    for step in (*puma560.STEPS, *semi_direct_drive.STEPS)
 }
 """In the order of the paper. Figures 2 and 5 are drawings of the two arms."""
 ALL, ARMS_IN_LOOP = "all", "serial-versus-graph"

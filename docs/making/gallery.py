@@ -28,6 +28,7 @@ LOOKS = 6
 FIRST = {
     "task-space": "tool-error",
     "sheu-walker-1991": "figure-3",
+    "sheu-walker-1991-arms": "tip-error",
     "laws": "parameter-error",
     "laws-payload": "recovery",
     "laws-noise": "parameter-error",
@@ -74,6 +75,13 @@ MORE = {
             ("friction", "Joints that rub: friction learned as parameters, and friction ignored"),
             ("springs", "Elastic joints: up to which bandwidth each law stays stable, over their stiffness"),
         )
+    ),
+    "sheu-walker-1991": (
+        Shown(
+            "sheu-walker-1991-arms",
+            "The three-joint PUMA and the five-bar on one path in space: what a closed loop costs",
+            "sheu-walker-1991 --only serial-versus-graph",
+        ),
     ),
 }
 """Other runs of an experiment, which answer questions of their own."""

@@ -33,11 +33,7 @@ QUARTERS = {
 """Right angles (rad) as programs and calculators round them."""
 TURNS = (-1, 0, 1, -1, 1, 0)
 """The PUMA's twists, in right angles."""
-NULL_COMBINATIONS = (
-    "I_y1 - I_x3 - I_z3",
-    "I_x3 + I_y3 - I_x4 - I_z4",
-    "I_x4 + I_y4 + I_y5 - I_z5 - I_x6 - I_y6",
-)
+NULL_COMBINATIONS = ("I_y1 - I_x3 - I_z3", "I_x3 + I_y3 - I_x4 - I_z4", "I_x4 + I_y4 + I_y5 - I_z5 - I_x6 - I_y6")
 """Made of parameters that Table 5 keeps; with exact right angles they change no torque."""
 NEGLIGIBLE = 1e-9
 """Of the largest: what lies below is round-off."""

@@ -7,17 +7,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.experiments.replication import drawings, proofs
-from adaptctl.experiments.replication.arms import (
-    FASTEST,
-    FROM,
-    THRESHOLD,
-    TO,
-    Draws,
-    index,
-    kept,
-    parameters,
-    sign,
-)
+from adaptctl.experiments.replication.arms import FASTEST, FROM, THRESHOLD, TO, Draws, index, kept, parameters, sign
 from adaptctl.experiments.replication.cases import ENERGY, Entry, StudiedArm, Study
 from adaptctl.experiments.replication.judging import Computation, Computed, RoundOff, checked, inside, percent
 from adaptctl.experiments.replication.printed import Number, PrintedTable
@@ -261,3 +251,7 @@ def torque_figure(case: StudiedArm, name: str, joint: int, counts: tuple[int, ..
         agrees=sorted(falls, reverse=True) == falls and falls[-1] < 1e-12,
         drawings=[drawings.torques(name, joint, motion, curves)],
     )
+
+
+STEPS = (figure1, table1, table2, figure3, table3, figure4, table4, table5, table6, table7, table8)
+"""In the order of the paper."""

@@ -9,13 +9,7 @@ import numpy as np
 from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.replication import drawings, proofs
-from adaptctl.experiments.replication.arms import (
-    SampledArm,
-    index,
-    near_parallelogram,
-    paper_rank,
-    semi_direct_drive,
-)
+from adaptctl.experiments.replication.arms import SampledArm, index, near_parallelogram, paper_rank, semi_direct_drive
 from adaptctl.experiments.replication.cases import Study
 from adaptctl.experiments.replication.judging import Computation, checked, inside, percent
 from adaptctl.experiments.replication.puma560 import QUARTER, torque_figure
@@ -184,3 +178,7 @@ def _counts(arm: SampledArm) -> dict[str, float]:
         "dimension of essential space": arm.space.rank,
         "inertial parameters": len(mechanism.parameter_names),
     }
+
+
+STEPS = (table9, table10, figure6, table11, table12, table13, section53, conclusions)
+"""In the order of the paper."""

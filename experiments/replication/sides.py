@@ -58,10 +58,7 @@ class Side:
         """Counts of floating-point operations of the Slotine-Li regressor, on the "reduced" parameters and in "full";
         closing loops is not counted."""
         mechanism, columns = self.comparison.mechanism, self.comparison.basis.columns
-        return {
-            "reduced": equation_costs(mechanism, columns).regressor,
-            "full": equation_costs(mechanism).regressor,
-        }
+        return {"reduced": equation_costs(mechanism, columns).regressor, "full": equation_costs(mechanism).regressor}
 
     @property
     def skeleton(self) -> Skeleton:
