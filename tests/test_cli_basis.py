@@ -14,7 +14,7 @@ import pytest
 from rich.console import Console
 from robot_files import urdf
 
-from adaptctl.cli.basis_report import report
+from adaptctl.cli.basis import report
 from adaptctl.cli.main import main
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load

@@ -14,8 +14,8 @@ from scipy.linalg import expm, solve_discrete_lyapunov
 
 from adaptctl.arrays import Array
 from adaptctl.control import ErrorFeedback
+from adaptctl.control.gains.error_feedback import margins
 from adaptctl.control.gains.gain_design import largest_with_delay
-from adaptctl.control.gains.margins import margins
 from adaptctl.errors import GainError, InputError
 
 TEXT = cast(Any, "a")

@@ -51,7 +51,7 @@ ABOUT = {
     "rerun": {"recording", "experiments.replication"},
     "pyarrow": {"sweeps.folder", "sweeps.report"},
     "gymnasium": {"envs"},
-    "rich": {"cli.basis_report", "cli.tune_report"},
+    "rich": set(),
     "control": set(),
 }
 """Heavy packages, and the modules or folders that are about them; elsewhere they are imported when used."""

@@ -19,8 +19,7 @@ from adaptctl.identifiability import ReducedModel, essential_space, fundamental_
 from adaptctl.simulation import LinearlyImplicitEuler, Plant, simulate_many
 from adaptctl.tuning import Tuning, tune
 from adaptctl.tuning.carried_gains import carried_gains
-from adaptctl.tuning.default_gains import DefaultGains
-from adaptctl.tuning.prior_gain import adaptation_number
+from adaptctl.tuning.default_gains import DefaultGains, adaptation_number
 from adaptctl.tuning.trial import EVERY, Trials, TrialSetting
 from adaptctl.tuning.workable_reference import judged_reference
 from tests.random_trees import random_chain, random_tree

@@ -71,11 +71,15 @@ def titled(title: str, *parts: RenderableType) -> Group:
     return stacked(words(), words((title, "bold")), *(Padding(part, (0, 0, 0, 2), expand=False) for part in parts))
 
 
-def listed(rows: Iterable[Sequence[Words]]) -> Table:
-    """A table, `rich.table.Table`, of `rows` of texts without lines and heads. Nothing is raised."""
+def listed(rows: Iterable[Sequence[Words]], whole: bool = False) -> Table:
+    """A table, `rich.table.Table`, of `rows` of texts without lines and heads; where they are `whole`, the first column
+    is never folded. Nothing is raised."""
     from rich.table import Table
 
     table = Table(box=None, show_header=False, pad_edge=False)
+    if whole:
+        table.add_column(no_wrap=True)
+        table.add_column(overflow="fold")
     for row in rows:
         table.add_row(*map(words, row))
     return table

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from adaptctl.cli.output import print_json, print_parts
+from adaptctl.cli.output import WrappedTable, listed, print_json, print_parts, titled, words
+from adaptctl.files import finite_or_none
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from adaptctl.tuning import Tuning, Verification
 
 SCHEMA = "adaptctl/tuning/1"
@@ -50,8 +54,6 @@ def tune(
     if json:
         print_json(as_builtins(tuning))
     else:
-        from adaptctl.cli.tune_report import report
-
         print_parts(report(tuning))
     return FAILED if tuning.failed else DONE
 
@@ -101,8 +103,32 @@ def as_builtins(tuning: Tuning) -> dict[str, Any]:
 
 
 def _verified(run: Verification) -> dict[str, Any]:
-    from math import isfinite
+    numbers = {name: finite_or_none(getattr(run, name)) for name in ("first", "last", "off", "largest", "limited")}
+    return {"name": run.name, "learns": run.learns, **numbers}
 
-    numbers = {name: getattr(run, name) for name in ("first", "last", "off", "largest", "limited")}
-    finite = {name: value if isfinite(value) else None for name, value in numbers.items()}
-    return {"name": run.name, "learns": run.learns, **finite}
+
+def report(tuning: Tuning) -> Iterator[RenderableType]:
+    """Renderable parts, texts and tables of the package rich, of the report that `adaptctl tune` prints, from top to
+    bottom: a verdict of failure, where it is one, each joint's gains and reference, what limits the gains, the errors
+    of verifying runs, and notes, the last two where there are any. Nothing is raised."""
+    if tuning.failed:
+        yield words((f"FAILED: with these gains the arm does not learn: {tuning.verified[0]}", "bold red"))
+    method = f"{tuning.substeps} steps of {type(tuning.integrator).__name__} a period of {tuning.period:g} s"
+    yield words((tuning.mechanism.name, "bold"), f": gains by rule for a rigid arm without noise; {method}")
+    yield titled("Gains and reference (SI units)", _joints(tuning))
+    joints = (joint.name for joint in tuning.mechanism.primary_joints)
+    yield titled("What limits the gains", listed(zip(joints, tuning.limited_by, strict=True)))
+    runs = (words((f"{run}", "") if run.learns else (f"{run} (does not learn)", "red")) for run in tuning.verified)
+    if tuning.verified:
+        yield titled("Runs of 20 s, RMS errors of the first second and of the last two", *runs)
+    if tuning.notes:
+        yield titled("Notes", *(words((note, "yellow")) for note in tuning.notes))
+
+
+def _joints(tuning: Tuning) -> WrappedTable:
+    rows = []
+    moved = [getattr(tuning.reference, name).ravel() for name in ("center", "amplitude", "frequency")]
+    for j, joint in enumerate(tuning.mechanism.primary_joints):
+        numbers = (tuning.gains.bandwidth[j], tuning.gains.damping[j], *(values[j] for values in moved))
+        rows.append([joint.name, *(f"{x:.3g}" for x in numbers), f"{tuning.torque_share[j]:.0%}"])
+    return WrappedTable(("joint", "Λ", "K", "centre", "amplitude", "Hz", "torque"), rows)

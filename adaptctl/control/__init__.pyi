@@ -15,6 +15,8 @@ from adaptctl.control.excitation.exciting_reference import exciting_reference as
 from adaptctl.control.excitation.measure import Excitation as Excitation
 from adaptctl.control.excitation.measure import persistent_excitation as persistent_excitation
 from adaptctl.control.gains.error_feedback import ErrorFeedback as ErrorFeedback
+from adaptctl.control.gains.error_feedback import Margins as Margins
+from adaptctl.control.gains.error_feedback import margins as margins
 from adaptctl.control.gains.estimate_hold import estimate_hold as estimate_hold
 from adaptctl.control.gains.estimate_hold import parameter_holds as parameter_holds
 from adaptctl.control.gains.gain_design import GainDesign as GainDesign
@@ -24,8 +26,6 @@ from adaptctl.control.gains.gains import typical_inertia as typical_inertia
 from adaptctl.control.gains.hold import HoldNumber as HoldNumber
 from adaptctl.control.gains.hold import hold_number as hold_number
 from adaptctl.control.gains.hold import least_definite as least_definite
-from adaptctl.control.gains.margins import Margins as Margins
-from adaptctl.control.gains.margins import margins as margins
 from adaptctl.control.gains.workspace import Workspace as Workspace
 from adaptctl.control.guards import Guarded as Guarded
 from adaptctl.control.guards import GuardedState as GuardedState

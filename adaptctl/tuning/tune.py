@@ -22,8 +22,7 @@ from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import Integrator, Plant
 from adaptctl.simulation.stiffness import MOST, integration
 from adaptctl.tuning.carried_gains import SLOW, CarriedGains, limitations
-from adaptctl.tuning.default_gains import BANDWIDTH, HOLD, DefaultGains, Proposal, at_most, near_reference
-from adaptctl.tuning.prior_gain import Shares
+from adaptctl.tuning.default_gains import BANDWIDTH, HOLD, DefaultGains, Proposal, Shares, at_most, near_reference
 from adaptctl.tuning.trial import Trials, TrialSetting
 from adaptctl.tuning.verification import (
     ASTRAY,

@@ -10,14 +10,13 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from adaptctl.arrays import Array, whole_number
-from adaptctl.control.gains.error_feedback import ErrorFeedback
+from adaptctl.control.gains.error_feedback import ErrorFeedback, Margins, margins
 from adaptctl.control.gains.gains import (
     Gains,
     positive_per_joint,
     sampled_gain,
 )
 from adaptctl.control.gains.hold import LARGEST_SAMPLED_GAIN, held_inertia, hold_number
-from adaptctl.control.gains.margins import Margins, margins
 from adaptctl.control.gains.workspace import Workspace, everywhere
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError
