@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeGuard
 
 from adaptctl.errors import FileError, InputError, NotFoundError
 
@@ -22,65 +22,22 @@ __all__ = ["EXPERIMENTS", "GROUP", "RENAMED", "Entry", "find", "from_entry_point
 
 class Entry(NamedTuple):
     """Entry of the list of built-in experiments, with all that is needed to choose one without importing it: `name`, as
-    the command line takes it, such as "two-arms"; `summary`, one line of words; `module`, the full name of the Python
-    module that defines the experiment's class; and `kind`, the name of that class. Nothing is checked at
-    construction."""
+    the command line takes it, such as "two-arms", whose module here has that name too; and `summary`, one line of
+    words. Nothing is checked at construction."""
 
     name: str
     summary: str
-    module: str
-    kind: str
 
 
 EXPERIMENTS = (
-    Entry(
-        "puma560-adaptive",
-        "The PUMA 560 learns to track from knowing nothing, on 36 parameters found from energies",
-        "adaptctl.experiments.puma560_adaptive",
-        "Puma560Adaptive",
-    ),
-    Entry(
-        "semi-direct-drive-adaptive",
-        "The semi-direct-drive arm does so through its closed loop, on 26 parameters",
-        "adaptctl.experiments.semi_direct_drive_adaptive",
-        "SemiDirectDriveAdaptive",
-    ),
-    Entry(
-        "adaptive",
-        "The same for any arm, a built-in robot or a file of yours, on adaptctl's plant, on MuJoCo, or on both",
-        "adaptctl.experiments.adaptive",
-        "AdaptiveTracking",
-    ),
-    Entry(
-        "laws",
-        "Every adaptation law and control law from one rough model: payloads, noise, friction, weak motors, springs",
-        "adaptctl.experiments.laws",
-        "Laws",
-    ),
-    Entry(
-        "two-arms",
-        "Two PUMAs hold one rod, a mechanism with a loop of twelve links, and learn its 70 parameters",
-        "adaptctl.experiments.two_arms",
-        "TwoArms",
-    ),
-    Entry(
-        "task-space",
-        "A tool follows a path in the world: control of the tool against control of the joints",
-        "adaptctl.experiments.task_space",
-        "TaskSpaceTracking",
-    ),
-    Entry(
-        "identify-then-adapt",
-        "A real arm's log gives the first estimate: adaptation from it, from the URDF and from zero",
-        "adaptctl.experiments.identify_then_adapt",
-        "IdentifyThenAdapt",
-    ),
-    Entry(
-        "sheu-walker-1991",
-        "Every table and figure of the paper behind all this, with a verdict; and its two arms in closed loop",
-        "adaptctl.experiments.sheu_walker_1991",
-        "SheuWalker1991",
-    ),
+    Entry("puma560-adaptive", "The PUMA 560 learns to track from knowing nothing, on 36 parameters from energies"),
+    Entry("semi-direct-drive-adaptive", "The semi-direct-drive arm does so through its closed loop, on 26 parameters"),
+    Entry("adaptive", "The same for any arm, a built-in robot or a file of yours, on our plant, on MuJoCo, or on both"),
+    Entry("laws", "Every law from one rough model: payloads, noise, weak motors, friction, springs, and rest"),
+    Entry("two-arms", "Two PUMAs hold one rod, a mechanism with a loop of twelve links, and learn its 70 parameters"),
+    Entry("task-space", "A tool follows a path in the world: control of the tool against control of the joints"),
+    Entry("identify-then-adapt", "A real arm's log gives the first estimate: from it, from the URDF and from zero"),
+    Entry("sheu-walker-1991", "Every table and figure of the paper behind all this, with a verdict; and its two arms"),
 )
 RENAMED = {
     "serial-versus-graph": "experiment run sheu-walker-1991 --only serial-versus-graph",
@@ -120,9 +77,8 @@ def find(name: str) -> type[Experiment]:
         close = get_close_matches(name, names, n=1, cutoff=0.4)
         guess = f" (did you mean {close[0]!r}?)" if close else ""
         raise NotFoundError(f"unknown experiment {name!r}{guess}; experiments: {', '.join(names)}")
-    entry = EXPERIMENTS[names.index(name)]
-    kind: type[Experiment] = getattr(import_module(entry.module), entry.kind)
-    return kind
+    module = import_module(f"{__name__}.{name.replace('-', '_')}")
+    return next(one for one in vars(module).values() if _is_own(one, module.__name__) and one.name == name)
 
 
 def from_entry_point(point: EntryPoint) -> type[Experiment]:
@@ -161,7 +117,7 @@ def from_file(path: str | Path) -> type[Experiment]:
     return _experiment(own[0], str(path))
 
 
-def _is_own(value: object, module: str) -> bool:
+def _is_own(value: object, module: str) -> TypeGuard[type[Experiment]]:
     from adaptctl.experiments.experiment import Experiment
 
     is_kind = isinstance(value, type) and issubclass(value, Experiment)

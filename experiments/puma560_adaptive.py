@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import (
     AdaptationLaw,
+    Gains,
     PriorRanges,
     Sinusoids,
     SlotineLi,
@@ -52,27 +53,9 @@ KEPT, FIXED = "adaptive", "fixed"
 """names of runs with some components: adapted from zero, and held at their true values"""
 STATES = 101
 """states within the joints' limits over which components are sorted by their energy"""
-Named: TypeAlias = tuple[tuple[str, Any], ...]
-"""Settings as pairs of a name and a value, which compare."""
-
-
-class SinusoidTask(NamedTuple):
-    """Definition of a tracking environment on sinusoids, as plain data, so that equal tasks compare equal:
-    `environment_id`; `reference`, the arguments of `Sinusoids`; and `settings`, other arguments of the environment."""
-
-    environment_id: str
-    reference: Named
-    settings: Named
-
-    def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of a `mechanism` on this task's sinusoids. Raises `InputError` for arguments
-        that do not suit the mechanism."""
-        import gymnasium
-
-        reference = Sinusoids(**dict(self.reference))
-        return gymnasium.make(
-            f"adaptctl.envs:{self.environment_id}", robot=mechanism, reference=reference, **dict(self.settings)
-        )
+REFERENCE = ("center", "amplitude", "frequency", "start_time")
+ENVIRONMENT = ("duration", "control_period", "initial_error")
+"""Settings that are those of `Sinusoids`, and of a tracking environment."""
 
 
 @dataclass(frozen=True)
@@ -157,18 +140,19 @@ class Puma560Adaptive(Learning):
                 f"robot: {mechanism.name} has {mechanism.dof} joints, this experiment is for {self.joints}; "
                 "use the experiment 'adaptive'"
             )
-        return self.task(mechanism).environment(mechanism)
+        import gymnasium
 
-    def task(self, mechanism: Mechanism) -> SinusoidTask:
-        """Data that define the experiment's environment for a `mechanism`, in SI units."""
+        return gymnasium.make(
+            f"adaptctl.envs:{self.environment_id}",
+            robot=mechanism,
+            reference=Sinusoids(**{name: getattr(self, name) for name in REFERENCE}),
+            torque_limits=self.torque_limits(mechanism),
+            **{name: getattr(self, name) for name in ENVIRONMENT},
+        )
 
-        def named(*names: str) -> Named:
-            return tuple((name, getattr(self, name)) for name in names)
-
-        limits = self.torque_limits(mechanism)
-        limited = ("torque_limits", None if limits is None else tuple(limits.tolist()))
-        settings = (*named("duration", "control_period", "initial_error"), limited)
-        return SinusoidTask(self.environment_id, named("center", "amplitude", "frequency", "start_time"), settings)
+    def task(self, mechanism: Mechanism) -> tuple[Any, ...]:
+        """All that the experiment's environment for a `mechanism` is made of: settings, which compare."""
+        return (self.environment_id, *(getattr(self, name) for name in (*REFERENCE, *ENVIRONMENT)))
 
     def torque_limits(self, mechanism: Mechanism) -> Array | None:
         """Torque limits (r,) of a `mechanism`, N m (N if prismatic); None, as here, for the environment's own."""
@@ -184,6 +168,14 @@ class Puma560Adaptive(Learning):
         """Prior ranges (greatest plausible errors) of masses, first moments and inertias, from the settings."""
         return PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
 
+    def gains(self, mechanism: Mechanism) -> Gains:
+        """Gains of the tracking loop, from the settings: bandwidth, 1/s, and damping, N m s/rad, (r,) each."""
+        return Gains(np.full(self.joints, self.bandwidth), np.array(self.damping))
+
+    def adaptation(self, model: ReducedModel) -> Array:
+        """Diagonal (k,) of the adaptation gain for a `model`'s k parameters: `rate` times the squared prior ranges."""
+        return adaptation_gain(model, self.ranges, self.rate)
+
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Controllers to compare: Slotine and Li's law from zero on the k fundamental (base) parameters, the subject,
         with adaptation off, and on all P; computed torque with a true, a wrong and no model; and the law on the k with
@@ -194,16 +186,13 @@ class Puma560Adaptive(Learning):
         def law(
             model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None, first: Array | None = None
         ) -> SlotineLi:
-            bandwidth = np.full(self.joints, self.bandwidth)
-            return SlotineLi(model, bandwidth, np.array(self.damping), adaptation, first, self.control_period)
-
-        def gain(model: ReducedModel) -> Array:
-            return adaptation_gain(model, self.ranges, self.rate)
+            gains = self.gains(mechanism)
+            return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, first, self.control_period)
 
         model = ReducedModel(mechanism, basis)
         if self.components == (0,):
-            bandwidth = np.full(self.joints, self.bandwidth)
-            given = (law, gain, bandwidth, self.parameter_error, self.seed)
+            bandwidth = self.gains(mechanism).bandwidth
+            given = (law, self.adaptation, bandwidth, self.parameter_error, self.seed)
             mapped = f"Slotine-Li, {len(basis.columns)} parameters, Γ mapped"
             return [
                 *from_nothing(mechanism, basis, *given),
@@ -211,7 +200,7 @@ class Puma560Adaptive(Learning):
                     MAPPED,
                     mapped,
                     "nothing",
-                    lambda: law(model, mapped_gain(model, gain(ReducedModel.full(mechanism)))),
+                    lambda: law(model, mapped_gain(model, self.adaptation(ReducedModel.full(mechanism)))),
                 ),
             ]
         reduction, essential = self._reduction(mechanism)
