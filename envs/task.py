@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.control.reference_check import require_point
 from adaptctl.envs.random_reference import Trajectory, require_trajectory
-from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.errors import InputError, NonFiniteError, NotFoundError
 from adaptctl.scalars import Column, Scalar, absolute, where
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.references import Preview
@@ -133,6 +133,17 @@ def initial_error_of(given: ArrayLike, dof: int) -> Array:
     `dof` is r. Raises `InputError` for another shape and for entries that are no numbers, `NonFiniteError` on NaN and
     infinity."""
     return finite_numbers(per_joint(given, dof, "initial_error"), "initial_error")
+
+
+def known_options(given: Mapping[str, Any] | None, names: Sequence[str]) -> Mapping[str, Any]:
+    """The options of a reset that are `given`, a mapping, empty for None. Raises `InputError` for anything else and
+    `NotFoundError` for an option that is not among the `names`."""
+    options = given if given is not None else {}
+    if not isinstance(options, Mapping):
+        raise InputError(f"reset: options: expected a mapping, got {options!r}")
+    if unknown := [name for name in options if name not in names]:
+        raise NotFoundError(f"reset: unknown option {unknown[0]!r}; options: {', '.join(names)}")
+    return options
 
 
 def weights_of(given: object) -> RewardWeights:

@@ -26,6 +26,7 @@ from adaptctl.envs.task import (
     control_period_of,
     finite_numbers,
     initial_error_of,
+    known_options,
     require_reference,
     steps_of,
     times_ahead_of,
@@ -232,12 +233,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     def _begun(self, seed: int | None, options: dict[str, Any] | None) -> RunningEpisode:
         """The episode that now begins."""
         super().reset(seed=seed)
-        given = options if options is not None else {}
-        if not isinstance(given, Mapping):
-            raise InputError(f"reset: options: expected a mapping, got {given!r}")
-        if unknown := [name for name in given if name not in OPTIONS]:
-            raise NotFoundError(f"reset: unknown option {unknown[0]!r}; options: {', '.join(OPTIONS)}")
-        r = self.plant.dof
+        given, r = known_options(options, OPTIONS), self.plant.dof
         error = initial_error_of(given.get("initial_error", self.initial_error), r)
         parameters = self.true_parameters(given)
         reference = drawn(given.get("trajectory", self.trajectory), self.mechanism, self.np_random)

@@ -18,8 +18,9 @@ from adaptctl.compilation.floats import LARGEST_COMPILED
 from adaptctl.compilation.lanes import Precision
 from adaptctl.envs.built_in import Puma560TrackingEnv, SemiDirectDriveTrackingEnv
 from adaptctl.envs.many.arms import Arms, Flags, StepResult
+from adaptctl.envs.task import known_options
 from adaptctl.envs.tracking import OPTIONS, TrackingEnv
-from adaptctl.errors import InputError, NonFiniteError, NotFoundError
+from adaptctl.errors import InputError, NonFiniteError
 
 if TYPE_CHECKING:
     from adaptctl.envs.rendering.render import Renderer
@@ -129,7 +130,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
             raise InputError(f"num_envs: expected a whole number of at least 1, got {num_envs}")
         self.single, self.num_envs = self.kind(**settings), int(num_envs)
         self._require_short()
-        self.reset_options = _known(reset_options, OPTIONS)
+        self.reset_options = known_options(reset_options, OPTIONS)
         self.autoreset_mode = _mode(autoreset_mode)
         self.metadata = self.single.metadata | {"autoreset_mode": self.autoreset_mode}
         self.render_mode, self.control_period = self.single.render_mode, self.single.control_period
@@ -171,7 +172,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         finite); `SingularityError` where loops cannot be followed to the start; Gymnasium's `ResetNeeded` for a part of
         the arms before the first reset of all.
         """
-        given = dict(_known(options, (*OPTIONS, "reset_mask")))
+        given = dict(known_options(options, (*OPTIONS, "reset_mask")))
         mask = self._mask(given.pop("reset_mask", None))
         chosen = np.flatnonzero(mask)
         for arm, own in self._seeds(seed):
@@ -368,15 +369,6 @@ def masked(values: Mapping[str, Any], mask: Flags) -> dict[str, Any]:
             value = np.where(mask.reshape(-1, *[1] * (value.ndim - 1)), value, np.zeros((), value.dtype))
         info |= {name: value, f"_{name}": mask}
     return info
-
-
-def _known(options: Mapping[str, Any] | None, names: Sequence[str]) -> Mapping[str, Any]:
-    given = options if options is not None else {}
-    if not isinstance(given, Mapping):
-        raise InputError(f"reset: options: expected a mapping, got {given!r}")
-    if unknown := [name for name in given if name not in names]:
-        raise NotFoundError(f"reset: unknown option {unknown[0]!r}; options: {', '.join(names)}")
-    return given
 
 
 def _mode(given: AutoresetMode | str) -> AutoresetMode:
