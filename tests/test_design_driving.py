@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import html
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rerun.chunk import RrdReader
 
 from adaptctl.cli.main import main
 from adaptctl.design import DesignStudy, DesignTask, design_study
 from adaptctl.design.driving import DrivenArm, driven
+from adaptctl.design.report import change
 from adaptctl.dynamics import load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError
@@ -85,6 +88,18 @@ def test_wrong_flags_are_one_line(more: tuple[str, ...], told: str, capsys: pyte
     assert main(["design", ARM, "--samples", "50", *more]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert told in line
+
+
+def test_the_folder_shows_runs(tmp_path: Path) -> None:
+    out = tmp_path / "driven"
+    line = ["design", ARM, "--samples", "50", "--drive", "--duration", "2.5", "--components", "3", "--out", str(out)]
+    assert main(line) == 0
+    page, said = (out / "report.html").read_text(), json.loads((out / "design.json").read_text())["runs"]
+    share = said["all-after"]["work"] / said["all-before"]["work"] - 1.0
+    assert f"the motors' work changes by {change(share)}." in html.unescape(page)
+    assert f"{1e3 * said['few-after']['final_rms_error']:.3g} mrad instead of" in page
+    entities = {str(path) for path in RrdReader(out / "recording.rrd").store().schema().entity_paths()}
+    assert {"/error/few-before", "/torque/held-after"} <= entities
 
 
 def test_the_command_tells_of_runs_and_bodies(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from adaptctl.description.readers import robot_checks, xml_elements
 from adaptctl.dynamics.loops import continuation, single_precision
 from adaptctl.dynamics.recursion import drive
 from adaptctl.experiments.contest import MANY
-from adaptctl.identifiability import certificate, right_angles
+from adaptctl.identifiability import certificate
 from adaptctl.identification import choice
 from adaptctl.identification.identify import HELD_OUT
 from adaptctl.simulation import stiffness
@@ -44,7 +44,7 @@ STATED = [
     ("concepts", f"that gap is at least {power(certificate.SMALLEST_GAP)}"),
     ("concepts", f"at least {power(certificate.SMALLEST_SINGULAR_VALUE)}, and the same"),
     ("concepts", f"near round-off, below {power(certificate.LARGEST_LEFTOVER)} of"),
-    ("concepts", f"no more than round-off ({power(right_angles.EXACT)} rad"),
+    ("concepts", f"no more than round-off ({power(certificate.EXACT)} rad"),
     ("concepts", f"and more than {hold.LARGEST_SAMPLED_GAIN}"),
     ("concepts", f"in steps of at most {continuation.LARGEST_STEP} rad"),
     ("concepts", f"Mechanisms of more than {floats.LARGEST_COMPILED} links run the same equations in Python"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,14 +15,22 @@ from adaptctl.design.counterweights import Counterweights
 from adaptctl.design.driving import DrivenArm
 from adaptctl.design.picture import log_costs
 from adaptctl.design.removals import Removal
-from adaptctl.design.report import SOURCE, costs_table, facts, header, outcome_words, removals_table, sections
+from adaptctl.design.report import (
+    SOURCE,
+    costs_table,
+    facts,
+    header,
+    outcome_words,
+    removals_table,
+    run_words,
+    sections,
+)
 from adaptctl.design.study import DesignStudy
 from adaptctl.design.task import DesignTask
 from adaptctl.dynamics.joint_units import error_unit
-from adaptctl.recording.comparison import ControllerRun
-from adaptctl.recording.drawing import Drawing, run_color, thinned
+from adaptctl.recording.drawing import run_color, thinned
 from adaptctl.recording.page import Report
-from adaptctl.recording.result import Fact, Progress, silent
+from adaptctl.recording.result import Progress, silent
 from adaptctl.recording.wording import torque_error_unit
 
 if TYPE_CHECKING:
@@ -46,63 +53,33 @@ TITLES = {
 """of figures, in the viewer"""
 
 
-@dataclass(frozen=True)
-class Named:
-    """Name, title and further contents of a design study, for its files and pages. (Such a study adds masses to an arm,
-    places counterweights, and finds changes by which parameters are no longer needed.)
-
-    `experiment` is the name of the experiment or command, `title` that of page and recording. `content` is the name of
-    the JSON file with the numbers, "summary.json" by default; `seed`, 0 by default, that of the random numbers;
-    `complete`, True by default, is False where the study was interrupted. `outcome_words` and `facts`, where not empty,
-    replace the study's own; `drawings` are figures besides its own. `runs` are closed-loop runs whose errors and
-    torques the recording shows; its arm makes the motion of the last of them, or, without runs, swings every joint a
-    little. Nothing is checked at construction.
-    """
-
-    experiment: str
-    title: str
-    content: str = "summary.json"
-    seed: int = 0
-    complete: bool = True
-    outcome_words: str = ""
-    facts: tuple[Fact, ...] = ()
-    drawings: tuple[Drawing, ...] = ()
-    runs: tuple[ControllerRun, ...] = ()
-
-
 def write_study(
     folder: Path,
     study: DesignStudy,
     content: Mapping[str, Any],
-    named: Named | None = None,
-    progress: Progress = silent,
     runs: Sequence[DrivenArm] = (),
+    progress: Progress = silent,
 ) -> None:
-    """Write the files of a design `study` into a `folder`, all or none: JSON, figures as PNG in the subfolder
-    `figures`, report.html and recording.rrd. `content`, in JSON's types, goes into the JSON file. `named` has the
-    files' names, title and further contents; None for those of the command `adaptctl design`, design.json being the
-    JSON file. `progress(what, share)` is called with what is being written and the fraction done, 0 to 1; the default
-    does nothing. `runs` in closed loop, none by default, have a section of the page. Raises `FileError` where a file
-    cannot be written, and for numbers in `content` that are NaN or
-    infinite, `RankError` where the mechanism's rank, its number of base parameters, cannot be certified, `ValueError`
-    for runs in `named` with positions that are NaN or infinite."""
-    called = named or Named("design", f"{study.task.mechanism.name}: where a mass may be added", "design.json")
+    """Write the files of a design `study` into a `folder`, all or none: design.json with the `content`, in JSON's
+    types, figures as PNG in the subfolder `figures`, report.html and recording.rrd. `runs` in closed loop, none by
+    default, have a section of the page, and curves and their last motion in the recording. `progress(what, share)` is
+    called with what is being written and the fraction done, 0 to 1. Raises `FileError` where a file cannot be written,
+    and for numbers in `content` that are NaN or infinite, `RankError` where the mechanism's rank, its number of base
+    parameters, cannot be certified."""
     shown = Report(
-        experiment=called.experiment,
-        title=called.title,
-        outcome=called.outcome_words or outcome_words(study),
-        facts=called.facts or tuple(facts(study)),
-        sections=tuple(sections(study, called.drawings, runs)),
-        seed=called.seed,
-        complete=called.complete,
+        experiment="design",
+        title=f"{study.task.mechanism.name}: where a mass may be added",
+        outcome=" ".join((outcome_words(study), *run_words(study, runs))),
+        facts=tuple(facts(study)),
+        sections=tuple(sections(study, runs)),
         source=SOURCE,
     )
-    record = partial(_record, study, called.runs, shown)
-    shown.write(folder, content, name=called.content, record=record, progress=progress)
+    record = partial(_record, study, runs, shown)
+    shown.write(folder, content, name="design.json", record=record, progress=progress)
 
 
 def _record(
-    study: DesignStudy, runs: Sequence[ControllerRun], shown: Report, path: Path, figures: Mapping[str, Path]
+    study: DesignStudy, runs: Sequence[DrivenArm], shown: Report, path: Path, figures: Mapping[str, Path]
 ) -> None:
     """The arm in motion, coloured at each position on it by the change of the motion's energy by a point mass there,
     its counterweights, errors and torques of the runs, tables and pictures."""
@@ -132,7 +109,7 @@ def _record(
             _log_run(recording, i, run)
 
 
-def _beside(study: DesignStudy, runs: Sequence[ControllerRun]) -> list[Any]:
+def _beside(study: DesignStudy, runs: Sequence[DrivenArm]) -> list[Any]:
     """Views beside the arm: errors and torques of the runs, or, without any, costs on the links."""
     from adaptctl.recording import views
 
@@ -140,30 +117,34 @@ def _beside(study: DesignStudy, runs: Sequence[ControllerRun]) -> list[Any]:
         return [views.picture("figures/links", TITLES["links"])]
     error = f"Tracking error of all joints (RMS), powers of ten of a {error_unit(study.task.mechanism)}"
     torque = f"Torque of all joints (RMS over 0.25 s, {torque_error_unit(study.task.mechanism)})"
-    return [views.curves("/error", error, runs[0].duration), views.curves("/torque", torque, runs[0].duration)]
+    end = max(run.demand.duration for run in runs)
+    return [views.curves("/error", error, end), views.curves("/torque", torque, end)]
 
 
-def _log_run(recording: rr.RecordingStream, index: int, run: ControllerRun) -> None:
+def _log_run(recording: rr.RecordingStream, index: int, run: DrivenArm) -> None:
     from adaptctl.recording.stream import Style, log_series
-    from adaptctl.recording.tracking import CURVE_SAMPLES, log_decades
+    from adaptctl.recording.tracking import CURVE_SAMPLES, SMALLEST_ERROR
 
-    every = thinned(len(run.rollout.time), CURVE_SAMPLES)
-    style = Style((run.label,), (run_color(index),), width=2.0)
-    log_decades(recording, f"error/{run.name}", run, run.moving_rms_error(AVERAGE), style)
-    squares = np.mean(run.rollout.applied**2, axis=1)
-    window = max(1, round(AVERAGE / run.rollout.spacing))
-    mean = np.sqrt(np.convolve(squares, np.full(window, 1.0 / window), "same"))
-    log_series(recording, f"torque/{run.name}", run.rollout.time[every], mean[every, None], style)
+    every, style = thinned(len(run.time), CURVE_SAMPLES), Style((run.label,), (run_color(index),), width=2.0)
+    errors = np.log10(1e3 * np.maximum(_moving(run, run.error), SMALLEST_ERROR))
+    for name, values in (("error", errors), ("torque", _moving(run, run.applied))):
+        log_series(recording, f"{name}/{run.name}", run.time[every], values[every, None], style)
 
 
-def _moved(study: DesignStudy, runs: Sequence[ControllerRun]) -> tuple[Array, Array]:
+def _moving(run: DrivenArm, values: Array) -> Array:
+    """Root mean squares (T,) of all joints' values (T, r), over AVERAGE about each time."""
+    window = min(len(run.time), max(1, round(AVERAGE * len(run.time) / run.demand.duration)))
+    mean = np.convolve(np.mean(values**2, axis=1), np.full(window, 1.0 / window), "same")
+    return np.asarray(np.sqrt(mean))
+
+
+def _moved(study: DesignStudy, runs: Sequence[DrivenArm]) -> tuple[Array, Array]:
     """Times (T,) and positions (T, r) of the last run, or of a motion about home where none was run."""
     if not runs:
         p = _motion(study)
         return np.linspace(0.0, TURN, len(p)), p
-    rollout = runs[-1].rollout
-    every = thinned(len(rollout.time), SHOWN)
-    return rollout.time[every], rollout.p[every]
+    every = thinned(len(runs[-1].time), SHOWN)
+    return runs[-1].time[every], runs[-1].p[every]
 
 
 def _motion(study: DesignStudy) -> Array:

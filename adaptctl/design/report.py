@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.design.driving import DrivenArm
+from adaptctl.design.driving import Demand, DrivenArm
 from adaptctl.design.picture import arm_figure
 from adaptctl.design.study import DesignStudy
 from adaptctl.design.task import DesignTask
@@ -118,11 +118,11 @@ def place(x: Array) -> str:
     return f"({', '.join(f'{value:.3f}' for value in x + 0.0)})"
 
 
-def sections(study: DesignStudy, more: Sequence[Drawing] = (), runs: Sequence[DrivenArm] = ()) -> Iterator[Section]:
+def sections(study: DesignStudy, runs: Sequence[DrivenArm] = ()) -> Iterator[Section]:
     """Sections of the report of a design `study`: changes of the motion's energy by a point mass at positions on every
     link, counterweights with the costs of the motion before and after them, and changes by which parameters are no
-    longer needed; `more` are figures besides its own, `runs` those in closed loop, if there are any. Raises `RankError`
-    where the mechanism's rank, its number of base parameters, cannot be certified."""
+    longer needed; `runs` are those in closed loop, if there are any. Raises `RankError` where the mechanism's rank, its
+    number of base parameters, cannot be certified."""
     mass, mechanism = f"{study.body.mass:g} kg", study.task.mechanism
     told = (
         f"{header(study)}. The energy that is carried is its root mean square about its mean, which counts all pairs "
@@ -154,7 +154,7 @@ def sections(study: DesignStudy, more: Sequence[Drawing] = (), runs: Sequence[Dr
         f"Dashed: {study.percent:g} %.",
         partial(components_figure, study),
     )
-    yield Section("Counterweights", (found, costs_table(study), torques, components, *more))
+    yield Section("Counterweights", (found, costs_table(study), torques, components))
     if runs:
         yield Section("In closed loop", (IN_LOOP, _runs(runs), *_run_drawings(study, runs)))
     yield Section("Parameters that can go", (EACH_ALONE, removals_table(study), *_equations(study)))
@@ -185,16 +185,34 @@ def _bodies(study: DesignStudy) -> Table:
     return Table(("link", *names), rows, title=title, align="l" + "r" * len(names))
 
 
+def run_words(study: DesignStudy, runs: Sequence[DrivenArm]) -> Iterator[str]:
+    """Sentences on `runs` in closed loop, none where there are none: how the counterweights of a `study` change the
+    motors' work, and the error of the last two seconds, or when a run was stopped, with few components adapted."""
+    of, unit = {run.name: run.demand for run in runs}, error_unit(study.task.mechanism)
+    if {"all-before", "all-after"} <= of.keys() and of["all-before"].work > 0.0:
+        share = of["all-after"].work / of["all-before"].work - 1.0
+        yield f"In closed loop the motors' work changes by {change(share)}."
+    if {"few-before", "few-after"} <= of.keys():
+        old, new = (_late(of[f"few-{when}"], 1e3, f" {unit}") for when in ("before", "after"))
+        yield f"With few components adapted, the tracking error of the last two seconds is {new} instead of {old}."
+
+
+def _late(found: Demand, scale: float = 1.0, unit: str = "") -> str:
+    """The error of the last two seconds; where the run was stopped, when."""
+    if found.stopped:
+        return f"stopped at {found.duration:.3g} s"
+    return "–" if found.final_rms_error is None else f"{scale * found.final_rms_error:.3g}{unit}"
+
+
 def run_rows(runs: Sequence[DrivenArm]) -> list[tuple[str, str, str, str, str]]:
     """Rows of texts, one for each of `runs` in closed loop: its label, root mean square errors, rad (m if prismatic),
     of the run and of its last two seconds (or when it was stopped), root mean square torque in percent of the limits,
     and the motors' work, J. Nothing is raised."""
     rows = []
     for run in runs:
-        found, last = run.demand, run.demand.final_rms_error
-        late = f"stopped at {found.duration:.3g} s" if found.stopped else "–" if last is None else f"{last:.3g}"
+        found = run.demand
         torque, work = f"{100.0 * found.rms_torque:.3g} %", f"{found.work:.3g} J"
-        rows.append((run.label, f"{found.rms_error:.3g}", late, torque, work))
+        rows.append((run.label, f"{found.rms_error:.3g}", _late(found), torque, work))
     return rows
 
 
