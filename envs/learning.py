@@ -46,7 +46,6 @@ class NormalisedView:
     slices: Mapping[str, slice]
     middle: Array
     scale: Array
-    """(n,) what is observed as a half, in each number's own unit"""
 
     @classmethod
     def of(cls, env: TrackingEnv) -> NormalisedView:

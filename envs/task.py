@@ -33,13 +33,9 @@ class RewardWeights:
     """
 
     position: float = 1.0
-    """per rad^2 (m^2) of tracking error"""
     velocity: float = 0.1
-    """per (rad/s)^2 ((m/s)^2) of velocity error"""
     torque: float = 0.001
-    """no unit, per square of torque over its limit"""
     termination: float = 1000.0
-    """no unit, once where an episode is terminated"""
 
     def __post_init__(self) -> None:
         for name in (field.name for field in fields(self)):

@@ -12,14 +12,24 @@ from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, numbers, vectors
+from adaptctl.arrays import Array, frozen, numbers, stacked, vectors
 from adaptctl.caching import cached_property, replaced_by
 from adaptctl.compilation import Kernel
 from adaptctl.compilation.builtin import Finite, Form, Place, has_builtins
-from adaptctl.compilation.floats import LARGEST_COMPILED, OnFloats, native_or_floats
+from adaptctl.compilation.floats import OnFloats, native_or_floats
 from adaptctl.compilation.kernel import Given
-from adaptctl.control.many_arms import ManyArms, row_each, rows_of_arms
-from adaptctl.control.memory import InOneArray, Memory, in_one_array, leaves, like, paths, require_tick, ticked
+from adaptctl.control.memory import (
+    InOneArray,
+    Memory,
+    in_one_array,
+    leaves,
+    like,
+    paths,
+    require_tick,
+    row_each,
+    rows_of_arms,
+    ticked,
+)
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, Structure, Tunable
 
@@ -179,7 +189,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         default this is for one arm; with `many` True the law for many arms is only prepared here, and compiled at the
         first `step` of many arms. Raises `InputError` where `law` does not return a torque and an internal state,
         `TraceError` where it cannot be traced into an expression graph; with `many`, that first `step` raises them."""
-        _ = self._many if many else self._step_one
+        _ = self._tick if many else self._step_one
         return self
 
     @cached_property
@@ -275,31 +285,35 @@ class Controller(Tunable, ABC, Generic[Memory]):
         """The law on arrays, compiled where that is possible in reasonable time."""
         return _compiled(self.structure)
 
-    @cached_property
-    def _many(self) -> ManyArms:
-        return _many(self.structure)
-
     def _step_many(
         self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint, gains: Array | None = None
     ) -> tuple[Array, Memory]:
         """A tick of arms (...) that each have their own memory."""
         arms = np.shape(p)[:-1]
         columns = rows_of_arms((p, v, *reference), self._given_sizes, arms)
+        columns[MEMORY] = self._array_of(state, arms).reshape(prod(arms), self._sizes[MEMORY])
         columns |= dict.fromkeys(self.gain_sizes, self.packed if gains is None else gains)
-        torque, (memory,) = self._many.step(prod(arms), columns, {MEMORY: self._rows(state, arms)})
-        for what, made in (("torque", torque), ("state", memory)):
-            if not np.isfinite(made).all():
-                self._blame(p, v, reference, made.reshape(*arms, -1), what)
-        if self.finite is True and not all(np.isfinite(values).all() for values in columns.values()):
+        torque, memory = np.empty((*arms, self.dof)), np.empty((*arms, self._sizes[MEMORY]))
+        try:
+            self._computed(columns, [made.reshape(prod(arms), made.shape[-1]) for made in (torque, memory)])
+        except NonFiniteError:
+            for what, made in (("torque", torque), ("state", memory)):
+                if not np.isfinite(made).all():
+                    self._blame(p, v, reference, made, what)
             self._blame(p, v, reference)
-        if len(arms) > 1:
-            memory = memory.reshape(*arms, memory.shape[1])
-        return torque.reshape(*arms, torque.shape[1]), self._remembering(memory)
+        return torque, self._remembering(frozen(memory))
 
-    def _rows(self, state: Memory, arms: tuple[int, ...]) -> Array:
-        """The internal state of arms in one array, a row each."""
-        array = self._array_of(state, arms)
-        return array if array.ndim == 2 else array.reshape(-1, array.shape[-1])
+    def _computed(self, columns: Mapping[str, Array], results: list[Array]) -> None:
+        """Put the torques of arms (N, r) and their memories after a tick into the results."""
+        if isinstance(self._tick, Kernel):
+            self._tick.map(*columns.values(), out=results)
+            return
+        rows = {name: Column(np.atleast_2d(values).T) for name, values in columns.items()}
+        for result, made in zip(results, self._packed_equation()(**rows), strict=True):
+            result[...] = stacked(made.of, result.shape[:1])
+        given = columns.values() if self.finite is True else ()
+        if self.finite and not all(np.isfinite(part).all() for part in (*results, *given)):
+            raise NonFiniteError(type(self).__name__)
 
     @property
     def gain_sizes(self) -> dict[str, int]:
@@ -381,11 +395,3 @@ def _compiled(structure: Structure) -> Kernel | OnFloats:
     law: Any = structure.of
     equation, about = law._packed_equation(), {"name": type(law).__name__, "finite": law.finite, "form": law._form}
     return native_or_floats(equation, law._sizes, law.dof, **about)
-
-
-@lru_cache(maxsize=16)
-def _many(structure: Structure) -> ManyArms:
-    """The law of controllers of one structure on many arms."""
-    law: Any = structure.of
-    given, memory = law._given_sizes | law.gain_sizes, {MEMORY: law._sizes[MEMORY]}
-    return ManyArms(law._packed_equation(), given, memory, native=law.dof <= LARGEST_COMPILED)

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, per_joint, positive_per_joint
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.control.gains.hold import require_period
-from adaptctl.control.many_arms import row_each
-from adaptctl.control.memory import leaves
+from adaptctl.control.memory import leaves, row_each
 from adaptctl.control.ringing import Ringing
 from adaptctl.dynamics.equations import ClosedPositions
 from adaptctl.errors import InputError, require_kind

@@ -44,26 +44,16 @@ class Sample(NamedTuple):
     """
 
     q: Any
-    """(n,) the tree's joints"""
     v: Any
-    """(r,)"""
     measured_p: Any
-    """(r,), or nothing without sensors"""
     measured_v: Any
     energy: Any
-    """(1,) J, kinetic plus potential"""
     torque: Any
-    """(r,) N m, commanded"""
     applied: Any
-    """(r,) N m, what reached the joints"""
     clipped: Any
-    """(1,) 1 or 0"""
     estimate: Any
-    """(k,) after the tick, k = 0 where there is none"""
     marks: Any
-    """(m,) 1 or 0: the plant's, then those of the controller's guards"""
     learning: Any
-    """(l,) what the adaptation law tells of its memory after the tick, l = 0 where it tells nothing"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -324,11 +314,8 @@ class Episode(NamedTuple):
     plant: Plant
     state: PlantState
     parameters: Array
-    """(P,) the true ones, without what effects load on them"""
     reference: Reference
     rng: np.random.Generator
-    """draws the sensors' noise, 2r standard normal numbers a step"""
     steps: int
-    """control periods left"""
     judge: Judge
     info: Callable[[Array, PlantState, int, int, float], dict[str, Any]] = _untold

@@ -96,12 +96,8 @@ class Bodies(NamedTuple):
     """
 
     rates: Callable[[Column, Column], Column]
-    """from q and v to the rates of q"""
     moved: Callable[..., tuple[Column, Column]]
-    """from q, v, torque and parameters to the rates of q and v; and, with an implicit integrator, from how much less
-    the torque is for every rad/s (r,) that v gains in the step"""
     projected: Callable[[Column], Column]
-    """from q to one that closes all loops better"""
 
 
 def held_motion(

@@ -36,9 +36,7 @@ class Integrator(Protocol):
     """
 
     stages: ClassVar[int]
-    """Accelerations a step."""
     implicit: ClassVar[bool]
-    """True if its accelerations have the friction of the step's end, not of its beginning."""
 
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own

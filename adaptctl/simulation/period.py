@@ -35,28 +35,16 @@ class PlantState(NamedTuple):
     """
 
     time: float
-    """s"""
     p: Array
-    """(r,) positions of the primary joints, rad (m)"""
     v: Array
-    """(r,) their velocities, rad/s (m/s)"""
     q: Array
-    """(n,) positions of all the tree's joints; p where there are no loops"""
     measured_p: Array
-    """(r,) measured positions"""
     measured_v: Array
-    """(r,) measured velocities"""
     applied: Array
-    """(r,) N m (N), the torques that reached the joints in the last period"""
     clipped: bool
-    """True if the torque commanded in the last period was beyond the plant's limits"""
     marks: Array
-    """(h,) 1 for each of `Plant.marks` that changed a torque in the last period, else 0"""
     drives: Array
-    """(d,) internal states of the actuator effects; with `ElasticJoints`, then the motors' positions (r,) and
-    velocities (r,)"""
     sensors: Array
-    """(s,) internal states of the sensor effects"""
 
 
 class PeriodOutcome(NamedTuple):
@@ -73,23 +61,14 @@ class PeriodOutcome(NamedTuple):
     """
 
     q: Column
-    """(n,) the tree's joints"""
     v: Column
-    """(r,) velocities"""
     drives: Column
-    """memory of the actuator effects, then the motors' positions and velocities behind springs"""
     sensors: Column
-    """memory of the sensor effects"""
     measured_p: Column
-    """(r,) measured positions"""
     measured_v: Column
-    """(r,) measured velocities"""
     applied: Column
-    """(r,) N m (N), the torques that reached the joints"""
     clipped: Column
-    """(1,) 1 where the torque commanded was beyond the plant's limits, else 0"""
     marks: Column
-    """(h,) 1 for each of `Plant.marks` that changed a torque, else 0"""
 
 
 @dataclass(frozen=True, eq=False)

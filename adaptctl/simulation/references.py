@@ -243,7 +243,6 @@ class ReferencesOfMany:
     form: ReferenceForm
     size: int
     arms: tuple[int, ...]
-    """The number of arms (M,) they are for; () where one was given for any number."""
 
     @classmethod
     def of(cls, given: Reference | Sequence[Reference], size: int) -> ReferencesOfMany:

@@ -133,51 +133,28 @@ class Rollout:
     """
 
     time: Array
-    """(T,) s"""
     p: Array
-    """(T, r) positions, rad or m: the true ones, where the environment gives them besides what it measures"""
     v: Array
-    """(T, r) velocities, rad/s or m/s"""
     reference_p: Array
-    """(T, r)"""
     reference_v: Array
-    """(T, r)"""
     reference_a: Array
-    """(T, r)"""
     torque: Array
-    """(T, r) commanded, N m"""
     applied: Array
-    """(T, r) after the limits, N m"""
     clipped: Array
-    """(T,) 1 where a torque was clipped, else 0"""
     energy: Array
-    """(T,) J; NaN where the environment does not give it"""
     reward: Array
-    """(T,)"""
     estimate: Array
-    """(T, k) the controller's parameter estimates, k = 0 where it has none"""
     control_period: float
-    """s"""
     wall_time: float
-    """s"""
     complete: bool = True
-    """False when the run was interrupted: what was computed is kept."""
     terminated: bool = False
-    """True when the environment ended the run early, an error bound having been passed."""
     info: dict[str, object] = field(default_factory=dict)
-    """The environment's last info."""
     measured_p: Array | None = None
-    """(T, r) positions as the controller measured them; None where those are the true ones"""
     measured_v: Array | None = None
-    """(T, r) velocities, rad/s or m/s"""
     marks: Mapping[str, Array] = field(default_factory=dict)
-    """(T,) each: flags of events, by name, of the environment and of the controller's guards"""
     every: int = 1
-    """control periods from one sample to the next"""
     learning: Array = field(default_factory=partial(np.empty, (0, 0)))
-    """(T, l) what the adaptation law records of its internal state, such as a lift; l = 0 where it records nothing"""
     position_units: tuple[str, ...] = ()
-    """(r,) "rad" or "m" for each joint; empty where not known: files then have units as if all joints were revolute"""
 
     @property
     def spacing(self) -> float:

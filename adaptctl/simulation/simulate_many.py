@@ -72,45 +72,24 @@ class Rollouts:
     """
 
     time: Array
-    """(T,) s"""
     p: Array
-    """(T, M, r) positions, rad or m"""
     v: Array
-    """(T, M, r)"""
     reference_p: Array
-    """(T, M, r)"""
     reference_v: Array
-    """(T, M, r)"""
     torque: Array
-    """(T, M, r) commanded, N m"""
     applied: Array
-    """(T, M, r) N m, what reached the joints"""
     estimate: Array
-    """(T, M, k) the controllers' parameter estimates, k = 0 where they have none"""
     parameters: Array
-    """(M, P) the true ones, without the effects' loads"""
     rms_error: Array
-    """(M, r) root mean square of p - reference p"""
     largest_error: Array
-    """(M, r) its largest magnitude"""
     final_rms_error: Array
-    """(M, r) root mean square over the last SETTLED seconds; NaN in shorter runs"""
     return_time: Array
-    """(M,) s after which every error stayed within the bounds asked for; NaN where one was beyond them at the end"""
     diverged_at: Array
-    """(M,) s at which an error was first not finite, or beyond the bound asked for; NaN where none was. The other
-    numbers are of the time before it."""
     diverged_joint: NDArray[np.int64]
-    """(M,) the first joint whose error was; -1 where none was"""
     lyapunov_rise: Array
-    """(M,) J, the largest rise of Slotine and Li's Lyapunov function from one tick to the next, 0 where it never rose;
-    NaN where it is not known (`lyapunov`, and where links or springs change what moves)"""
     control_period: float
-    """s"""
     wall_time: float
-    """s"""
     complete: bool
-    """False when the runs were interrupted: what was computed is kept."""
 
     @property
     def error(self) -> Array:

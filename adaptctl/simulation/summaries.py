@@ -38,19 +38,11 @@ class ErrorSums(NamedTuple):
     """
 
     squares: Any
-    """(r,) of the errors' squares"""
     final_squares: Any
-    """(r,) the same since the time from which the final error counts"""
     largest: Any
-    """(r,) the errors' largest magnitudes"""
     outside: Any
-    """(1,) the number of control periods up to the last one with an error beyond `within`, that one included; 0 while
-    none was"""
     diverged: Any
-    """(1,) the number of control periods up to the first one with an error beyond `beyond`, that one included; 0 while
-    none was"""
     joint: Any
-    """(1,) the number of the first joint that was, from 1; 0 while none was"""
 
 
 def sum_sizes(joints: int) -> dict[str, int]:
@@ -165,9 +157,7 @@ class LyapunovRise(NamedTuple):
     """
 
     lyapunov: Any
-    """(1,) J, V itself"""
     lyapunov_rise: Any
-    """(1,) J, its largest rise from one tick to the next, 0 where it never rose"""
 
 
 def rise_sizes(law: SlotineLi | None) -> dict[str, int]:

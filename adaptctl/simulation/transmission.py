@@ -42,13 +42,10 @@ class Springs(NamedTuple):
     """
 
     held: Column
-    """(r,) N m: f for w_1 = v_1"""
     slope: Column
-    """(r,) N m s/rad: what f gains by w_1 - v_1"""
     v: Column
     motors: Motors
     given: Column
-    """(r,) N m, the motors' torque"""
     dt: float
 
     @property
@@ -98,7 +95,6 @@ class Transmission:
     stiffness: Array
     damping: Array
     inertia: Array
-    """kg m^2, of the motors besides the rotors among the parameters"""
     rotors: tuple[int | None, ...]
     primary: tuple[int, ...]
 

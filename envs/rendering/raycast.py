@@ -23,7 +23,6 @@ class ConvexPart:
     end: Array
     radius: float
     color: Array
-    """(3,) red, green and blue in [0, 1]"""
     flat: bool = False
 
 

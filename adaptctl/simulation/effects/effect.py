@@ -48,9 +48,7 @@ class ActuatorEffect(Effect):
     """
 
     rank: ClassVar[int]
-    """Position in the order from the controller to the joints, an integer: lower ones come first."""
     mark: ClassVar[str | None] = None
-    """Name under which a rollout flags the control periods in which the effect changed a torque; None for no flag."""
 
     @abstractmethod
     def start(self, torque: Array, control_period: float) -> Array:
@@ -87,7 +85,6 @@ class SensorEffect(Effect):
     """
 
     rank: ClassVar[int]
-    """Position in the order from the joints to the controller, an integer: lower ones come first."""
 
     @abstractmethod
     def start(self, p: Array, v: Array, control_period: float) -> Array:
