@@ -105,14 +105,20 @@ def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
     return frozen(each)
 
 
-def positive_per_joint(values: ArrayLike, dof: int, what: str) -> Array:
-    """A read-only float64 array (dof,) of one positive number for each of `dof` joints, as by `per_joint`; infinity is
-    allowed. Raises `InputError` where a number is not positive, and what `per_joint` raises; `what` is the name of the
-    values in the messages."""
+def positive_per_joint(values: ArrayLike, dof: int, what: str, *, infinite: bool = False) -> Array:
+    """Positive numbers (dof,), one a joint, as a read-only float64 array in the unit of `values`: one number for all
+    `dof` joints, or (dof,), one each; they may be infinite where `infinite` says so. Raises `InputError`, or
+    `NonFiniteError` for NaN, with `what`, the name that messages give the values, for anything else."""
     each = per_joint(values, dof, what)
-    if not np.all(each > 0.0):
-        raise InputError(f"{what}: expected positive numbers, one or {dof}, got {each.tolist()}")
+    if not np.all((each > 0.0) & (infinite | np.isfinite(each))):
+        raise InputError(f"{what}: expected positive numbers, got {each.tolist()}")
     return each
+
+
+def positive_numbers(values: ArrayLike, what: str) -> Array:
+    """Positive finite numbers as a read-only float64 array (n,) of all `values`, one number or n. Raises as
+    `positive_per_joint` does."""
+    return positive_per_joint(values, numbers(values, what).size, what)
 
 
 def positive_number(value: object, what: str) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 LONGEST_MESSAGE = 2_000
 """Characters of an error's message; what is cut is a name that somebody made long."""
 
@@ -151,3 +153,13 @@ class LostSamplesWarning(UserWarning):
 class LiveViewWarning(UserWarning):
     """Warning that a live view (`Live`) cannot be shown, its viewer being out of reach, or that it has ended; the
     control loop that it shows goes on."""
+
+
+def nearest_name(name: str, known: Iterable[str], least: float = 0.6) -> str:
+    """Hint for an error message, such as " (did you mean 'puma560'?)", with the one of the `known` names that is
+    nearest to the unknown `name`; the empty text where none is near. A name is near from a similarity of `least` on,
+    0.6 by default, as `difflib` measures it, from 0 to 1. Nothing is checked."""
+    from difflib import get_close_matches  # here, since only errors need it
+
+    close = get_close_matches(name, list(known), n=1, cutoff=least)
+    return f" (did you mean {close[0]!r}?)" if close else ""

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-from adaptctl.compilation.processor import Processor
+from adaptctl.compilation.native import Processor
 
 PACKAGES = ("adaptctl", "numpy", "llvmlite", "pin", "mujoco")
 BUSY = 0.5

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import adaptctl
-from adaptctl.compilation.floats import LARGEST_COMPILED
+from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.errors import AdaptctlError
 from adaptctl.files import write_text
 from adaptctl.tuning import Tuning, Verification, tune

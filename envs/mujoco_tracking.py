@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from adaptctl.control.gains.torque_limits import torque_limits as own_limits
+from adaptctl.control.gains.gains import torque_limits as own_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs.random_reference import Trajectory
 from adaptctl.envs.task import RewardWeights, control_period_of, require_reference

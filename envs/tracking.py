@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from adaptctl.arrays import Array, frozen_array, numbers, positive_per_joint
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.control.controller import Reference, ReferencePoint
-from adaptctl.control.gains.torque_limits import torque_limits as own_limits
+from adaptctl.control.gains.gains import torque_limits as own_limits
 from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs.random_reference import Trajectory, drawn
@@ -195,7 +195,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self.plant, self.mechanism, self.control_period = plant, plant.mechanism, plant.control_period
         self.steps = steps_of(duration, self.control_period)
         self.look_ahead = times_ahead_of(look_ahead)
-        self.error_bound = positive_per_joint(error_bound, self.mechanism.dof, "error_bound")
+        self.error_bound = positive_per_joint(error_bound, self.mechanism.dof, "error_bound", infinite=True)
         self.reward_weights = weights_of(reward_weights)
         self.initial_error = initial_error_of(initial_error, self.mechanism.dof)
         require_reference(reference, self.mechanism.dof)

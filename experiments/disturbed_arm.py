@@ -13,7 +13,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import Gains, Halted, Reference, Sinusoids, exciting_reference, typical_inertia
-from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.contest import ADAPTATION_OFF, Learning, listed

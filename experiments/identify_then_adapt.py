@@ -11,7 +11,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import Gains, Sinusoids, SlotineLi
-from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.contest import ADAPTATION_OFF, ADAPTIVE, Contender, Learning, Outcome, Told, listed
 from adaptctl.experiments.experiment import FAR, require_count, setting

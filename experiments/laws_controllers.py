@@ -11,7 +11,7 @@ import numpy as np
 from adaptctl import control
 from adaptctl.arrays import Array
 from adaptctl.control import Controller, Gradient, SlotineLi
-from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.contest import ADAPTATION_OFF

@@ -11,7 +11,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import Composite, ComputedTorque, SlotineLi, TaskSpaceSlotineLi
-from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.errors import InputError

@@ -28,7 +28,7 @@ from export_ticks import TICKS, Ticks, Trial
 from export_times import pointer, timed
 
 import adaptctl
-from adaptctl.compilation.processor import Processor
+from adaptctl.compilation.native import Processor
 from adaptctl.control import Controller, ReferencePoint
 from benchmarks.machine import Machine
 from benchmarks.tasks import puma, semi_direct_drive

@@ -10,9 +10,9 @@ from every_law import ARM
 
 from adaptctl.arrays import Array
 from adaptctl.codegen.interface import Interface
-from adaptctl.codegen.recorded import default_reference
+from adaptctl.codegen.vouching import default_reference
 from adaptctl.compilation import compile_step
-from adaptctl.compilation.processor import Processor
+from adaptctl.compilation.native import Processor
 from adaptctl.control import Controller, ReferencePoint
 from adaptctl.control.memory import leaves
 from adaptctl.simulation import Plant

@@ -12,7 +12,7 @@ from export_builds import GNU, ZIG, Package, Toolchain, run
 from export_ticks import Ticks, Trial
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.processor import Processor
+from adaptctl.compilation.native import Processor
 
 BLOCK, BLOCKS = 500, 400
 NATIVE = ("-march=native",)

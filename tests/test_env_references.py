@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from random_trees import random_tree
 from robot_files import urdf
 
-from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv, random_sinusoids
 from adaptctl.errors import InputError

@@ -21,8 +21,7 @@ from adaptctl.control import (
     hold_number,
     mapped_gain,
 )
-from adaptctl.control.adaptation.prior_ranges import PriorRanges
-from adaptctl.control.gains.estimate_hold import parameter_holds
+from adaptctl.control.adaptation.prior_ranges import PriorRanges, parameter_holds
 from adaptctl.control.gains.workspace import everywhere
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import GainError, StabilityWarning

@@ -19,12 +19,11 @@ import adaptctl
 from adaptctl import control
 from adaptctl.arrays import Array
 from adaptctl.cli.main import main
-from adaptctl.codegen.c_number import CNumber
+from adaptctl.codegen.c_function import CNumber
 from adaptctl.codegen.c_package import CPackage
 from adaptctl.codegen.exporting import Exported
 from adaptctl.codegen.interface import Interface
-from adaptctl.codegen.recorded import default_reference, record
-from adaptctl.codegen.vouching import vouched
+from adaptctl.codegen.vouching import default_reference, record, vouched
 from adaptctl.control import AdaptationLaw, ComputedTorque, Controller, Guarded, ReferencePoint, Sinusoids, SlotineLi
 from adaptctl.control.memory import leaves
 from adaptctl.dynamics.loops.single_precision import require_single_precision

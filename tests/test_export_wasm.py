@@ -18,7 +18,7 @@ from wasm_machine import Machine
 
 import adaptctl
 from adaptctl.codegen.interface import Interface
-from adaptctl.codegen.recorded import default_reference, record
+from adaptctl.codegen.vouching import default_reference, record
 from adaptctl.codegen.wasm_module import WasmModule, WasmPlaces, unsigned
 from adaptctl.compilation import outlined, trace
 from adaptctl.compilation.sine import DOUBLE

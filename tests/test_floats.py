@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from adaptctl.compilation import Kernel, compile_function
-from adaptctl.compilation.floats import LARGEST_COMPILED, OnFloats, native_or_floats
+from adaptctl.compilation.kernel import LARGEST_COMPILED, OnFloats, native_or_floats
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, sin, sqrt
 

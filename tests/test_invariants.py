@@ -8,8 +8,7 @@ import pytest
 from adaptctl.arrays import Array
 from adaptctl.compilation import Stepper, compile_step, llvm, outlined
 from adaptctl.compilation.graph import Op
-from adaptctl.compilation.invariants import Invariants
-from adaptctl.compilation.routine import trace
+from adaptctl.compilation.routine import Invariants, trace
 from adaptctl.scalars import Column, Scalar, sin, where
 
 RNG = np.random.default_rng(0)

@@ -10,16 +10,14 @@ from pathlib import Path
 from subprocess import run
 
 import adaptctl
-from adaptctl.lazily import homes
+from adaptctl.packages import homes
 
 ROOT = Path(adaptctl.__file__).parent
 HOME = Path(__file__).parent.parent
 ORDER = (
     "version",
     "errors",
-    "nearest_name",
     "packages",
-    "lazily",
     "caching",
     "files",
     "folders",

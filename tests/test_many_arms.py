@@ -13,7 +13,7 @@ from random_trees import random_chain
 from sampled_loops import RANGES, arm, full, gains, posture, reduced
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.floats import LARGEST_COMPILED
+from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.control import (
     AdaptiveComputedTorque,
     BoundedGainForgetting,

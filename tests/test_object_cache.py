@@ -16,8 +16,8 @@ import pytest
 from levels import usable
 
 from adaptctl.compilation import compile_function, compile_step
+from adaptctl.compilation.native import Processor
 from adaptctl.compilation.object_cache import SUFFIX, ObjectCache, cache_folder
-from adaptctl.compilation.processor import Processor
 
 KEY, OTHER, OBJECT = b"k" * 32, b"o" * 32, b"machine code" * 100
 

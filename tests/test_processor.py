@@ -7,7 +7,7 @@ import pytest
 from levels import LEVELS, usable
 
 from adaptctl.compilation import compile_step
-from adaptctl.compilation.processor import Processor
+from adaptctl.compilation.native import Processor
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, sin
 

@@ -15,7 +15,7 @@ import pytest
 import adaptctl
 from adaptctl import control, description, design, identifiability
 from adaptctl.control import adaptation
-from adaptctl.lazily import homes
+from adaptctl.packages import homes
 from adaptctl.simulation import effects
 
 LAZY = (adaptctl, description, identifiability, control, adaptation, effects, design)

@@ -32,9 +32,9 @@ from adaptctl.control import (
     least_definite,
     limits,
 )
+from adaptctl.control.adaptation.prior_ranges import estimate_hold, parameter_holds
 from adaptctl.control.excitation.measure import persistent_excitation
 from adaptctl.control.gains.error_feedback import ErrorFeedback
-from adaptctl.control.gains.estimate_hold import estimate_hold, parameter_holds
 from adaptctl.design import DesignTask, PlaceBounds
 from adaptctl.design.bodies import box, cylinder
 from adaptctl.design.removals import removals

@@ -16,7 +16,7 @@ from random_trees import random_chain
 from sampled_loops import RANGES, arm, full, gains, reduced, swinging
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.floats import LARGEST_COMPILED
+from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.control import (
     AdaptationLaw,
     AdaptiveComputedTorque,

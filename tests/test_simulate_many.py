@@ -13,7 +13,7 @@ from sampled_loops import arm, gains, posture, reduced, swinging
 
 from adaptctl.arrays import Array
 from adaptctl.compilation import compile_step
-from adaptctl.compilation.floats import LARGEST_COMPILED
+from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.control import ComputedTorque, MinimumJerk, PDGravity, Sinusoids, SlotineLi
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism

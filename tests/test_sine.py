@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from adaptctl.compilation import compile_function, compile_step
-from adaptctl.compilation.processor import Processor
+from adaptctl.compilation.native import Processor
 from adaptctl.compilation.sine import DOUBLE
 from adaptctl.scalars import Column, cos, sin
 

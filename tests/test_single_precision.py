@@ -17,7 +17,7 @@ import adaptctl
 from adaptctl.arrays import Array
 from adaptctl.compilation import Stepper, compile_step
 from adaptctl.compilation.lanes import Lanes, single
-from adaptctl.compilation.processor import Processor
+from adaptctl.compilation.native import Processor
 from adaptctl.compilation.sine import SINGLE
 from adaptctl.control import ComputedTorque, Gradient, SlotineLi
 from adaptctl.errors import InputError

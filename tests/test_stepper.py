@@ -22,7 +22,7 @@ from signals import signalled
 from adaptctl.compilation import Ensemble, Stepper, compile_function, compile_step, outlined, trace
 from adaptctl.compilation.lanes import LaneArray, Lanes
 from adaptctl.compilation.llvm import program
-from adaptctl.compilation.processor import Processor
+from adaptctl.compilation.native import Processor
 from adaptctl.errors import InputError, TraceError
 from adaptctl.scalars import Column, clip, cos, minimum, sin, sqrt, where
 

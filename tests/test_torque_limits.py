@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from random_trees import random_chain
 
-from adaptctl.control.gains.torque_limits import ACCELERATION, MARGIN, finite_torque_limits
+from adaptctl.control.gains.gains import ACCELERATION, MARGIN, finite_torque_limits
 from adaptctl.description import Description, JointKind, Limits, read
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError

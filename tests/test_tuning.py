@@ -11,7 +11,7 @@ import pytest
 
 from adaptctl.cli.main import main
 from adaptctl.control import Sinusoids
-from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, SimplificationWarning

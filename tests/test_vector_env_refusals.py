@@ -20,7 +20,7 @@ from vector_envs import (
 
 import adaptctl.envs
 from adaptctl.arrays import Array
-from adaptctl.compilation.floats import LARGEST_COMPILED
+from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.control import Sinusoids
 from adaptctl.envs import VectorTrackingEnv
 from adaptctl.errors import InputError, NonFiniteError, NotFoundError

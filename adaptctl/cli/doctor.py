@@ -82,7 +82,7 @@ def _compiler() -> dict[str, Any]:
     """Lanes of the processor, and what a compiled sum of squares says of the compiler."""
     try:
         from adaptctl.compilation import compile_function
-        from adaptctl.compilation.processor import Processor
+        from adaptctl.compilation.native import Processor
 
         kernel = compile_function(lambda x: sum(x[i] * x[i] for i in range(3)), {"x": 3}, name="doctor")
         right = float(kernel([1.0, 2.0, 3.0])) == 14.0

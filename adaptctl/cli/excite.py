@@ -49,7 +49,7 @@ def excite(
     `InputError` for numbers of a wrong count or size and where no motion keeps to the limits, `RankError` where the
     number of identifiable parameters cannot be certified.
     """
-    from adaptctl.control.gains.gains import positive_per_joint
+    from adaptctl.arrays import positive_per_joint
     from adaptctl.dynamics import load
     from adaptctl.files import write_json
     from adaptctl.identification.robot_motion import RobotLimits, exciting_motion

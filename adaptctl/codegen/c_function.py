@@ -2,14 +2,74 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import islice
+from typing import Literal, TypeAlias
 
-from adaptctl.codegen.c_number import CNumber
 from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.lanes import Precision, single
 from adaptctl.compilation.llvm import Piece
-from adaptctl.compilation.routine import Routine
+from adaptctl.compilation.routine import Routine, trace
+from adaptctl.compilation.sine import Sine, sine_for
+
+Kind: TypeAlias = Literal["double", "float"]
+
+
+@dataclass(frozen=True)
+class CNumber:
+    """Kind of number in C code: `kind` is "double" or "float"; `names` maps magnitudes of constants to what they stand
+    for, such as a robot's parameter, to be written beside them in comments. Nothing is checked."""
+
+    kind: Kind
+    names: Mapping[float, str]
+
+    @property
+    def precision(self) -> Precision:
+        """Precision of the numbers, as a `Precision`: "double" (binary64) for C's double, "single" (binary32) for its
+        float."""
+        return "double" if self.kind == "double" else "single"
+
+    @property
+    def size(self) -> int:
+        """Size of one number in bytes: 8 for double, 4 for float."""
+        return 8 if self.kind == "double" else 4
+
+    @property
+    def suffix(self) -> str:
+        """Ending of C's constants and of the names of math.h's functions: "f" for float, empty for double."""
+        return "" if self.kind == "double" else "f"
+
+    def rounded(self, x: float) -> float:
+        """The float that stands for `x` in this kind of number: `x` itself for double; for float the nearest
+        single-precision number, the magnitude being first clipped to between about 1.2e-38 and 3.4e38. Zero, NaN and
+        infinities stay as they are. Nothing is raised."""
+        return x if self.kind == "double" else single(x)
+
+    def constant(self, x: float) -> str:
+        """The C text of the number `x`, without a comment, a constant of the C type, double or float, that this object
+        stands for: decimal for whole numbers below 1e6 in size, HUGE_VAL or HUGE_VALF for infinity, else hexadecimal;
+        negative ones in parentheses. Compilers read back exactly what the method `rounded` gives: x itself for double,
+        the nearest single-precision number for float. Raises `ValueError` for NaN."""
+        if math.isinf(x):
+            huge = f"HUGE_VAL{self.suffix.upper()}"  # INFINITY is a float
+            return f"(-{huge})" if x < 0.0 else huge
+        rounded = self.rounded(x)
+        short = rounded == int(rounded) and abs(rounded) < 1e6
+        text = f"{repr(rounded) if short else rounded.hex()}{self.suffix}"
+        return f"({text})" if text.startswith("-") else text
+
+    def text(self, x: float) -> str:
+        """The C text of the number `x`, a constant of the C type, double or float, that this object stands for: decimal
+        for whole numbers below 1e6 in size, HUGE_VAL or HUGE_VALF for infinity, else hexadecimal; negative ones in
+        parentheses. Compilers read back exactly what the method `rounded` gives: x itself for double, the nearest
+        single-precision number for float. Where this object's `names`, a mapping from magnitudes to names, has |x|, a
+        comment with that name follows, such as a robot's parameter. Raises `ValueError` for NaN."""
+        name = self.names.get(abs(x))
+        return f"{self.constant(x)} /* {name} */" if name else self.constant(x)
+
 
 LONGEST = 90
 """Characters of what is written in place of a name, where it is used once."""
@@ -155,3 +215,45 @@ def most_alive(expressions: Sequence[Expression], outputs: Iterable[Expression |
         most = max(most, alive)
         alive -= ending[k]
     return most
+
+
+def sine_source(prefix: str, number: CNumber) -> str:
+    """The C function, as text, of sine and cosine of an angle, `static void` and named `prefix` and "_sincos": its
+    parameters are the angle x in rad and pointers to where the sine and the cosine are to go, in this order. `number`
+    is the kind of number, double or float; the operations are those of the native code in Python. It gives NaN for
+    angles beyond about 1e6 rad in double, 8192 rad in float. Nothing is raised."""
+    sine = sine_for(number.precision)
+    near, far = _near(prefix, number, sine), sine.farthest
+    bits, within = f"uint{8 * number.size}_t", "2 ulp" if number.kind == "double" else "1.2e-7"
+    return f"""\
+/* Sine and cosine, within {within} up to {far:.0f} rad and NaN beyond: Cody and Waite's reduction by quarter turns.
+   After an odd number of them the two change places; the second bit of k and of k + 1 are their signs. */
+static void {prefix}_sincos({prefix}_real x, {prefix}_real *{prefix.upper()}_RESTRICT s, \
+{prefix}_real *{prefix.upper()}_RESTRICT c)
+{{
+    {bits} quarter;
+    {prefix}_real first;
+    {prefix}_real second;
+{near}    (void)memcpy(&quarter, &shifted, sizeof quarter);
+    first = ((quarter & 1u) != 0u) ? near_c : near_s;
+    second = ((quarter & 1u) != 0u) ? near_s : near_c;
+    *s = ((quarter & 2u) != 0u) ? -first : first;
+    *c = (((quarter + 1u) & 2u) != 0u) ? -second : second;
+    if (!(fabs{number.suffix}(x) <= {number.constant(far)})) {{
+        *s = ({prefix}_real)NAN;
+        *c = ({prefix}_real)NAN;
+    }}
+}}
+"""
+
+
+def _near(prefix: str, number: CNumber, sine: Sine) -> str:
+    """The statements up to `near_s`, `near_c` and `shifted`."""
+    routine = trace(lambda x: sine.reduced(x[0]), {"x": 1})
+    code = CStatements(prefix, number, Piece(routine.body, {}, {}), {}, lambda _part, _k: "x")
+    wanted = {x.index for x in routine.outputs if isinstance(x, Expression)}
+    for x in routine.body:
+        code.compute(x, named=x.index in wanted)
+    for name, value in zip(("near_s", "near_c", "shifted"), routine.outputs, strict=True):
+        code.lines.append(f"const {prefix}_real {name} = {code.operand(value)};")
+    return "".join(f"    {line}\n" for line in code.lines)

@@ -12,13 +12,12 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
-from adaptctl.codegen.c_number import CNumber, Kind
+from adaptctl.codegen.c_function import CNumber, Kind, sine_source
 from adaptctl.codegen.c_program import CProgram, Signature, helpers
-from adaptctl.codegen.c_sine import sine_source
 from adaptctl.codegen.gain_rules import GainRule, gain_rules
 from adaptctl.codegen.interface import GIVEN, Field, Interface, status_bits
-from adaptctl.codegen.recorded import RecordedTick, first_torque
 from adaptctl.codegen.starting import start_of
+from adaptctl.codegen.vouching import RecordedTick, first_torque
 from adaptctl.compilation.graph import Op
 from adaptctl.compilation.sine import sine_for
 from adaptctl.dynamics.loops.continuation import LOST

@@ -12,9 +12,9 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from adaptctl.codegen.c_number import Kind
+from adaptctl.codegen.c_function import Kind
 from adaptctl.codegen.interface import Interface, require_controller
-from adaptctl.codegen.recorded import default_reference, record
+from adaptctl.codegen.vouching import default_reference, record
 from adaptctl.control import Controller, Reference
 from adaptctl.dynamics.loops.single_precision import require_single_precision
 from adaptctl.errors import FileError, InputError, printable
@@ -28,72 +28,14 @@ Language: TypeAlias = Literal["c", "wasm"]
 SCHEMA = "adaptctl/export/1"
 MOST_STACK = 16 * 1024
 """bytes, about, that a tick may take unless more is asked for"""
-RESERVED = frozenset(
-    [
-        "auto",
-        "break",
-        "case",
-        "char",
-        "const",
-        "continue",
-        "default",
-        "do",
-        "double",
-        "else",
-        "enum",
-        "extern",
-        "float",
-        "for",
-        "goto",
-        "if",
-        "inline",
-        "int",
-        "long",
-        "register",
-        "restrict",
-        "return",
-        "short",
-        "signed",
-        "sizeof",
-        "static",
-        "struct",
-        "switch",
-        "typedef",
-        "union",
-        "unsigned",
-        "void",
-        "volatile",
-        "while",
-        "bool",
-        "class",
-        "namespace",
-        "new",
-        "delete",
-        "this",
-        "template",
-        "true",
-        "false",
-        "and",
-        "or",
-        "not",
-        "xor",
-        "asm",
-        "catch",
-        "private",
-        "public",
-        "protected",
-        "operator",
-        "throw",
-        "try",
-        "typename",
-        "using",
-        "virtual",
-        "export",
-        "friend",
-        "mutable",
-        "explicit",
-    ]
-)
+_WORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int long register
+restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool class
+namespace new delete this template true false and or not xor asm catch private public protected operator throw try
+typename using virtual export friend mutable explicit
+"""
+RESERVED = frozenset(re.findall(r"\w+", _WORDS))
+"""Words of C and C++."""
 LONGEST_NAME = 40
 
 

@@ -13,7 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.codegen.interface import Interface
 from adaptctl.codegen.wasm_module import WasmModule
 from adaptctl.compilation import trace
-from adaptctl.compilation.floats import LARGEST_COMPILED
+from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.compilation.routine import Layout
 from adaptctl.control import Controller, Reference, Sinusoids
 from adaptctl.control.controller import GAINS

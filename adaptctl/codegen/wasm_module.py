@@ -2,16 +2,84 @@
 
 from __future__ import annotations
 
+import struct
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import groupby, islice
 
-from adaptctl.codegen import wasm_encoding as wasm
-from adaptctl.codegen.wasm_encoding import CALL, F64, GET, I32, I64, SELECT, SET, constant, load, store, unsigned
 from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.routine import Routine, numbered, trace
 from adaptctl.compilation.sine import DOUBLE
+from adaptctl.errors import InputError
+
+F64, I64, I32 = b"\x7c", b"\x7e", b"\x7f"
+MAGIC = b"\0asm\x01\0\0\0"
+PAGE = 65536
+TYPES, FUNCTIONS, MEMORIES, EXPORTS, CODE = 1, 3, 5, 7, 10
+"""Numbers of sections."""
+
+GET, SET = b"\x20", b"\x21"
+CALL, SELECT, END = b"\x10", b"\x1b", b"\x0b"
+ZERO = b"\x41\x00"
+"""The address to which offsets are added."""
+
+
+def unsigned(n: int) -> bytes:
+    """The bytes of the whole number `n`, of at least 0, in WebAssembly's encoding of unsigned integers (LEB128: seven
+    bits in each byte, the lowest first). Raises `InputError` for a negative one, of which there is no such encoding."""
+    if n < 0:
+        raise InputError(f"WebAssembly: an unsigned integer: expected a whole number of at least 0, got {n}")
+    out = bytearray()
+    while True:
+        n, low = n >> 7, n & 0x7F
+        out.append(low | (0x80 if n else 0))
+        if not n:
+            return bytes(out)
+
+
+def vector(items: Sequence[bytes]) -> bytes:
+    """The bytes of WebAssembly's encoding of a vector: the number of `items`, then these, each encoded already. Nothing
+    is raised."""
+    return unsigned(len(items)) + b"".join(items)
+
+
+def section(number: int, content: bytes) -> bytes:
+    """The bytes of a section of a WebAssembly module: its `number`, which tells its kind, its length, and its encoded
+    `content`. Raises `ValueError` for a number that is not from 0 to 255."""
+    return bytes([number]) + unsigned(len(content)) + content
+
+
+def signature(given: Iterable[bytes], made: Iterable[bytes]) -> bytes:
+    """The bytes of WebAssembly's encoding of a function's type, from the encoded types, one byte each, of its
+    arguments, `given`, and of its results, `made`. Nothing is checked."""
+    return b"\x60" + vector(list(given)) + vector(list(made))
+
+
+def body(locals_: Sequence[bytes], code: bytes) -> bytes:
+    """The bytes of a WebAssembly function in a module's code section: its length, its local variables, whose encoded
+    types `locals_` has in order, and its `code`, after which an end mark is put. Nothing is checked."""
+    groups = [unsigned(len(list(group))) + kind for kind, group in groupby(locals_)]
+    content = vector(groups) + code + END
+    return unsigned(len(content)) + content
+
+
+def constant(x: float) -> bytes:
+    """The bytes of the WebAssembly instruction that puts the float `x`, of 64 bits, on the stack. Nothing is raised."""
+    return b"\x44" + struct.pack("<d", x)
+
+
+def load(at: int) -> bytes:
+    """The bytes of the WebAssembly instructions that put the 64-bit float at the address `at`, bytes from the beginning
+    of memory, on the stack. Raises `InputError` for an address below 0."""
+    return ZERO + b"\x2b\x03" + unsigned(at)
+
+
+def store(at: int, value: bytes) -> bytes:
+    """The bytes of the WebAssembly instructions that store a 64-bit float at the address `at`, bytes from the beginning
+    of memory; `value` is the code that puts it on the stack. Raises `InputError` for an address below 0."""
+    return ZERO + value + b"\x39\x03" + unsigned(at)
+
 
 BINARY = {
     Op.ADD: b"\xa0", Op.SUBTRACT: b"\xa1", Op.MULTIPLY: b"\xa2", Op.DIVIDE: b"\xa3", Op.MINIMUM: b"\xa4",
@@ -154,17 +222,17 @@ class WasmModule:
     def binary(self) -> bytes:
         """The module in WebAssembly's binary format, with the functions that were exported and the memory, exported as
         "memory". Nothing is raised."""
-        pages = -(-self._memory // wasm.PAGE)
+        pages = -(-self._memory // PAGE)
         memory = unsigned(6) + b"memory" + b"\x02\x00"
         names = [unsigned(len(name)) + name.encode() + b"\x00" + unsigned(k) for name, k in self._exports.items()]
         return b"".join(
             [
-                wasm.MAGIC,
-                wasm.section(wasm.TYPES, wasm.vector(self._types)),
-                wasm.section(wasm.FUNCTIONS, wasm.vector([unsigned(kind) for kind, _ in self._functions])),
-                wasm.section(wasm.MEMORIES, wasm.vector([b"\x00" + unsigned(pages)])),
-                wasm.section(wasm.EXPORTS, wasm.vector([memory, *names])),
-                wasm.section(wasm.CODE, wasm.vector([code for _, code in self._functions])),
+                MAGIC,
+                section(TYPES, vector(self._types)),
+                section(FUNCTIONS, vector([unsigned(kind) for kind, _ in self._functions])),
+                section(MEMORIES, vector([b"\x00" + unsigned(pages)])),
+                section(EXPORTS, vector([memory, *names])),
+                section(CODE, vector([code for _, code in self._functions])),
             ]
         )
 
@@ -173,7 +241,7 @@ class WasmModule:
             inputs, outputs = [self._room(n) for n in routine.inputs], [self._room(n) for n in routine.layout.sizes]
             for inner in routine.calls:
                 self._function(inner)
-            code = WasmCode(routine.body, routine.outputs, lambda part, k: wasm.load(inputs[part] + 8 * k))
+            code = WasmCode(routine.body, routine.outputs, lambda part, k: load(inputs[part] + 8 * k))
             results: dict[Expression, list[Expression]] = {}
             for x in routine.body:
                 if x.op is Op.RESULT:
@@ -184,8 +252,8 @@ class WasmModule:
                 elif x.op is not Op.RESULT:
                     code.compute(x, self._sincos)
             for (part, k), value in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):
-                code.code += wasm.store(outputs[part] + 8 * k, code.operand(value))
-            index = self._added(wasm.signature((), ()), code.locals, bytes(code.code))
+                code.code += store(outputs[part] + 8 * k, code.operand(value))
+            index = self._added(signature((), ()), code.locals, bytes(code.code))
             self._called[routine] = Called(index, inputs, outputs)
         return self._called[routine]
 
@@ -196,7 +264,7 @@ class WasmModule:
     def _added(self, kind: bytes, variables: Sequence[bytes], code: bytes) -> int:
         if kind not in self._types:
             self._types.append(kind)
-        self._functions.append((self._types.index(kind), wasm.body(variables, code)))
+        self._functions.append((self._types.index(kind), body(variables, code)))
         return len(self._functions) - 1
 
     def _sincos(self) -> int:
@@ -210,22 +278,16 @@ class WasmModule:
             sine, cosine = (code.keep(code.operand(value), F64) for value in routine.outputs[:2])
             quarter = code.keep(code.operand(routine.outputs[2]) + b"\xbd", I64)
             odd = quarter + _integer(1) + b"\x83\xa7"  # i32.wrap(k & 1)
-            near = angle + b"\x99" + wasm.constant(DOUBLE.farthest) + b"\x65"
+            near = angle + b"\x99" + constant(DOUBLE.farthest) + b"\x65"
             after = quarter + _integer(1) + b"\x7c"
             turned = [(cosine + sine + odd + SELECT, quarter), (sine + cosine + odd + SELECT, after)]
             for value, sign in turned:
                 signed = value + b"\xbd" + sign + _integer(2) + b"\x83" + _integer(62) + b"\x86\x85\xbf"
-                code.code += signed + wasm.constant(float("nan")) + near + SELECT
-            self._turning = self._added(wasm.signature([F64], [F64, F64]), code.locals, bytes(code.code))
+                code.code += signed + constant(float("nan")) + near + SELECT
+            self._turning = self._added(signature([F64], [F64, F64]), code.locals, bytes(code.code))
         return self._turning
 
 
 def _integer(n: int) -> bytes:
     """A whole number below 64, of 64 bits."""
     return b"\x42" + bytes([n])
-
-
-def memory_of(places: Mapping[str, int]) -> dict[str, int]:
-    """Indices of 64-bit floats, as JavaScript's Float64Array counts, of the addresses `places`, in bytes, by the same
-    names: an address divided by 8. Nothing is checked."""
-    return {name: at // 8 for name, at in places.items()}

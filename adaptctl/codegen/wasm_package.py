@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.codegen.c_number import Kind
+from adaptctl.codegen.c_function import Kind
 from adaptctl.codegen.c_package import filled, title
 from adaptctl.codegen.interface import FAULTS, Brake, Interface, status_bits
 from adaptctl.codegen.starting import start_of

@@ -6,11 +6,9 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any
 
 from adaptctl.compilation.graph import Expression, Op
-from adaptctl.compilation.instructions import Instructions
-from adaptctl.compilation.invariants import NONE, Invariants, arguments
-from adaptctl.compilation.lanes import Lanes
-from adaptctl.compilation.routine import Layout, Routine
-from adaptctl.compilation.sines_at_once import SinesAtOnce, asked_at_once
+from adaptctl.compilation.lanes import Instructions, Lanes
+from adaptctl.compilation.routine import NONE, Invariants, Layout, Routine, arguments
+from adaptctl.compilation.sine import SinesAtOnce, asked_at_once
 
 _ARITHMETIC = {Op.ADD: "fadd", Op.SUBTRACT: "fsub", Op.MULTIPLY: "fmul", Op.DIVIDE: "fdiv"}
 _COMPARISONS = {Op.LESS: "olt", Op.LESS_EQUAL: "ole"}

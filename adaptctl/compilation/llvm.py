@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 from adaptctl.compilation.function_body import FunctionBody
 from adaptctl.compilation.graph import Expression, Op
-from adaptctl.compilation.invariants import NONE, Invariants
 from adaptctl.compilation.lanes import Lanes
-from adaptctl.compilation.routine import Routine, numbered, trace
+from adaptctl.compilation.routine import NONE, Invariants, Routine, numbered, trace
 from adaptctl.compilation.sine import STEP, sine_for
 
 BEFORE = ".before"

@@ -7,9 +7,22 @@ from typing import Any, NoReturn, TypeAlias
 
 import numpy as np
 
-from adaptctl.compilation import folding
-from adaptctl.compilation.graph import Expression, Op
-from adaptctl.compilation.refusal import untraceable
+from adaptctl.compilation.graph import (
+    Expression,
+    Op,
+    absolute,
+    add,
+    cosine,
+    divide,
+    maximum,
+    minimum,
+    multiply,
+    negate,
+    sine,
+    subtract,
+    unary,
+    untraceable,
+)
 from adaptctl.scalars import elementary
 
 
@@ -87,10 +100,10 @@ class Node(_Traced):
 
     __slots__ = ()
 
-    __add__, __radd__ = _operator(folding.add), _operator(folding.add, reflected=True)
-    __sub__, __rsub__ = _operator(folding.subtract), _operator(folding.subtract, reflected=True)
-    __mul__, __rmul__ = _operator(folding.multiply), _operator(folding.multiply, reflected=True)
-    __truediv__, __rtruediv__ = _operator(folding.divide), _operator(folding.divide, reflected=True)
+    __add__, __radd__ = _operator(add), _operator(add, reflected=True)
+    __sub__, __rsub__ = _operator(subtract), _operator(subtract, reflected=True)
+    __mul__, __rmul__ = _operator(multiply), _operator(multiply, reflected=True)
+    __truediv__, __rtruediv__ = _operator(divide), _operator(divide, reflected=True)
     __lt__, __gt__ = _operator(_less), _operator(_less, reflected=True)
     __le__, __ge__ = _operator(_less_equal), _operator(_less_equal, reflected=True)
 
@@ -98,10 +111,10 @@ class Node(_Traced):
         raise untraceable("a traced value has no powers: multiply, or use sqrt")
 
     def __neg__(self) -> Any:
-        return folding.negate(self)
+        return negate(self)
 
     def __abs__(self) -> Any:
-        return folding.absolute(self)
+        return absolute(self)
 
     def with_sine(self, sine: Value, cosine: Value) -> Node:
         """This angle, rad, itself, once its `sine` and `cosine` (symbolic scalars or floats) are noted in its
@@ -149,22 +162,22 @@ def _select(condition: Any, yes: Value, no: Value) -> Value:
 
 
 _RULES: dict[np.ufunc, Callable[..., Any]] = {
-    np.add: folding.add,
-    np.subtract: folding.subtract,
-    np.multiply: folding.multiply,
-    np.divide: folding.divide,
-    np.negative: folding.negate,
-    np.sin: folding.sine,
-    np.cos: folding.cosine,
-    np.sqrt: folding.elementary(Op.SQRT),
+    np.add: add,
+    np.subtract: subtract,
+    np.multiply: multiply,
+    np.divide: divide,
+    np.negative: negate,
+    np.sin: sine,
+    np.cos: cosine,
+    np.sqrt: unary(Op.SQRT),
     np.exp: elementary.exponential,
     np.log: elementary.logarithm,
     np.tanh: elementary.hyperbolic_tangent,
     np.arctan2: elementary.arc_tangent,
-    np.rint: folding.elementary(Op.ROUND),
-    np.absolute: folding.absolute,
-    np.minimum: folding.minimum,
-    np.maximum: folding.maximum,
+    np.rint: unary(Op.ROUND),
+    np.absolute: absolute,
+    np.minimum: minimum,
+    np.maximum: maximum,
     np.less: _less,
     np.less_equal: _less_equal,
     np.greater: lambda x, y: _less(y, x),

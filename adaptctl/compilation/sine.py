@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
-from adaptctl.compilation.lanes import Precision
+from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.lanes import Instructions, Lanes, Precision
 from adaptctl.scalars.elementary import polynomial
 
 
@@ -92,3 +94,203 @@ def sine_for(precision: Precision) -> Sine:
     """The `Sine`, the constants for computing sine and cosine, of a `precision`: "double", or for anything else single
     precision. Nothing is raised."""
     return DOUBLE if precision == "double" else SINGLE
+
+
+ANGLES = {Op.SIN: 0, Op.COS: 1}
+"""Operations on angles, and which of the pair of sine and cosine they ask for."""
+
+_WIDE = (2, 4, 8)
+"""Numbers of angles put side by side where numbers are not so anyway: one alone leaves most of a register empty."""
+
+
+class SinesAtOnce:
+    """Sines and cosines of groups of angles, rad, as LLVM instructions appended to a function's `text`
+    (`Instructions`), which leave them in memory, pair (sine, cosine) after pair.
+
+    Angles that are too large for the fast formula are left to the C library. The branch to it is costly, since
+    registers are written to memory for it, so each group of angles has only one. `operand` is a function that returns
+    the name of an expression's value, and `has` one that says whether this function has the value. Nothing is checked.
+    """
+
+    def __init__(self, text: Instructions, operand: Callable[[Any], str], has: Callable[[Expression], bool]) -> None:
+        self._text, self._operand, self._has = text, operand, has
+        self._pairs: dict[Expression, tuple[str, int]] = {}
+        self._size: dict[str, int] = {}
+
+    def place(self, x: Expression) -> tuple[str, int] | None:
+        """The position in memory of an expression `x`, a sine or cosine that was computed: the name of a pointer and an
+        index after it. The index counts values of one number for each SIMD lane (arms computed at once). None for other
+        expressions. Nothing is raised."""
+        found = self._pairs.get(x.operands[0]) if x.op in ANGLES else None
+        return None if found is None else (found[0], found[1] + ANGLES[x.op])
+
+    def turn(self, angles: Sequence[Expression]) -> None:
+        """Append the instructions of sines and cosines of `angles`, expressions whose values have been computed, but
+        for those whose sines were written before. An angle that is the sum of an earlier one and a short step, a
+        product with a constant of at most 1/16 in size, is computed from that one's sine and cosine by addition
+        formulas, unless the step turns out above 1/16 rad. Nothing is checked."""
+        most, group = _WIDE[-1] if self._text.lanes.count == 1 else len(angles), list[_Turn]()
+        for x in (x for x in angles if x not in self._pairs):
+            turn = self._turn(x)
+            if group and (len(group) == most or turn.memory != group[0].memory):
+                self._write(group)
+                group, turn = [], self._turn(x)  # of what was written, it may be a step from one
+            group.append(turn)
+        if group:
+            self._write(group)
+
+    def _turn(self, angle: Expression) -> _Turn:
+        for known, step in (angle.operands, angle.operands[::-1]) if angle.op is Op.ADD else ():
+            if known in self._pairs and _short(step) and self._has(step):
+                return _Turn(angle, step, self._pairs[known])
+        return _Turn(angle)
+
+    def _write(self, turns: Sequence[_Turn]) -> None:
+        """Append the instructions of a group: all its angles are steps from pairs of one memory, or none is a step."""
+        text, pairs = self._text, f"%sines{turns[0].angle.index}"
+        text.reserve(pairs, 2 * len(turns))
+        angles, steps = (
+            [self._operand(x.angle) for x in turns],
+            [self._operand(x.step) for x in turns if x.step is not None],
+        )
+        group = _Group(pairs, steps or angles, [x.known for x in turns if x.known is not None])
+        several = text.lanes.count == 1 and len(turns) > 1
+        far = self._in_one_register(group) if several else self._one_by_one(group)
+        self._correct(pairs, [angles, steps] if steps else [angles], *far)
+        self._size[pairs] = 2 * len(turns)
+        self._pairs |= {x.angle: (pairs, 2 * k) for k, x in enumerate(turns)}
+
+    def _one_by_one(self, group: _Group) -> tuple[str, Lanes]:
+        """The lanes in which any number is far, where each fills a register."""
+        text, lanes, any_far = self._text, self._text.lanes, ""
+        for k, x in enumerate(group.numbers):
+            name = f"{group.pairs}.of{k}"
+            given = [
+                text.load(f"{name}.known{i}", pointer, first + i)
+                for pointer, first in group.known[k : k + 1]
+                for i in (0, 1)
+            ]
+            for part, value in enumerate(self._computed(name, [x, *given], lanes)):
+                text.store(group.pairs, 2 * k + part, value)
+            any_far = self._beyond(name, x, lanes, bool(given), any_far)
+        return any_far, lanes
+
+    def _in_one_register(self, group: _Group) -> tuple[str, Lanes]:
+        """The lanes that are far of a register in which single numbers are put side by side."""
+        text, name, n = self._text, group.pairs, len(group.numbers)
+        wide = Lanes(next(w for w in _WIDE if w >= n), text.lanes.precision)
+        together = "zeroinitializer"
+        for k, x in enumerate(group.numbers):
+            text.add(f"{name}.x{k} = insertelement {wide.value} {together}, {wide.scalar} {x}, i32 {k}")
+            together = f"{name}.x{k}"
+        sine, cosine = self._computed(name, [together, *self._taken(group, wide)], wide)
+        both, places = f"<{2 * n} x {wide.scalar}>", (k + part * wide.count for k in range(n) for part in (0, 1))
+        text.add(f"{name}.both = shufflevector {wide.value} {sine}, {wide.value} {cosine}, {_mask(places)}")
+        text.add(f"store {both} {name}.both, ptr {name}, align {wide.size}")
+        return self._beyond(name, together, wide, bool(group.known)), wide
+
+    def _taken(self, group: _Group, wide: Lanes) -> list[str]:
+        """The known sines, and the known cosines, each in one register."""
+        if not group.known:
+            return []
+        pointer, size = group.known[0][0], self._size[group.known[0][0]]
+        kind, all_known, idle = f"<{size} x {wide.scalar}>", f"{group.pairs}.known", wide.count - len(group.known)
+        self._text.add(f"{all_known} = load {kind}, ptr {pointer}, align {wide.size}")
+        for i in (0, 1):
+            mask = _mask([*(first + i for _, first in group.known), *[size] * idle])
+            self._text.add(f"{all_known}{i} = shufflevector {kind} {all_known}, {kind} zeroinitializer, {mask}")
+        return [f"{all_known}0", f"{all_known}1"]
+
+    def _computed(self, name: str, given: Sequence[str], lanes: Lanes) -> list[str]:
+        """Sine and cosine of an angle, or, after a step from known ones, which are given after it."""
+        both, function = f"{{{lanes.value}, {lanes.value}}}", "turned" if len(given) > 1 else "near"
+        arguments = ", ".join(f"{lanes.value} {x}" for x in given)
+        self._text.add(f"{name}.sines = call {both} @sines.{function}.{lanes.count}({arguments})")
+        for part, which in enumerate(("sine", "cosine")):
+            self._text.add(f"{name}.{which} = extractvalue {both} {name}.sines, {part}")
+        return [f"{name}.sine", f"{name}.cosine"]
+
+    def _beyond(self, name: str, x: str, lanes: Lanes, stepped: bool, before: str = "") -> str:
+        """The lanes in which a number is too far to be reduced, or to be a step, or was `before`."""
+        limit = lanes.constant(STEP if stepped else sine_for(lanes.precision).farthest)
+        called = f"call {lanes.condition} @sines.beyond.{lanes.count}({lanes.value} {x}, {lanes.value} {limit})"
+        self._text.add(f"{name}.far = {called}")
+        if before:
+            self._text.add(f"{name}.any = or {lanes.condition} {before}, {name}.far")
+        return f"{name}.any" if before else f"{name}.far"
+
+    def _correct(self, pairs: str, columns: Sequence[Sequence[str]], far: str, wide: Lanes) -> None:
+        """Write the branch to corrections: where any angle is far, the C library's sines, where any step is long, those
+        of the angle itself."""
+        text, n, bits = self._text, len(columns[0]), f"i{wide.count}"
+        text.add(f"{pairs}.bits = bitcast {wide.condition} {far} to {bits}")
+        text.add(f"{pairs}.branch = icmp ne {bits} {pairs}.bits, 0")
+        label = pairs[1:]
+        text.add(f"br i1 {pairs}.branch, label %{label}.correct, label %{label}.done")
+        text.add(f"{label}.correct:")
+        memory = [text.reserve(f"{pairs}.given{i}", n) for i in range(len(columns))]
+        for pointer, column in zip(memory, columns, strict=True):
+            for k, x in enumerate(column):
+                text.store(pointer, k, x)
+        arguments = ", ".join(f"ptr {pointer}" for pointer in (*memory, pairs))
+        text.add(f"call void @sines.{'anew' if len(columns) > 1 else 'far'}({arguments}, i64 {n})")
+        text.add(f"br label %{label}.done")
+        text.add(f"{label}.done:")
+
+
+class _Turn(NamedTuple):
+    """An angle whose sine is asked for and, where it is one of known sine and a short step in time, the `step`, a
+    velocity times a small number, and the place of the known pair."""
+
+    angle: Expression
+    step: Any = None
+    known: Any = None
+
+    @property
+    def memory(self) -> str | None:
+        """The pointer to the pairs from one of which the angle is a step; None where it is no step."""
+        return self.known[0] if self.known else None
+
+
+class _Group(NamedTuple):
+    """Angles, or steps from known pairs, whose `pairs` are to be computed."""
+
+    pairs: str
+    numbers: Sequence[str]
+    known: Sequence[tuple[str, int]]
+
+
+def asked_at_once(expressions: Sequence[Expression]) -> dict[int, list[Expression]]:
+    """Groups of angles, expressions in rad, whose sines and cosines can be computed together, among a routine's
+    `expressions` in order. They are a dict from the index of an expression to the angles whose sines and cosines are
+    computed just before it. Angles that are arguments of the routine make one group before the first expression; each
+    other group is of the angles of sines and cosines that follow each other directly in `expressions`. Nothing is
+    checked."""
+    asked = [x.operands[0] for x in expressions if x.op in ANGLES]
+    given = [x for x in dict.fromkeys(asked) if x.op is Op.INPUT]
+    groups = {expressions[0].index: given} if given else {}
+    first: Expression | None = None
+    for x in expressions:
+        if x.op not in ANGLES:
+            first = None
+            continue
+        if first is None or x.operands[0].index >= first.index:  # the sine of a sine comes later
+            first = x
+        groups.setdefault(first.index, []).append(x.operands[0])
+    return {index: list(dict.fromkeys(angles)) for index, angles in groups.items()}
+
+
+def _short(x: Any) -> bool:
+    """True for a multiple of a number that is so small that it will hardly be a long turn."""
+    return (
+        isinstance(x, Expression)
+        and x.op is Op.MULTIPLY
+        and isinstance(x.operands[0], float)
+        and abs(x.operands[0]) <= STEP
+    )
+
+
+def _mask(places: Iterable[int]) -> str:
+    """The places from which a shuffle takes its numbers."""
+    numbers = [f"i32 {k}" for k in places]
+    return f"<{len(numbers)} x i32> <{', '.join(numbers)}>"

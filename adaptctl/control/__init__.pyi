@@ -1,4 +1,6 @@
 from adaptctl.control.adaptation import *
+from adaptctl.control.adaptation.prior_ranges import estimate_hold as estimate_hold
+from adaptctl.control.adaptation.prior_ranges import parameter_holds as parameter_holds
 from adaptctl.control.adaptive import AdaptiveController as AdaptiveController
 from adaptctl.control.adaptive import AdaptiveState as AdaptiveState
 from adaptctl.control.adaptive import load_estimate as load_estimate
@@ -17,8 +19,6 @@ from adaptctl.control.excitation.measure import persistent_excitation as persist
 from adaptctl.control.gains.error_feedback import ErrorFeedback as ErrorFeedback
 from adaptctl.control.gains.error_feedback import Margins as Margins
 from adaptctl.control.gains.error_feedback import margins as margins
-from adaptctl.control.gains.estimate_hold import estimate_hold as estimate_hold
-from adaptctl.control.gains.estimate_hold import parameter_holds as parameter_holds
 from adaptctl.control.gains.gain_design import GainDesign as GainDesign
 from adaptctl.control.gains.gains import Gains as Gains
 from adaptctl.control.gains.gains import sampled_gain as sampled_gain

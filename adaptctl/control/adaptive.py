@@ -17,8 +17,8 @@ from adaptctl.caching import cached_property
 from adaptctl.control.adaptation.gradient import Gradient
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.controller import Controller
+from adaptctl.control.gains.gains import torque_limits
 from adaptctl.control.gains.hold import require_period
-from adaptctl.control.gains.torque_limits import torque_limits
 from adaptctl.errors import FileError, printable, require_kind
 from adaptctl.files import read_json, write_json
 from adaptctl.identifiability import ReducedModel

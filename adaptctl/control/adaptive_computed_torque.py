@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, positive_per_joint
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.adaptive import AdaptiveController, AdaptiveState
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.gains.gains import positive_per_joint, typical_inertia
+from adaptctl.control.gains.gains import typical_inertia
 from adaptctl.control.gains.hold import DEFINITE, LARGEST_SAMPLED_GAIN, least_definite
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import GainError, InputError

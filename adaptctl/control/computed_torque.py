@@ -8,10 +8,9 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, positive_number
+from adaptctl.arrays import Array, frozen_array, positive_number, positive_per_joint
 from adaptctl.compilation.builtin import Finite
 from adaptctl.control.controller import Controller, ReferencePoint
-from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import require_kind
 from adaptctl.identifiability import ReducedModel

@@ -16,8 +16,7 @@ from adaptctl.arrays import Array, frozen, numbers, stacked, vectors
 from adaptctl.caching import cached_property, replaced_by
 from adaptctl.compilation import Kernel
 from adaptctl.compilation.builtin import Finite, Form, Place, has_builtins
-from adaptctl.compilation.floats import OnFloats, native_or_floats
-from adaptctl.compilation.kernel import Given
+from adaptctl.compilation.kernel import Given, OnFloats, native_or_floats
 from adaptctl.control.memory import (
     InOneArray,
     Memory,

@@ -125,7 +125,7 @@ class Guarded(Controller[GuardedState]):
         if not isinstance(self.freeze, bool):
             raise InputError(f"freeze: expected True or False, got {self.freeze!r}")
         for name in ("torque_limits", "rate_limits", "velocity_limits"):
-            object.__setattr__(self, name, positive_per_joint(getattr(self, name), self.dof, name))
+            object.__setattr__(self, name, positive_per_joint(getattr(self, name), self.dof, name, infinite=True))
         own = getattr(self.of, "damping", None) if self.stop_damping is None else self.stop_damping
         if own is None:
             raise InputError(f"stop_damping: {type(self.of).__name__} has no damping of its own to brake by: give one")

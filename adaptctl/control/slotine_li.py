@@ -9,13 +9,12 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen_array, positive_per_joint
 from adaptctl.control.adaptation.gradient import Descent
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
+from adaptctl.control.adaptation.prior_ranges import estimate_hold
 from adaptctl.control.adaptive import AdaptiveController, AdaptiveState
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.gains.estimate_hold import estimate_hold
-from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.control.gains.hold import hold_number, require_hold
 from adaptctl.control.gains.workspace import Workspace
 from adaptctl.errors import StabilityWarning

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, checked, frozen, frozen_array, positive_number, real_number, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.control.controller import Reference
-from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Priority, essential_space, fundamental_basis

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, same_samples, stacked, stacked_rows, writable
-from adaptctl.compilation.floats import LARGEST_COMPILED
+from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, column
 

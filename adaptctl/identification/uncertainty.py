@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, positive_per_joint
 from adaptctl.control.adaptation import PriorRanges
-from adaptctl.control.gains.gains import positive_per_joint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, ReducedModel, States, essential_space, fundamental_basis, reduce

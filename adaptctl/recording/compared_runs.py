@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import per_joint
-from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError, require_kind
 from adaptctl.identifiability import FundamentalBasis, essential_space, fundamental_basis

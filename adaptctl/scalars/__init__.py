@@ -1,6 +1,6 @@
 """Numbers of any kind, and the vectors, matrices and columns made of them."""
 
-from adaptctl.scalars.column import Column, column, each, spread
+from adaptctl.scalars.column import ZERO, Column, Mat, Vec, column, cross, dot, each, product, spread
 from adaptctl.scalars.dual import Dual
 from adaptctl.scalars.scalar import (
     Scalar,
@@ -20,7 +20,6 @@ from adaptctl.scalars.scalar import (
     where,
 )
 from adaptctl.scalars.tunable import Keyed, Structure, Tunable
-from adaptctl.scalars.vector import ZERO, Mat, Vec, cross, dot, product
 
 __all__ = [
     "ZERO", "Column", "Dual", "Keyed", "Mat", "Scalar", "Structure", "Tunable", "Vec", "absolute", "angle", "atan2",

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
-from adaptctl.errors import InputError, NotFoundError
-from adaptctl.nearest_name import nearest_name
+from adaptctl.errors import InputError, NotFoundError, nearest_name
 from adaptctl.scalars.column import Column
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array, whole_number
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.compilation import Ensemble, Stepper, compile_step
-from adaptctl.compilation.floats import LARGEST_COMPILED
+from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.control.controller import GAINS, Controller, Reference, ReferencePoint
 from adaptctl.control.memory import leaves, like
 from adaptctl.dynamics.equations import ClosedPositions

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, numbers, whole_count
 from adaptctl.compilation import Stepper
-from adaptctl.compilation.loop import Source
+from adaptctl.compilation.stepper import Source
 from adaptctl.control.adaptation.law import AdaptationLaw
 from adaptctl.control.controller import Controller
 from adaptctl.dynamics.loops.single_precision import require_single_precision

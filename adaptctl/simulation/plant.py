@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from adaptctl.arrays import Array, checked, positive_number, same_samples, stacked, vectors, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel, compile_function
-from adaptctl.compilation.floats import native_or_floats
-from adaptctl.control.gains.torque_limits import torque_limits
+from adaptctl.compilation.kernel import native_or_floats
+from adaptctl.control.gains.gains import torque_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NonFiniteError, require_kind
 from adaptctl.scalars import Column, Scalar, Structure, Tunable, column

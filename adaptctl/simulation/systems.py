@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array, numbers, positive_number
 from adaptctl.compilation import compile_function
-from adaptctl.compilation.floats import LARGEST_COMPILED
+from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.control.memory import leaves, like
 from adaptctl.dynamics import Mechanism

@@ -16,11 +16,10 @@ import numpy as np
 
 from adaptctl.caching import cached_property
 from adaptctl.compilation.lanes import Precision, require_precision
-from adaptctl.errors import FileError, InputError, NotFoundError
+from adaptctl.errors import FileError, InputError, NotFoundError, nearest_name
 from adaptctl.experiments import EXPERIMENTS, RENAMED, find
 from adaptctl.experiments.experiment import CheckedSettings
 from adaptctl.files import hashed, read_toml
-from adaptctl.nearest_name import nearest_name
 
 STUDIES = Path(__file__).with_name("studies")
 """Folder of the studies that come with the package."""

@@ -13,7 +13,7 @@ from adaptctl.arrays import Array, per_joint, positive_number, whole_count
 from adaptctl.caching import cached_property
 from adaptctl.control import PriorRanges, typical_inertia
 from adaptctl.control.controller import Reference, ReferencePoint
-from adaptctl.control.gains.torque_limits import finite_torque_limits
+from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.control.gains.workspace import Workspace, reachable
 from adaptctl.description import GROUND
 from adaptctl.description.reach import reach_behind

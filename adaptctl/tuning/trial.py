@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.floats import LARGEST_COMPILED
+from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.control import SlotineLi
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import Controller, Reference, ReferencePoint

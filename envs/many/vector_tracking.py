@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, numbers
 from adaptctl.caching import sent_as_made
-from adaptctl.compilation.floats import LARGEST_COMPILED
+from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.compilation.lanes import Precision
 from adaptctl.envs.built_in import Puma560TrackingEnv, SemiDirectDriveTrackingEnv
 from adaptctl.envs.many.arms import Arms, Flags, StepResult

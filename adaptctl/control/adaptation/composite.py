@@ -8,11 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array, positive_number, stacked
+from adaptctl.arrays import Array, positive_number, positive_numbers, positive_per_joint, stacked
 from adaptctl.compilation import trace
 from adaptctl.control.adaptation.gradient import Descent
 from adaptctl.control.adaptation.law import Period
-from adaptctl.control.gains.gains import positive_numbers, positive_per_joint
 from adaptctl.dynamics.recursion.energy import momentum_terms
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError

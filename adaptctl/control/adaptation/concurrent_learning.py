@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, positive_numbers, positive_per_joint
 from adaptctl.compilation import outlined
 from adaptctl.control.adaptation.composite import (
     Filtered,
@@ -20,7 +20,6 @@ from adaptctl.control.adaptation.composite import (
 )
 from adaptctl.control.adaptation.gradient import Descent
 from adaptctl.control.adaptation.law import Period
-from adaptctl.control.gains.gains import positive_numbers, positive_per_joint
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, each, spread, where

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen_array, positive_numbers, positive_per_joint
 from adaptctl.control.adaptation.composite import (
     TorqueFilter,
     require_cutoff,
@@ -26,7 +26,6 @@ from adaptctl.control.adaptation.natural import (
     require_rates,
     require_whole_links,
 )
-from adaptctl.control.gains.gains import positive_numbers, positive_per_joint
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, numbers, per_joint
+from adaptctl.arrays import Array, frozen_array, numbers, per_joint, positive_numbers, positive_per_joint
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
-from adaptctl.control.gains.gains import positive_numbers, positive_per_joint
 from adaptctl.control.gains.hold import scaled_eigenvalues
 from adaptctl.control.memory import Memory
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric

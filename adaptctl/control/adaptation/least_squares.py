@@ -8,7 +8,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array, frozen_array, numbers
+from adaptctl.arrays import Array, frozen_array, numbers, positive_numbers, positive_per_joint
 from adaptctl.compilation import outlined
 from adaptctl.control.adaptation.composite import (
     Filtered,
@@ -20,7 +20,6 @@ from adaptctl.control.adaptation.composite import (
 )
 from adaptctl.control.adaptation.gradient import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
-from adaptctl.control.gains.gains import positive_numbers, positive_per_joint
 from adaptctl.control.memory import Memory
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError

@@ -12,9 +12,8 @@ from adaptctl.arrays import Array, frozen, numbers
 from adaptctl.control.adaptation.gradient import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
 from adaptctl.control.memory import Memory
-from adaptctl.errors import InputError, NonFiniteError, NotFoundError, require_kind
+from adaptctl.errors import InputError, NonFiniteError, NotFoundError, nearest_name, require_kind
 from adaptctl.identifiability import ReducedModel
-from adaptctl.nearest_name import nearest_name
 from adaptctl.scalars import Column, Scalar, clip, column
 
 

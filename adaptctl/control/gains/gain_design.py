@@ -9,13 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from adaptctl.arrays import Array, whole_number
+from adaptctl.arrays import Array, positive_per_joint, whole_number
 from adaptctl.control.gains.error_feedback import ErrorFeedback, Margins, margins
-from adaptctl.control.gains.gains import (
-    Gains,
-    positive_per_joint,
-    sampled_gain,
-)
+from adaptctl.control.gains.gains import Gains, sampled_gain
 from adaptctl.control.gains.hold import LARGEST_SAMPLED_GAIN, held_inertia, hold_number
 from adaptctl.control.gains.workspace import Workspace, everywhere
 from adaptctl.dynamics import Mechanism

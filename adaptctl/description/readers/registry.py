@@ -14,9 +14,8 @@ from adaptctl.arrays import Array
 from adaptctl.description.description import Description
 from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.description.transforms import snapped
-from adaptctl.errors import FileError, InputError, NotFoundError, PhysicalConsistencyWarning
+from adaptctl.errors import FileError, InputError, NotFoundError, PhysicalConsistencyWarning, nearest_name
 from adaptctl.files import read_toml
-from adaptctl.nearest_name import nearest_name
 
 Reader = Callable[..., Description]
 

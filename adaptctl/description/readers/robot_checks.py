@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adaptctl.description.description import Link, weightless_ends
-from adaptctl.errors import InputError, SimplificationWarning, printable
-from adaptctl.nearest_name import nearest_name
+from adaptctl.errors import InputError, SimplificationWarning, nearest_name, printable
 
 if TYPE_CHECKING:
     from adaptctl.description.loops import Loops

@@ -343,7 +343,7 @@ class ExactEnergies:
 
 def _differences_in_digits(mechanism: Mechanism, geometry: ExactGeometry, rows: int, seed: int) -> Any:
     """Energy differences (rows, P) of closed loops, whose equations are imported here since a tree has none."""
-    from adaptctl.identifiability.proof.loop_energies import exact_loops, loop_energies
+    from adaptctl.identifiability.proof.exact_geometry import exact_loops, loop_energies
 
     states = random_states(mechanism, rows + 1, np.random.default_rng(seed))
     exact = exact_loops(mechanism, geometry)
