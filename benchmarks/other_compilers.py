@@ -59,17 +59,6 @@ def ours(_: Routine, samples: Array) -> Compiled:
     return Compiled(lambda: kernel(p, v, v_r, a_r), lambda: kernel.map(*samples), first)
 
 
-def ours_filling(_: Routine, samples: Array) -> Compiled:
-    """The same into one array again and again, as the C compiler's and CasADi's are called."""
-    begin = time.perf_counter()
-    kernel, result, results = compile_function(regressor, ARGUMENTS), np.empty(SHAPE), np.empty((SAMPLES, *SHAPE))
-    p, v, v_r, a_r = samples[:, 0].copy()
-    into = kernel.into
-    into(result, p, v, v_r, a_r)
-    first = time.perf_counter() - begin
-    return Compiled(lambda: into(result, p, v, v_r, a_r), lambda: kernel.map(*samples, out=results), first)
-
-
 def c(routine: Routine, samples: Array) -> Compiled:
     """The operations as a C function of as many lines, which may fuse as we do; called by ctypes with addresses that
     are made before."""
@@ -250,7 +239,6 @@ class Peer(NamedTuple):
 
 COMPILERS: Mapping[str, Peer] = {
     "adaptctl": Peer(ours, "adaptctl"),
-    "adaptctl, into an array": Peer(ours_filling, "adaptctl"),
     "C, cc -O3 -march=native": Peer(c, None, in_c=True),
     "casadi": Peer(casadi, "casadi"),
     "casadi, its C by cc": Peer(casadi_c, "casadi", in_c=True),

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from adaptctl import Mechanism, load
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.compilation.batch import STREAMED
-from adaptctl.compilation.builtin import has_builtins
 from adaptctl.dynamics.array_equation import CALLS
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column
@@ -143,6 +142,8 @@ def test_a_call_keeps_nothing_and_makes_no_array(kernel: Kernel) -> None:
     assert [sys.getrefcount(array) for array in (out, x, y)] == counts
     kernel, x = compile_function(lambda x: 2.0 * x, {"x": 500}), np.ones(500)
     out, into = np.empty(500), kernel.into
+    for _ in range(3):  # which make the arrays that are returned by turns
+        into(out, x)
     tracemalloc.start()
     before = tracemalloc.get_traced_memory()[0]
     for _ in range(1000):
@@ -163,15 +164,13 @@ def neighbours_of(x: Any, y: Any) -> Any:
     return np.array([x + np.roll(x, -1), np.roll(x, -1) * y])
 
 
-def test_a_mechanism_fills_without_a_detour_once_it_is_compiled() -> None:
+def test_a_mechanism_fills_once_it_is_compiled() -> None:
     arm = Mechanism(load("puma560_measured").description)
     p, v, a = np.random.default_rng(0).normal(size=(3, arm.dof))
     fresh = arm.inverse_dynamics(p, v, a)
     out = np.empty(arm.dof)
     for _ in range(CALLS + 2):
         arm.inverse_dynamics(p, v, a, out=out)
-    equation: Any = arm._arrays.inverse_dynamics
-    assert type(equation.into) is type(len) or not has_builtins()
     assert arm.inverse_dynamics(p, v, a, out=out) is out
     np.testing.assert_allclose(out, fresh, rtol=1e-11)
     many = np.empty((3, arm.dof))

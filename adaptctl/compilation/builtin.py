@@ -47,15 +47,12 @@ class Form(NamedTuple):
     `places` has the `Place` of each column, in order. `tuples` maps the index of each argument that is a tuple to its
     number of items; the tuple's type is given when the function is made, as are arrays that it is bound to. `wrapped`
     maps the index of a result to that of a tuple argument: the result is returned as the only item of a tuple of that
-    type. `into` maps the index of a result to that of an argument: an array of the result's shape, to write to, that
-    shares no memory with other arguments. Results in neither are new arrays and floats. The last three are empty by
-    default. Nothing is checked.
+    type. Other results are new arrays and floats. The last two are empty by default. Nothing is checked.
     """
 
     places: tuple[Place, ...]
     tuples: Mapping[int, int] = MappingProxyType({})
     wrapped: Mapping[int, int] = MappingProxyType({})
-    into: Mapping[int, int] = MappingProxyType({})
 
     @classmethod
     def plain(cls, count: int) -> Form:
@@ -63,18 +60,10 @@ class Form(NamedTuple):
         of the native code. Nothing is checked."""
         return cls(tuple(Place(k) for k in range(count)))
 
-    @classmethod
-    def filling(cls, count: int, results: int) -> Form:
-        """Calling convention, a `Form`, of a function that writes into given arrays. Its first arguments are `results`
-        arrays, which the native code's results are written into and which it returns; then come `count` arguments, each
-        an array that is one column (vector) of the code. Nothing is checked."""
-        return cls(tuple(Place(results + k) for k in range(count)), into={k: k for k in range(results)})
-
     @property
     def arguments(self) -> list[int]:
-        """Indices of the function's arguments, from 0, a list in ascending order: those that columns (vectors) come
-        from and those that results are written into."""
-        return sorted({*self.into.values(), *(place.argument for place in self.places if place.argument is not None)})
+        """Indices, from 0, of the function's arguments that columns (vectors) come from, a list in ascending order."""
+        return sorted({place.argument for place in self.places if place.argument is not None})
 
     @property
     def types(self) -> dict[int, int]:
@@ -94,8 +83,7 @@ class Form(NamedTuple):
     def spares(self) -> int:
         """Index of the first spare result array in the tuple of objects that the built-in function keeps. That tuple
         has first the fallback that the function calls for unusual arguments, at 0, then the types of tuples, the bound
-        arrays, and the spares: two for each result that is an array and not written into an argument, kept to be
-        returned again."""
+        arrays, and the spares: two for each result that is an array, kept to be returned again."""
         return self.bound(len(self.places))
 
 
@@ -189,31 +177,25 @@ def builtin_source(routine: Routine, symbol: str, *, finite: Finite, form: Form)
     arrays, numbers = ([k for k, shape in shapes.items() if bool(shape) is wanted] for wanted in (True, False))
     sizes = {f"%in{k}": n for k, n in inputs.items()} | {f"%out{k}": math.prod(shape) for k, shape in shapes.items()}
     fitting = [*(f"and i1 %is{i}, true" for i in form.tuples), *(f"icmp ne ptr %in{k}, null" for k in inputs)]
-    fitting += [f"icmp ne ptr %room{k}, null" for k in form.into] + _apart(form, sizes)
-    made = [k for k in arrays if k not in form.into]
-    fresh = [*(f"%result{k}" for k in made), *(f"%wrap{k}" for k in form.wrapped)]
+    fresh = [*(f"%result{k}" for k in arrays), *(f"%wrap{k}" for k in form.wrapped)]
     checked = {pointer: n for pointer, n in sizes.items() if finite is True or (finite and pointer.startswith("%out"))}
     sound = [f"call i1 @finite(ptr {pointer}, i64 {n})" for pointer, n in checked.items()]
-    allocated = [_MADE.format(k, form.spares + 2 * j, len(shapes[k])) for j, k in enumerate(made)]
-    rooms = [_ROOM.format(k, argument, len(shapes[k])) for k, argument in form.into.items()]
+    allocated = [_MADE.format(k, form.spares + 2 * j, len(shapes[k])) for j, k in enumerate(arrays)]
     wrapped = [_WRAP.format(k, form.types[argument]) for k, argument in form.wrapped.items()]
     pieces = {
         "shapes": [_SHAPE.format(k, len(shapes[k]), ", ".join(f"i64 {n}" for n in shapes[k])) for k in arrays],
         "numbers": [f"%out{k} = alloca double" for k in numbers],
-        "look": [*_found(form, inputs), *rooms, _branch(fitting, "usual", "unusual")],
+        "look": [*_found(form, inputs), _branch(fitting, "usual", "unusual")],
         "allocate": [*allocated, *wrapped, _branch([f"icmp ne ptr {x}, null" for x in fresh], "compute", "failed")],
-        "data": [(_DATA if k in made else _FILLED).format(k) for k in arrays],
+        "data": [_DATA.format(k) for k in arrays],
         "check": [_branch(sound, "finite", "infinite")],
         "released": [f"call void @Py_DecRef(ptr {x})" for x in fresh],
-        "packed": [
-            *(_RETURNED.format(k, argument) for k, argument in form.into.items()),
-            *_packed(form, numbers, len(shapes), in_tuple=routine.layout.container is not None),
-        ],
+        "packed": _packed(form, numbers, len(shapes), in_tuple=routine.layout.container is not None),
     }
     texts = {name: "\n  ".join(lines) for name, lines in pieces.items()}
     pointers = ", ".join(f"ptr {pointer}" for pointer in sizes)
     text = Lanes().filled("builtin", expected=len(form.arguments), routine=symbol, pointers=pointers, **texts)
-    return "\n".join([text, *map(Lanes().filled, ("finite", "room", "spare"))])
+    return "\n".join([text, *map(Lanes().filled, ("finite", "spare"))])
 
 
 def _found(form: Form, inputs: Mapping[int, int]) -> list[str]:
@@ -229,18 +211,6 @@ def _found(form: Form, inputs: Mapping[int, int]) -> list[str]:
             given = f"%column{k}"
         lines.append(f"%in{k} = call ptr @usual(ptr {given}, i64 {n})")
     return lines
-
-
-def _apart(form: Form, sizes: Mapping[str, int]) -> list[str]:
-    """LLVM conditions that what is written to overlaps neither what is read nor another result."""
-    rooms = [f"%out{k}" for k in form.into]
-    others = [pointer for pointer in sizes if pointer not in rooms and pointer.startswith("%in")]
-    pairs = [(room, other) for k, room in enumerate(rooms) for other in (*rooms[:k], *others)]
-    named = {room: f"%room{k}" for room, k in zip(rooms, form.into, strict=True)}
-    return [
-        f"call i1 @apart(ptr {named[one]}, i64 {sizes[one]}, ptr {named.get(other, other)}, i64 {sizes[other]})"
-        for one, other in pairs
-    ]
 
 
 def _packed(form: Form, numbers: Sequence[int], count: int, *, in_tuple: bool) -> list[str]:
@@ -298,13 +268,6 @@ _MADE = """%result{0} = call ptr @made(ptr %kept, i64 {1}, i32 {2}, ptr @shape{0
 
 _DATA = """%data{0} = getelementptr %array, ptr %result{0}, i32 0, i32 2
   %out{0} = load ptr, ptr %data{0}"""
-
-_ROOM = """%room{0} = call ptr @room(ptr %argument{1}, i32 {2}, ptr @shape{0})"""
-
-_FILLED = """%out{0} = getelementptr i8, ptr %room{0}, i64 0"""
-
-_RETURNED = """%result{0} = getelementptr i8, ptr %argument{1}, i64 0
-  call void @Py_IncRef(ptr %result{0})"""
 
 _BOXED = """%number{0} = load double, ptr %out{0}
   %result{0} = call ptr @PyFloat_FromDouble(double %number{0})"""

@@ -87,7 +87,6 @@ class Kernel:
         self._single: Any = None
         self._many: tuple[NativeCode, Any] | None = None
         self._called: Callable[..., Any] | None = None
-        self._filling: Callable[..., Any] | None = None
         self.__call__ = lambda *arguments: self.call(*arguments)
 
     @property
@@ -100,41 +99,12 @@ class Kernel:
             self._called = self.__call__ = self._as_builtin() if has_builtins() and self._plain else self._one_sample
         return self._called
 
-    @property
-    def into(self) -> Callable[..., Any]:
-        """The raw built-in function `into(*outs, *arguments)`, made at the first use, which writes the kernel's results
-        into given arrays. Its arguments are one `out` of each result's shape, (), (n,) or (rows, n), in float64, then
-        the kernel's arguments, (n,) each of its length n. It returns the outs, one array or a tuple of them.
+    def into(self, *given: Any) -> Any:
+        """The kernel's results at some arguments, copied into given arrays and returned as these, one array or a tuple.
 
-        It raises `InputError` for an `out` that is missing, no writable float64 array or of another shape, and for
-        arguments of another number, another shape or that hold no real numbers; `NonFiniteError` where the kernel
-        checks for NaN and infinity: an `out` may then hold anything.
-        """
-        if self._filling is None:
-            self._filling = self.filling(self._filled)
-        return self._filling
-
-    def filling(self, instead: Callable[..., Any]) -> Callable[..., Any]:
-        """A function `f(*outs, *arguments)` that writes the kernel's results at the arguments, (n,) each, n an
-        argument's length, into the arrays `outs` and returns these: one array or a tuple of them. It runs native code
-        (the fast path) for usual arguments, and calls `instead` (the fallback) with the same outs and arguments for all
-        others.
-
-        Usual are as many outs and arguments as the kernel has results and arguments, all contiguous float64 arrays of
-        the expected shapes, each `out` writable and sharing no memory with another out or an argument, and, where the
-        kernel checks for them, no NaN or infinity in arguments or results. f itself raises nothing: errors are those of
-        `instead`, which is called after `outs` have been written to where a result is not finite. Where a result is a
-        scalar, and on a Python whose arrays native code cannot read, such as any but CPython, f is `instead` itself.
-        """
-        if not (has_builtins() and all(self.outputs)):
-            return instead
-        form, routine = Form.filling(len(self.arguments), len(self.outputs)), self._routine()
-        text, symbol = program(routine, Lanes())
-        code = load(f"{text}\n{builtin_source(routine, symbol, finite=self._finite, form=form)}")
-        return builtin(code, self.name, instead)
-
-    def _filled(self, *given: Any) -> Any:
-        """The results copied into arrays of any strides, which may overlap the arguments."""
+        `given` are one `out` for each result, of its shape, (), (n,) or (rows, n), in float64, of any strides, which
+        may overlap the arguments; then the arguments of a call. Raises `InputError` for an `out` that is missing, no
+        writable float64 array or of another shape, and what a call raises."""
         outs, arguments = given[: len(self.outputs)], given[len(self.outputs) :]
         if len(outs) < len(self.outputs):
             raise InputError(f"{self.name}: out: expected an array for each of {len(self.outputs)} results")

@@ -70,7 +70,6 @@ class ArrayEquation:
         "_name",
         "_work",
         "call",
-        "into",
     )
 
     def __init__(
@@ -88,7 +87,6 @@ class ArrayEquation:
         self._kernel: Kernel | None = None
         self._work = 0.0
         self.call: Callable[..., Array] = self._generally
-        self.into: Callable[..., Array] = self._filling
 
     @property
     def name(self) -> str:
@@ -121,7 +119,9 @@ class ArrayEquation:
         found: Array = self._kernel.map(first if self._configured is None else self._configured(first), *rest)
         return found
 
-    def _filling(self, out: Array, *arguments: ArrayLike) -> Array:
+    def into(self, out: Array, *arguments: ArrayLike) -> Array:
+        """As a call, but written into `out`, which is returned. Raises `InputError` for an `out` that is no writable
+        float64 array of the results' shape, and what a call raises."""
         return self._generally(*arguments, out=out)
 
     def _generally(self, *arguments: ArrayLike, out: Array | None = None) -> Array:
@@ -177,9 +177,9 @@ class ArrayEquation:
         function = self._function
         kernel = compile_function(lambda **columns: function(*columns.values()), sizes, name=self._name, finite=True)
         if self._configured is None:
-            self.call, self.into = kernel.otherwise(self._generally), self._into_native
+            self.call = kernel.otherwise(self._generally)
         else:
-            self.call, self.into = self._closing, self._closing_into
+            self.call = self._closing
         self._kernel = kernel
         return kernel
 
@@ -190,19 +190,6 @@ class ArrayEquation:
                 found: Array = self._kernel(self._configured(p), *rest)
                 return found
         return self._generally(p, *rest)
-
-    def _closing_into(self, out: Array, p: ArrayLike, *rest: ArrayLike) -> Array:
-        if np.ndim(p) != 1:
-            return self._filling(out, p, *rest)
-        found = self._closing(p, *rest)
-        writable(out, found.shape, self._name)[...] = found
-        return out
-
-    def _into_native(self, out: Array, *arguments: ArrayLike) -> Array:
-        """`into` until it is called for a single state: the native code that fills an `out` is made then."""
-        if self._kernel is not None and np.ndim(arguments[0]) == 1:
-            self.into = self._kernel.filling(self._filling)
-        return self._filling(out, *arguments)
 
 
 def _rows(array: Array, samples: tuple[int, ...]) -> Array:
