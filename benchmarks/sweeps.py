@@ -74,7 +74,7 @@ def by_hand(runs: int) -> list[float]:
 
 
 def _basis(mechanism: Any) -> Any:
-    from adaptctl.sweeps.batch import offline
+    from adaptctl.sweeps.rows import offline
 
     return offline(mechanism)
 

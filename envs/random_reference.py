@@ -13,7 +13,7 @@ from adaptctl.control.controller import Reference
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.tuning.motion_range import START_TIME, motion_ranges, random_swing
+from adaptctl.tuning.workable_reference import START_TIME, motion_ranges, random_swing
 
 Trajectory: TypeAlias = Reference | int | str | None
 """A reference, the seed of a random one, or "random" or None for a new one each time."""

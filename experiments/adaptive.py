@@ -33,7 +33,7 @@ from adaptctl.recording import ControllerRun, Finding, Setting
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco, clear_of_contacts
 from adaptctl.tuning import Tuning, tune
 from adaptctl.tuning.carried_gains import LARGEST_ERROR
-from adaptctl.tuning.motion_range import motion_ranges
+from adaptctl.tuning.workable_reference import motion_ranges
 
 if TYPE_CHECKING:
     import gymnasium

@@ -145,7 +145,7 @@ def test_rotors_are_in_the_grid_and_friction_is_noted() -> None:
     geared = Mechanism(replace(puma.description, links=tuple(links)))
     space = essential_space(geared)
     console = Console(width=100, file=io.StringIO(), record=True)
-    for part in report(geared, space, fundamental_basis(space), None, console.width):
+    for part in report(geared, space, fundamental_basis(space), None):
         console.print(part)
     words = console.export_text().split()
     assert " ".join(words).startswith(

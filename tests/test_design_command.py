@@ -57,7 +57,7 @@ def test_a_folder_is_written_whole(tmp_path: Path) -> None:
     assert content["counterweights"]["saved"] > 0.3
     page = (out / "report.html").read_text()
     assert "Parameters that can go" in page
-    assert page.count("<img") == 4
+    assert page.count("<img") == 2
     assert {path.name for path in out.iterdir()} == {"design.json", "report.html", "recording.rrd", "figures"}
     entities = {str(path) for path in RrdReader(out / "recording.rrd").store().schema().entity_paths()}
     assert {"/world/arm/link2/cost", "/world/arm/link2/counterweight", "/summary"} <= entities

@@ -21,7 +21,7 @@ from adaptctl.identifiability import certificate
 from adaptctl.identification import choice
 from adaptctl.identification.identify import HELD_OUT
 from adaptctl.simulation import stiffness
-from adaptctl.tuning import carried_gains, motion_range, verification, workable_reference
+from adaptctl.tuning import carried_gains, verification, workable_reference
 from adaptctl.tuning.tune import SEARCHED
 
 ROOT = Path(__file__).parent.parent
@@ -72,8 +72,8 @@ STATED = [
     ("tuning", f"initial error $e_j$ ({carried_gains.LARGEST_ERROR} rad or m"),
     ("tuning", rf"${carried_gains.ACCELERATION_SHARE}\,\tau_j / M_{{jj}}$"),
     ("tuning", rf"$K_j \le {carried_gains.FIRST_SHARE}\,\tau_j"),
-    ("tuning", f"{motion_range.AMPLITUDE} rad. A joint that asks"),
-    ("tuning", "One sinusoid a joint, {} to {} Hz".format(*motion_range.FREQUENCIES)),
+    ("tuning", f"{workable_reference.AMPLITUDE} rad. A joint that asks"),
+    ("tuning", "One sinusoid a joint, {} to {} Hz".format(*workable_reference.FREQUENCIES)),
     ("tuning", f"at most {percent(workable_reference.HIGHEST)}. Where it still asks"),
     ("tuning", f"in up to {stiffness.MOST} steps a period"),
     ("tuning", f"are run for {SEARCHED:.0f} s each"),

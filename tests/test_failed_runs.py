@@ -16,8 +16,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.contest import Contender
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.identifiability import FundamentalBasis
-from adaptctl.sweeps.batch import RunOutcome, batched
-from adaptctl.sweeps.rows import alone
+from adaptctl.sweeps.rows import RunOutcome, alone, batched
 
 
 class Singular(Puma560Adaptive):

@@ -21,7 +21,7 @@ from adaptctl.control import hold_number
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability import Constraints, constrained
 from adaptctl.identifiability.essential_space import EssentialSpace
-from adaptctl.sweeps.batch import interned
+from adaptctl.sweeps.rows import interned
 
 
 class Found(NamedTuple):

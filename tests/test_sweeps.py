@@ -20,11 +20,10 @@ from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.experiments import find
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.simulation import Episode
-from adaptctl.sweeps.batch import begun, named, offline, robot
 from adaptctl.sweeps.cluster import Cluster, sweep
 from adaptctl.sweeps.folder import Folder, read_table
 from adaptctl.sweeps.report import SweepReport
-from adaptctl.sweeps.rows import TIMES, alone, rows_of
+from adaptctl.sweeps.rows import TIMES, alone, begun, named, offline, robot, rows_of
 from adaptctl.sweeps.search import search
 from adaptctl.sweeps.study import Span, SweepStudy, parsed, shipped
 

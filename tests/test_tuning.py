@@ -20,7 +20,7 @@ from adaptctl.simulation import LinearlyImplicitEuler, Plant, simulate_many
 from adaptctl.tuning import Tuning, tune
 from adaptctl.tuning.carried_gains import carried_gains
 from adaptctl.tuning.default_gains import DefaultGains, adaptation_number
-from adaptctl.tuning.trial import EVERY, Trials, TrialSetting
+from adaptctl.tuning.verification import EVERY, Trials, TrialSetting
 from adaptctl.tuning.workable_reference import judged_reference
 from tests.random_trees import random_chain, random_tree
 from tests.robot_files import urdf

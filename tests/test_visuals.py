@@ -253,6 +253,6 @@ def test_capsules_take_over_where_meshes_are_too_large(
 ) -> None:
     size = (tmp_path / "part.stl").stat().st_size
     monkeypatch.setattr(recorded, "MOST", size)
-    assert recorded.visuals(two_link).of_link
+    assert recorded.visuals(two_link)
     monkeypatch.setattr(recorded, "MOST", size - 1)
-    assert not recorded.visuals(two_link).of_link
+    assert not recorded.visuals(two_link)

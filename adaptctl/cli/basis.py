@@ -10,14 +10,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from adaptctl.cli.output import Words, listed, print_json, print_parts, stacked, terminal_width, titled, words
+from adaptctl.cli.output import (
+    FloatingBase,
+    Json,
+    Robot,
+    Words,
+    WrappedTable,
+    listed,
+    print_json,
+    print_parts,
+    stacked,
+    titled,
+    words,
+)
 
 if TYPE_CHECKING:
     from rich.console import Group, RenderableType
     from rich.table import Table
     from rich.text import Text
 
-    from adaptctl.description import Link
     from adaptctl.dynamics import Mechanism
     from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Reduction
 
@@ -35,7 +46,7 @@ LOWEST = 1e-18
 
 
 def basis(
-    robot: Annotated[str, Parameter(help="A built-in robot's name, or a .urdf, .xml (MJCF) or .toml file.")],
+    robot: Robot,
     /,
     *,
     priority: Annotated[
@@ -55,10 +66,8 @@ def basis(
     as_is: Annotated[
         bool, Parameter(negative=(), help="Take nearly special angles and lengths as they stand; else they may refuse.")
     ] = False,
-    floating_base: Annotated[
-        bool, Parameter(help="Let a URDF file's root link float instead of being fixed to the ground.")
-    ] = False,
-    json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
+    floating_base: FloatingBase = False,
+    json: Json = False,
     out: Annotated[
         Path | None, Parameter(metavar="FILE", help="Also save the basis, as JSON that adaptctl can load.")
     ] = None,
@@ -91,7 +100,7 @@ def basis(
     if json:
         print_json(as_builtins(mechanism, space, found, reduction))
     else:
-        print_parts(report(mechanism, space, found, reduction, terminal_width()))
+        print_parts(report(mechanism, space, found, reduction))
 
 
 def as_builtins(
@@ -148,14 +157,13 @@ def report(
     space: EssentialSpace,
     basis: FundamentalBasis,
     reduction: Reduction | None,
-    width: int = 80,
 ) -> Iterator[RenderableType]:
     """Renderable parts, texts and tables of the package rich, of the report that `adaptctl basis` prints, from top to
     bottom: heading, singular values, parameters that are kept, regrouping equations and, unless `reduction` is None,
-    the model reduction. `width` is that of the terminal in characters, 80 by default. Nothing is raised."""
+    the model reduction. Nothing is raised."""
     yield header(mechanism, space, basis)
     yield titled("Singular values of the energy differences (log scale)", spectrum(space))
-    yield titled("Parameters that are enough", *grid(mechanism, basis, width))
+    yield titled("Parameters that are enough", grid(mechanism, basis))
     yield titled("How the others add to them (* is the regrouped parameter; SI units)", equations(basis))
     if reduction is not None:
         yield titled("Model reduction", energy_error(reduction))
@@ -203,18 +211,14 @@ def spectrum(space: EssentialSpace) -> Table:
     return listed(rows)
 
 
-def grid(mechanism: Mechanism, basis: FundamentalBasis, width: int) -> list[Table]:
-    """Tables, of the package rich, of the inertial parameters that a basis keeps: kinds, such as m (mass) or I_xx
-    (moment of inertia), in rows, links in columns, an x where a parameter is kept. There are several where the links
-    need more than `width` characters. Nothing is raised."""
-    links, tables = list(mechanism.links), []
-    while links:
-        count = 1
-        while count < len(links) and _grid_width(links[: count + 1]) <= width:
-            count += 1
-        tables.append(_grid(links[:count], set(basis.names)))
-        links = links[count:]
-    return tables
+def grid(mechanism: Mechanism, basis: FundamentalBasis) -> WrappedTable:
+    """Table of the inertial parameters that a basis keeps: kinds, such as m (mass) or I_xx (moment of inertia), in
+    rows, links in columns, an x where a parameter is kept. Nothing is raised."""
+    links, kept = mechanism.links, set(basis.names)
+    rows = [[kind, *("x" if f"{link.name}.{kind}" in kept else "" for link in links)] for kind in ROWS]
+    if any(link.joint.drive.rotor_inertia is not None for link in links):
+        rows.append([ROTOR, *("x" if f"{link.joint.name}.{ROTOR}" in kept else "" for link in links)])
+    return WrappedTable(("", *(link.name for link in links)), rows)
 
 
 def equations(basis: FundamentalBasis) -> Group:
@@ -240,23 +244,3 @@ def energy_error(reduction: Reduction) -> Text:
 
 def _bar(share: float) -> int:
     return round(BAR * max(0.0, 1.0 - log10(max(share, LOWEST)) / log10(LOWEST)))
-
-
-def _grid(links: Sequence[Link], kept: set[str]) -> Table:
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("")
-    for link in links:
-        table.add_column(words(link.name), justify="center", no_wrap=True)
-    for kind in ROWS:
-        table.add_row(kind, *("x" if f"{link.name}.{kind}" in kept else "" for link in links))
-    if any(link.joint.drive.rotor_inertia is not None for link in links):
-        table.add_row(ROTOR, *("x" if f"{link.joint.name}.{ROTOR}" in kept else "" for link in links))
-    return table
-
-
-def _grid_width(links: Sequence[Link]) -> int:
-    """Width of a grid in characters: indent, column of kinds, and a column with margins for each link."""
-    return 2 + len(ROTOR) + 2 + sum(len(link.name) + 3 for link in links)

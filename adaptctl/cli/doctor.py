@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from importlib.metadata import PackageNotFoundError, requires, version
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from cyclopts import Parameter
-
-from adaptctl.cli.output import print_json
+from adaptctl.cli.output import Json, print_json
 from adaptctl.packages import viewer_program
 
 if TYPE_CHECKING:
@@ -17,7 +15,7 @@ SCHEMA = "adaptctl/doctor/1"
 OK, WRONG = 0, 1
 
 
-def doctor(*, json: Annotated[bool, Parameter(help="Print JSON instead of text.")] = False) -> int:
+def doctor(*, json: Json = False) -> int:
     """Print what is installed: versions of packages, SIMD lanes of the processor (numbers computed at once), whether
     code can be compiled, the cache of compiled code, the viewer, and optional extras; with `json` as a JSON object.
     Returns the exit code: 0, or 1 where something is wrong. Raises `PackageNotFoundError` where adaptctl itself is not

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from adaptctl.cli.output import print_json
+from adaptctl.cli.output import Folder, Json, Overwrite, Robot, print_json
 from adaptctl.folders import replacing_folder
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ FASTEST = 100_000
 
 
 def excite(
-    robot: Annotated[str, Parameter(help="A built-in robot's name, or a .urdf, .xml (MJCF) or .toml file.")],
+    robot: Robot,
     /,
     *,
     start: Annotated[Numbers, Parameter(metavar="RAD", help="Pose to start from; else mid-range.")] = (),
@@ -35,9 +35,9 @@ def excite(
     rate: Annotated[float, Parameter(help="Points a second in the files.")] = 100.0,
     iterations: Annotated[int, Parameter(help="Of the search for the reference.")] = 10,
     seed: Annotated[int, Parameter(help="Of the search; the validation's is the next.")] = 0,
-    out: Annotated[Path, Parameter(metavar="DIR", help="Folder to write.")] = Path("results/excite"),
-    overwrite: Annotated[bool, Parameter(help="Write into a folder that is not empty.")] = False,
-    json: Annotated[bool, Parameter(help="Print JSON instead of text.")] = False,
+    out: Folder = Path("results/excite"),
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Make a motion that excites a robot's parameters, and another to validate on, each from rest to rest.
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from adaptctl.cli.interruption import Interruption, interruptible
-from adaptctl.cli.output import print_json
+from adaptctl.cli.output import Json, print_json, print_outcome
 from adaptctl.errors import InputError
 from adaptctl.experiments import EXPERIMENTS, RENAMED, find, from_entry_point, from_file, offered
 
@@ -31,7 +31,7 @@ for entry in EXPERIMENTS:
 
 
 @app.command(name="list")
-def list_experiments(*, json: Annotated[bool, Parameter(help="Print JSON instead of lines.")] = False) -> None:
+def list_experiments(*, json: Json = False) -> None:
     """Print the names of the experiments, with a line about each.
 
     Experiments that installed packages offer come last, with the object that
@@ -129,7 +129,7 @@ def run_experiment(experiment: Experiment, out: Path, overwrite: bool, json: boo
         if json:
             print_json(as_builtins(experiment.name, result, out))
         else:
-            _tell(result, out)
+            print_outcome(result.headline, result.facts, out)
         sys.stdout.flush()
     if interruption.asked or not result.complete:
         return INTERRUPTED
@@ -200,15 +200,3 @@ def shown_progress() -> Iterator[Callable[[str, float], None]]:
         except BaseException:
             shown.live.transient = True  # what went wrong is one line, with no half-filled bars above it
             raise
-
-
-def _tell(result: Result, folder: Path) -> None:
-    """Print the outcome, and where to look."""
-    print(result.headline)
-    answers = result.facts
-    width = max(len(question) for question, *_ in answers)
-    print("\n".join(f"  {question:<{width}}  {answer}" for question, answer, _ in answers))
-    print()
-    if (folder / "recording.rrd").exists():
-        print(f"Look at it:  rerun {folder / 'recording.rrd'}")
-    print(f"Read it:     {folder / 'report.html'}")

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from adaptctl.cli.output import print_json
+from adaptctl.cli.output import FloatingBase, Period, Robot, print_json
 
 if TYPE_CHECKING:
     from adaptctl.codegen import Exported
 
 
 def export(
-    robot: Annotated[str, Parameter(help="A built-in robot's name, or a .urdf, .xml (MJCF) or .toml file.")],
+    robot: Robot,
     /,
     *,
     out: Annotated[Path, Parameter(help="Folder to write, which must not exist.")],
@@ -28,14 +28,12 @@ def export(
     name: Annotated[str | None, Parameter(help="Begins all names in the code; the robot's unless given.")] = None,
     scalar: Annotated[Literal["double", "float"], Parameter(help="Kind of number in C.")] = "double",
     language: Annotated[Literal["c", "wasm"], Parameter(help="C99 or WebAssembly.")] = "c",
-    period: Annotated[float, Parameter(help="Control period, s: how long a torque is held.")] = 1e-3,
+    period: Period = 1e-3,
     bandwidth: Annotated[float, Parameter(help="Largest Λ, 1/s.")] = 4.0,
     unguarded: Annotated[bool, Parameter(help="Leave out the guards of torques, positions and velocities.")] = False,
     check: Annotated[bool, Parameter(help="Simulate 600 s first; build and run the C where compilers are.")] = False,
     anyway: Annotated[bool, Parameter(help="Write it even where it fails in simulation.")] = False,
-    floating_base: Annotated[
-        bool, Parameter(help="Let a URDF file's root link float instead of being fixed to the ground.")
-    ] = False,
+    floating_base: FloatingBase = False,
     json: Annotated[bool, Parameter(help="Print the manifest instead of a summary.")] = False,
 ) -> None:
     """Write a robot's controller, gains by `adaptctl tune`, as code that needs no Python.

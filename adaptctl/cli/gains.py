@@ -8,10 +8,22 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from adaptctl.cli.output import Words, WrappedTable, listed, print_json, print_parts, stacked, titled, words
+from adaptctl.cli.output import (
+    FloatingBase,
+    Json,
+    Period,
+    Robot,
+    Words,
+    WrappedTable,
+    listed,
+    print_json,
+    print_parts,
+    titled,
+    words,
+)
 
 if TYPE_CHECKING:
-    from rich.console import Group, RenderableType
+    from rich.console import RenderableType
 
     from adaptctl.control import GainDesign
     from adaptctl.dynamics import Mechanism
@@ -25,10 +37,15 @@ METHODS = {
 }
 OWNERS = {"bandwidth": "bandwidth", "damping_ratio": "bandwidth", "poles": "poles", "weights": "lqr"}
 """The method that each flag is of."""
+GAINS = {
+    **{name: name for name in ("inertia", "stiffness", "rate")},
+    **{"bandwidth": "ω", "damping_ratio": "ζ", "slotine_li_bandwidth": "Λ", "slotine_li_damping": "K"},
+}
+"""What is printed of each joint's gains, and how its column is called."""
 
 
 def gains(
-    robot: Annotated[str, Parameter(help="A built-in robot's name, or a .urdf, .xml (MJCF) or .toml file.")],
+    robot: Robot,
     /,
     *,
     method: Annotated[
@@ -49,12 +66,10 @@ def gains(
             metavar="P V A", help="Method lqr: weights of squares of error, rate and acceleration; else 4096 0 1."
         ),
     ] = None,
-    period: Annotated[float, Parameter(help="Control period, s: how long a torque is held.")] = 1e-3,
+    period: Period = 1e-3,
     delay: Annotated[int, Parameter(help="Control periods from measurement to torque.")] = 0,
-    floating_base: Annotated[
-        bool, Parameter(help="Let a URDF file's root link float instead of being fixed to the ground.")
-    ] = False,
-    json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
+    floating_base: FloatingBase = False,
+    json: Json = False,
 ) -> None:
     """Design the gains of a robot's tracking loop, and print them with their margins, or with `json` a JSON object.
 
@@ -177,62 +192,43 @@ def report(design: GainDesign, limited: tuple[str, ...] = ()) -> Iterator[Render
     late = f" and a delay of {design.delay}" if design.delay else ""
     how = f": gains {METHODS[design.method]}, discretised for a control period of {design.period:g} s{late}"
     yield words((design.mechanism.name, "bold"), how)
-    yield titled("Gains (SI units; computed torque has ω and ζ, Slotine and Li's law Λ and K)", _gains(design))
-    yield titled("Margins of each loop alone (inertia is the least there is, over the typical)", _margins(design))
-    yield titled("All joints together", _together(design))
+    joints = as_builtins(design)["joints"]
+    gains = [[joint["name"], *(_number(joint[key]) for key in GAINS)] for joint in joints]
+    title = "Gains (SI units; computed torque has ω and ζ, Slotine and Li's law Λ and K)"
+    yield titled(title, WrappedTable(("joint", *GAINS.values()), gains))
+    margins = [[joint["name"], *_margins(design, i)] for i, joint in enumerate(joints)]
+    title = "Margins of each loop alone (inertia is the least there is, over the typical)"
+    yield titled(title, WrappedTable(("joint", "gain", "inertia", "phase", "delay", "periods", "crossover"), margins))
+    yield titled("All joints together", *map(words, _together(design)))
     if limited:
-        names = (joint.name for joint in design.mechanism.primary_joints)
+        names = (joint["name"] for joint in joints)
         yield titled("What limits the gains", listed(zip(names, limited, strict=True)))
 
 
-def _gains(design: GainDesign) -> WrappedTable:
-    rows: list[list[Words]] = []
-    cascade = design.gains if design.damped_enough else None
-    for i, joint in enumerate(design.mechanism.primary_joints):
-        feedback = design.feedback[i]
-        numbers = [design.inertia[i], feedback.stiffness, feedback.rate, feedback.bandwidth, feedback.damping_ratio]
-        lags = [cascade.bandwidth[i], cascade.damping[i]] if cascade else [math.nan, math.nan]
-        rows.append([joint.name, *map(_number, (*numbers, *lags))])
-    return WrappedTable(("joint", "inertia", "stiffness", "rate", "ω", "ζ", "Λ", "K"), rows)
+def _margins(design: GainDesign, i: int) -> Iterator[Words]:
+    of, least = design.margins[i], float(design.least_inertia[i])
+    yield f"× {_number(of.gain)}"
+    yield f"× {_number(least)}", "" if of.gain * least > 1.0 else "red"
+    yield from (f"{math.degrees(of.phase):.0f}°", f"{1e3 * of.delay:.3g} ms", f"{of.delay / design.period:.3g}")
+    yield f"{_number(of.crossover)} rad/s"
 
 
-def _margins(design: GainDesign) -> WrappedTable:
-    rows: list[list[Words]] = []
-    for i, joint in enumerate(design.mechanism.primary_joints):
-        of, least = design.margins[i], float(design.least_inertia[i])
-        held = of.gain * least > 1.0
-        rows.append(
-            [
-                joint.name,
-                f"× {_number(of.gain)}",
-                (f"× {_number(least)}", "" if held else "red"),
-                f"{math.degrees(of.phase):.0f}°",
-                f"{1e3 * of.delay:.3g} ms",
-                f"{of.delay / design.period:.3g}",
-                f"{_number(of.crossover)} rad/s",
-            ]
-        )
-    return WrappedTable(("joint", "gain", "inertia", "phase", "delay", "periods", "crossover"), rows)
-
-
-def _together(design: GainDesign) -> Group:
+def _together(design: GainDesign) -> Iterator[str]:
     """Sampled gain of the whole arm, and the fastest poles that the period carries."""
-    gain = words(
-        "T_c λ_max(M⁻¹K) = ",
-        (f"{design.sampled_gain:.3g}", "bold green"),
-        f" at the worst configuration found; up to {design.largest_sampled_gain:.3g} is allowed, the rest is a margin",
+    yield (
+        f"T_c λ_max(M⁻¹K) = {design.sampled_gain:.3g} at the worst configuration found; up to "
+        f"{design.largest_sampled_gain:.3g} is allowed, the rest is a margin"
     )
-    room = "The period carries any poles." if math.isinf(design.fastest) else _room(design)
-    remark = [] if design.damped_enough else [words(("Λ and K need a damping ratio of at least 1.", "yellow"))]
-    return stacked(gain, words(room), *remark)
-
-
-def _room(design: GainDesign) -> str:
-    return (
-        f"The period carries poles {design.fastest:.3g} times as fast: the fastest at "
-        f"{design.fastest * design.highest:.4g} 1/s instead of {design.highest:.4g}."
+    fastest = design.fastest * design.highest
+    yield (
+        "The period carries any poles."
+        if math.isinf(design.fastest)
+        else f"The period carries poles {design.fastest:.3g} times as fast: the fastest at {fastest:.4g} 1/s instead "
+        f"of {design.highest:.4g}."
     )
+    if not design.damped_enough:
+        yield "Λ and K need a damping ratio of at least 1."
 
 
-def _number(value: float) -> str:
-    return "–" if math.isnan(value) else "∞" if math.isinf(value) else f"{value:.4g}"
+def _number(value: float | None) -> str:
+    return "–" if value is None or math.isnan(value) else "∞" if math.isinf(value) else f"{value:.4g}"

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from adaptctl.cli.output import print_json
+from adaptctl.cli.output import Folder, Json, Overwrite, print_json, print_outcome
 from adaptctl.folders import replacing_folder
 
 if TYPE_CHECKING:
     from adaptctl.identification import Identification
-    from adaptctl.identification.amplification import Amplification
+    from adaptctl.identification.estimator_comparison import Amplification
 
 Pairs = tuple[str, ...]
 SCHEMA, ENERGIES = "adaptctl/identified/1", "energy-differences"
@@ -67,9 +67,9 @@ def identify(
         float | None,
         Parameter(metavar="S", help="Compare with energy differences over so many s: what each estimator amplifies."),
     ] = None,
-    out: Annotated[Path, Parameter(metavar="DIR", help="Folder to write.")] = Path("results/identify"),
-    overwrite: Annotated[bool, Parameter(help="Write into a folder that is not empty.")] = False,
-    json: Annotated[bool, Parameter(help="Print JSON instead of text.")] = False,
+    out: Folder = Path("results/identify"),
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Identify a robot's inertial and friction parameters from logs of its motion.
 
@@ -84,6 +84,7 @@ def identify(
     found.
     """
     from adaptctl.identification import identify as identified
+    from adaptctl.identification.report import facts, verdict
     from adaptctl.packages import require_for_results
 
     require_for_results()
@@ -111,11 +112,11 @@ def identify(
         words = {} if compared is None else {"energy_differences": [case._asdict() for case in compared.measured]}
         print_json(as_builtins(found, out) | words)
     else:
-        _tell(found, out)
+        print_outcome(verdict(found), facts(found), out, found.remarks)
         if compared is not None:
-            print(f"\n{compared.headline()}")
-            print("\n".join(f"  {torques:<34}  {answer}" for torques, answer, *_ in compared.facts()))
-            print(f"Read it:     {out / ENERGIES / 'report.html'}")
+            page = compared.report()
+            print()
+            print_outcome(page.outcome, page.facts, out / ENERGIES)
 
 
 def as_builtins(found: Identification, folder: Path) -> dict[str, Any]:
@@ -152,13 +153,12 @@ def _compared(logs: tuple[Path, ...], robot: str, drives: Path | None, window: f
     from adaptctl.errors import InputError
     from adaptctl.folders import made_folder
     from adaptctl.identification.estimator_comparison import compared_estimators
-    from adaptctl.recording.result import silent
 
     if len(logs) != 1 or drives is None:
         raise InputError("--energy-differences takes one log, whose columns and units a file of --drives says")
     found = compared_estimators(logs[0], robot, drives, window)
     made_folder(folder)
-    found.write(folder, silent)
+    found.write(folder)
     return found
 
 
@@ -177,15 +177,3 @@ def _pairs(option: str, given: Pairs) -> dict[str, str]:
             raise InputError(f"{option}: expected WHAT=VALUE, such as position=..., got {pair!r}")
     parts = (pair.partition("=") for pair in given)
     return {what: value for what, _, value in parts}
-
-
-def _tell(found: Identification, folder: Path) -> None:
-    from adaptctl.identification.report import facts, verdict
-
-    print(verdict(found))
-    answers = list(facts(found))
-    width = max(len(question) for question, *_ in answers)
-    print("\n".join(f"  {question:<{width}}  {answer}" for question, answer, _ in answers))
-    for remark in found.remarks:
-        print(f"  note: {remark}")
-    print(f"\nLook at it:  rerun {folder / 'recording.rrd'}\nRead it:     {folder / 'report.html'}")

@@ -1,4 +1,4 @@
-"""Output of commands: JSON for programs, tables and text as wide as the terminal for people.
+"""What commands have in common: flags, and output as JSON for programs, as tables and text for people.
 
 The package rich, which takes longer to import than many a command runs, is imported where something is printed with it.
 """
@@ -9,13 +9,29 @@ import json
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+
+from cyclopts import Parameter
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, Group, RenderableType
     from rich.measure import Measurement
     from rich.table import Table
     from rich.text import Text
+
+    from adaptctl.recording.page import Part, Section
+    from adaptctl.recording.page import Table as Content
+    from adaptctl.recording.result import Fact
+
+Robot = Annotated[str, Parameter(help="A built-in robot's name, or a .urdf, .xml (MJCF) or .toml file.")]
+FloatingBase = Annotated[
+    bool, Parameter(help="Let a URDF file's root link float instead of being fixed to the ground.")
+]
+Json = Annotated[bool, Parameter(help="Print JSON instead of text.")]
+Period = Annotated[float, Parameter(help="Control period, s: how long a torque is held.")]
+Folder = Annotated[Path, Parameter(metavar="DIR", help="Folder to write.")]
+Overwrite = Annotated[bool, Parameter(help="Write into a folder that is not empty.")]
 
 Words: TypeAlias = "str | tuple[str, str] | Text"
 """A text, or one with its style; names from files are no markup."""
@@ -38,14 +54,6 @@ def print_parts(parts: Iterable[RenderableType]) -> None:
     console = Console()
     for part in parts:
         console.print(part)
-
-
-def terminal_width() -> int:
-    """Number of characters in a line of the terminal; 80 where there is no terminal and the environment variable
-    COLUMNS is not set. Nothing is raised."""
-    from rich.console import Console
-
-    return Console().width
 
 
 def words(*parts: Words) -> Text:
@@ -85,18 +93,58 @@ def listed(rows: Iterable[Sequence[Words]], whole: bool = False) -> Table:
     return table
 
 
-def headed(heads: Sequence[str], rows: Iterable[Sequence[Words]], numbers: bool = False) -> Table:
-    """A table, `rich.table.Table`, with the columns' titles `heads` and `rows` of texts, flush right but for the first
-    column where they are `numbers`. What is too wide for its column goes on in the next line. Nothing is raised."""
+def headed(heads: Sequence[str], rows: Iterable[Sequence[Words]], align: str = "") -> Table:
+    """A table, `rich.table.Table`, with the columns' titles `heads` and `rows` of texts, flush right where the letter
+    of `align` for the column is "r", else left. What is too wide for its column goes on in the next line. Nothing is
+    raised."""
     from rich import box
     from rich.table import Table
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for i, head in enumerate(heads):
-        table.add_column(head, overflow="fold", justify="right" if numbers and i else "left")
+    for head, letter in zip(heads, align.ljust(len(heads), "l"), strict=True):
+        table.add_column(words(head), overflow="fold", justify="right" if letter == "r" else "left")
     for row in rows:
         table.add_row(*map(words, row))
     return table
+
+
+def print_sections(sections: Iterable[Section]) -> None:
+    """Print the sections of a report on stdout, texts and tables; what only a page can show is left out. `OSError`
+    passes where stdout cannot be written."""
+    for section in sections:
+        parts = [_printed(part) for part in section.parts]
+        print_parts([titled(section.title, *(part for part in parts if part is not None))])
+
+
+def _printed(part: Part) -> RenderableType | None:
+    from adaptctl.recording.page import Lines, Note, Table
+
+    if isinstance(part, Table):
+        return stacked(*([words(part.title)] if part.title else []), _table(part))
+    if isinstance(part, Lines):
+        return None if part.beside else listed(("-", line) for line in part.lines)
+    if isinstance(part, Note):
+        return words((part.head, "bold"), " " if part.head else "", part.text)
+    return words(part) if isinstance(part, str) else None
+
+
+def _table(content: Content) -> RenderableType:
+    rows = [[cell.text for cell in row] for row in content.cells]
+    if set(content.align[1:]) == {"r"}:
+        return WrappedTable(content.header, rows)
+    return headed(content.header, rows, content.align)
+
+
+def print_outcome(outcome: str, facts: Iterable[Fact], folder: Path, notes: Iterable[str] = ()) -> None:
+    """Print the `outcome` of what was run, its `facts` and `notes`, a line each, and where in its `folder` to look."""
+    answers = list(facts)
+    width = max(len(question) for question, *_ in answers)
+    print(outcome)
+    print("\n".join([f"  {question:<{width}}  {answer}" for question, answer, _ in answers]))
+    print("".join(f"  note: {note}\n" for note in notes))
+    if (folder / "recording.rrd").exists():
+        print(f"Look at it:  rerun {folder / 'recording.rrd'}")
+    print(f"Read it:     {folder / 'report.html'}")
 
 
 @dataclass(frozen=True)
@@ -133,4 +181,4 @@ class WrappedTable:
     def _table(self, columns: Sequence[int]) -> Table:
         chosen = (0, *columns)
         rows = ([row[i] for i in chosen] for row in self.rows)
-        return headed([self.heads[i] for i in chosen], rows, numbers=True)
+        return headed([self.heads[i] for i in chosen], rows, "l" + "r" * len(columns))

@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 
 from adaptctl.cli.experiment import shown_progress
 from adaptctl.cli.interruption import interruptible
-from adaptctl.cli.output import print_json
+from adaptctl.cli.output import Json, print_json
 from adaptctl.errors import InputError
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def sweep(
 
 
 @app.command
-def status(folder: Path, *, json: Annotated[bool, Parameter(help="Print JSON instead of text.")] = False) -> int:
+def status(folder: Path, *, json: Json = False) -> int:
     """Print how far a sweep is, and what its rows say so far.
 
     A sweep keeps its rows in files of so many runs each, its shards. With `json`

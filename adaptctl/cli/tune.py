@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from adaptctl.cli.output import WrappedTable, listed, print_json, print_parts, titled, words
+from adaptctl.cli.output import (
+    FloatingBase,
+    Json,
+    Period,
+    Robot,
+    WrappedTable,
+    listed,
+    print_json,
+    print_parts,
+    titled,
+    words,
+)
 from adaptctl.files import finite_or_none
 
 if TYPE_CHECKING:
@@ -20,19 +31,17 @@ DONE, FAILED = 0, 3
 
 
 def tune(
-    robot: Annotated[str, Parameter(help="A built-in robot's name, or a .urdf, .xml (MJCF) or .toml file.")],
+    robot: Robot,
     /,
     *,
-    period: Annotated[float, Parameter(help="Control period, s: how long a torque is held.")] = 1e-3,
+    period: Period = 1e-3,
     bandwidth: Annotated[float, Parameter(help="Largest Λ, 1/s.")] = 4.0,
     hold: Annotated[float, Parameter(help="Largest T λ_max((M + T B)⁻¹K) along the reference.")] = 0.5,
     adaptation: Annotated[float, Parameter(help="T λ_max(K⁻¹ Y Γ Y') along the reference.")] = 0.5,
     search: Annotated[int, Parameter(help="Settings that are tried in closed loop besides those by rule.")] = 0,
     seed: Annotated[int, Parameter(help="Seed of the reference, and of all else that is drawn.")] = 0,
-    floating_base: Annotated[
-        bool, Parameter(help="Let a URDF file's root link float instead of being fixed to the ground.")
-    ] = False,
-    json: Annotated[bool, Parameter(help="Print JSON instead of tables.")] = False,
+    floating_base: FloatingBase = False,
+    json: Json = False,
 ) -> int:
     """Choose a reference and gains for a robot, and print them, with what limits them and the errors of verifying runs,
     or with `json` a JSON object. Returns the exit code: 0, or 3 where the arm as described does not learn with them.

@@ -2,29 +2,41 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.design.added_mass import CostMap
+from adaptctl.design.driving import DrivenArm
 from adaptctl.design.study import DesignStudy
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.dynamics.recursion.kinematics import link_poses
-from adaptctl.recording.drawing import BODY, INK, MUTED, Color, run_color, sheet
+from adaptctl.recording.drawing import BODY, INK, MUTED, Color, run_color, sheet, thinned
+from adaptctl.recording.page import Report
 from adaptctl.recording.skeleton import Skeleton, Solid
+from adaptctl.recording.wording import torque_error_unit
 
 if TYPE_CHECKING:
     import rerun as rr
     from matplotlib.colors import Colormap, TwoSlopeNorm
     from matplotlib.figure import Figure
 
+    from adaptctl.recording.stream import Curves
+
 SPOTS = 24
 """Balls that a shape is drawn by."""
 CLOUD = 5
 """Places along each edge of a link's box."""
 BALL = Color(240, 200, 40)
+TURN, FRAMES, SHOWN = 6.0, 121, 600
+"""s that the arm moves where nothing was run, positions of it then, and at most of a run"""
+AVERAGE = 0.25
+"""s over which errors and torques are averaged"""
 
 
 def scale_of_costs() -> Colormap:
@@ -85,51 +97,100 @@ def colors(change: Array, scale: TwoSlopeNorm) -> NDArray[np.uint8]:
     return np.asarray(scale_of_costs()(scale(change), bytes=True), dtype=np.uint8)
 
 
-def log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton, time: Array, p: Array) -> None:
-    """Draw a moving arm in a rerun recording, below the entity "world/arm", as balls along its links. A ball's colour
-    is the relative change of the motion's energy when a point with the mass of the study's body is fixed at its
-    position: blue where the energy falls, red where it rises. Small balls, coloured alike, fill the box of positions
-    that the study allows on each link; yellow balls are the counterweights. `p` (T, r) are the positions, rad (m if
-    prismatic), of the arm's r joints at T times `time` (T,), s; `parts` are the shapes it is drawn by.
-
-    Raises `InputError` for positions of another number of joints, `NonFiniteError` for NaN and infinity, `LoopError`
-    where kinematic loops cannot be closed, `SingularityError` near a singularity of these.
+def record(
+    study: DesignStudy, runs: Sequence[DrivenArm], shown: Report, path: Path, figures: Mapping[str, Path]
+) -> None:
+    """Write the recording of a design `study` for the rerun viewer to the file `path` (.rrd), whole or not at all: the
+    arm in motion, that of the last of the `runs` if there are any, as balls along its links, whose colour is the
+    relative change of the motion's energy when a point with the mass of the study's body is fixed there: blue where
+    the energy falls, red where it rises. Small balls, coloured alike, fill the box of positions that the study allows
+    on each link; yellow balls are the counterweights. Errors and torques of the runs, the tables of the report `shown`
+    and the pictures in the PNG files `figures`, by name, stand beside. Raises `FileError` where it cannot be written.
     """
+    import rerun.blueprint as rrb
+
+    from adaptctl.recording import views
+    from adaptctl.recording.scene import WORLD, log_base
+    from adaptctl.recording.skeleton import Viewpoint, floor_height, skeleton
+    from adaptctl.recording.stream import log_curves, log_markdown, log_picture, saved_stream
+
+    mechanism = study.task.mechanism
+    parts, (time, p) = skeleton(mechanism), _moved(study, runs)
+    label = f"What {study.body.mass:g} kg costs: blue relieves, red costs · yellow: counterweights"
+    arm = views.arm(WORLD, label, Viewpoint.of(mechanism, parts, p))
+    pictures = [views.picture(f"figures/{name}", name.capitalize()) for name in figures]
+    right = rrb.Vertical(views.text("summary", "Summary"), *_beside(study, runs))
+    layout = views.tabs(rrb.Horizontal(arm, right, name="Overview"), rrb.Grid(*pictures, name="Figures"))
+    content = np.ascontiguousarray(np.concatenate([study.counterweights.parameters, p.ravel()])).tobytes()
+    with saved_stream(path, shown, content, layout) as recording:
+        log_markdown(recording, "summary", shown.markdown())
+        log_base(recording, mechanism, parts, floor_height(mechanism, parts, p))
+        _log_costs(recording, study, parts, time, p)
+        for name, picture in figures.items():
+            log_picture(recording, f"figures/{name}", picture)
+        log_curves(recording, _curves(runs))
+
+
+def _beside(study: DesignStudy, runs: Sequence[DrivenArm]) -> list[Any]:
+    """Views beside the arm: errors and torques of the runs, or, without any, the error by the components kept."""
+    from adaptctl.recording import views
+
+    if not runs:
+        return [views.picture("figures/components", "Energy error by the number of components kept")]
+    error = f"Tracking error of all joints (RMS), powers of ten of a {error_unit(study.task.mechanism)}"
+    torque = f"Torque of all joints (RMS over {AVERAGE:g} s, {torque_error_unit(study.task.mechanism)})"
+    end = max(run.demand.duration for run in runs)
+    return [views.curves("/error", error, end), views.curves("/torque", torque, end)]
+
+
+def _curves(runs: Sequence[DrivenArm]) -> Iterator[Curves]:
+    from adaptctl.recording.stream import Curves, in_decades
+
+    for i, run in enumerate(runs):
+        window = min(len(run.time), max(1, round(AVERAGE * len(run.time) / run.demand.duration)))
+        error, torque = (
+            np.sqrt(np.convolve(np.mean(values**2, axis=1), np.full(window, 1.0 / window), "same"))
+            for values in (run.error, run.applied)
+        )
+        for name, values in (("error", in_decades(error)), ("torque", torque)):
+            yield Curves(f"{name}/{run.name}", run.time, values, (run.label,), (run_color(i),), 2.0)
+
+
+def _moved(study: DesignStudy, runs: Sequence[DrivenArm]) -> tuple[Array, Array]:
+    """Times (T,) and positions (T, r) of the last run, or of every joint swinging a little about home, within reach of
+    the loops, where none was run."""
+    if runs:
+        every = thinned(len(runs[-1].time), SHOWN)
+        return runs[-1].time[every], runs[-1].p[every]
+    mechanism = study.task.mechanism
+    phase = np.linspace(0.0, 2.0 * np.pi, FRAMES)[:, None] * np.arange(1, mechanism.dof + 1).clip(max=3)
+    swing = np.where([joint.kind.turns for joint in mechanism.primary_joints], 0.25, 0.05)
+    if mechanism.description.loops is not None:
+        swing = swing * np.where(np.arange(mechanism.dof) == 0, 1.0, 0.5)
+    return np.linspace(0.0, TURN, FRAMES), np.asarray(mechanism.home + swing * np.sin(phase))
+
+
+def _log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton, time: Array, p: Array) -> None:
     import rerun as rr
 
-    from adaptctl.recording.scene import TIMELINE, WORLD, entity, quaternions
+    from adaptctl.recording.scene import WORLD, entity, log_poses
 
     mechanism, found = study.task.mechanism, spots(study.map, parts)
-    scale, poses = norm(study, found.change), link_poses(mechanism, p)
+    scale, weights = norm(study, found.change), study.counterweights.weights
+    log_poses(recording, "arm", mechanism, time, link_poses(mechanism, p))
     for i, link in enumerate(mechanism.links):
-        path, own = f"{WORLD}/arm/{entity(link.name)}", found.link == i
-        columns = rr.Transform3D.columns(
-            translation=poses.translations[:, i], quaternion=quaternions(poses.rotations[:, i])
-        )
-        recording.send_columns(path, [rr.TimeColumn(TIMELINE, duration=time)], columns)
-        if own.any():
+        if (own := found.link == i).any():
             shown = rr.Points3D(found.place[own], radii=found.radius[own], colors=colors(found.change[own], scale))
-            recording.log(f"{path}/cost", shown, static=True)
+            recording.log(f"{WORLD}/arm/{entity(link.name)}/cost", shown, static=True)
     for places in study.within:
         grid = places.grid(CLOUD)
         shades = colors(np.clip(study.map.at(places.link, grid), scale.vmin, scale.vmax), scale)
         small = rr.Points3D(grid, radii=[0.004], colors=shades)
         recording.log(f"{WORLD}/arm/{entity(places.link)}/room", small, static=True)
-    log_counterweights(recording, study)
-
-
-def log_counterweights(recording: rr.RecordingStream, study: DesignStudy, name: str = "arm") -> None:
-    """Draw a design study's counterweights in a rerun recording, the same at all times: yellow balls of their true
-    radius, labelled with their mass in kg. They are the entities "world"/`name`/LINK/counterweight, LINK being a link's
-    name, and move with the entity of their link. Nothing is checked."""
-    import rerun as rr
-
-    from adaptctl.recording.scene import WORLD, entity
-
-    for weight in study.counterweights.weights:
+    for weight in weights:
         radius = (3.0 * weight.mass / (4.0 * np.pi * weight.density)) ** (1.0 / 3.0)
         ball = rr.Points3D([weight.place], radii=[radius], colors=[BALL], labels=[f"{weight.mass:.3g} kg"])
-        recording.log(f"{WORLD}/{name}/{entity(weight.link)}/counterweight", ball, static=True)
+        recording.log(f"{WORLD}/arm/{entity(weight.link)}/counterweight", ball, static=True)
 
 
 def arm_figure(study: DesignStudy, parts: Skeleton, p: Array) -> Figure:
@@ -151,13 +212,9 @@ def arm_figure(study: DesignStudy, parts: Skeleton, p: Array) -> Figure:
         order = np.argsort(world[:, 3 - i - j])
         colored = {"c": found.change[order], "cmap": scale_of_costs(), "norm": scale}
         axes.scatter(world[order, i], world[order, j], s=130.0, linewidths=0.0, **colored)
-        axes.scatter(
-            balls[:, i], balls[:, j], s=110.0, color=BALL.hex, edgecolors=INK.hex, marker="o", label="counterweight"
-        )
+        axes.scatter(balls[:, i], balls[:, j], s=110.0, color=BALL.hex, edgecolors=INK.hex, label="counterweight")
         axes.set_aspect("equal", "datalim")
-        axes.set_xlabel("x [m]")
-        axes.set_ylabel(("x", "y", "z")[j] + " [m]")
-        axes.set_title(title)
+        axes.set(xlabel="x [m]", ylabel=f"{'xyz'[j]} [m]", title=title)
         if len(weights):
             axes.legend(loc="best")
     bar = figure.colorbar(axes.collections[0], ax=figure.axes, shrink=0.8, format="{x:+.0%}")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError
-from adaptctl.identification.amplification import Amplification, Curves, TorqueCase
 from adaptctl.identification.columns import joint_log
 from adaptctl.identification.drives_file import read_drives
 from adaptctl.identification.energy_differences import by_energy
@@ -21,11 +21,79 @@ from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.identify import gathered
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.log_files import read_log
+from adaptctl.recording.page import SHEU_WALKER, Report, Section, Table
+from adaptctl.recording.result import Fact, Progress, silent
 
+TOLD = (
+    "Both estimators learn from the first part of one motion and predict its last part. The torques are those of a "
+    "fitted model, with more and more added to them, up to what the log measured."
+)
 FRICTION = "viscous,coulomb,square_root"
 HELD_OUT = 0.4
 WEIGHT, CUTOFF = 5.0, 25.0
 """of the robot file's links as a prior; Hz: what the log's identification chooses"""
+
+
+class TorqueCase(NamedTuple):
+    """Relative errors of two estimators of a robot's parameters, no units, for one kind of torques that they are fitted
+    to, described by `torques`. They are root mean square errors over all joints, divided by the root mean square of the
+    torques of a model that stands for the truth. `off` is the error of the fitted torques against the model's, over the
+    whole log. `momentum` and `energy` are the errors, against the model's, of the torques that the two estimators
+    predict for the last part of a log: filtered dynamics (the equations of motion behind a low-pass filter) and energy
+    differences (work and energy over windows of time). Nothing is checked at construction."""
+
+    torques: str
+    off: float
+    momentum: float
+    energy: float
+
+
+@dataclass(frozen=True)
+class Amplification:
+    """Comparison of two estimators of the parameters of the robot named `robot` by the errors of the torques that they
+    predict, given the errors of the torques that they learn from: filtered dynamics (the equations of motion behind a
+    low-pass filter) and energy differences (one equation of work and energy over each window of time, `window` s long).
+    `measured` has a `TorqueCase` for each kind of torques, the exact ones first, the measured ones last; `seed` is that
+    of the random numbers. Nothing is checked at construction."""
+
+    robot: str
+    window: float
+    measured: tuple[TorqueCase, ...]
+    seed: int
+
+    def report(self) -> Report:
+        """The report of both estimators' errors: the finding in a sentence, a fact and a row of a table for each kind
+        of torques. Raises `IndexError` where there are no cases, `ZeroDivisionError` where the error of filtered
+        dynamics in the last case is zero."""
+        last, exact = self.measured[-1], self.measured[0]
+        found = (
+            f"From exact torques, energy differences predict to {exact.energy:.2%}; from measured ones to "
+            f"{last.energy:.0%}, where filtered dynamics is {last.momentum:.1%} off: one scalar equation a window "
+            f"amplifies what torques are off by {last.energy / last.momentum:.0f} times as much."
+        )
+        rows = [(e.torques, f"{e.off:.2%}", f"{e.momentum:.2%}", f"{e.energy:.2%}") for e in self.measured]
+        table = Table(("torques", "off by", "filtered dynamics", "energy differences"), rows, align="lrrr")
+        return Report(
+            "energy-differences",
+            f"{self.robot}: parameters from energy differences",
+            found,
+            [Fact(e[0], f"filtered dynamics {e[2]}, energy differences {e[3]}") for e in rows],
+            [Section("What torques that are off make of either estimate", (TOLD, table))],
+            seed=self.seed,
+            source=f"Method: {SHEU_WALKER}.",
+        )
+
+    def write(self, folder: Path, progress: Progress = silent) -> None:
+        """Write the result into a `folder`: summary.json, report.html and recording.rrd, all or none. `progress(what,
+        share)` is called with what is being written and the fraction done, 0 to 1. Raises `FileError` where a file
+        cannot be written, and for errors that are NaN or infinite."""
+        content = {
+            "schema": "adaptctl/energy-differences/1",
+            "experiment": "energy-differences",
+            "window": self.window,
+            "torques": [entry._asdict() for entry in self.measured],
+        }
+        self.report().write(folder, content, progress=progress)
 
 
 def compared_estimators(
@@ -56,12 +124,9 @@ def compared_estimators(
     cases += [("with a tenth of the log's residual", 0.1 * residual), ("measured", residual)]
     found = []
     for words, off in cases:
-        momentum, energy = _fitted(_with_torques(evidence, truth + off), window)
-        errors = (_error(evidence, x, model) for x in (momentum, energy))
+        errors = (_error(evidence, x, model) for x in _fitted(_with_torques(evidence, truth + off), window))
         found.append(TorqueCase(words, float(np.linalg.norm(off) / np.linalg.norm(truth)), *errors))
-    title = f"{mechanism.name}: parameters from energy differences"
-    curves = _curves(evidence, momentum, energy)
-    return Amplification("energy-differences", title, window, tuple(found), curves, seed)
+    return Amplification(mechanism.name, window, tuple(found), seed)
 
 
 def _fitted(evidence: LogEvidence, window: float) -> tuple[Array, Array]:
@@ -116,11 +181,3 @@ def _error(evidence: LogEvidence, x: Array, truth: Array) -> float:
     late: NDArray[np.bool_] = rows.time >= evidence.edges[len(_early(evidence))][1]
     expected = rows.regressor[late] @ truth
     return float(np.linalg.norm(rows.regressor[late] @ x - expected) / np.linalg.norm(expected))
-
-
-def _curves(evidence: LogEvidence, momentum: Array, energy: Array) -> Curves:
-    rows = evidence.rows[CUTOFF]
-    late = rows.time >= evidence.edges[len(_early(evidence))][1]
-    Y = rows.regressor[late]
-    joints = tuple(joint.name for joint in evidence.mechanism.primary_joints)
-    return Curves(joints, rows.time[late], rows.torque[late], Y @ momentum, Y @ energy)

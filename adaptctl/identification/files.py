@@ -158,39 +158,38 @@ def _record(found: Identification, shown: Report, path: Path, figures: Mapping[s
     import rerun.blueprint as rrb
 
     from adaptctl.recording import views
-    from adaptctl.recording.scene import WORLD, entity, log_arm, log_base, log_trail, solid_look
+    from adaptctl.recording.scene import WORLD, entity, log_arm, log_base, log_trail
     from adaptctl.recording.skeleton import Viewpoint, floor_height, skeleton
-    from adaptctl.recording.stream import Style, log_markdown, log_series, saved_stream
+    from adaptctl.recording.stream import Curves, log_curves, log_markdown, of_joints, saved_stream
 
     mechanism, validation, parts = found.mechanism, found.validation, skeleton(found.mechanism)
-    (time, p), kept = _motion(found), thinned(len(validation.time), SAMPLES)
-    start, end = float(validation.time[0]), float(validation.time[-1])
-    curves = [
-        views.curves(f"torque/{entity(joint.name)}", f"{joint.name}: torque [{unit}]", end, start=start)
-        for joint, unit in zip(mechanism.primary_joints, torque_units(mechanism), strict=True)
-    ]
+    (time, p), names = _motion(found), [joint.name for joint in mechanism.primary_joints]
     error = f"All joints: predicted minus measured [{torque_error_unit(mechanism)}]"
+    titles = {"error": error}
+    curves = [of_joints("error", validation.time, validation.error, names)]
+    for j, (name, unit) in enumerate(zip(names, torque_units(mechanism), strict=True)):
+        both = np.stack([validation.measured[:, j], validation.predicted[:, j]], axis=-1)
+        path_of_joint, colors = f"torque/{entity(name)}", (MUTED, joint_color(j))
+        curves.append(Curves(path_of_joint, validation.time, both, ("measured", "predicted"), colors))
+        titles[path_of_joint] = f"{name}: torque [{unit}]"
+    start, end = float(validation.time[0]), float(validation.time[-1])
+    right = [views.curves(place, title, end, start=start) for place, title in titles.items()]
     arm = views.arm(WORLD, "The log's motion", Viewpoint.of(mechanism, parts, p))
     left = rrb.Vertical(arm, views.text("summary", "Summary"), row_shares=[3, 2])
-    right = rrb.Grid(*curves, views.curves("error", error, end, start=start), grid_columns=2)
-    layout = views.tabs(rrb.Horizontal(left, right, column_shares=[2, 3], name="Torques on the validation"))
+    both_sides = rrb.Horizontal(
+        left, rrb.Grid(*right, grid_columns=2), column_shares=[2, 3], name="Torques on the validation"
+    )
+    layout = views.tabs(both_sides)
     with saved_stream(path, shown, np.ascontiguousarray(validation.measured).tobytes(), layout) as recording:
         log_markdown(recording, "summary", shown.markdown(consistency(found), components(found)))
         log_base(recording, mechanism, parts, floor_height(mechanism, parts, p))
-        some = thinned(len(time), SAMPLES)
-        tip = log_arm(recording, "logged", mechanism, parts, time[some], p[some], solid_look(run_color(0)))
-        log_trail(recording, "logged", time[some], tip, run_color(0))
-        for j, joint in enumerate(mechanism.primary_joints):
-            both = np.stack([validation.measured[kept, j], validation.predicted[kept, j]], axis=-1)
-            style = Style(("measured", "predicted"), (MUTED, joint_color(j)))
-            log_series(recording, f"torque/{entity(joint.name)}", validation.time[kept], both, style)
-        names = [joint.name for joint in mechanism.primary_joints]
-        style = Style(names, [joint_color(j) for j in range(len(names))])
-        log_series(recording, "error", validation.time[kept], validation.error[kept], style)
+        tip = log_arm(recording, "logged", mechanism, parts, time, p, run_color(0))
+        log_trail(recording, "logged", time, tip, run_color(0))
+        log_curves(recording, curves)
 
 
 def _motion(found: Identification) -> tuple[Array, Array]:
-    """Times (T,) and positions (T, r) of the logs that were learnt from, in order of time."""
+    """Times (T,) and positions (T, r) of the logs that were learnt from, in order of time, thinned."""
     time = np.concatenate([m.log.time[m.first :: m.every][: len(m.position)] for m in found.motions])
-    order = np.argsort(time, kind="stable")
+    order = np.argsort(time, kind="stable")[thinned(len(time), SAMPLES)]
     return time[order], np.concatenate([motion.position for motion in found.motions])[order]

@@ -120,13 +120,20 @@ def _prediction(found: Identification) -> Section:
         "later. White noise would leave nothing.",
         partial(_residuals, found),
     )
-    alternatives = Drawing(
-        "alternatives",
-        "Root mean square error of this estimate and of simpler ones, all joints, on the same rows.",
-        partial(_alternatives, found),
+    unit = torque_error_unit(found.mechanism)
+    estimates = {"this estimate": validation, **found.alternatives}.items()
+    others = [(name, f"{other.rms_error:.3g} {unit}", f"{other.relative_error:.1%}") for name, other in estimates]
+    heads = ("error, rms", "of its torque")
+    return Section(
+        "How well it predicts",
+        (
+            how,
+            Table(("joint", *heads), rows, align="lrr"),
+            torques,
+            residuals,
+            Table(("all joints, the same rows", *heads), others, align="lrr", marked=(0,)),
+        ),
     )
-    table = Table(("joint", "error, rms", "of its torque"), rows, align="lrr")
-    return Section("How well it predicts", (how, table, torques, residuals, alternatives))
 
 
 def _parameters(found: Identification) -> Section:
@@ -204,19 +211,6 @@ def _residuals(found: Identification) -> Figure:
         over_lags.set_ylim(-0.5, 1.05)
     axes[-1][0].set_xlabel("time in the log, s")
     axes[-1][1].set_xlabel("rows later")
-    return figure
-
-
-def _alternatives(found: Identification) -> Figure:
-    named = {"this estimate": found.validation, **found.alternatives}
-    figure = sheet(0.42 * len(named) + 0.5)
-    axes = figure.subplots()
-    values = [other.rms_error for other in named.values()]
-    bars = axes.barh(list(named), values, color=[run_color(0).hex] + [MUTED.hex] * (len(named) - 1), height=0.6)
-    unit = torque_error_unit(found.mechanism)
-    axes.bar_label(bars, [f"{v.rms_error:.3g} {unit}, {v.relative_error:.1%}" for v in named.values()], padding=3)
-    axes.set_xlim(0.0, 1.35 * max(values))
-    axes.invert_yaxis()
     return figure
 
 

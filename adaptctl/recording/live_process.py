@@ -15,10 +15,10 @@ import rerun as rr
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.recording import views
-from adaptctl.recording.drawing import GOAL, joint_color, run_color
-from adaptctl.recording.scene import GOAL_LOOK, WORLD, log_arm, log_base, log_trail, solid_look
+from adaptctl.recording.drawing import GOAL, run_color
+from adaptctl.recording.scene import WORLD, log_arm, log_base, log_trail
 from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton
-from adaptctl.recording.stream import Style, log_series
+from adaptctl.recording.stream import Curves, log_curves, of_joints
 
 TOGETHER = 0.05
 """s of samples that are drawn together"""
@@ -92,15 +92,14 @@ def _begun(mechanism: Mechanism, url: str, first: Array) -> tuple[rr.RecordingSt
 def _draw(recording: rr.RecordingStream, mechanism: Mechanism, parts: Skeleton, rows: Array) -> None:
     r, times = mechanism.dof, rows[:, 0]
     p, desired, torque = (rows[:, 1 + k * r : 1 + (k + 1) * r] for k in range(3))
-    tip = log_arm(recording, "arm", mechanism, parts, times, p, solid_look(run_color(0)))
-    log_arm(recording, "desired", mechanism, parts, times, desired, GOAL_LOOK)
+    tip = log_arm(recording, "arm", mechanism, parts, times, p, run_color(0))
+    log_arm(recording, "desired", mechanism, parts, times, desired, GOAL, ghost=True)
     log_trail(recording, "trail/arm", times, tip, run_color(0))
-    style = Style([joint.name for joint in mechanism.primary_joints], [joint_color(j) for j in range(r)])
-    log_series(recording, "error", times, 1e3 * (p - desired), style)
-    log_series(recording, "torque", times, torque, style)
-    log_series(recording, "position/actual", times, p, style)
-    pale = Style([f"{name} desired" for name in style.names], [GOAL] * r, width=1.0)
-    log_series(recording, "position/desired", times, desired, pale)
+    names = [joint.name for joint in mechanism.primary_joints]
+    kinds = {"error": 1e3 * (p - desired), "torque": torque, "position/actual": p}
+    log_curves(recording, (of_joints(path, times, values, names) for path, values in kinds.items()))
+    pale = Curves("position/desired", times, desired, [f"{name} desired" for name in names], [GOAL] * r, 1.0)
+    log_curves(recording, [pale])
 
 
 if __name__ == "__main__":

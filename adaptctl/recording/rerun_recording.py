@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -11,7 +13,8 @@ import rerun.blueprint as rrb
 
 from adaptctl.recording import views
 from adaptctl.recording.comparison import Comparison, ControllerRun
-from adaptctl.recording.drawing import DARK, GOAL, joint_color, run_color, thinned
+from adaptctl.recording.drawing import DARK, GOAL, LIMIT, MUTED, Color, joint_color, run_color, thinned
+from adaptctl.recording.figures import shares, threshold
 from adaptctl.recording.judgement import (
     facts,
     final_error,
@@ -22,20 +25,9 @@ from adaptctl.recording.judgement import (
     outcome_words,
 )
 from adaptctl.recording.page import Lines, Report, Table, answers_table
-from adaptctl.recording.scene import WORLD, entity
+from adaptctl.recording.scene import WORLD, entity, log_arm, log_base, log_path, log_trail
 from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton
-from adaptctl.recording.stream import Style, log_levels, log_markdown, log_series, saved_stream
-from adaptctl.recording.tracking import (
-    CURVE_SAMPLES,
-    finite_part,
-    log_curve,
-    log_decades,
-    log_joint_errors,
-    log_limits,
-    log_scene,
-    log_spectrum,
-    log_torque_shares,
-)
+from adaptctl.recording.stream import Curves, in_decades, levels, log_curves, log_markdown, of_joints, saved_stream
 from adaptctl.recording.wording import error, parameter_unit, typeset
 
 MANY = 8
@@ -48,6 +40,8 @@ MOST = 4
 """Parameters shown at a glance."""
 AVERAGE = 0.25
 """s over which errors are averaged where they are shown in powers of ten"""
+POSE_SAMPLES = 2000
+"""At most as many positions of an arm are shown."""
 
 
 def write_recording(path: str | Path, comparison: Comparison) -> None:
@@ -63,74 +57,107 @@ def write_recording(path: str | Path, comparison: Comparison) -> None:
         log_markdown(recording, "summary", words)
         floor = floor_height(comparison.mechanism, parts, comparison.subject.rollout.p)
         log_scene(recording, comparison, parts, floor, run_color(0))
-        _log_tracking(recording, comparison)
-        _log_leading(recording, comparison)
-        _log_torques(recording, comparison)
-        _log_energies(recording, comparison.subject)
-        if comparison.subject.rollout.estimate.shape[1]:
-            _log_estimates(recording, comparison)
-        log_spectrum(recording, "basis/spectrum", comparison.space)
+        log_curves(recording, _curves(comparison))
+        _log_spectrum(recording, comparison)
         log_markdown(recording, "basis/equations", _equations(comparison))
 
 
-def _log_tracking(recording: rr.RecordingStream, comparison: Comparison) -> None:
-    names, rollout = comparison.joint_names, comparison.subject.rollout
+def log_scene(
+    recording: rr.RecordingStream,
+    comparison: Comparison,
+    parts: Skeleton,
+    floor: float,
+    color: Color,
+    within: str = "",
+) -> None:
+    """Draw the arms of a `comparison` in a rerun recording, below the entity "world", with the paths of their tips. The
+    arm of the first run is solid, in `color`; translucent ghosts are the desired motion, green, and, where there is
+    one, the run with adaptation off, in its own colour.
+
+    `parts` are the shapes they are drawn by, `floor` is the floor's height, m, and `within` a prefix of the entities'
+    names below "world", ending in a slash, empty by default. Each run is thinned to at most 2000 samples. Raises
+    `NonFiniteError` for positions that are NaN or infinite, `LoopError` where kinematic loops cannot be closed,
+    `SingularityError` near a singularity of these.
+    """
+    mechanism, subject, baseline = comparison.mechanism, comparison.subject, comparison.baseline
+    log_base(recording, mechanism, parts, floor, f"{within}base")
+    every = thinned(len(subject.rollout.time), POSE_SAMPLES)
+    time, desired = subject.rollout.time[every], subject.rollout.reference_p[every]
+    goal = log_arm(recording, f"{within}desired", mechanism, parts, time, desired, GOAL, ghost=True)
+    log_path(recording, f"{within}path/desired", goal, GOAL)
+    moving = [(subject, color)]
+    moving += [(baseline, run_color(comparison.color_places[baseline.name]))] if baseline else []
+    for run, paint in moving:
+        every = thinned(len(run.rollout.time), POSE_SAMPLES)
+        time, p, ghost = run.rollout.time[every], run.rollout.p[every], run is not subject
+        tip = log_arm(recording, f"{within}{run.name}", mechanism, parts, time, p, paint, ghost=ghost)
+        log_trail(recording, f"{within}trail/{run.name}", time, tip, paint)
+
+
+def joint_errors(path: str, run: ControllerRun, names: tuple[str, ...]) -> Curves:
+    """`Curves` of the tracking errors of a run's joints, called `names`, in mrad or mm, below the entity `path`."""
+    return of_joints(path, run.rollout.time, 1e3 * run.rollout.error, names)
+
+
+def torque_shares(path: str, comparison: Comparison) -> Iterator[Curves]:
+    """`Curves` below the entity `path` of the torques of a comparison's first run, each divided by its joint's limit,
+    and of the limits. All samples are drawn, so that no peak is lost. Raises `ValueError` for a run of another number
+    of joints."""
+    rollout = comparison.subject.rollout
+    names, shares = comparison.joint_names, rollout.applied / comparison.torque_limits
+    yield of_joints(f"{path}/joints", rollout.time, shares, names, most=len(shares))
+    yield levels(f"{path}/limit", rollout.time, np.array([-1.0, 1.0]), ("limit", "limit"), (LIMIT, LIMIT))
+
+
+def _curves(comparison: Comparison) -> Iterator[Curves]:
+    rollout, leading, V = comparison.subject.rollout, comparison.leading, comparison.subject.lyapunov
+    time, applied = rollout.time, rollout.applied
     for run in comparison.runs:
-        log_joint_errors(recording, f"error/{run.name}", run, names)
-        style = Style((run.label,), (run_color(comparison.color_places[run.name]),), width=2.0)
-        log_decades(recording, f"error_decades/{run.name}", run, run.moving_rms_error(AVERAGE), style)
-    every = thinned(len(rollout.time), CURVE_SAMPLES)
-    for j, name in enumerate(names):
-        both = np.stack([rollout.reference_p[every, j], rollout.p[every, j]], axis=-1)
-        style = Style(("desired", "actual"), (GOAL, joint_color(j)))
-        log_series(recording, f"position/{entity(name)}", rollout.time[every], both, style)
+        yield joint_errors(f"error/{run.name}", run, comparison.joint_names)
+        label, colors = (run.label,), (run_color(comparison.color_places[run.name]),)
+        of_run = [("error_decades", run.moving_rms_error(AVERAGE))]
+        of_run += [("leading", leading.errors[run.name])] if leading else []
+        for path, errors in of_run:
+            yield Curves(f"{path}/{run.name}", run.rollout.time, in_decades(errors), label, colors, width=2.0)
+    yield from torque_shares("torque_share", comparison)
+    for j, (name, limit) in enumerate(zip(comparison.joint_names, comparison.torque_limits, strict=True)):
+        both, color = np.stack([rollout.reference_p[:, j], rollout.p[:, j]], axis=-1), joint_color(j)
+        yield Curves(f"position/{entity(name)}", time, both, ("desired", "actual"), (GOAL, color))
+        path = f"torque/{entity(name)}"
+        yield Curves(f"{path}/applied", time, applied[:, j], (name,), (color,), most=len(time))
+        yield levels(f"{path}/limit", time, np.array([-limit, limit]), ("limit", "limit"), (LIMIT, LIMIT))
+    if V is not None:
+        yield Curves(f"lyapunov/{comparison.subject.name}", time, V, ("V",), (run_color(0),), width=2.5)
+    yield Curves("energy", time, rollout.energy, ("energy",), (run_color(0),))
+    if rollout.estimate.shape[1]:
+        yield from _estimates(comparison)
 
 
-def _log_leading(recording: rr.RecordingStream, comparison: Comparison) -> None:
-    if (leading := comparison.leading) is None:
-        return
-    for run in comparison.runs:
-        style = Style((run.label,), (run_color(comparison.color_places[run.name]),), width=2.0)
-        log_decades(recording, f"leading/{run.name}", run, leading.errors[run.name], style)
-
-
-def _log_torques(recording: rr.RecordingStream, comparison: Comparison) -> None:
-    time, applied = comparison.subject.rollout.time, comparison.subject.rollout.applied
-    log_torque_shares(recording, "torque_share", comparison)
-    for j, (name, limit) in enumerate(zip(comparison.joint_names, comparison.torque_limits.tolist(), strict=True)):
-        path, style = f"torque/{entity(name)}", Style((name,), (joint_color(j),))
-        log_series(recording, f"{path}/applied", time, applied[:, j : j + 1], style)
-        log_limits(recording, f"{path}/limit", time, limit)
-
-
-def _log_energies(recording: rr.RecordingStream, subject: ControllerRun) -> None:
-    if subject.lyapunov is not None:
-        style = Style(("V",), (run_color(0),), width=2.5)
-        log_curve(recording, f"lyapunov/{subject.name}", subject, subject.lyapunov, style)
-    log_curve(recording, "energy", subject, subject.rollout.energy, Style(("energy",), (run_color(0),)))
-
-
-def _log_estimates(recording: rr.RecordingStream, comparison: Comparison) -> None:
-    names = comparison.model.names
-    estimate = comparison.subject.rollout.estimate
-    most = sorted(np.argsort(-np.ptp(estimate, axis=0), kind="stable")[:MOST].tolist())
-    _log_group(recording, "most_learnt", comparison, most, [names[i] for i in most])
+def _estimates(comparison: Comparison) -> Iterator[Curves]:
+    """Curves of the parameters that moved most, and of those of each link, beside the true values."""
+    names, rollout = comparison.model.names, comparison.subject.rollout
+    most = sorted(np.argsort(-np.ptp(rollout.estimate, axis=0), kind="stable")[:MOST].tolist())
+    groups = {"most_learnt": (most, [names[i] for i in most])}
     for link in estimated_links(comparison):
         own = [i for i, name in enumerate(names) if name.rpartition(".")[0] == link]
-        _log_group(recording, entity(link), comparison, own, [names[i].rpartition(".")[2] for i in own])
+        groups[entity(link)] = own, [names[i].rpartition(".")[2] for i in own]
+    for path, (indices, told) in groups.items():
+        if comparison.truth_known:
+            pale = [joint_color(i).faded(0.3, DARK) for i in range(len(indices))]
+            true, shown = comparison.true_parameters[indices], [f"{name}, true" for name in told]
+            yield levels(f"estimate/{path}/truth", rollout.time, true, shown, pale)
+        yield of_joints(f"estimate/{path}/estimate", rollout.time, rollout.estimate[:, indices], told)
 
 
-def _log_group(
-    recording: rr.RecordingStream, path: str, comparison: Comparison, indices: list[int], names: list[str]
-) -> None:
-    rollout = comparison.subject.rollout
-    every = thinned(len(rollout.time), CURVE_SAMPLES)
-    colors = [joint_color(i) for i in range(len(indices))]
-    time, values = rollout.time[every], rollout.estimate[every][:, indices]
-    pale = Style([f"{name}, true" for name in names], [c.faded(0.3, DARK) for c in colors], width=1.0)
-    if comparison.truth_known:
-        log_levels(recording, f"estimate/{path}/truth", time, comparison.true_parameters[indices], pale)
-    log_series(recording, f"estimate/{path}/estimate", time, values, Style(names, colors))
+def _log_spectrum(recording: rr.RecordingStream, comparison: Comparison) -> None:
+    """Bars of the singular values, as powers of ten above the threshold in their gap: those that count, positive, in
+    blue, and the others, round-off, in grey."""
+    heights, rank = np.log10(shares(comparison.space) / threshold(comparison.space)), comparison.space.rank
+    parts = (("essential", slice(0, rank), run_color(0)), ("null_space", slice(rank, len(heights)), MUTED))
+    for name, part, color in parts:
+        if len(heights[part]):
+            bars = rr.BarChart(heights[part], abscissa=np.arange(len(heights))[part] + 0.5, color=color)
+            recording.log(f"basis/spectrum/{name}", bars, static=True)
 
 
 def blueprint(comparison: Comparison, parts: Skeleton) -> rrb.Blueprint:
@@ -221,7 +248,8 @@ def _truth(comparison: Comparison) -> str:
 
 
 def _spectrum() -> rrb.View:
-    return views.bars("/basis/spectrum", "Energy spectrum, powers of ten above the threshold · grey: null space")
+    title = "Energy spectrum, powers of ten above the threshold · grey: null space"
+    return rrb.BarChartView(origin="/basis/spectrum", name=title, plot_legend=rrb.PlotLegend(visible=False))
 
 
 def _equations(comparison: Comparison) -> str:
@@ -252,3 +280,34 @@ def summary_markdown(comparison: Comparison) -> str:
     runs = Table(["controller", "knows", *heads, "outcome"], rows)
     head = Report(comparison.experiment, comparison.title, outcome_words(comparison), complete=comparison.complete)
     return head.markdown(answers_table(tuple(facts(comparison))), runs, on_truth(comparison))
+
+
+def finite_part(comparison: Comparison) -> Comparison:
+    """The `comparison` with each of its runs cut off before the first sample at which a position, velocity, torque or
+    parameter estimate is NaN or infinite; a run keeps at least its first sample. It is the comparison itself where all
+    are finite. Nothing is raised."""
+    counts = {run.name: _finite_samples(run) for run in comparison.runs}
+    if all(counts[run.name] == len(run.rollout.time) for run in comparison.runs):
+        return comparison
+    leading = comparison.leading
+    if leading is not None:
+        leading = replace(leading, errors={name: leading.errors[name][:count] for name, count in counts.items()})
+    runs = tuple(_beginning(run, counts[run.name]) for run in comparison.runs)
+    return replace(comparison, runs=runs, leading=leading)
+
+
+def _finite_samples(run: ControllerRun) -> int:
+    """Number of a run's samples before the first that is not finite, at least 1."""
+    rollout = run.rollout
+    arrays = (rollout.p, rollout.v, rollout.torque, rollout.applied, rollout.estimate)
+    holes = np.flatnonzero(~np.isfinite(np.concatenate(arrays, axis=1)).all(axis=1))
+    return max(1, int(holes[0])) if len(holes) else len(rollout.time)
+
+
+def _beginning(run: ControllerRun, count: int) -> ControllerRun:
+    """A run's first samples, so many of them."""
+    rollout = run.rollout
+    arrays: dict[str, Any] = {name: x[:count] for name, x in vars(rollout).items() if isinstance(x, np.ndarray)}
+    marks = {name: values[:count] for name, values in rollout.marks.items()}
+    lyapunov = None if run.lyapunov is None else run.lyapunov[:count]
+    return replace(run, rollout=replace(rollout, **arrays, marks=marks), lyapunov=lyapunov)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -15,44 +16,24 @@ from adaptctl.description import GROUND, Description
 from adaptctl.description.visual import Box, Cylinder, Mesh, Visual
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import LinkPoses, link_poses
-from adaptctl.recording.drawing import BASE, BODY, GOAL, Color
+from adaptctl.recording.drawing import BASE, BODY, Color
 from adaptctl.recording.skeleton import ROOT_RADIUS, Shape, Skeleton, Solid, tip_path
+from adaptctl.recording.views import TIMELINE
 
-TIMELINE = "sim_time"
 WORLD = "world"
-
-Solids = rr.Capsules3D | rr.Cylinders3D | rr.Ellipsoids3D
-
-
-@dataclass(frozen=True)
-class Look:
-    """Appearance of an arm in a recording: the colours of its `links` and its `joints`, and its `opacity`, from 0 to
-    255. At 255, the default, it is solid, below that a translucent ghost. Nothing is checked at construction."""
-
-    links: Color
-    joints: Color
-    opacity: int = 255
-
-    @property
-    def fill_mode(self) -> rr.components.FillMode:
-        """Rerun's mode of filling the arm's solids: solid at an opacity of 255, else translucent with edges drawn."""
-        modes = rr.components.FillMode
-        return modes.Solid if self.opacity == 255 else modes.TransparentFillMajorWireframe
+GHOST = 70
+"""opacity of what is translucent, of 255"""
 
 
-def solid_look(joints: Color) -> Look:
-    """The appearance, a `Look`, of an arm in the foreground: opaque, with light grey links and joints of the colour
-    `joints`. Nothing is raised."""
-    return Look(BODY, joints)
+def log_poses(recording: rr.RecordingStream, name: str, mechanism: Mechanism, time: Array, poses: LinkPoses) -> None:
+    """Let the entities `name`/LINK below "world" of a rerun recording, LINK being a link's name, move as the links of a
+    mechanism do: by their `poses`, (T, N) of each, at T times `time` (T,), s. Nothing is checked."""
+    from scipy.spatial.transform import Rotation
 
-
-def ghost_look(color: Color) -> Look:
-    """The appearance, a `Look`, of an arm shown for comparison, a translucent ghost: all of it of one `color`, at an
-    opacity of 70 of 255. Nothing is raised."""
-    return Look(color, color, opacity=70)
-
-
-GOAL_LOOK = ghost_look(GOAL)
+    for i, link in enumerate(mechanism.links):
+        turned = Rotation.from_matrix(poses.rotations[:, i]).as_quat()
+        moved = rr.Transform3D.columns(translation=poses.translations[:, i], quaternion=turned)
+        recording.send_columns(f"{WORLD}/{name}/{entity(link.name)}", [rr.TimeColumn(TIMELINE, duration=time)], moved)
 
 
 def log_arm(
@@ -62,26 +43,29 @@ def log_arm(
     parts: Skeleton,
     time: Array,
     p: Array,
-    look: Look,
+    color: Color,
+    *,
+    ghost: bool = False,
 ) -> Array:
     """Draw a moving arm in a rerun recording, as the entities `name`/LINK below "world", LINK being a link's name, and
     return the path of its tip (T, 3), m in the world's frame. `p` (T, r) are the positions, rad (m if prismatic), of
     its r joints at T times `time` (T,), s.
 
-    Links have the shapes and colours of the robot's file; where it has none they are capsules, with cylinders for
-    joints, the shapes in `parts`, coloured by `look`. Raises `InputError` for positions of another number of joints,
-    `NonFiniteError` for NaN and infinity, `LoopError` where kinematic loops cannot be closed, `SingularityError` near a
-    singularity of these.
+    Links have the shapes and colours of the robot's file; where it has none they are capsules, light grey, with
+    cylinders of one `color` for joints, the shapes in `parts`. A `ghost` is translucent, all of it of that colour.
+    Raises `InputError` for positions of another number of joints, `NonFiniteError` for NaN and infinity, `LoopError`
+    where kinematic loops cannot be closed, `SingularityError` near a singularity of these.
     """
     poses, shown = link_poses(mechanism, p), visuals(mechanism.description)
+    log_poses(recording, name, mechanism, time, poses)
     for i, link in enumerate(mechanism.links):
         path = f"{WORLD}/{name}/{entity(link.name)}"
-        recording.send_columns(path, [rr.TimeColumn(TIMELINE, duration=time)], _transforms(poses, i))
-        own = log_visuals(recording, path, i, shown, look.links, look.opacity)
+        own = _log_visuals(recording, path, shown.get(i, ()), color if ghost else BODY, ghost)
         for solid in (Solid.TOOL,) if own else Solid:
             shapes = [shape for shape in parts.shapes if shape.link == i and shape.solid is solid]
+            paint = BODY if solid is Solid.LINK and not ghost else color
             if shapes:
-                recording.log(f"{path}/{solid.value}", _geometry(solid, shapes, look), static=True)
+                recording.log(f"{path}/{solid.value}", _drawn(solid, shapes, paint, ghost), static=True)
     return tip_path(parts, *poses)
 
 
@@ -121,8 +105,8 @@ def log_base(
     radius = 1.15 * ROOT_RADIUS * parts.reach
     feet = np.array([link.near.translation for link in mechanism.links if link.parent == GROUND])
     shown = visuals(mechanism.description)
-    if log_visuals(recording, f"{WORLD}/{name}", GROUND, shown, BASE):
-        lowest = min(float(visual.pose.translation[2]) for visual in shown.of_link[GROUND])
+    if own := _log_visuals(recording, f"{WORLD}/{name}", shown.get(GROUND, ()), BASE, False):
+        lowest = min(float(visual.pose.translation[2]) for visual, _ in own)
         feet[:, 2] = np.minimum(feet[:, 2], max(lowest, floor))
     feet = feet[_stands(mechanism, feet, 2.2 * radius)]
     if not len(feet):
@@ -157,55 +141,26 @@ def entity(name: str) -> str:
     return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name)
 
 
-def _transforms(poses: LinkPoses, link: int) -> rr.ComponentColumnList:
-    return rr.Transform3D.columns(
-        translation=poses.translations[:, link], quaternion=quaternions(poses.rotations[:, link])
-    )
+def _look(color: Color, ghost: bool) -> dict[str, Any]:
+    """Colour and filling of a solid: opaque, or a translucent ghost."""
+    modes = rr.components.FillMode
+    filled = modes.TransparentFillMajorWireframe if ghost else modes.Solid
+    return {"colors": [(*color, GHOST if ghost else 255)], "fill_mode": filled}
 
 
-def _geometry(solid: Solid, shapes: Sequence[Shape], look: Look) -> Solids:
-    radii = [shape.radius for shape in shapes]
-    color = [(*(look.links if solid is Solid.LINK else look.joints), look.opacity)]
-    centers = [(shape.start + shape.end) / 2.0 for shape in shapes]
-    if solid is Solid.TOOL:
-        return rr.Ellipsoids3D(centers=centers, radii=radii, colors=color, fill_mode=look.fill_mode)
-    lengths = [shape.length for shape in shapes]
-    turns = [rr.Quaternion(xyzw=_along(shape.end - shape.start)) for shape in shapes]
-    if solid is Solid.LINK:
-        starts = [shape.start for shape in shapes]
-        return rr.Capsules3D(
-            lengths=lengths,
-            radii=radii,
-            translations=starts,
-            quaternions=turns,
-            colors=color,
-            fill_mode=look.fill_mode,
-        )
-    return rr.Cylinders3D(
-        lengths=lengths,
-        radii=radii,
-        centers=centers,
-        quaternions=turns,
-        colors=color,
-        fill_mode=look.fill_mode,
-    )
-
-
-def quaternions(rotations: Array) -> Array:
-    """Unit quaternions (T, 4), in the order x, y, z, w, of T rotation matrices (T, 3, 3). Raises `ValueError` for a
-    matrix whose determinant is not positive, and for NaN."""
+def _drawn(solid: Solid, shapes: Sequence[Shape], color: Color, ghost: bool) -> rr.AsComponents:
     from scipy.spatial.transform import Rotation
 
-    return np.asarray(Rotation.from_matrix(rotations).as_quat())
-
-
-def _along(direction: Array) -> Array:
-    """Unit quaternion, x y z w, that turns the z axis into a direction (3,)."""
-    x, y, z = direction / np.linalg.norm(direction)
-    if z < -1.0 + 1e-12:
-        return np.array([1.0, 0.0, 0.0, 0.0])
-    quaternion = np.array([-y, x, 0.0, 1.0 + z])
-    return quaternion / np.linalg.norm(quaternion)
+    given = {"radii": [shape.radius for shape in shapes], **_look(color, ghost)}
+    centers = [(shape.start + shape.end) / 2.0 for shape in shapes]
+    if solid is Solid.TOOL:
+        return rr.Ellipsoids3D(centers=centers, **given)
+    upright = np.array([0.0, 0.0, 1.0])
+    turns = [Rotation.align_vectors(shape.end - shape.start, upright)[0].as_quat() for shape in shapes]
+    given |= {"lengths": [shape.length for shape in shapes], "quaternions": [rr.Quaternion(xyzw=x) for x in turns]}
+    if solid is Solid.LINK:
+        return rr.Capsules3D(translations=[shape.start for shape in shapes], **given)
+    return rr.Cylinders3D(centers=centers, **given)
 
 
 MEDIA = {
@@ -215,82 +170,51 @@ MEDIA = {
     ".stl": "model/stl",
 }
 """Kinds of meshes that the viewer reads."""
-WITHOUT_COLOR = (".stl",)
 MOST = 12_000_000
 """Bytes of all meshes of an arm, which a recording holds once for the arm and once for each ghost."""
 
 
-@dataclass(frozen=True)
-class Visuals:
-    """Shapes of a mechanism's links, as robot files have them for drawing: `of_link` maps the zero-based index of a
-    link, or -1 for the ground, to its shapes (`Visual`: meshes and plain solids), and `contents` maps the path of each
-    mesh file to its bytes. Nothing is checked at construction."""
-
-    of_link: Mapping[int, Sequence[Visual]]
-    contents: Mapping[Path, bytes]
-
-
-def visuals(description: Description) -> Visuals:
-    """Shapes, as `Visuals`, by which a mechanism's file draws its links, with the bytes of the mesh files (.dae, .glb,
-    .obj, .stl). A link with a mesh of another kind or one that cannot be read is left out, and is then drawn by
-    capsules. All are left out where the meshes have more than 12 MB together, too much for a recording. Nothing is
-    raised."""
-    contents = _contents(description)
-    if sum(len(content) for content in contents.values()) > MOST:
-        return Visuals({}, {})
-    of_link: dict[int, list[Visual]] = {}
+def visuals(description: Description) -> dict[int, list[tuple[Visual, bytes]]]:
+    """Shapes by which a mechanism's file draws its links, each with the bytes of its mesh file (.dae, .glb, .obj, .stl;
+    none for plain solids), in lists by the zero-based index of the link, or -1 for the ground. A link with a mesh of
+    another kind or one that cannot be read is left out, and is then drawn by capsules. All are left out where the
+    meshes have more than 12 MB together, too much for a recording. Nothing is raised."""
+    contents: dict[Path, bytes] = {}
+    for path in {visual.solid.path for visual in description.visuals if isinstance(visual.solid, Mesh)}:
+        with suppress(OSError):  # it was there when the mechanism was read
+            contents |= {path: path.read_bytes()} if path.suffix.lower() in MEDIA else {}
+    found: dict[int, list[tuple[Visual, bytes | None]]] = {}
     for visual in description.visuals:
-        of_link.setdefault(visual.link, []).append(visual)
-    whole = {link: own for link, own in of_link.items() if all(_is_there(visual, contents) for visual in own)}
-    return Visuals(whole, contents)
+        content = contents.get(visual.solid.path) if isinstance(visual.solid, Mesh) else b""
+        found.setdefault(visual.link, []).append((visual, content))
+    if sum(map(len, contents.values())) > MOST:
+        return {}
+    whole = {link: [(one, content) for one, content in own if content is not None] for link, own in found.items()}
+    return {link: own for link, own in whole.items() if len(own) == len(found[link])}
 
 
-def log_visuals(
-    recording: rr.RecordingStream, path: str, link: int, shown: Visuals, color: Color, opacity: int = 255
-) -> bool:
-    """Draw the shapes that a robot file has for one link, in a rerun recording, at all times; return True, or False
-    where it has none. `link` is the link's index from 0, or -1 for the ground; `shown` has the shapes of all links and
-    the bytes of their mesh files. The shapes become the entities `path`/visual/0, 1, ...
-
-    With an `opacity` of 255, the default, shapes have their own colours, and `color` where they have none; meshes have
-    those of their files, except STL files, which hold none. Below 255 the link is a translucent ghost, all of it in
-    `color`. Raises `KeyError` for a mesh whose bytes `shown` lacks.
-    """
-    own = shown.of_link.get(link, ())
-    for k, visual in enumerate(own):
-        place = f"{path}/visual/{k}"
+def _log_visuals(
+    recording: rr.RecordingStream, path: str, own: Sequence[tuple[Visual, bytes]], color: Color, ghost: bool
+) -> Sequence[tuple[Visual, bytes]]:
+    """Draw a link's shapes below the entity `path`, in their own colours or else in `color`, which a ghost has all
+    over, and return them."""
+    for k, (visual, content) in enumerate(own):
         scale = visual.solid.scale if isinstance(visual.solid, Mesh) else None
         pose = rr.Transform3D(translation=visual.pose.translation, mat3x3=visual.pose.rotation, scale=scale)
-        recording.log(place, pose, _drawn(visual, shown, color, opacity), static=True)
-    return bool(own)
+        recording.log(f"{path}/visual/{k}", pose, _drawn_visual(visual, content, color, ghost), static=True)
+    return own
 
 
-def _contents(description: Description) -> dict[Path, bytes]:
-    contents: dict[Path, bytes] = {}
-    for path in {visual.solid.path: None for visual in description.visuals if isinstance(visual.solid, Mesh)}:
-        try:
-            if path.suffix.lower() in MEDIA:
-                contents[path] = path.read_bytes()
-        except OSError:  # it was there when the mechanism was read
-            continue
-    return contents
-
-
-def _is_there(visual: Visual, contents: Mapping[Path, bytes]) -> bool:
-    return not isinstance(visual.solid, Mesh) or visual.solid.path in contents
-
-
-def _drawn(visual: Visual, shown: Visuals, color: Color, opacity: int) -> rr.AsComponents:
-    solid, modes, ghost = visual.solid, rr.components.FillMode, opacity < 255
-    own = [round(255 * part) for part in visual.color] if visual.color is not None else [*color, 255]
-    paint = [*color, opacity] if ghost else own
+def _drawn_visual(visual: Visual, content: bytes, color: Color, ghost: bool) -> rr.AsComponents:
+    solid, look = visual.solid, _look(color, ghost)
+    if visual.color is not None and not ghost:
+        look["colors"] = [[round(255 * part) for part in visual.color]]
     if isinstance(solid, Mesh):
-        kind = solid.path.suffix.lower()
-        albedo = paint if ghost or kind in WITHOUT_COLOR else None
-        return rr.Asset3D(contents=shown.contents[solid.path], media_type=MEDIA[kind], albedo_factor=albedo)
-    fill = modes.TransparentFillMajorWireframe if ghost else modes.Solid
+        kind = solid.path.suffix.lower()  # files but STL's have colours of their own
+        albedo = look["colors"][0] if ghost or kind == ".stl" else None
+        return rr.Asset3D(contents=content, media_type=MEDIA[kind], albedo_factor=albedo)
     if isinstance(solid, Box):
-        return rr.Boxes3D(sizes=[solid.size], colors=[paint], fill_mode=fill)
+        return rr.Boxes3D(sizes=[solid.size], **look)
     if isinstance(solid, Cylinder):
-        return rr.Cylinders3D(lengths=[solid.length], radii=[solid.radius], colors=[paint], fill_mode=fill)
-    return rr.Ellipsoids3D(radii=[solid.radius], colors=[paint], fill_mode=fill)
+        return rr.Cylinders3D(lengths=[solid.length], radii=[solid.radius], **look)
+    return rr.Ellipsoids3D(radii=[solid.radius], **look)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import rerun as rr
@@ -19,19 +18,22 @@ from adaptctl.arrays import Array
 from adaptctl.errors import FileError
 from adaptctl.files import replacing
 from adaptctl.recording import views
-from adaptctl.recording.drawing import Color
-from adaptctl.recording.scene import TIMELINE
+from adaptctl.recording.drawing import Color, joint_color, thinned
+from adaptctl.recording.views import TIMELINE
+
+CURVE_SAMPLES = 4000
+"""At most as many samples of a curve are shown."""
+SMALLEST_ERROR = 1e-9
+"""rad or m: smaller errors are shown as this, since the axis is logarithmic"""
 
 
 class Recorded(Protocol):
-    """Protocol of the subject of a recording: `experiment`, the experiment's name, `title`, `seed` of its random
-    numbers, and `complete`, True where it ran to its end. An implementation needs these four attributes alone; reading
-    them raises nothing."""
+    """Protocol of the subject of a recording, such as a `Comparison` or a `Report`; reading its attributes raises
+    nothing."""
 
     @property
     def experiment(self) -> str:
-        """Name of the experiment as the command line takes it, such as "two-arms"; for results without an experiment,
-        that of the command."""
+        """Name of the experiment or command, such as "two-arms"."""
 
     @property
     def title(self) -> str:
@@ -39,11 +41,11 @@ class Recorded(Protocol):
 
     @property
     def seed(self) -> int:
-        """Seed of all random numbers of the experiment, a whole number."""
+        """Seed of all random numbers, a whole number."""
 
     @property
     def complete(self) -> bool:
-        """True where the experiment ran to its end, False where it was interrupted."""
+        """True where it ran to its end, False where it was interrupted."""
 
 
 @contextmanager
@@ -104,39 +106,54 @@ def _verify(path: Path) -> None:
         raise FileError(f"{path}: the recording cannot be read back ({error})") from error
 
 
-@dataclass(frozen=True)
-class Style:
-    """Style of n curves that are drawn under one entity of a recording: their `names`, for the legend, and `colors`, n
-    of each. The line `width` of all is in points of the screen, 1.5 by default. Nothing is checked at construction."""
+class Curves(NamedTuple):
+    """Curves, n of them, that are drawn below the entity `path` of a recording: `values` (T, n), or (T,) for one, in
+    the unit that their view states, at T times `time` (T,), s, with `names` for the legend and `colors`, n of each. The
+    line `width` of all is in points of the screen, 1.5 by default; samples are thinned to at most `most`, by default
+    4000, for the table beside the recording has them all. Nothing is checked at construction."""
 
+    path: str
+    time: Array
+    values: Array
     names: Sequence[str]
     colors: Sequence[Color]
     width: float = 1.5
+    most: int = CURVE_SAMPLES
 
 
-def log_series(recording: rr.RecordingStream, path: str, time: Array, values: Array, style: Style) -> None:
-    """Log n curves under the entity `path` of a rerun recording: `values` (T, n), in the unit that their view states,
-    at T times `time` (T,), s, with the names and colours of `style`, n each. Without curves (n = 0) nothing is logged.
-    Raises `ValueError` for values that are not two-dimensional; where there are not T times, rerun warns and draws no
-    curve."""
-    samples, curves = values.shape
-    if curves == 0:
-        return
-    lines = rr.SeriesLines(colors=list(style.colors), names=list(style.names), widths=[style.width] * curves)
-    recording.log(path, lines, static=True)
-    recording.send_columns(
-        path,
-        [rr.TimeColumn(TIMELINE, duration=time)],
-        rr.Scalars.columns(scalars=np.ascontiguousarray(values).ravel()).partition(np.full(samples, curves)),
-    )
+def of_joints(path: str, time: Array, values: Array, names: Sequence[str], most: int = CURVE_SAMPLES) -> Curves:
+    """`Curves` of joints called `names`, in the joints' colours. Nothing is checked."""
+    return Curves(path, time, values, names, [joint_color(j) for j in range(len(names))], most=most)
 
 
-def log_levels(recording: rr.RecordingStream, path: str, time: Array, levels: Array, style: Style) -> None:
-    """Log n horizontal lines, such as limits or true values, under the entity `path` of a rerun recording: at the
-    heights `levels` (n,), in the unit that their view states, from the first to the last of T times `time` (T,), s,
-    with the names and colours of `style`, n each. Raises `IndexError` without times."""
-    ends = np.array([time[0], time[-1]])
-    log_series(recording, path, ends, np.stack([levels, levels]), style)
+def levels(path: str, time: Array, heights: Array, names: Sequence[str], colors: Sequence[Color]) -> Curves:
+    """`Curves` that are n horizontal lines, such as limits or true values, at `heights` (n,) from the first to the last
+    of T times `time` (T,), s. Raises `IndexError` without times."""
+    return Curves(path, time[[0, -1]], np.stack([heights, heights]), names, colors, width=1.0)
+
+
+def in_decades(errors: Array) -> Array:
+    """Errors (...), rad (m if prismatic), as curves on a logarithmic scale show them: log10(1000 e), the power of ten
+    in mrad or mm. Errors below 1e-9 are taken as 1e-9."""
+    return np.log10(1e3 * np.maximum(errors, SMALLEST_ERROR))
+
+
+def log_curves(recording: rr.RecordingStream, curves: Iterable[Curves]) -> None:
+    """Log `curves` in a rerun recording. Those without any curve (n = 0) are left out; where there are not as many
+    times as values, rerun warns and draws none."""
+    for one in curves:
+        values = one.values[:, None] if one.values.ndim == 1 else one.values
+        every, count = thinned(len(one.time), one.most), values.shape[1]
+        if count == 0:
+            continue
+        shown = np.ascontiguousarray(values[every])
+        lines = rr.SeriesLines(colors=list(one.colors), names=list(one.names), widths=[one.width] * count)
+        recording.log(one.path, lines, static=True)
+        recording.send_columns(
+            one.path,
+            [rr.TimeColumn(TIMELINE, duration=one.time[every])],
+            rr.Scalars.columns(scalars=shown.ravel()).partition(np.full(len(shown), count)),
+        )
 
 
 def write_illustrated(path: Path, shown: Recorded, text: str, figures: Mapping[str, Path]) -> None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import rerun as rr
 import rerun.blueprint as rrb
 
 from adaptctl.recording.drawing import Color
-from adaptctl.recording.scene import TIMELINE
 from adaptctl.recording.skeleton import Viewpoint
 
+TIMELINE = "sim_time"
 NIGHT = Color(22, 26, 36)
 SHORT, LONG = 0.3, 0.7
 """Of a run's length, left empty at the right of curves: the legend, of short or of long names, stands there."""
@@ -21,22 +22,19 @@ TRAIL = 4.0
 def tabs(*containers: rrb.Container) -> rrb.Blueprint:
     """Blueprint, the layout of a rerun recording, of containers as tabs over the whole window: the first is open, time
     runs in a loop, and the panels of entities and selections are hidden. Nothing is checked."""
-    return rrb.Blueprint(
-        rrb.Tabs(*containers, active_tab=0),
-        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="playing", loop_mode="all"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
-        auto_layout=False,
-        auto_views=False,
-    )
+    return _alone(rrb.Tabs(*containers, active_tab=0), play_state="playing", loop_mode="all")
 
 
 def live(view: rrb.View, curves: Sequence[rrb.View]) -> rrb.Blueprint:
     """Blueprint, the layout of a rerun recording, for a live view: the view of an arm on the left, views of curves one
     below the other on the right, and time that follows the newest sample. Nothing is checked."""
+    return _alone(rrb.Horizontal(view, rrb.Vertical(*curves)), play_state="following")
+
+
+def _alone(content: rrb.Container, **time: Any) -> rrb.Blueprint:
     return rrb.Blueprint(
-        rrb.Horizontal(view, rrb.Vertical(*curves)),
-        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following"),
+        content,
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", **time),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         auto_layout=False,
@@ -83,24 +81,16 @@ def curves(
     range `bounds`, least and greatest value in the curves' unit, or adapts itself where that is None, the default. With
     a `legend`, as by default, space is left empty for it on the right: `room`, a fraction, times the time range, 0.3 by
     default. Nothing is checked."""
+    at = rr.TimeRangeBoundary.absolute
+    last = start if end is None else end + legend * room * (end - start)
+    shown = rr.TimeRange(start=at(seconds=start), end=at(seconds=last))
     return rrb.TimeSeriesView(
         origin=origin,
         name=name,
-        axis_x=None if end is None else rrb.TimeAxis(view_range=_range(start, end + legend * room * (end - start))),
+        axis_x=None if end is None else rrb.TimeAxis(view_range=shown),
         axis_y=rrb.ScalarAxis(range=bounds) if bounds else None,
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=legend),
     )
-
-
-def _range(start: float, end: float) -> rr.TimeRange:
-    at = rr.TimeRangeBoundary.absolute
-    return rr.TimeRange(start=at(seconds=start), end=at(seconds=end))
-
-
-def bars(origin: str, name: str) -> rrb.View:
-    """View, for a rerun blueprint, of the bar charts below the entity path `origin`, the same at all times. It has no
-    legend: its title, `name`, should say what the colours are. Nothing is checked."""
-    return rrb.BarChartView(origin=origin, name=name, plot_legend=rrb.PlotLegend(visible=False))
 
 
 def text(origin: str, name: str) -> rrb.View:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from adaptctl.errors import InputError, MissingExtraError
+from adaptctl.errors import InputError
+from adaptctl.packages import needed
 from adaptctl.sweeps.folder import Folder
 from adaptctl.sweeps.rows import rows_of
 from adaptctl.version import __version__
@@ -63,41 +64,38 @@ class Cluster:
         block, those of a scheduler that ran before go on. Raises `InputError` where the scheduler is not reached within
         15 s, has no worker after 15 s, or a worker lacks adaptctl or has another version of it; `MissingExtraError`
         where Dask is not installed."""
-        dask, distributed = _dask()
+        with needed("a sweep"):
+            import dask
+            import distributed
         patient = {"distributed.comm.timeouts.connect": PATIENCE, "logging.distributed": "error"}
         with dask.config.set(UNWATCHED | patient):
             if self.scheduler is None and self.scheduler_file is None:
-                workers = self.jobs or len(os.sched_getaffinity(0))
-                options = {
-                    "n_workers": workers,
-                    "threads_per_worker": 1,
-                    "host": "127.0.0.1",
-                    "dashboard_address": "127.0.0.1:0",
-                    "silence_logs": logging.CRITICAL,
-                }
                 # A worker whose last heartbeat finds no scheduler any more would print a traceback.
                 quiet = dask.config.set({"logging.distributed": "critical"})
-                with quiet, distributed.LocalCluster(**options) as local, distributed.Client(local) as client:
+                local = distributed.LocalCluster(  # type: ignore[no-untyped-call]
+                    n_workers=self.jobs or len(os.sched_getaffinity(0)),
+                    threads_per_worker=1,
+                    host="127.0.0.1",
+                    dashboard_address="127.0.0.1:0",
+                    silence_logs=logging.CRITICAL,
+                )
+                with quiet, local, distributed.Client(local) as client:  # type: ignore[no-untyped-call]
                     yield client
                 return
-            client = self._connected(distributed)
-            with client:
+            with self._connected(distributed) as client:
                 _require_workers(client)
                 yield client
 
     def _connected(self, distributed: Any) -> Any:
-        security = None
+        given: dict[str, Any] = {"timeout": PATIENCE}
         if self.tls is not None:
-            authority, certificate, key = map(str, self.tls)
-            security = distributed.Security(
-                tls_ca_file=authority, tls_client_cert=certificate, tls_client_key=key, require_encryption=True
-            )
+            paths = zip(("tls_ca_file", "tls_client_cert", "tls_client_key"), map(str, self.tls), strict=True)
+            given["security"] = distributed.Security(**dict(paths), require_encryption=True)
+        place = self.scheduler or str(self.scheduler_file)
+        given["address" if self.scheduler else "scheduler_file"] = place
         try:
-            if self.scheduler_file is not None:
-                return distributed.Client(scheduler_file=str(self.scheduler_file), security=security, timeout=PATIENCE)
-            return distributed.Client(self.scheduler, security=security, timeout=PATIENCE)
+            return distributed.Client(**given)
         except (OSError, ValueError, TypeError, RuntimeError) as error:
-            place = self.scheduler or self.scheduler_file
             raise InputError(f"scheduler {place}: cannot be reached ({' '.join(str(error).split())})") from error
 
 
@@ -121,15 +119,6 @@ def _require_workers(client: Any) -> None:
             raise InputError(f"worker {worker} has adaptctl {version}, this is {__version__}: use the same everywhere")
 
 
-def _dask() -> tuple[Any, Any]:
-    try:
-        import dask
-        import distributed
-    except ImportError as error:
-        raise MissingExtraError("sweeps need Dask: pip install 'adaptctl[sweep]'") from error
-    return dask, distributed
-
-
 def sweep(folder: Folder, cluster: Cluster, progress: Callable[[float], object] = lambda share: None) -> pa.Table:
     """Run all missing runs of the study of a `folder` on the workers of a `cluster`, and return the table (pyarrow) of
     its rows. A row is for one setting of the study's values and one of the controllers compared; the table is also
@@ -149,10 +138,9 @@ def sweep(folder: Folder, cluster: Cluster, progress: Callable[[float], object] 
             import distributed
 
             given: dict[str, Any] = {"pure": False, "retries": ATTEMPTS}
+            how = study.controllers, study.precision
             futures = [
-                client.submit(
-                    rows_of, study.experiment, shard.runs, study.controllers, study.precision, key=key, **given
-                )
+                client.submit(rows_of, study.experiment, shard.runs, *how, key=key, **given)
                 for key, shard in missing.items()
             ]
             for future in distributed.as_completed(futures):  # type: ignore[no-untyped-call]

@@ -88,14 +88,10 @@ class Folder:
         """Iterator over the shards of the folder's study: its runs, in order, in groups of equal number (the last may
         have fewer), one file each. Raises, unless the study's `sampling` is "grid", `NotFoundError` for an unknown
         experiment and `KeyError` for a setting that the experiment does not have."""
-        runs = self.study.runs()
+        runs, study = self.study.runs(), self.study
         while some := tuple(islice(runs, self.shard)):
-            yield self._shard(some)
-
-    def _shard(self, runs: tuple[Mapping[str, Any], ...]) -> Shard:
-        plain = [{name: list(x) if isinstance(x, tuple) else x for name, x in run.items()} for run in runs]
-        decides = [self.study.experiment, sorted(self.study.controllers), plain, *self.study.unusual]
-        return Shard(hashed(decides)[:32], runs)
+            plain = [{name: list(x) if isinstance(x, tuple) else x for name, x in run.items()} for run in some]
+            yield Shard(hashed([study.experiment, sorted(study.controllers), plain, *study.unusual])[:32], some)
 
     def place(self, shard: Shard) -> Path:
         """Path of the Parquet file with the rows of a `shard`, a group of the sweep's runs; the file need not exist.
@@ -114,7 +110,7 @@ class Folder:
     def keep(self, shard: Shard, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write the Parquet file of a `shard`, a group of the sweep's runs, with their `rows`, mappings by column, in
         the order of the runs; nothing is returned. The file is written whole or not at all. Raises `FileError` where
-        the file cannot be written or its folder cannot be made, `KeyError` for a row without one of the columns."""
+        the file cannot be written or its folder cannot be made."""
         made_folder(self.path / "shards")
         _write(self.place(shard), table(self.study, rows, len(shard.runs)))
 
@@ -122,38 +118,37 @@ class Folder:
         """Table (pyarrow) of the rows of all runs, in their order, which is also written to sweep.parquet in the
         folder. Raises `FileError` where the file of a shard, a group of runs, is missing or the table cannot be
         written."""
-        parts = []
-        for shard in self.shards():
-            if not self.has(shard):
-                raise FileError(f"{self.place(shard)}: is missing: run the same command again")
-            parts.append(pq.read_table(self.place(shard)))
-        whole = pa.concat_tables(parts)
+        shards = list(self.shards())
+        if missing := [shard for shard in shards if not self.has(shard)]:
+            raise FileError(f"{self.place(missing[0])}: is missing: run the same command again")
+        whole = pa.concat_tables([pq.read_table(self.place(shard)) for shard in shards])
         _write(self.path / TABLE, whole)
         return whole
 
 
 def table(study: SweepStudy, rows: Sequence[Mapping[str, Any]], runs: int) -> pa.Table:
     """Table (pyarrow) of `rows`, mappings by column, of `runs` runs of a `study`. Each column's metadata has its
-    meaning, with the unit; the table's metadata has experiment, version, precision and number of runs. Raises
-    `KeyError` for a row without one of the columns."""
+    meaning, with the unit; the table's metadata has experiment, version, precision and number of runs. What a
+    row lacks is null."""
     columns = columns_of(study.kind).items()
     fields = [pa.field(name, KINDS[kind], metadata={"meaning": meaning}) for name, (kind, meaning) in columns]
     about = {"schema": SCHEMA, "experiment": study.experiment, "version": __version__, "runs": str(runs)}
     about |= {"precision": study.precision}
-    arrays = [pa.array([row[field.name] for row in rows], field.type) for field in fields]
-    return pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata=about))
+    return pa.Table.from_pylist([dict(row) for row in rows], pa.schema(fields, metadata=about))
 
 
 def read_table(path: Path) -> pa.Table:
     """Table (pyarrow) of the rows of the sweep in the folder `path`: all, in the runs' order, where the sweep is
     finished, else those computed so far, in the order of their files' names. Raises `FileError` where there are no rows
     or a file cannot be read."""
-    if (path / TABLE).is_file():
-        return _read(path / TABLE)
-    parts = [_read(place) for place in sorted((path / "shards").glob("[!.]*.parquet"))]
-    if not parts:
+    whole = path / TABLE
+    places = [whole] if whole.is_file() else sorted((path / "shards").glob("[!.]*.parquet"))
+    if not places:
         raise FileError(f"{path}: has no finished runs of a sweep")
-    return pa.concat_tables(parts)
+    try:
+        return pa.concat_tables([pq.read_table(place) for place in places])
+    except (OSError, pa.ArrowInvalid) as error:
+        raise FileError(f"{path}: cannot be read ({error})") from error
 
 
 def saved_study(path: Path) -> Saved:
@@ -162,13 +157,6 @@ def saved_study(path: Path) -> Saved:
     if not (path / STUDY).is_file():
         raise FileError(f"{path}: is no sweep's folder: {STUDY} is missing")
     return read_json(path / STUDY, Saved)
-
-
-def _read(path: Path) -> pa.Table:
-    try:
-        return pq.read_table(path)
-    except (OSError, pa.ArrowInvalid) as error:
-        raise FileError(f"{path}: cannot be read ({error})") from error
 
 
 def _write(path: Path, content: pa.Table) -> None:

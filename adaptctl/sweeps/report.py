@@ -88,12 +88,9 @@ class SweepReport:
         does not change; settings that change the results of all are left out. It is found from runs that differ in that
         setting alone, as a grid has: their status is equal, and their columns `rms_error` and `largest_error`, of joint
         positions, differ by at most 1e-9 of their size; failed runs are left out. Nothing is raised."""
-        found: dict[str, list[str]] = {}
-        for setting in self.study.swept:
-            idle = [name for name in self.controllers if _is_idle(self.of_controller(name), setting, self.study.swept)]
-            if idle:
-                found[setting] = idle
-        return found
+        swept = self.study.swept
+        found = {x: [name for name in self.controllers if _is_idle(self.of_controller(name), x, swept)] for x in swept}
+        return {setting: idle for setting, idle in found.items() if idle}
 
     def counts(self, rows: Sequence[dict[str, Any]]) -> dict[str, int]:
         """Numbers of `rows` by status: a mapping from "done", "diverged" and "failed" to how many rows have it. Nothing
@@ -131,11 +128,13 @@ class SweepReport:
         for x, y in combinations(numeric, 2):
             across, down = _binned([row[x] for row in rows]), _binned([row[y] for row in rows])
             error, stable = np.full((2, len(down), len(across)), np.nan)
-            for i, j in np.ndindex(error.shape):
-                cell = [row for row in rows if _bin(row[y], down) == i and _bin(row[x], across) == j]
+            cells: dict[tuple[int, int], list[dict[str, Any]]] = {}
+            for row in rows:
+                cells.setdefault((_bin(row[y], down), _bin(row[x], across)), []).append(row)
+            for place, cell in cells.items():
                 kept = [size for row in cell if (size := _error(row)) is not None]
-                error[i, j] = np.mean(kept) if kept else np.nan
-                stable[i, j] = np.mean([row["status"] == "done" for row in cell]) if cell else np.nan
+                error[place] = np.mean(kept) if kept else np.nan
+                stable[place] = np.mean([row["status"] == "done" for row in cell])
             yield SettingsMap(x, y, across, down, error, stable)
 
     def facts(self) -> list[Fact]:
@@ -144,9 +143,11 @@ class SweepReport:
         failed. Nothing is raised."""
         counts, rows = self.counts(self.rows), len(self.rows)
         stable = f"{100 * counts['done'] / max(1, rows):.1f} %"
-        numbers = {"Runs": self.study.runs, "Rows": rows, "Stable": stable}
-        numbers |= {"Diverged": counts["diverged"], "Failed": counts["failed"]}
-        return [Fact(name, str(value)) for name, value in numbers.items()]
+        numbers = (self.study.runs, rows, stable, counts["diverged"], counts["failed"])
+        return [
+            Fact(*pair)
+            for pair in zip(("Runs", "Rows", "Stable", "Diverged", "Failed"), map(str, numbers), strict=True)
+        ]
 
     def text(self) -> str:
         """The report as text of several lines for a terminal: for each controller the number of rows of each status,
@@ -189,12 +190,13 @@ def write_report(path: Path) -> Path:
     page's path. Raises `FileError` for a folder without a sweep or without a finished row, for files that cannot be
     read, and where the page cannot be written."""
     report = SweepReport.of(path)
+    told = Section("What came of the runs", (Lines(report.text().splitlines()),))
     page = Report(
         experiment=report.study.experiment,
         title=f"Sweep of {report.study.experiment}",
         outcome=report.study.question or "Many runs of one experiment.",
         facts=report.facts(),
-        sections=(Section("What came of the runs", (Lines(report.text().splitlines()),)), *_of_controllers(report)),
+        sections=(told, *(_of_controller(report, name) for name in report.controllers)),
         about=f"{report.study.runs} runs",
     )
     figures = made_folder(path / FIGURES) if page.drawings else path
@@ -202,21 +204,18 @@ def write_report(path: Path) -> Path:
     return path / "report.html"
 
 
-def _of_controllers(report: SweepReport) -> Iterator[Section]:
+def _of_controller(report: SweepReport, name: str) -> Section:
     """Maps of the settings, and the worst runs with the commands that repeat them."""
-    for name in report.controllers:
-        maps = [
-            Drawing(f"{name or 'runs'}-{k}", f"{name}: {shown.x} and {shown.y}", partial(map_figure, shown))
-            for k, shown in enumerate(report.maps(name))
-        ]
-        rows = [
-            (*(str(row[setting]) for setting in report.study.swept), row["status"], f"{row['rms_error_last']}", again)
-            for row, again in ((row, report.replay(row)) for row in report.worst(name))
-        ]
-        heads = (*report.study.swept, "status", "error at the end", "command")
-        title = "The worst, and how to see them again"
-        worst = Table(heads, rows, title=title, align="l" * (len(heads) - 1) + "c")
-        yield Section(name or "Runs", (*maps, worst))
+    maps = [
+        Drawing(f"{name or 'runs'}-{k}", f"{name}: {shown.x} and {shown.y}", partial(map_figure, shown))
+        for k, shown in enumerate(report.maps(name))
+    ]
+    columns = (*report.study.swept, "status", "rms_error_last")
+    rows = [(*(str(row[column]) for column in columns), report.replay(row)) for row in report.worst(name)]
+    heads = (*report.study.swept, "status", "error at the end", "command")
+    title = "The worst, and how to see them again"
+    worst = Table(heads, rows, title=title, align="l" * (len(heads) - 1) + "c")
+    return Section(name or "Runs", (*maps, worst))
 
 
 def map_figure(shown: SettingsMap) -> Figure:
@@ -237,18 +236,15 @@ def map_figure(shown: SettingsMap) -> Figure:
 
 def _is_idle(rows: Sequence[dict[str, Any]], setting: str, swept: Sequence[str]) -> bool:
     """True if rows that differ in a setting alone have the same results, and there are such; failed ones have none."""
-    groups: dict[Any, list[tuple[Any, ...]]] = {}
+    groups: dict[Any, list[tuple[Any, Any]]] = {}
     for row in (row for row in rows if row["status"] != "failed"):
         others = tuple(row[name] for name in swept if name != setting)
-        groups.setdefault(others, []).append(tuple(row[x] for x in ("status", "rms_error", "largest_error")))
+        numbers = np.array([row["rms_error"], row["largest_error"]], dtype=np.float64)  # None is NaN
+        groups.setdefault(others, []).append((row["status"], numbers))
     pairs = [(group[0], other) for group in groups.values() for other in group[1:]]
-    return bool(pairs) and all(_alike(a, b) for a, b in pairs)
-
-
-def _alike(a: tuple[Any, ...], b: tuple[Any, ...]) -> bool:
-    if a[0] != b[0] or any((x is None) != (y is None) for x, y in zip(a[1:], b[1:], strict=True)):
-        return False
-    return all(x is None or abs(x - y) <= SAME * abs(x) for x, y in zip(a[1:], b[1:], strict=True))
+    return bool(pairs) and all(
+        a[0] == b[0] and np.allclose(a[1], b[1], rtol=SAME, atol=0.0, equal_nan=True) for a, b in pairs
+    )
 
 
 def _binned(values: list[Any]) -> list[Any]:

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from adaptctl.errors import InputError, MissingExtraError
+from adaptctl.errors import InputError
 from adaptctl.files import toml_string, write_text
+from adaptctl.packages import needed
 from adaptctl.sweeps.rows import OUTCOME, rows_of
 from adaptctl.sweeps.study import Span, SweepStudy, Values
 
@@ -47,7 +48,8 @@ def search(
     choice of settings. Raises `InputError` for a column that is no number of an outcome, and where no run is done with
     that number; `MissingExtraError` where Optuna is not installed; `NotFoundError` for an unknown experiment.
     """
-    optuna = _optuna()
+    with needed("a search"):
+        import optuna
     if minimise not in SMALLEST:
         raise InputError(f"minimise: expected one of {', '.join(SMALLEST)}, got {minimise!r}")
     optuna.logging.set_verbosity(optuna.logging.WARNING)
@@ -56,7 +58,7 @@ def search(
     controllers = study.controllers[:1]
     for first in range(0, trials, TOGETHER):
         batch = [asked.ask() for _ in range(min(TOGETHER, trials - first))]
-        settings = [_suggested(study, trial) for trial in batch]
+        settings = [{name: _one_of(name, x, trial) for name, x in study.settings.items()} for trial in batch]
         controllers = controllers or _first_controller(study, settings)
         rows = rows_of(study.experiment, settings, controllers, study.precision)
         for trial, chosen, row in zip(batch, settings, rows, strict=True):
@@ -98,26 +100,11 @@ def _toml(value: Any) -> str:
 
 def _first_controller(study: SweepStudy, settings: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
     """The name of the experiment's first controller, of the first run that has rows to tell; none where all fail."""
-    for chosen in settings:
-        row = rows_of(study.experiment, [chosen], (), study.precision)[0]
-        if row["controller"] or row["status"] != "failed":
-            return (row["controller"],)
-    return ()
-
-
-def _suggested(study: SweepStudy, trial: Any) -> dict[str, Any]:
-    return {name: _one_of(name, values, trial) for name, values in study.settings.items()}
+    first = (rows_of(study.experiment, [chosen], (), study.precision)[0] for chosen in settings)
+    return next(((row["controller"],) for row in first if row["controller"] or row["status"] != "failed"), ())
 
 
 def _one_of(name: str, values: Values, trial: Any) -> Any:
     if isinstance(values, Span):
         return trial.suggest_float(name, values.low, values.high)
     return values[0] if len(values) == 1 else values[trial.suggest_int(name, 0, len(values) - 1)]
-
-
-def _optuna() -> Any:
-    try:
-        import optuna
-    except ImportError as error:
-        raise MissingExtraError("a search needs Optuna: pip install 'adaptctl[search]'") from error
-    return optuna

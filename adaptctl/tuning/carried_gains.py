@@ -14,7 +14,7 @@ from adaptctl.control.gains.workspace import reachable
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.scalars import column
-from adaptctl.tuning.motion_range import motion_ranges
+from adaptctl.tuning.workable_reference import motion_ranges
 
 FIRST_SHARE = 0.5
 """of a torque limit, which damping asks for at the initial error"""

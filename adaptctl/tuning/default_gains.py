@@ -20,8 +20,7 @@ from adaptctl.description.reach import reach_behind
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, require_kind
 from adaptctl.tuning.carried_gains import WIDTH, CarriedGains, carried_gains, common_error, recoverable_error
-from adaptctl.tuning.motion_range import motion_ranges
-from adaptctl.tuning.workable_reference import WorkableReference, judged_reference, workable_reference
+from adaptctl.tuning.workable_reference import WorkableReference, judged_reference, motion_ranges, workable_reference
 
 BANDWIDTH, HOLD = 4.0, 0.5
 """1/s, and T lambda_max((M + T B)^-1 K), a third of what a hold of a period may carry"""

@@ -23,11 +23,12 @@ from adaptctl.simulation import Integrator, Plant
 from adaptctl.simulation.stiffness import MOST, integration
 from adaptctl.tuning.carried_gains import SLOW, CarriedGains, limitations
 from adaptctl.tuning.default_gains import BANDWIDTH, HOLD, DefaultGains, Proposal, Shares, at_most, near_reference
-from adaptctl.tuning.trial import Trials, TrialSetting
 from adaptctl.tuning.verification import (
     ASTRAY,
     CLIPPED,
     LINKS_OFF,
+    Trials,
+    TrialSetting,
     Verification,
     measures,
     scaled_links,

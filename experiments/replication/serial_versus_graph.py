@@ -17,13 +17,13 @@ from adaptctl.recording import Progress, Result, views
 from adaptctl.recording.comparison import ControllerRun
 from adaptctl.recording.drawing import DARK, Color
 from adaptctl.recording.page import Lines, Note, Part, Report, Section, Table, files_section, settings_section
+from adaptctl.recording.rerun_recording import joint_errors, log_scene, torque_shares
 from adaptctl.recording.result import Fact
 from adaptctl.recording.scene import WORLD
 from adaptctl.recording.skeleton import Viewpoint, floor_height
-from adaptctl.recording.stream import Style, log_markdown, saved_stream
+from adaptctl.recording.stream import Curves, in_decades, log_curves, log_markdown, saved_stream
 from adaptctl.recording.summary import summary as comparison_summary
 from adaptctl.recording.trace import write_trace
-from adaptctl.recording.tracking import log_curve, log_decades, log_joint_errors, log_scene, log_torque_shares
 from adaptctl.recording.wording import error, headline, number
 
 APART = 1.35
@@ -226,20 +226,21 @@ def write_recording(path: str | Path, result: SideBySide) -> None:
             place = [0.0, APART * (i - 0.5 * (len(result.sides) - 1)), 0.0]  # from left to right, from the front
             recording.log(f"{WORLD}/{side.arm.name}", rr.Transform3D(translation=place), static=True)
             log_scene(recording, side.comparison, side.skeleton, floor, color, f"{side.arm.name}/")
-            _log_curves(recording, side, color)
+            log_curves(recording, _curves(side, color))
 
 
-def _log_curves(recording: rr.RecordingStream, side: Side, color: Color) -> None:
+def _curves(side: Side, color: Color) -> Iterator[Curves]:
     name, label, subject, V = side.arm.name, side.arm.label, side.subject, side.subject.lyapunov
-    styles = [(subject, Style((f"{label}, learning",), (color,), width=2.0))]
+    runs = [(subject, "learning", color, 2.0)]
     if (baseline := side.comparison.baseline) is not None:
-        styles.append((baseline, Style((f"{label}, adaptation off",), (color.faded(0.3, DARK),))))
-    for run, style in styles:
-        log_decades(recording, f"tip_error/{name}_{run.name}", run, side.tip_errors(run), style)
-    log_joint_errors(recording, f"error/{name}", subject, side.comparison.joint_names)
-    log_torque_shares(recording, f"torque_share/{name}", side.comparison)
+        runs.append((baseline, "adaptation off", color.faded(0.3, DARK), 1.5))
+    for run, how, paint, width in runs:
+        errors = in_decades(side.tip_errors(run))
+        yield Curves(f"tip_error/{name}_{run.name}", run.rollout.time, errors, (f"{label}, {how}",), (paint,), width)
+    yield joint_errors(f"error/{name}", subject, side.comparison.joint_names)
+    yield from torque_shares(f"torque_share/{name}", side.comparison)
     if V is not None and V[0] > 0.0:
-        log_curve(recording, f"lyapunov/{name}", subject, V / V[0], Style((label,), (color,), width=2.0))
+        yield Curves(f"lyapunov/{name}", subject.rollout.time, V / V[0], (label,), (color,), 2.0)
 
 
 def _blueprint(result: SideBySide, floor: float) -> rrb.Blueprint:
