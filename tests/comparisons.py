@@ -14,7 +14,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.experiment import Experiment
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import Comparison, ControllerRun, Finding, Setting, TickCost
-from adaptctl.recording.summary import summary
+from adaptctl.recording.report import summary
 from adaptctl.simulation import Rollout
 
 PERIOD = 2e-3

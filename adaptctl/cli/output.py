@@ -1,4 +1,4 @@
-"""What commands have in common: flags, and output as JSON for programs, as tables and text for people.
+"""Flags of commands, and their output: JSON for programs, tables and text as wide as the terminal for people.
 
 The package rich, which takes longer to import than many a command runs, is imported where something is printed with it.
 """

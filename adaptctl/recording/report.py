@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from adaptctl.description.inertia import PARAMETERS
-from adaptctl.recording.comparison import Comparison, Finding
+from adaptctl.files import finite_or_none
+from adaptctl.recording.comparison import Comparison, ControllerRun, Finding
 from adaptctl.recording.drawing import run_color
 from adaptctl.recording.figures import drawings
 from adaptctl.recording.judgement import facts, final_error, first_error, judged, on_truth, outcome, outcome_words
@@ -29,7 +31,6 @@ from adaptctl.recording.page import (
     settings_section,
 )
 from adaptctl.recording.result import TRACE, Progress, Result, silent
-from adaptctl.recording.summary import summary
 from adaptctl.recording.wording import headline, number, parameter_unit, typeset
 
 SOURCE = (
@@ -134,12 +135,10 @@ def _run_parts(comparison: Comparison) -> Iterator[Part]:
     ]
     heads = "knew of the arm", "RMS error, first second", "RMS error, last 2 s", "steps at a torque limit", "outcome"
     yield _of_runs(comparison, heads, rows, "llrrrl")
-    if columns := measured(comparison):
-        told = " ".join(f"{column.heading}: {column.meaning}." for column in columns)
-        values = list(zip(*(column.values for column in columns), strict=True))
-        yield _of_runs(comparison, [column.heading for column in columns], values, "l" + "r" * len(columns), told)
+    if (columns := _measured(comparison)) is not None:
+        yield columns
     names = [run.name for run in comparison.runs]
-    if others := [finding for finding in comparison.findings if _owner(finding) not in names]:
+    if others := [finding for finding in comparison.findings if finding.name.partition(".")[2] not in names]:
         found = [(f.meaning, number(f.value), typeset(f.unit)) for f in others]
         yield Table(("also measured", "value", "unit"), found, align="lr")
     yield figure["tracking-error"]
@@ -211,35 +210,100 @@ def _robot_notes(comparison: Comparison) -> Iterator[Note]:
         )
 
 
-class Measured(NamedTuple):
-    """Column of a report's table of runs, of a quantity that was measured of the runs besides their errors. `heading`
-    is its name with the unit in brackets, `meaning` is in words, and `values` are numbers as texts, one a run, a dash
-    for a run without it. Nothing is checked at construction."""
-
-    heading: str
-    meaning: str
-    values: list[str]
-
-
-def measured(comparison: Comparison) -> list[Measured]:
-    """Columns, a list of `Measured`, of a report's table of runs, made from the comparison's findings about single
-    runs: findings named "what.run", such as "peak_speed.adaptive", make one column for each "what". Each has a text for
-    every run of the comparison, in their order, a dash for one without the finding. The list is empty where there are
-    no such findings. Nothing is raised."""
+def _measured(comparison: Comparison) -> Table | None:
+    """Table of what was found of single runs: findings named "what.run", such as "peak_speed.adaptive", make a column
+    for each "what", with a dash for a run without it."""
     names = [run.name for run in comparison.runs]
     columns: dict[str, dict[str, Finding]] = {}
     for finding in comparison.findings:
-        if (owner := _owner(finding)) in names:
-            columns.setdefault(finding.name.removesuffix(f".{owner}"), {})[owner] = finding
-    return [_column(what, found, names) for what, found in columns.items()]
+        what, _, owner = finding.name.partition(".")
+        if owner in names:
+            columns.setdefault(what, {})[owner] = finding
+    if not columns:
+        return None
+    firsts = {what: next(iter(found.values())) for what, found in columns.items()}
+    units = {what: "" if one.unit == "1" else f" [{typeset(one.unit)}]" for what, one in firsts.items()}
+    heads = [what.replace("_", " ") + unit for what, unit in units.items()]
+    meanings = (one.meaning.partition(": ")[2] for one in firsts.values())
+    told = " ".join(f"{head}: {meaning}." for head, meaning in zip(heads, meanings, strict=True))
+    rows = [[number(of[name].value) if name in of else "–" for of in columns.values()] for name in names]
+    return _of_runs(comparison, heads, rows, "l" + "r" * len(heads), told)
 
 
-def _column(what: str, found: Mapping[str, Finding], names: list[str]) -> Measured:
-    first = next(iter(found.values()))
-    unit = "" if first.unit == "1" else f" [{typeset(first.unit)}]"
-    values = [number(found[name].value) if name in found else "–" for name in names]
-    return Measured(what.replace("_", " ") + unit, first.meaning.partition(": ")[2], values)
+SCHEMA = "adaptctl/summary/1"
 
 
-def _owner(finding: Finding) -> str:
-    return finding.name.partition(".")[2]
+def summary(comparison: Comparison) -> dict[str, Any]:
+    """Summary of a `comparison` of runs, a dict in JSON's types, SI units and rad. A number is None where it is not
+    known or was not measured, and where it is NaN or infinite, as of a run that diverged.
+
+    `experiment`, `robot`, `robot_sha256`, `seed` and `complete`, False where it was interrupted, say what was run;
+    `verdict` has the failures, `findings` and `settings` what the experiment states; `parameters` maps names to the
+    `true` value and the last `estimate`, `truth_known` tells whether the former is, and `rank` is the number of
+    independent inertial parameters. `runs` has label, end, errors and cost of every run, by name.
+
+    Further numbers are of the first run: `duration`, the one asked for, `duration_run`, the one run, `control_period`,
+    and `wall_time`, the time that computing took, s, and `realtime_factor`, simulated seconds in one of computing;
+    `rms_error`, the root mean square of the position errors (rad, m) of all joints and samples, `first_rms_error` over
+    the first second, `final_rms_error` over the last two, `final_rms_error_adaptation_off` that of the run with
+    adaptation off; `lyapunov_initial`, `lyapunov_final` and `lyapunov_max_increase`, J; `peak_torque_share`, the
+    largest ratio of a torque to its limit; `clipped_steps`, samples with a torque that was clipped or at its limit.
+    Raises `InputError` for parameter estimates with the basis of another mechanism, `ValueError` for a first run of
+    another number of joints than there are torque limits.
+    """
+    subject, baseline = comparison.subject, comparison.baseline
+    lyapunov = subject.lyapunov if subject.lyapunov is not None and len(subject.lyapunov) else (None,)
+    return {
+        "schema": SCHEMA,
+        "complete": comparison.complete,
+        "verdict": judged(comparison).as_builtins(),
+        "experiment": comparison.experiment,
+        "robot": comparison.mechanism.name,
+        "robot_sha256": comparison.mechanism.description.sha256,
+        "seed": comparison.seed,
+        "duration": comparison.duration,
+        "duration_run": subject.duration,
+        "control_period": subject.rollout.control_period,
+        **_errors(subject),
+        "final_rms_error_adaptation_off": finite_or_none(baseline.final_rms_error) if baseline else None,
+        "lyapunov_initial": finite_or_none(lyapunov[0]),
+        "lyapunov_final": finite_or_none(lyapunov[-1]),
+        "lyapunov_max_increase": subject.lyapunov_max_increase,
+        "peak_torque_share": finite_or_none(comparison.peak_torque_shares.max()),
+        "clipped_steps": comparison.limited_steps(subject),
+        "truth_known": comparison.truth_known,
+        "rank": comparison.space.rank,
+        "parameters": _estimated(comparison),
+        "runs": {run.name: _run(run, comparison) for run in comparison.runs},
+        "findings": {one.name: {"value": finite_or_none(one.value), "unit": one.unit} for one in comparison.findings},
+        "settings": {setting.name: setting.value for setting in comparison.settings},
+        "wall_time": subject.rollout.wall_time,
+        "realtime_factor": subject.realtime_factor,
+    }
+
+
+def _estimated(comparison: Comparison) -> dict[str, dict[str, float | None]]:
+    """True values, where they are known, and last estimates of the parameters, if there are any."""
+    rows = zip(
+        comparison.model.names, comparison.true_parameters, comparison.subject.rollout.estimate[-1], strict=False
+    )
+    return {name: {"true": finite_or_none(true), "estimate": finite_or_none(found)} for name, true, found in rows}
+
+
+def _errors(run: ControllerRun) -> dict[str, float | None]:
+    errors = run.rms_error(), run.first_rms_error, run.final_rms_error
+    return dict(zip(("rms_error", "first_rms_error", "final_rms_error"), map(finite_or_none, errors), strict=True))
+
+
+def _run(run: ControllerRun, comparison: Comparison) -> dict[str, Any]:
+    return {
+        "label": run.label,
+        "complete": run.rollout.complete,
+        "terminated": run.rollout.terminated,
+        "duration": run.duration,
+        **_errors(run),
+        "clipped_steps": comparison.limited_steps(run),
+        "lyapunov_max_increase": run.lyapunov_max_increase,
+        "tick": asdict(run.cost) if run.cost else None,
+        "wall_time": run.rollout.wall_time,
+    }

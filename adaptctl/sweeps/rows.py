@@ -157,8 +157,8 @@ def _reset(experiment: Learning, mechanism: Mechanism) -> tuple[Episode, Any]:
 
 
 def _trials(experiment: Learning, controllers: Sequence[str], known: Begun) -> list[Trial]:
-    """What the runs of an experiment with these controllers need; none where they cannot be some of many at once.
-    Raises what the experiment raises."""
+    """The runs of an experiment with these controllers; none where they cannot be some of many at once. Raises what the
+    experiment raises."""
     own = type(experiment).mechanism is not Learning.mechanism
     mechanism = interned(experiment.mechanism()) if own else robot(experiment.robot)
     chosen = named(experiment.contenders(mechanism, offline(mechanism)), controllers)

@@ -17,12 +17,12 @@ from adaptctl.recording import Progress, Result, views
 from adaptctl.recording.comparison import ControllerRun
 from adaptctl.recording.drawing import DARK, Color
 from adaptctl.recording.page import Lines, Note, Part, Report, Section, Table, files_section, settings_section
+from adaptctl.recording.report import summary as comparison_summary
 from adaptctl.recording.rerun_recording import joint_errors, log_scene, torque_shares
 from adaptctl.recording.result import Fact
 from adaptctl.recording.scene import WORLD
 from adaptctl.recording.skeleton import Viewpoint, floor_height
 from adaptctl.recording.stream import Curves, in_decades, log_curves, log_markdown, saved_stream
-from adaptctl.recording.summary import summary as comparison_summary
 from adaptctl.recording.trace import write_trace
 from adaptctl.recording.wording import error, headline, number
 
