@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from adaptctl.codegen import exporting, live_arm
-from adaptctl.compilation import floats, llvm, object_cache, sine
+from adaptctl.compilation import kernel, llvm, object_cache, sine
 from adaptctl.control import ringing
 from adaptctl.control.gains import hold
 from adaptctl.description import pose, transforms
@@ -47,9 +47,9 @@ STATED = [
     ("concepts", f"no more than round-off ({power(certificate.EXACT)} rad"),
     ("concepts", f"and more than {hold.LARGEST_SAMPLED_GAIN}"),
     ("concepts", f"in steps of at most {continuation.LARGEST_STEP} rad"),
-    ("concepts", f"Mechanisms of more than {floats.LARGEST_COMPILED} links run the same equations in Python"),
+    ("concepts", f"Mechanisms of more than {kernel.LARGEST_COMPILED} links run the same equations in Python"),
     ("compilation", f"routines of more than {llvm.LONGEST:,} operations are compiled in pieces"),
-    ("compilation", f"Above {floats.LARGEST_COMPILED} links nothing is compiled"),
+    ("compilation", f"Above {kernel.LARGEST_COMPILED} links nothing is compiled"),
     ("compilation", f"up to $2^{{{sine.DOUBLE.farthest.hex().rpartition('p+')[2]}}}$ rad"),
     ("compilation", f"{object_cache.LIMIT // 2**20} MiB are kept"),
     ("compilation", f"A process keeps its first {object_cache.MOST}."),

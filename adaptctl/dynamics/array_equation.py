@@ -120,7 +120,7 @@ class ArrayEquation:
         return found
 
     def into(self, out: Array, *arguments: ArrayLike) -> Array:
-        """As a call, but written into `out`, which is returned. Raises `InputError` for an `out` that is no writable
+        """The results of a call, written into `out`, which is returned. Raises `InputError` for an `out` that is no writable
         float64 array of the results' shape, and what a call raises."""
         return self._generally(*arguments, out=out)
 
