@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.errors import InputError
-from adaptctl.recording.live import Live
+
+if TYPE_CHECKING:
+    from adaptctl.recording.live import Live
 
 
 class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):

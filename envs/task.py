@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, frozen_array, numbers, per_joint, positive_number, real_number
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.compilation import Kernel, compile_function
-from adaptctl.control.reference_check import require_point
 from adaptctl.envs.random_reference import Trajectory, require_trajectory
 from adaptctl.errors import InputError, NonFiniteError, NotFoundError
 from adaptctl.scalars import Column, Scalar, absolute, where
 from adaptctl.simulation.period import PlantState
-from adaptctl.simulation.references import Preview
+from adaptctl.simulation.references import Preview, require_point
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from adaptctl.arrays import Array, frozen_array, numbers, positive_per_joint
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.gains.gains import torque_limits as own_limits
-from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs.random_reference import Trajectory, drawn
 from adaptctl.envs.task import (
@@ -38,7 +37,7 @@ from adaptctl.simulation.closed_loop import Episode
 from adaptctl.simulation.effects import Effect, Payload, PlantEffects
 from adaptctl.simulation.effects.plant_effects import listed
 from adaptctl.simulation.plant import require_ten_a_link
-from adaptctl.simulation.references import Preview
+from adaptctl.simulation.references import Preview, warn_of_derivatives
 from adaptctl.simulation.stiffness import integration
 from adaptctl.simulation.transmission import Transmission
 

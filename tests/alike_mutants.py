@@ -4,14 +4,10 @@ from __future__ import annotations
 
 ALIKE = {
     "adaptctl/control/excitation/measure.py::persistent_excitation 0 -> 1": "a window of one sample is too short too",
-    "adaptctl/control/reference_check.py::warn_of_derivatives -1 -> +1": "times rise",
+    "adaptctl/simulation/references.py::warn_of_derivatives -1 -> +1": "times rise",
     "adaptctl/dynamics/loops/continuation.py::Continuation._gap -1 -> +1": "the last axis of two is the second",
     "adaptctl/dynamics/loops/dyad.py::_across np.cross(normal, first) + 0.0 -> np.cross(normal, first) - 0.0": (
         "the sign of a zero is not kept"
-    ),
-    "adaptctl/dynamics/array_equation.py::ArrayEquation._into_native self._kernel is not None and "
-    "np.ndim(arguments[0]) == 1 -> self._kernel is not None or np.ndim(arguments[0]) == 1": (
-        "there is a kernel by then, and what fills one state's array leaves others to the same"
     ),
     "adaptctl/dynamics/loops/assembly.py::_closed 0.0 -> 1.0": "a hundred steps instead of a few: slower alone",
     "adaptctl/dynamics/loops/posture.py::factored 0 -> 1": "columns are of one length",

@@ -13,7 +13,7 @@ from random_trees import random_chain
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics import array_equation as rule
+from adaptctl.dynamics import array_equations as rule
 from adaptctl.dynamics.array_equations import MOST_PAIRS
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis

@@ -13,7 +13,7 @@ from adaptctl.compilation import kernel, llvm, object_cache, sine
 from adaptctl.control import ringing
 from adaptctl.control.gains import hold
 from adaptctl.description import pose, transforms
-from adaptctl.description.readers import robot_checks, xml_elements
+from adaptctl.description.readers import entries, xml_elements
 from adaptctl.dynamics.loops import continuation, single_precision
 from adaptctl.dynamics.recursion import drive
 from adaptctl.experiments.contest import MANY
@@ -60,8 +60,8 @@ STATED = [
     ("discrete_adaptation", f"below $-{-ringing.BRAKE}$ it brakes"),
     ("discrete_adaptation", f"moving averages over {ringing.SPAN} ticks"),
     ("simulation", f"more than {MANY:,}."),
-    ("robots", f"more than {robot_checks.MOST_LINKS} links that move, {robot_checks.MOST_BODIES:,} bodies"),
-    ("robots", f"{robot_checks.MOST_GEOMS:,} geoms, {xml_elements.MOST_ELEMENTS:,} elements"),
+    ("robots", f"more than {entries.MOST_LINKS} links that move, {entries.MOST_BODIES:,} bodies"),
+    ("robots", f"{entries.MOST_GEOMS:,} geoms, {xml_elements.MOST_ELEMENTS:,} elements"),
     ("robots", f"elements {xml_elements.DEEPEST} deep"),
     ("robots", f"frames farther apart than 1e{log10(pose.LARGEST_LENGTH):.0f} m"),
     ("robots", f"beyond 1e{log10(xml_elements.LARGEST):.0f}"),

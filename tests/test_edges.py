@@ -15,10 +15,10 @@ from test_loops_in_closed_form import four_bar
 from adaptctl.control import BoundedGainForgetting, GainDesign, Guarded, MinimumJerk, ReleasedGradient
 from adaptctl.control.adaptation.gradient import _is_positive_definite
 from adaptctl.control.gains.error_feedback import ErrorFeedback, _lag
-from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.errors import GainError, InputError, SingularityError
 from adaptctl.identifiability import FundamentalBasis, Relation, essential_space, fundamental_basis
 from adaptctl.identifiability.certificate import LISTED, _listing
+from adaptctl.simulation.references import warn_of_derivatives
 
 
 def test_one_point_of_a_stretch_is_that_of_many() -> None:

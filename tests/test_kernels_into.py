@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from adaptctl import Mechanism, load
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.compilation.batch import STREAMED
-from adaptctl.dynamics.array_equation import CALLS
+from adaptctl.dynamics.array_equations import CALLS
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column
 

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 import adaptctl
 from adaptctl.control import MinimumJerk, ReferencePoint, Sinusoids, SlotineLi, Spline
-from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import ReferenceWarning
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import simulate_many
+from adaptctl.simulation.references import warn_of_derivatives
 
 NAMES = ("shoulder", "elbow")
 TRUE = Sinusoids([0.1, 0.2], [0.5, 0.3], [0.3, 0.4])

@@ -10,7 +10,7 @@ from random_loops import RECIPES, random_loop
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.array_equation import CALLS
+from adaptctl.dynamics.array_equations import CALLS
 from adaptctl.dynamics.loops.continuation import Continuation
 from adaptctl.errors import InputError, NonFiniteError, SingularityError
 

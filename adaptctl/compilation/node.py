@@ -23,7 +23,7 @@ from adaptctl.compilation.graph import (
     unary,
     untraceable,
 )
-from adaptctl.scalars import elementary
+from adaptctl.scalars.scalar import arc_tangent, exponential, hyperbolic_tangent, logarithm
 
 
 class _Traced(Expression):
@@ -170,10 +170,10 @@ _RULES: dict[np.ufunc, Callable[..., Any]] = {
     np.sin: sine,
     np.cos: cosine,
     np.sqrt: unary(Op.SQRT),
-    np.exp: elementary.exponential,
-    np.log: elementary.logarithm,
-    np.tanh: elementary.hyperbolic_tangent,
-    np.arctan2: elementary.arc_tangent,
+    np.exp: exponential,
+    np.log: logarithm,
+    np.tanh: hyperbolic_tangent,
+    np.arctan2: arc_tangent,
     np.rint: unary(Op.ROUND),
     np.absolute: absolute,
     np.minimum: minimum,

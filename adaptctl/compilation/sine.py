@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.lanes import Instructions, Lanes, Precision
-from adaptctl.scalars.elementary import polynomial
+from adaptctl.scalars.scalar import polynomial
 
 
 class Sine(NamedTuple):

@@ -4,35 +4,213 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, writable
+from adaptctl.arrays import Array, checked, same_samples, stacked, stacked_rows, writable
+from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.description import Description
 from adaptctl.description.reach import depths
-from adaptctl.dynamics.array_equation import ArrayEquation, OnArrays
 from adaptctl.dynamics.equations import Equations
-from adaptctl.errors import InputError
-from adaptctl.scalars import Column
+from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.scalars import Column, column
 
-STATES = 64
+if TYPE_CHECKING:
+    from adaptctl.compilation import Kernel
+
+
+CALLS, STATES = 50, 25_000
+"""Calls and states after which an equation is compiled: until then, with seven links, NumPy has taken about as long as
+LLVM would."""
+
+
+class OnArrays(Protocol):
+    """Protocol of an equation of a mechanism on arrays."""
+
+    @property
+    def call(self) -> Callable[..., Array]:
+        """The equation as a function of one array (..., size) for each argument, size its own, in SI units."""
+
+    @property
+    def into(self) -> Callable[..., Array]:
+        """The equation as a function of `out`, a float64 array, and these: it fills `out` and returns it."""
+
+
+class ArrayEquation:
+    """An equation of a mechanism, such as its inverse dynamics, evaluated on NumPy arrays in Python or in native code.
+    Its attribute `call` takes one array (..., size) in SI units for each argument, whose leading axes are samples and
+    broadcast, and returns vectors (..., s) of length s or matrices (..., s, k) of s rows and k columns.
+
+    Made of the mechanism's `name`, for messages; `function`, called by position with one `Column` (size,) for each
+    argument, which returns one `Column` (s,) or a list of s of them, the rows (k,);
+    `sizes`, a callable without arguments that returns the arguments' sizes by name, first that of the positions p (r,)
+    of the r primary (independent) joints, rad (m if prismatic); `configured`, a callable that makes of p the
+    configuration (..., n) of the spanning tree's n joints, which `function` then takes for p, None where that is p
+    itself; `links`, the number n of links; and `compiled`, False for an equation that is never compiled.
+
+    It runs in Python at first. Once calls/50 + samples/25000, summed over all calls, is 1 it is compiled and runs as
+    native code, with several samples at once in SIMD registers. Both agree to round-off. `call` raises `InputError` on
+    a wrong shape, `NonFiniteError` on NaN or infinity, in its arguments or the result, `ValueError` for another number
+    of arguments, and what `configured` and `function` raise.
+    """
+
+    __slots__ = (
+        "__weakref__",
+        "_compiles",
+        "_configured",
+        "_function",
+        "_kernel",
+        "_lengths",
+        "_links",
+        "_name",
+        "_work",
+        "call",
+    )
+
+    def __init__(
+        self,
+        name: str,
+        function: Callable[..., Column | list[Column]],
+        sizes: Callable[[], Mapping[str, int]],
+        links: int,
+        *,
+        compiled: bool = True,
+        configured: Callable[[Array], Array] | None = None,
+    ) -> None:
+        self._name, self._function, self._lengths = name, function, sizes
+        self._links, self._compiles, self._configured = links, compiled, configured
+        self._kernel: Kernel | None = None
+        self._work = 0.0
+        self.call: Callable[..., Array] = self._generally
+
+    @property
+    def name(self) -> str:
+        """Name of the mechanism whose equation this is, which its error messages begin with."""
+        return self._name
+
+    def is_native(self, states: int) -> bool:
+        """True if the equation runs as native code by now. Asking counts as one call at so many `states`, a whole
+        number. Raises what tracing the equation raises."""
+        return self._kernel is not None or self._compiled(states) is not None
+
+    def arrays_of(self, *arguments: ArrayLike) -> tuple[list[Array], tuple[int, ...]]:
+        """The `arguments` as arrays of floats (..., size), size an argument's own, and the shape of their samples, to
+        which their leading axes broadcast. Raises as `call` does."""
+        pairs = zip(self._lengths().items(), arguments, strict=True)
+        arrays = {what: checked(values, size, f"{self._name}: {what}") for (what, size), values in pairs}
+        return list(arrays.values()), same_samples(**arrays)
+
+    def on_rows(self, *arrays: Array) -> Array:
+        """The vectors (k, m) that an equation of a vector of length m has at k arguments at once, in native code if the
+        method `is_native` is True. `arrays` are the arguments in order, float64 and finite: (k, size) each, or (size,)
+        for all k alike, size an argument's own; the first, the positions (r,) of r joints, is the same for all k. In
+        native code shapes and values are not checked here. Raises as `call` does."""
+        if self._kernel is None:
+            return self._generally(*arrays)
+        first, *rest = arrays
+        found: Array = self._kernel.map(first if self._configured is None else self._configured(first), *rest)
+        return found
+
+    def into(self, out: Array, *arguments: ArrayLike) -> Array:
+        """The array `out`, filled with what a call returns. Raises `InputError` for an `out` that is no writable
+        float64 array of the results' shape, and what a call raises."""
+        return self._generally(*arguments, out=out)
+
+    def _generally(self, *arguments: ArrayLike, out: Array | None = None) -> Array:
+        """Any arrays that fit together, by whatever way pays. Native code checks plain rows itself."""
+        first: Any = arguments[0] if arguments else None
+        if self._kernel is not None and self._configured is None and type(first) is np.ndarray and first.ndim == 2:
+            with suppress(InputError):  # which is raised below, in this equation's words
+                made: Array = self._kernel.map(*arguments, out=out)
+                return made
+        (p, *rest), samples = self.arrays_of(*arguments)
+        kernel = self._kernel if self._kernel is not None else self._compiled(math.prod(samples))
+        given = [p if self._configured is None else self._configured(p), *rest]
+        if kernel is not None and samples:
+            return self._mapped(kernel, given, samples, out)
+        found = self._in_python(given, samples) if kernel is None else np.asarray(kernel(*given))
+        if out is None:
+            return found
+        writable(out, found.shape, self._name)[...] = found
+        return out
+
+    def _mapped(self, kernel: Kernel, given: Sequence[Array], samples: tuple[int, ...], out: Array | None) -> Array:
+        """Native code at many states."""
+        rows, shape = [_rows(array, samples) for array in given], kernel.outputs[0]
+        if out is None:
+            made: Array = kernel.map(*rows)
+            return made.reshape(*samples, *shape)
+        results = writable(out, (*samples, *shape), self._name)
+        if results.flags.carray:
+            kernel.map(*rows, out=results.reshape(math.prod(samples), *shape))
+        else:
+            results[...] = kernel.map(*rows).reshape(results.shape)
+        return results
+
+    def _in_python(self, given: Sequence[Array], samples: tuple[int, ...]) -> Array:
+        try:
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                result = self._function(*map(column, given))
+        except ZeroDivisionError as error:
+            raise NonFiniteError(f"{self._name}: the result is not finite, though all it was given is") from error
+        found = stacked(result.of, samples) if isinstance(result, Column) else stacked_rows(result, samples)
+        if not np.isfinite(found).all():
+            raise NonFiniteError(f"{self._name}: the result is not finite, though all it was given is")
+        return found
+
+    def _compiled(self, states: int) -> Kernel | None:
+        """Native code, if it pays by now."""
+        self._work += 1.0 / CALLS + states / STATES
+        if self._work < 1.0 or not self._compiles or self._links > LARGEST_COMPILED:
+            return None
+        from adaptctl.compilation import compile_function
+
+        sizes = {"q": self._links, **dict(list(self._lengths().items())[1:])}
+        function = self._function
+        kernel = compile_function(lambda **columns: function(*columns.values()), sizes, name=self._name, finite=True)
+        if self._configured is None:
+            self.call = kernel.otherwise(self._generally)
+        else:
+            self.call = self._closing
+        self._kernel = kernel
+        return kernel
+
+    def _closing(self, p: ArrayLike, *rest: ArrayLike) -> Array:
+        """The native code at one state whose loops are closed first; any other arrays as before."""
+        if self._kernel is not None and self._configured is not None and type(p) is np.ndarray and p.ndim == 1:
+            with suppress(InputError):  # which is raised below, in this equation's words
+                found: Array = self._kernel(self._configured(p), *rest)
+                return found
+        return self._generally(p, *rest)
+
+
+def _rows(array: Array, samples: tuple[int, ...]) -> Array:
+    """A row a sample (m, n), or one for all (n,)."""
+    size = array.shape[-1]
+    if array.ndim == 1:
+        return array
+    whole = array if array.shape[:-1] == samples else np.broadcast_to(array, (*samples, size))  # that is read-only
+    return whole.reshape(math.prod(samples), size)
+
+
+TOGETHER = 64
 """Number of states whose rows are computed at once."""
 
 
 class RowByRow:
     """Regressor (r, k) of a mechanism of r primary (independent) joints, evaluated on NumPy arrays row by row, by
-    native code of a single row, which compiles where that of the whole matrix would take too long. `call` and `into`
-    are those of an `ArrayEquation`.
+    native code of a single row, which compiles where that of the whole matrix would take too long. `call`
+    is that of an `ArrayEquation`.
 
     Made of `whole`, the `ArrayEquation` of the matrix, which is used for several states at once until the row's native
     code is compiled; `powers`, the `ArrayEquation` of the powers (P,) of all P parameters at positions, velocities,
     reference velocities and accelerations and joint rates, (r,) each; `rows`, the number r; and `columns`, the
-    zero-based indices of the k parameters, None, the default, for all P. Construction checks nothing. `call` and `into`
-    raise `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity in arguments or results, `SingularityError`
-    near a singularity of kinematic loops, and `ValueError` for another number of arguments.
+    zero-based indices of the k parameters, None, the default, for all P. Construction checks nothing, and `call` raises
+    what that of an `ArrayEquation` does.
     """
 
     def __init__(
@@ -43,8 +221,7 @@ class RowByRow:
 
     def call(self, *arguments: ArrayLike) -> Array:
         """The regressors (..., r, k) at `arguments` (..., r) in SI units, those of `whole`, whose leading axes are
-        samples and broadcast. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
-        `SingularityError` near a singularity of kinematic loops, `ValueError` for another number of arguments."""
+        samples and broadcast. Raises what that of an `ArrayEquation` does."""
         arrays, samples = self._whole.arrays_of(*arguments)
         count = math.prod(samples)
         if not count or (not self._powers.is_native(count * self._rows) and count != 1):
@@ -52,11 +229,11 @@ class RowByRow:
         if not samples:
             return self._rows_at(*arrays)
         given = [np.broadcast_to(x, (*samples, x.shape[-1])).reshape(count, x.shape[-1]) for x in arrays]
-        first = self._rows_at(*(x[:STATES] for x in given))
+        first = self._rows_at(*(x[:TOGETHER] for x in given))
         found = np.empty((count * self._rows, first.shape[1]))
         found[: len(first)] = first
-        for k in range(STATES, count, STATES):
-            found[k * self._rows : (k + STATES) * self._rows] = self._rows_at(*(x[k : k + STATES] for x in given))
+        for k in range(TOGETHER, count, TOGETHER):
+            found[k * self._rows : (k + TOGETHER) * self._rows] = self._rows_at(*(x[k : k + TOGETHER] for x in given))
         return found.reshape(*samples, self._rows, first.shape[1])
 
     def _rows_at(self, *states: Array) -> Array:
@@ -70,9 +247,7 @@ class RowByRow:
         return rows if self._columns is None else rows[:, self._columns]
 
     def into(self, out: Array, *arguments: ArrayLike) -> Array:
-        """The array `out`, float64 of the result's shape, filled with the matrices that `call` returns for the
-        `arguments`. Raises `InputError` for an `out` of another type or shape or that is read-only, and what `call`
-        raises."""
+        """The array `out`, filled with what `call` returns. Raises as that of an `ArrayEquation` does."""
         found = self.call(*arguments)
         writable(out, found.shape, self._whole.name)[...] = found
         return out
@@ -96,19 +271,15 @@ REGRESSORS = "torque_regressor", "slotine_li_regressor"
 
 
 class ArrayMechanism(Protocol):
-    """Protocol of the members of a `Mechanism` from which `ArrayEquations` are made: its description and equations of
-    motion, its name, the number r of its primary (independent) joints, its parameters' names, its configurations, and
-    the check that its links have mass."""
+    """Protocol of the members of a `Mechanism` from which `ArrayEquations` are made."""
 
     @property
     def description(self) -> Description:
-        """The data that the mechanism is made of, as a `Description`: its links, joints, loops, gravity and inertial
-        parameters."""
+        """The data that the mechanism is made of."""
 
     @property
     def equations(self) -> Equations:
-        """The mechanism's equations of motion over scalars of any kind (floats, arrays, dual numbers, symbolic ones),
-        as an `Equations`."""
+        """The mechanism's equations of motion over scalars of any kind."""
 
     @property
     def name(self) -> str:
@@ -120,18 +291,13 @@ class ArrayMechanism(Protocol):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P inertial and friction parameters, such as `link3.I_xx` or `joint2.viscous`, in the order of
-        their values."""
+        """Names of the P inertial and friction parameters, in the order of their values."""
 
     def configuration(self, p: ArrayLike) -> Array:
-        """The closed configuration (..., n) of the spanning tree's n joints, rad (m if prismatic), at positions p (...,
-        r) of the r primary (independent) joints; p itself for a tree. An implementation raises `InputError` on a wrong
-        shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, and `SingularityError`
-        near a singularity of the loops."""
+        """The closed configuration (..., n) of the spanning tree's n joints at positions `p` (..., r)."""
 
     def require_mass(self) -> None:
-        """Raise `InputError` where torques do not determine the accelerations: for links of a tree that have neither
-        mass nor rotor, and no descendant with either. Nothing is returned."""
+        """Raise `InputError` where torques do not determine the accelerations."""
 
 
 class ArrayEquations:
@@ -173,12 +339,8 @@ class ArrayEquations:
 
     def on_columns(self, regressor: str, columns: tuple[int, ...]) -> OnArrays:
         """The equation on arrays of a `regressor`, "torque_regressor" or "slotine_li_regressor", of the k parameters of
-        indices `columns` alone, each from 0 to P - 1.
-
-        Its `call` takes arrays (p, v, a), or (p, v, v_r, a_r), each (..., r), rad, rad/s, rad/s^2 (m, m/s, m/s^2 if
-        prismatic), and returns (..., r, k), N m (N) per unit of each parameter, for r primary (independent) joints. The
-        same request returns the same object. Raises `InputError` for another name; indices are not checked.
-        """
+        indices `columns` alone, each from 0 to P - 1: its `call` returns (..., r, k), N m (N) per unit of each. The
+        same request returns the same object. Raises `InputError` for another name; indices are not checked."""
         if regressor not in REGRESSORS:
             raise InputError(f"regressor: expected {' or '.join(REGRESSORS)}, got {regressor!r}")
         key = regressor, columns
@@ -193,16 +355,13 @@ class ArrayEquations:
         compiled: bool = True,
         sizes: Mapping[str, int] | None = None,
     ) -> ArrayEquation:
-        """An equation of this mechanism on arrays, an `ArrayEquation`, from a `function` of `Column` objects (vectors
-        of scalars of any kind). The function is called with the configuration q (n,) of the spanning tree's n joints,
-        rad (m if prismatic), and one column for each further name in `arguments`, and returns a `Column` (m,) or a
-        matrix of k columns as a list of m rows (k,).
+        """An equation of this mechanism on arrays, an `ArrayEquation`, from a `function` of `Column` objects: of the
+        configuration q (n,) of the spanning tree's n joints, rad (m if prismatic), and one column for each further name
+        in `arguments`. It returns a `Column` (m,) or a matrix as a list of m rows (k,).
 
-        The equation's `call` takes the positions p (..., r) of the r primary (independent) joints in place of q, then
-        the further arguments, and returns an array (..., m) or (..., m, k). An argument named in `sizes` has that size,
-        `parameters` otherwise P (the number of parameters), any other r. It is never compiled where `compiled` is
-        False, True by default, nor for more than 100 links. Nothing is checked or run before the equation is called.
-        """
+        The equation's `call` takes the positions p (..., r) of the r primary (independent) joints in place of q. An
+        argument named in `sizes` has that size, `parameters` otherwise P, any other r. It is never compiled where
+        `compiled` is False, True by default. Nothing is checked or run before the equation is called."""
         mechanism = self._mechanism
         configured = None if mechanism.description.loops is None else mechanism.configuration
 

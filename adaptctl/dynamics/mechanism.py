@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import mujoco
     import pinocchio
 
-    from adaptctl.dynamics.array_equation import OnArrays
+    from adaptctl.dynamics.array_equations import OnArrays
     from adaptctl.dynamics.loop_equations import LoopEquations
     from adaptctl.dynamics.loops.continuation import Continuation
 

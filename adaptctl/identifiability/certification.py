@@ -34,7 +34,6 @@ from adaptctl.identifiability.energy_matrix import (
 from adaptctl.identifiability.proof.exact_energies import ExactEnergies, proved
 from adaptctl.identifiability.regrouping import NullSpace, null_residual, unscaled_bases
 from adaptctl.identifiability.sampling import random_halves, random_states, whereabouts
-from adaptctl.identifiability.tree_null_space import TransferEvidence, TreeNullSpace, energy_changes, transfer_evidence
 
 LONG = 100
 """Number of a tree's parameters from which on its null space is found joint by joint."""
@@ -157,11 +156,14 @@ def certified_by_transfers(
     at least 1e6 between the singular values that count and the rest, and that of energies on exact geometry, if a
     `proof` is given.
     """
+    from adaptctl.identifiability.tree_null_space import TreeNullSpace, energy_changes, transfer_evidence
+
     found = TreeNullSpace.of(mechanism, seed)
     generator = np.random.default_rng(seed)
     few = FEW_STATES // 2
     changes = energy_changes(mechanism, found.transfers, random_states(mechanism, FEW_STATES, generator))
     once, twice = (transfer_evidence(found.transfers, changes[:, :count]) for count in (few, 2 * few))
+    far = (Leftover(twice.leftover, (f"bodies on {mechanism.links[twice.worst].name}",)),)
     certificate = Certificate(
         rank_energy=found.rank + once.surplus,
         rank_geometry=found.rank,
@@ -171,7 +173,7 @@ def certified_by_transfers(
         samples=few,
         seed=seed,
         null_residual=twice.residual,
-        leftovers=_far_from_round_off(mechanism, twice),
+        leftovers=far if twice.leftover > LARGEST_LEFTOVER else (),
         near_right_angles=near_right_angles(mechanism.description),
         rank_exact=None if proof is None else proof.rank,
         exact_by="" if proof is None else proof.method,
@@ -183,13 +185,6 @@ def certified_by_transfers(
         return EnergyFactor.of(energy_blocks(mechanism, some)).triangle
 
     return CertifiedNullSpace(found, certificate, energies, _origin(mechanism, samples, seed), proof)
-
-
-def _far_from_round_off(mechanism: Mechanism, evidence: TransferEvidence) -> tuple[Leftover, ...]:
-    """The largest relative energy change by an unobservable body and the link it is on, where that refuses the rank."""
-    if evidence.leftover <= LARGEST_LEFTOVER:
-        return ()
-    return (Leftover(evidence.leftover, (f"bodies on {mechanism.links[evidence.worst].name}",)),)
 
 
 def _origin(mechanism: Mechanism, samples: int, seed: int) -> str:

@@ -14,8 +14,7 @@ from adaptctl.arrays import Array, checked, frozen_array
 from adaptctl.caching import cached_property
 from adaptctl.compilation.object_cache import kept
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.array_equation import ArrayEquation, OnArrays
-from adaptctl.dynamics.array_equations import ArrayEquations
+from adaptctl.dynamics.array_equations import ArrayEquation, ArrayEquations, OnArrays
 from adaptctl.errors import InputError, printable, require_kind
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
 from adaptctl.scalars import Column, Keyed, spread

@@ -16,13 +16,12 @@ from adaptctl.compilation import Stepper, compile_step
 from adaptctl.compilation.lanes import Precision
 from adaptctl.control.controller import Controller, Reference
 from adaptctl.control.memory import leaves, like
-from adaptctl.control.reference_check import warn_of_derivatives
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 from adaptctl.simulation.closed_loop import ClosedLoop, Driven, not_compiled
 from adaptctl.simulation.herd import GainsOfMany, Herd, Noise, checked_seeds, require_single
 from adaptctl.simulation.plant import Plant
-from adaptctl.simulation.references import REFERENCE, ReferenceForm, ReferencesOfMany
+from adaptctl.simulation.references import REFERENCE, ReferenceForm, ReferencesOfMany, warn_of_derivatives
 from adaptctl.simulation.summaries import (
     SETTLED,
     ErrorSums,

@@ -11,8 +11,15 @@ import numpy as np
 
 from adaptctl.description.description import GROUND, STANDARD_GRAVITY, Description, Link
 from adaptctl.description.pose import Pose, roll_pitch_yaw, rotation_about
-from adaptctl.description.readers.entries import MAX_ENTRIES, LinkEntry, Name, Triple
-from adaptctl.description.readers.robot_checks import is_more_than_a_turn, warn_of_degrees, warn_of_weightless
+from adaptctl.description.readers.entries import (
+    MAX_ENTRIES,
+    LinkEntry,
+    Name,
+    Triple,
+    is_more_than_a_turn,
+    warn_of_degrees,
+    warn_of_weightless,
+)
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import read_text, read_toml, with_line
 

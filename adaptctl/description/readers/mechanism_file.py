@@ -13,8 +13,16 @@ import numpy as np
 from adaptctl.description.description import GROUND, STANDARD_GRAVITY, Description, Link, depth_first
 from adaptctl.description.loops import Closure, ClosureKind, Condition, Coupling, Loops
 from adaptctl.description.pose import FrameKind, NamedFrame
-from adaptctl.description.readers.entries import MAX_ENTRIES, FrameEntry, LinkEntry, Name, Triple
-from adaptctl.description.readers.robot_checks import is_more_than_a_turn, warn_of_degrees, warn_of_weightless
+from adaptctl.description.readers.entries import (
+    MAX_ENTRIES,
+    FrameEntry,
+    LinkEntry,
+    Name,
+    Triple,
+    is_more_than_a_turn,
+    warn_of_degrees,
+    warn_of_weightless,
+)
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.files import read_text, read_toml, with_line
 

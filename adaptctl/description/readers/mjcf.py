@@ -20,10 +20,10 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.description import Description
 from adaptctl.description.pose import Pose
+from adaptctl.description.readers.entries import MOST_LINKS, require_at_most, warn_of_degrees
 from adaptctl.description.readers.mjcf_scan import ScannedFile, require_within
 from adaptctl.description.readers.mujoco_arm import FREE, HINGE, SLIDE, MujocoArm, body_ten, mujoco_package
 from adaptctl.description.readers.mujoco_model import loops_of
-from adaptctl.description.readers.robot_checks import MOST_LINKS, require_at_most, warn_of_degrees
 from adaptctl.description.readers.xml_elements import LineElement, named, refuse
 from adaptctl.description.transforms import JOINTS
 from adaptctl.errors import FileError, InputError, printable

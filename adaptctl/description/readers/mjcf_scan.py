@@ -14,7 +14,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from adaptctl.description.readers.robot_checks import MOST_BODIES, MOST_GEOMS, MOST_LINKS
+from adaptctl.description.readers.entries import MOST_BODIES, MOST_GEOMS, MOST_LINKS
 from adaptctl.description.readers.xml_elements import (
     LARGEST,
     MOST_ELEMENTS,

@@ -17,7 +17,7 @@ from adaptctl.description.description import GROUND, Joint, JointKind, Link
 from adaptctl.description.drive import Drive, Limits
 from adaptctl.description.inertia import from_center_of_mass, transformed
 from adaptctl.description.pose import Pose, quaternion_rotation, rotation_about
-from adaptctl.description.readers.robot_checks import (
+from adaptctl.description.readers.entries import (
     require_mass_of_inertia,
     unknown_body,
 )

@@ -11,8 +11,8 @@ import numpy as np
 from adaptctl.description.description import GROUND, Description, Link
 from adaptctl.description.loops import Closure, ClosureKind, Coupling, Loops
 from adaptctl.description.pose import Pose
+from adaptctl.description.readers.entries import MOST_LINKS, require_at_most
 from adaptctl.description.readers.mujoco_arm import WORLD, MujocoArm, is_disabled, model_name, pose
-from adaptctl.description.readers.robot_checks import MOST_LINKS, require_at_most
 from adaptctl.errors import InputError, NotFoundError
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from adaptctl.description.drive import Drive, Limits
 from adaptctl.description.inertia import from_center_of_mass, transformed
 from adaptctl.description.loops import Coupling, Loops
 from adaptctl.description.pose import Pose, roll_pitch_yaw
-from adaptctl.description.readers.robot_checks import (
+from adaptctl.description.readers.entries import (
     MOST_BODIES,
     MOST_LINKS,
     is_more_than_a_turn,
