@@ -1,15 +1,19 @@
-"""`adaptctl doctor`: what is installed, and whether it works together."""
+"""`adaptctl doctor`, what is installed and whether it works together; and completion of commands in a shell."""
 
 from __future__ import annotations
 
 from importlib.metadata import PackageNotFoundError, requires, version
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
 
 from adaptctl.cli.output import Json, print_json
 from adaptctl.packages import viewer_program
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
 
 SCHEMA = "adaptctl/doctor/1"
 OK, WRONG = 0, 1
@@ -113,3 +117,26 @@ def _lines(found: dict[str, Any]) -> Iterator[str]:
     yield from (f"wrong: {one}" for one in found["wrong"])
     if not found["wrong"]:
         yield "Nothing is wrong."
+
+
+def install_completion(
+    *,
+    shell: Annotated[Literal["bash", "zsh", "fish"] | None, Parameter(help="The shell; else the one in use.")] = None,
+    out: Annotated[Path | None, Parameter(metavar="FILE", help="Write the script here instead.")] = None,
+) -> None:
+    """Install completion of commands and flags for a shell: a script, and a line in the shell's startup file where it
+    needs one; with `out` the script alone, in that file. Prints where the script is. Raises `InputError` where no shell
+    is named and the one in use is not known, `OSError` where a file cannot be written."""
+    from cyclopts.completion import ShellDetectionError
+
+    from adaptctl.cli.main import app
+    from adaptctl.errors import InputError
+    from adaptctl.files import require_place
+
+    if out is not None:
+        require_place(out)
+    try:
+        path = app.install_completion(shell=shell, output=out, add_to_startup=out is None)
+    except ShellDetectionError as error:
+        raise InputError("--shell: the shell in use is not known: name bash, zsh or fish") from error
+    print(f"Written: {path}\nIt works in shells opened from now on.")

@@ -67,7 +67,7 @@ app.command("adaptctl.cli.experiment:app", name="experiment", help="List experim
 app.command("adaptctl.cli.sweep:app", name="sweep", help="Many runs of an experiment, on this machine or a cluster.")
 app.command("adaptctl.cli.doctor:doctor", name="doctor", help="What is installed, and whether it works together.")
 app.command(
-    "adaptctl.cli.completion:install_completion",
+    "adaptctl.cli.doctor:install_completion",
     name="install-completion",
     help="Completion of commands and flags in your shell.",
 )

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import combinations
 from typing import Literal, get_args
 
 import numpy as np
@@ -125,7 +123,7 @@ class DesignTask:
         identifiable parameters, are those of the task's energies about their mean, in J (root mean square over the
         states) per SI unit of each parameter. Raises `RankError` where the number of identifiable parameters cannot be
         certified."""
-        return replace(essential_space(self.mechanism), states=self.origin, energies=partial(_same, self._energy))
+        return replace(essential_space(self.mechanism), states=self.origin, energies=partial(np.asarray, self._energy))
 
     @cached_property
     def basis(self) -> FundamentalBasis:
@@ -180,15 +178,9 @@ class DesignTask:
         `InputError` for another objective, and for "components" `RankError` where the number of identifiable parameters
         cannot be certified.
         """
-        rows: dict[str, Callable[[], Array]] = {
-            "energy": lambda: self._energy,
-            "torque": lambda: self._torque,
-            "coupling": lambda: self._coupling,
-            "components": lambda: self._components,
-        }
-        if not isinstance(objective, str) or objective not in rows:
-            raise InputError(f"objective: expected one of {', '.join(rows)}, got {objective!r}")
-        return frozen(rows[objective]())
+        if not isinstance(objective, str) or objective not in OBJECTIVES:
+            raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")
+        return frozen(getattr(self, f"_{objective}"))
 
     def cost(self, objective: str, parameters: ArrayLike | None = None) -> float:
         """The cost of the motion that `objective` names, for P inertial parameters (P,) in SI units, in the order of
@@ -313,8 +305,7 @@ class DesignTask:
         for j in range(1, self.mechanism.dof):
             forces = weightless.torque_regressor(self.p, rest, rest + unit[j], columns)
             rows += [arms[i] * arms[j] * forces[:, i] for i in range(j)]
-        pairs = max(1, len(list(combinations(arms, 2))))
-        return triangle(np.concatenate(rows)) / np.sqrt(pairs * len(self.p))
+        return triangle(np.concatenate(rows)) / np.sqrt(max(1, math.comb(len(arms), 2)) * len(self.p))
 
 
 def component_counts(weights: Array, percent: float) -> Array:
@@ -330,7 +321,3 @@ def component_counts(weights: Array, percent: float) -> Array:
     squares = np.sort(np.square(weights), axis=-1)
     tails = np.cumsum(squares, axis=-1)
     return np.sum(tails > min(percent / 100.0, 1.0) ** 2 * tails[..., -1:], axis=-1)
-
-
-def _same(values: Array) -> Array:
-    return values

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -157,8 +157,8 @@ def torque(comparison: Comparison) -> Figure:
     Nothing is checked."""
     rollout, dof = comparison.subject.rollout, len(comparison.joint_names)
     time = rollout.time
-    grid = _small_multiples(dof, columns=3, height=1.75, bottom=0.48)
-    for j, axes in grid.panels:
+    figure, panels = _small_multiples(dof, columns=3, height=1.75, bottom=0.48)
+    for j, axes in panels:
         limit, name = comparison.torque_limits[j], comparison.joint_names[j]
         axes.plot(time, rollout.applied[:, j], color=joint_color(j).hex, linewidth=1.3)
         for low, high in ((limit, 1.25 * limit), (-1.25 * limit, -limit)):
@@ -168,8 +168,8 @@ def torque(comparison: Comparison) -> Figure:
         share = np.abs(rollout.applied[:, j]).max() / limit
         axes.set_title(f"{name} [{comparison.torque_units[j]}]")
         axes.text(0.985, 0.97, f"peak {100 * share:.0f} %", transform=axes.transAxes, ha="right", va="top", size=7.5)
-    grid.figure.supxlabel("time [s]", size=9)
-    return grid.figure
+    figure.supxlabel("time [s]", size=9)
+    return figure
 
 
 def parameters(comparison: Comparison) -> Figure:
@@ -178,15 +178,15 @@ def parameters(comparison: Comparison) -> Figure:
     `IndexError` for a run without estimates, `InputError` for the basis of another mechanism."""
     names, rollout, truth = comparison.model.names, comparison.subject.rollout, comparison.true_parameters
     every = thinned(len(rollout.time), SAMPLES // 6)
-    grid = _small_multiples(len(names), columns=6, height=1.12, bottom=0.22)
-    for i, axes in grid.panels:
+    figure, panels = _small_multiples(len(names), columns=6, height=1.12, bottom=0.22)
+    for i, axes in panels:
         _estimate(axes, rollout.time[every], rollout.estimate[every, i], truth[i])
         axes.set_title(f"{names[i]}", size=7.5, pad=3.0, y=1.0)  # to search for a place takes a third of the time
         axes.yaxis.get_offset_text().set(x=1.0, ha="right", size=6.5)  # a power of ten is opposite the title
         axes.set_xlim(0.0, comparison.subject.duration)
         axes.tick_params(labelsize=6.5, pad=1.5)
         axes.locator_params(nbins=3)
-    return grid.figure
+    return figure
 
 
 def spectrum(comparison: Comparison) -> Figure:
@@ -214,12 +214,7 @@ def spectrum(comparison: Comparison) -> Figure:
     return figure
 
 
-class _Grid(NamedTuple):
-    figure: Figure
-    panels: list[tuple[int, Axes]]
-
-
-def _small_multiples(count: int, columns: int, height: float, bottom: float) -> _Grid:
+def _small_multiples(count: int, columns: int, height: float, bottom: float) -> tuple[Figure, list[tuple[int, Axes]]]:
     """Panels in rows, the last row as long as it needs to be; lengths in inches.
 
     Margins are given, and no axis is shared, for either takes much of the time that dozens of panels take to draw.
@@ -234,7 +229,7 @@ def _small_multiples(count: int, columns: int, height: float, bottom: float) -> 
         inner.tick_params(labelbottom=False)
     for unused in axes[count:]:
         unused.set_visible(False)
-    return _Grid(figure, list(enumerate(axes[:count])))
+    return figure, list(enumerate(axes[:count]))
 
 
 def _estimate(axes: Axes, time: Array, values: Array, truth: float) -> None:

@@ -13,7 +13,6 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -68,12 +67,12 @@ class Live:
         self.sent, self.dropped = 0, 0
         self._socket: socket.socket | None = None
         self._process: subprocess.Popen[bytes] | None = None
-        if not (to is None or isinstance(to, str)):
+        place = f"{HOST}:{PORT}" if to is None else to
+        if not isinstance(place, str):
             raise InputError(f"to: expected the text {HOST}:PORT or a file's that ends in .rrd, got {to!r}")
-        is_file = to is not None and to.endswith(".rrd")
-        if to is not None and is_file:
-            require_place(to)
-        self.url = to if is_file else reachable(to or f"{HOST}:{PORT}", start_viewer, inline)
+        if is_file := place.endswith(".rrd"):
+            require_place(place)
+        self.url = place if is_file else reachable(place, start_viewer, inline)
         if self.url is not None:
             self._begin(mechanism, self.url)
 
@@ -104,9 +103,7 @@ class Live:
         """Close the live view: wait until the samples that were sent are drawn, at most 10 s, or 60 s for a file, then
         end the process that draws them, also where it is not done. Without a view, or called again, it does nothing; an
         error of that process is not raised."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
+        self._disconnect()
         if self._process is not None:
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(WRITING if self.url is not None and self.url.endswith(".rrd") else PATIENCE)
@@ -134,9 +131,7 @@ class Live:
     def __enter__(self) -> Live:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def _sample(self, time: float, *given: ArrayLike) -> bytes:
@@ -162,10 +157,13 @@ class Live:
 
     def _lose(self, why: str) -> None:
         """Close the connection with a warning, and go on without the live view."""
+        self._disconnect()
+        warnings.warn(f"live view: it has ended ({why}); the run goes on unseen", LiveViewWarning, stacklevel=4)
+
+    def _disconnect(self) -> None:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
-            warnings.warn(f"live view: it has ended ({why}); the run goes on unseen", LiveViewWarning, stacklevel=4)
 
 
 def reachable(address: str, start_viewer: bool = False, inline: bool = False) -> str | None:
@@ -185,9 +183,8 @@ def reachable(address: str, start_viewer: bool = False, inline: bool = False) ->
     viewer = viewer_program()
     if start_viewer and viewer is not None:
         command = [viewer, "--bind", HOST, "--port", port, *(["--serve-grpc"] if inline else [])]
-        started = subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
-        )
+        quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        started = subprocess.Popen(command, **quiet, start_new_session=True)
         if inline:
             atexit.register(_end, started.pid)
         deadline = time.monotonic() + PATIENCE
