@@ -49,29 +49,14 @@ def basis(
     robot: Robot,
     /,
     *,
-    priority: Annotated[
-        Path | None,
-        Parameter(metavar="FILE", help="TOML file that says which parameters to remove first; else Table 4's rule."),
-    ] = None,
-    energy_error: Annotated[
-        float | None,
-        Parameter(
-            metavar="PERCENT",
-            help="Also tell how many components keep the energy's error below this, within the joints' limits.",
-        ),
-    ] = None,
-    snap: Annotated[
-        bool, Parameter(negative=(), help="Make angles between joint axes within 1e-3 rad of right ones exact.")
-    ] = False,
-    as_is: Annotated[
-        bool, Parameter(negative=(), help="Take nearly special angles and lengths as they stand; else they may refuse.")
-    ] = False,
+    priority: Annotated[Path | None, Parameter(metavar="FILE")] = None,
+    energy_error: Annotated[float | None, Parameter(metavar="PERCENT")] = None,
+    snap: Annotated[bool, Parameter(negative=())] = False,
+    as_is: Annotated[bool, Parameter(negative=())] = False,
     floating_base: FloatingBase = False,
     json: Json = False,
-    out: Annotated[
-        Path | None, Parameter(metavar="FILE", help="Also save the basis, as JSON that adaptctl can load.")
-    ] = None,
-    overwrite: Annotated[bool, Parameter(negative=(), help="Replace the file of --out, if it exists.")] = False,
+    out: Annotated[Path | None, Parameter(metavar="FILE")] = None,
+    overwrite: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
     """Find the independent inertial parameters of a robot, and print them, or with `json` a JSON object.
 
@@ -83,6 +68,14 @@ def basis(
     kinematic loops cannot be closed, `RankError` where the number of independent parameters cannot be certified or,
     without `as_is`, angles or lengths are nearly special; `InputError` for `floating_base` with a robot that is no URDF
     file and for an `energy_error` below 0.
+
+    Args:
+        priority: TOML file that says which parameters to remove first; else Table 4's rule.
+        energy_error: Also tell how many components keep the energy's error below this, within the joints' limits.
+        snap: Make angles between joint axes within 1e-3 rad of right ones exact.
+        as_is: Take nearly special angles and lengths as they stand; else they may refuse.
+        out: Also save the basis, as JSON that adaptctl can load.
+        overwrite: Replace the file of --out, if it exists.
     """
     from adaptctl.dynamics import load
     from adaptctl.files import require_place

@@ -20,38 +20,25 @@ def design(
     robot: Robot,
     /,
     *,
-    mass: Annotated[float | None, Parameter(metavar="KG", help="Mass of the point that is added; else 1.")] = None,
-    body: Annotated[
-        str | None, Parameter(metavar="NAME", help="A body instead of a point: gripper, camera or motor.")
-    ] = None,
-    link: Annotated[str | None, Parameter(help="Also tell all that it changes on this link.")] = None,
-    at: Annotated[
-        tuple[float, float, float] | None,
-        Parameter(metavar="X Y Z", help="Where on that link, m in its frame; else its centre of mass."),
-    ] = None,
-    counterweights: Annotated[
-        Names, Parameter(metavar="LINK", help="Links that may carry counterweights; else the heaviest six.")
-    ] = (),
-    objective: Annotated[
-        str, Parameter(help="What they make least: energy, torque, coupling or components.")
-    ] = "energy",
-    share: Annotated[float, Parameter(help="Largest counterweight over its link's mass.")] = 0.2,
-    beyond: Annotated[float, Parameter(help="Room beyond a link's joints over its length.")] = 0.5,
-    energy_error: Annotated[float, Parameter(metavar="PERCENT", help="At which components are counted.")] = 1.0,
-    speed: Annotated[float, Parameter(help="Of the task's random states, over sqrt(g/L).")] = 0.25,
-    samples: Annotated[int, Parameter(help="Number of the task's random states.")] = 1000,
-    seed: Annotated[int, Parameter(help="Seed of all that is drawn.")] = 0,
-    drive: Annotated[
-        bool, Parameter(help="Also run it in closed loop, as it is described and with the counterweights.")
-    ] = False,
-    duration: Annotated[float | None, Parameter(help="Length of these runs, s; else 20.")] = None,
-    period: Annotated[float | None, Parameter(help="Their control period, s; else 0.001.")] = None,
-    components: Annotated[int | None, Parameter(help="That their small controllers carry; else 10, or all.")] = None,
+    mass: Annotated[float | None, Parameter(metavar="KG")] = None,
+    body: Annotated[str | None, Parameter(metavar="NAME")] = None,
+    link: str | None = None,
+    at: Annotated[tuple[float, float, float] | None, Parameter(metavar="X Y Z")] = None,
+    counterweights: Annotated[Names, Parameter(metavar="LINK")] = (),
+    objective: str = "energy",
+    share: float = 0.2,
+    beyond: float = 0.5,
+    energy_error: Annotated[float, Parameter(metavar="PERCENT")] = 1.0,
+    speed: float = 0.25,
+    samples: int = 1000,
+    seed: int = 0,
+    drive: bool = False,
+    duration: float | None = None,
+    period: float | None = None,
+    components: int | None = None,
     floating_base: FloatingBase = False,
     json: Json = False,
-    out: Annotated[
-        Path | None, Parameter(metavar="DIR", help="Also write design.json, report, figures and recording.")
-    ] = None,
+    out: Annotated[Path | None, Parameter(metavar="DIR")] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Print the costs of added mass at positions on a robot, and the savings by counterweights and symmetry, or with
@@ -69,6 +56,25 @@ def design(
     robot's file that cannot be used and a folder that is not empty or cannot be written, `RankError` where the number
     of identifiable parameters cannot be certified, `LoopError` where kinematic loops cannot be closed; with `drive`
     `InputError` for a robot with friction, and what `adaptctl tune` raises.
+
+    Args:
+        mass: Mass of the point that is added; else 1.
+        body: A body instead of a point: gripper, camera or motor.
+        link: Also tell all that it changes on this link.
+        at: Where on that link, m in its frame; else its centre of mass.
+        counterweights: Links that may carry counterweights; else the heaviest six.
+        objective: What they make least: energy, torque, coupling or components.
+        share: Largest counterweight over its link's mass.
+        beyond: Room beyond a link's joints over its length.
+        energy_error: At which components are counted.
+        speed: Of the task's random states, over sqrt(g/L).
+        samples: Number of the task's random states.
+        seed: Seed of all that is drawn.
+        drive: Also run it in closed loop, as it is described and with the counterweights.
+        duration: Length of these runs, s; else 20.
+        period: Their control period, s; else 0.001.
+        components: That their small controllers carry; else 10, or all.
+        out: Also write design.json, report, figures and recording.
     """
     from adaptctl.design import DesignTask, design_study
     from adaptctl.design.report import as_builtins, report, write_study

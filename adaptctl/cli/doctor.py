@@ -121,12 +121,17 @@ def _lines(found: dict[str, Any]) -> Iterator[str]:
 
 def install_completion(
     *,
-    shell: Annotated[Literal["bash", "zsh", "fish"] | None, Parameter(help="The shell; else the one in use.")] = None,
-    out: Annotated[Path | None, Parameter(metavar="FILE", help="Write the script here instead.")] = None,
+    shell: Literal["bash", "zsh", "fish"] | None = None,
+    out: Annotated[Path | None, Parameter(metavar="FILE")] = None,
 ) -> None:
     """Install completion of commands and flags for a shell: a script, and a line in the shell's startup file where it
     needs one; with `out` the script alone, in that file. Prints where the script is. Raises `InputError` where no shell
-    is named and the one in use is not known, `OSError` where a file cannot be written."""
+    is named and the one in use is not known, `OSError` where a file cannot be written.
+
+    Args:
+        shell: The shell; else the one in use.
+        out: Write the script here instead.
+    """
     from cyclopts.completion import ShellDetectionError
 
     from adaptctl.cli.main import app

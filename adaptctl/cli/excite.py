@@ -24,17 +24,17 @@ def excite(
     robot: Robot,
     /,
     *,
-    start: Annotated[Numbers, Parameter(metavar="RAD", help="Pose to start from; else mid-range.")] = (),
-    end: Annotated[Numbers, Parameter(metavar="RAD", help="Pose to end at; else the start.")] = (),
-    duration: Annotated[float, Parameter(help="Length, s, unless limits ask for more.")] = 14.0,
-    share: Annotated[float, Parameter(help="Of positions, speeds and torques that may be used.")] = 0.8,
-    acceleration: Annotated[Numbers, Parameter(metavar="RAD/S2", help="Greatest, one or one a joint.")] = (),
-    jerk: Annotated[Numbers, Parameter(metavar="RAD/S3", help="Greatest, one or one a joint.")] = (),
-    box: Annotated[Numbers, Parameter(metavar="M", help="Workspace of the links' frames: x y z from, x y z to.")] = (),
-    noise: Annotated[Numbers, Parameter(metavar="NM", help="Torque residuals to expect, for the forecast.")] = (),
-    rate: Annotated[float, Parameter(help="Points a second in the files.")] = 100.0,
-    iterations: Annotated[int, Parameter(help="Of the search for the reference.")] = 10,
-    seed: Annotated[int, Parameter(help="Of the search; the validation's is the next.")] = 0,
+    start: Annotated[Numbers, Parameter(metavar="RAD")] = (),
+    end: Annotated[Numbers, Parameter(metavar="RAD")] = (),
+    duration: float = 14.0,
+    share: float = 0.8,
+    acceleration: Annotated[Numbers, Parameter(metavar="RAD/S2")] = (),
+    jerk: Annotated[Numbers, Parameter(metavar="RAD/S3")] = (),
+    box: Annotated[Numbers, Parameter(metavar="M")] = (),
+    noise: Annotated[Numbers, Parameter(metavar="NM")] = (),
+    rate: float = 100.0,
+    iterations: int = 10,
+    seed: int = 0,
     out: Folder = Path("results/excite"),
     overwrite: Overwrite = False,
     json: Json = False,
@@ -48,6 +48,19 @@ def excite(
     that cannot be used and a folder that is not empty or cannot be written, `NotFoundError` for an unknown robot,
     `InputError` for numbers of a wrong count or size and where no motion keeps to the limits, `RankError` where the
     number of identifiable parameters cannot be certified.
+
+    Args:
+        start: Pose to start from; else mid-range.
+        end: Pose to end at; else the start.
+        duration: Length, s, unless limits ask for more.
+        share: Of positions, speeds and torques that may be used.
+        acceleration: Greatest, one or one a joint.
+        jerk: Greatest, one or one a joint.
+        box: Workspace of the links' frames: x y z from, x y z to.
+        noise: Torque residuals to expect, for the forecast.
+        rate: Points a second in the files.
+        iterations: Of the search for the reference.
+        seed: Of the search; the validation's is the next.
     """
     from adaptctl.arrays import positive_per_joint
     from adaptctl.dynamics import load

@@ -12,29 +12,31 @@ from adaptctl.cli.output import FloatingBase, Period, Robot, print_json
 if TYPE_CHECKING:
     from adaptctl.codegen import Exported
 
+Law = Annotated[
+    str,
+    Parameter(
+        help="slotine-li, slotine-li-fixed, slotine-li-composite, passivity-integral, task-space, "
+        "adaptive-computed-torque, computed-torque or pd-gravity."
+    ),
+]
+
 
 def export(
     robot: Robot,
     /,
     *,
-    out: Annotated[Path, Parameter(help="Folder to write, which must not exist.")],
-    law: Annotated[
-        str,
-        Parameter(
-            help="slotine-li, slotine-li-fixed, slotine-li-composite, passivity-integral, task-space, "
-            "adaptive-computed-torque, computed-torque or pd-gravity."
-        ),
-    ] = "slotine-li",
-    name: Annotated[str | None, Parameter(help="Begins all names in the code; the robot's unless given.")] = None,
-    scalar: Annotated[Literal["double", "float"], Parameter(help="Kind of number in C.")] = "double",
-    language: Annotated[Literal["c", "wasm"], Parameter(help="C99 or WebAssembly.")] = "c",
+    out: Path,
+    law: Law = "slotine-li",
+    name: str | None = None,
+    scalar: Literal["double", "float"] = "double",
+    language: Literal["c", "wasm"] = "c",
     period: Period = 1e-3,
-    bandwidth: Annotated[float, Parameter(help="Largest Λ, 1/s.")] = 4.0,
-    unguarded: Annotated[bool, Parameter(help="Leave out the guards of torques, positions and velocities.")] = False,
-    check: Annotated[bool, Parameter(help="Simulate 600 s first; build and run the C where compilers are.")] = False,
-    anyway: Annotated[bool, Parameter(help="Write it even where it fails in simulation.")] = False,
+    bandwidth: float = 4.0,
+    unguarded: bool = False,
+    check: bool = False,
+    anyway: bool = False,
     floating_base: FloatingBase = False,
-    json: Annotated[bool, Parameter(help="Print the manifest instead of a summary.")] = False,
+    json: bool = False,
 ) -> None:
     """Write a robot's controller, gains by `adaptctl tune`, as code that needs no Python.
 
@@ -48,6 +50,17 @@ def export(
     gains; `FileError` for a robot's file that cannot be
     used and a folder that exists or cannot be written, `RankError` where the number of identifiable parameters cannot
     be certified, `LoopError` where kinematic loops cannot be closed.
+
+    Args:
+        out: Folder to write, which must not exist.
+        name: Begins all names in the code; the robot's unless given.
+        scalar: Kind of number in C.
+        language: C99 or WebAssembly.
+        bandwidth: Largest Λ, 1/s.
+        unguarded: Leave out the guards of torques, positions and velocities.
+        check: Simulate 600 s first; build and run the C where compilers are.
+        anyway: Write it even where it fails in simulation.
+        json: Print the manifest instead of a summary.
     """
     from adaptctl.codegen import export as exported
     from adaptctl.codegen.builds import COMPILERS, builds

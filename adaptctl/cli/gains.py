@@ -48,26 +48,13 @@ def gains(
     robot: Robot,
     /,
     *,
-    method: Annotated[
-        Literal["bandwidth", "poles", "lqr"], Parameter(help="How the error's poles are chosen.")
-    ] = "bandwidth",
-    bandwidth: Annotated[float | None, Parameter(help="Method bandwidth: largest Λ, 1/s; else 4.")] = None,
-    damping_ratio: Annotated[
-        float | None,
-        Parameter(help="Method bandwidth: place two poles of this damping ratio instead of the largest K."),
-    ] = None,
-    poles: Annotated[
-        tuple[complex, complex] | None,
-        Parameter(metavar="S S", help="Method poles: two, 1/s, real or conjugate, such as -6+2j -6-2j; else -8 -12."),
-    ] = None,
-    weights: Annotated[
-        tuple[float, float, float] | None,
-        Parameter(
-            metavar="P V A", help="Method lqr: weights of squares of error, rate and acceleration; else 4096 0 1."
-        ),
-    ] = None,
+    method: Literal["bandwidth", "poles", "lqr"] = "bandwidth",
+    bandwidth: float | None = None,
+    damping_ratio: float | None = None,
+    poles: Annotated[tuple[complex, complex] | None, Parameter(metavar="S S")] = None,
+    weights: Annotated[tuple[float, float, float] | None, Parameter(metavar="P V A")] = None,
     period: Period = 1e-3,
-    delay: Annotated[int, Parameter(help="Control periods from measurement to torque.")] = 0,
+    delay: int = 0,
     floating_base: FloatingBase = False,
     json: Json = False,
 ) -> None:
@@ -80,6 +67,14 @@ def gains(
     poles that are not real or conjugate or not stable, `floating_base` with a robot that is no URDF file, a flag of
     another `method`, and a typical inertia of a joint that is not positive; `FileError` for a robot's file that cannot
     be used, `NotFoundError` for an unknown robot, `LoopError` where kinematic loops cannot be closed.
+
+    Args:
+        method: How the error's poles are chosen.
+        bandwidth: Method bandwidth: largest Λ, 1/s; else 4.
+        damping_ratio: Method bandwidth: place two poles of this damping ratio instead of the largest K.
+        poles: Method poles: two, 1/s, real or conjugate, such as -6+2j -6-2j; else -8 -12.
+        weights: Method lqr: weights of squares of error, rate and acceleration; else 4096 0 1.
+        delay: Control periods from measurement to torque.
     """
     from adaptctl.control import GainDesign
     from adaptctl.dynamics import load

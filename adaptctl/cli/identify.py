@@ -21,52 +21,22 @@ SCHEMA, ENERGIES = "adaptctl/identified/1", "energy-differences"
 
 
 def identify(
-    logs: Annotated[
-        tuple[Path, ...],
-        Parameter(help="Logs: .csv, .parquet, or ROS bags (extra `logs`)."),
-    ],
+    logs: tuple[Path, ...],
     /,
     *,
-    robot: Annotated[
-        str | None,
-        Parameter(metavar="FILE", help="The robot's file, .urdf, .xml (MJCF) or .toml: a first guess."),
-    ] = None,
-    drives: Annotated[
-        Path | None, Parameter(metavar="FILE", help="TOML file: how motors turn joints, and which columns are theirs.")
-    ] = None,
-    validate: Annotated[
-        tuple[Path, ...], Parameter(metavar="LOG", help="Logs to judge by; else the last 40 % of the others.")
-    ] = (),
-    columns: Annotated[
-        Pairs,
-        Parameter(
-            metavar="WHAT=NAME",
-            help="Columns, such as position=q{} torque=tau_{joint}; {} is a number from 1, {0} from 0.",
-        ),
-    ] = (),
-    units: Annotated[
-        Pairs, Parameter(metavar="WHAT=UNIT", help="Units of time, position, torque, velocity, such as position=deg.")
-    ] = (),
-    rate: Annotated[
-        float | None, Parameter(metavar="HZ", help="Sampling rate of logs whose stamps are no time.")
-    ] = None,
-    topic: Annotated[str | None, Parameter(help="Topic of the joint states in a bag that has several.")] = None,
-    skip: Annotated[
-        tuple[str, ...],
-        Parameter(metavar="STEP", help="Steps to leave out: resample, unwrap, velocities, limits, standstill."),
-    ] = (),
-    friction: Annotated[
-        str | None, Parameter(metavar="TERMS", help="Friction's terms, such as viscous,coulomb; else chosen.")
-    ] = None,
-    cutoff: Annotated[float | None, Parameter(metavar="HZ", help="Cut-off of the filter; else chosen.")] = None,
-    weight: Annotated[float | None, Parameter(help="Weight of the robot file's links as a prior; else chosen.")] = None,
-    instruments: Annotated[
-        bool, Parameter(help="Instrumental variables, for encoders that are coarse or noisy.")
-    ] = False,
-    energy_differences: Annotated[
-        float | None,
-        Parameter(metavar="S", help="Compare with energy differences over so many s: what each estimator amplifies."),
-    ] = None,
+    robot: Annotated[str | None, Parameter(metavar="FILE")] = None,
+    drives: Annotated[Path | None, Parameter(metavar="FILE")] = None,
+    validate: Annotated[tuple[Path, ...], Parameter(metavar="LOG")] = (),
+    columns: Annotated[Pairs, Parameter(metavar="WHAT=NAME")] = (),
+    units: Annotated[Pairs, Parameter(metavar="WHAT=UNIT")] = (),
+    rate: Annotated[float | None, Parameter(metavar="HZ")] = None,
+    topic: str | None = None,
+    skip: Annotated[tuple[str, ...], Parameter(metavar="STEP")] = (),
+    friction: Annotated[str | None, Parameter(metavar="TERMS")] = None,
+    cutoff: Annotated[float | None, Parameter(metavar="HZ")] = None,
+    weight: float | None = None,
+    instruments: bool = False,
+    energy_differences: Annotated[float | None, Parameter(metavar="S")] = None,
     out: Folder = Path("results/identify"),
     overwrite: Overwrite = False,
     json: Json = False,
@@ -82,6 +52,22 @@ def identify(
     are at rest, too short or slow, or not this robot's, `LoopError` where kinematic loops cannot be closed,
     `MissingExtraError` for ROS bags without the extra `logs`, `AdaptctlError` where no consistent estimate is
     found.
+
+    Args:
+        logs: Logs: .csv, .parquet, or ROS bags (extra `logs`).
+        robot: The robot's file, .urdf, .xml (MJCF) or .toml: a first guess.
+        drives: TOML file: how motors turn joints, and which columns are theirs.
+        validate: Logs to judge by; else the last 40 % of the others.
+        columns: Columns, such as position=q{} torque=tau_{joint}; {} is a number from 1, {0} from 0.
+        units: Units of time, position, torque, velocity, such as position=deg.
+        rate: Sampling rate of logs whose stamps are no time.
+        topic: Topic of the joint states in a bag that has several.
+        skip: Steps to leave out: resample, unwrap, velocities, limits, standstill.
+        friction: Friction's terms, such as viscous,coulomb; else chosen.
+        cutoff: Cut-off of the filter; else chosen.
+        weight: Weight of the robot file's links as a prior; else chosen.
+        instruments: Instrumental variables, for encoders that are coarse or noisy.
+        energy_differences: Compare with energy differences over so many s: what each estimator amplifies.
     """
     from adaptctl.identification import identify as identified
     from adaptctl.identification.report import facts, verdict

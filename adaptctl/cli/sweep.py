@@ -26,28 +26,23 @@ app = App(name="sweep")
 
 @app.default
 def sweep(
-    target: Annotated[str, Parameter(name="EXPERIMENT|STUDY", help="An experiment, a shipped study, or a .toml file.")],
+    target: Annotated[str, Parameter(name="EXPERIMENT|STUDY")],
     *,
-    out: Annotated[Path, Parameter(metavar="DIR", group=WHAT, help="Folder of the results; the same one resumes.")],
-    controllers: Annotated[str, Parameter(group=WHAT, help="Those to run, apart by commas; all by default.")] = "",
-    sampling: Annotated[
-        Literal["grid", "latin-hypercube", "sobol"] | None, Parameter(group=WHAT, help="How settings are combined.")
-    ] = None,
-    samples: Annotated[int, Parameter(group=WHAT, help="Runs to draw, where they are not a grid.")] = 0,
-    precision: Annotated[
-        Literal["double", "single"] | None,
-        Parameter(group=WHAT, help="Of runs that are computed together: double by default; single is faster."),
-    ] = None,
-    search: Annotated[int, Parameter(group=WHAT, help="Search with so many runs instead (extra `search`).")] = 0,
-    minimise: Annotated[str, Parameter(group=WHAT, help="The column that a search makes small.")] = "rms_error_last",
-    yes: Annotated[bool, Parameter(group=WHAT, help="Begin, however many runs there are.")] = False,
-    jobs: Annotated[int | None, Parameter(group=WHERE, help="Processes here; one a processor by default.")] = None,
-    scheduler: Annotated[str | None, Parameter(group=WHERE, help="A Dask scheduler: tcp://, tls://.")] = None,
-    scheduler_file: Annotated[Path | None, Parameter(group=WHERE, help="The file that a Dask scheduler wrote.")] = None,
-    tls_ca: Annotated[Path | None, Parameter(group=WHERE, help="Certificate authority of the scheduler.")] = None,
-    tls_cert: Annotated[Path | None, Parameter(group=WHERE, help="Certificate of this client.")] = None,
-    tls_key: Annotated[Path | None, Parameter(group=WHERE, help="Its key.")] = None,
-    shard: Annotated[int, Parameter(group=WHERE, help="Runs that are computed, and kept, together.")] = 256,
+    out: Annotated[Path, Parameter(metavar="DIR", group=WHAT)],
+    controllers: Annotated[str, Parameter(group=WHAT)] = "",
+    sampling: Annotated[Literal["grid", "latin-hypercube", "sobol"] | None, Parameter(group=WHAT)] = None,
+    samples: Annotated[int, Parameter(group=WHAT)] = 0,
+    precision: Annotated[Literal["double", "single"] | None, Parameter(group=WHAT)] = None,
+    search: Annotated[int, Parameter(group=WHAT)] = 0,
+    minimise: Annotated[str, Parameter(group=WHAT)] = "rms_error_last",
+    yes: Annotated[bool, Parameter(group=WHAT)] = False,
+    jobs: Annotated[int | None, Parameter(group=WHERE)] = None,
+    scheduler: Annotated[str | None, Parameter(group=WHERE)] = None,
+    scheduler_file: Annotated[Path | None, Parameter(group=WHERE)] = None,
+    tls_ca: Annotated[Path | None, Parameter(group=WHERE)] = None,
+    tls_cert: Annotated[Path | None, Parameter(group=WHERE)] = None,
+    tls_key: Annotated[Path | None, Parameter(group=WHERE)] = None,
+    shard: Annotated[int, Parameter(group=WHERE)] = 256,
     **settings: Annotated[str, Parameter(help="Values of a setting: 4,8,12, 0..99, 0..5:11, or 0..5 to draw from.")],
 ) -> int:
     """Run an experiment for every combination of settings.
@@ -62,6 +57,24 @@ def sweep(
     another sweep or other files, TLS files of which some are not given, and a scheduler that cannot be reached,
     `FileError` for files that cannot be read or written, `MissingExtraError` without the extra `sweep` or `search`,
     `KeyboardInterrupt` on Ctrl-C, which leaves what a sweep has computed in its folder.
+
+    Args:
+        target: An experiment, a shipped study, or a .toml file.
+        out: Folder of the results; the same one resumes.
+        controllers: Those to run, apart by commas; all by default.
+        sampling: How settings are combined.
+        samples: Runs to draw, where they are not a grid.
+        precision: Of runs that are computed together: double by default; single is faster.
+        search: Search with so many runs instead (extra `search`).
+        minimise: The column that a search makes small.
+        yes: Begin, however many runs there are.
+        jobs: Processes here; one a processor by default.
+        scheduler: A Dask scheduler: tcp://, tls://.
+        scheduler_file: The file that a Dask scheduler wrote.
+        tls_ca: Certificate authority of the scheduler.
+        tls_cert: Certificate of this client.
+        tls_key: Its key.
+        shard: Runs that are computed, and kept, together.
     """
     from adaptctl.sweeps.cluster import Cluster
     from adaptctl.sweeps.cluster import sweep as swept

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Any
 
 from adaptctl.cli.output import (
     FloatingBase,
@@ -35,11 +33,11 @@ def tune(
     /,
     *,
     period: Period = 1e-3,
-    bandwidth: Annotated[float, Parameter(help="Largest Λ, 1/s.")] = 4.0,
-    hold: Annotated[float, Parameter(help="Largest T λ_max((M + T B)⁻¹K) along the reference.")] = 0.5,
-    adaptation: Annotated[float, Parameter(help="T λ_max(K⁻¹ Y Γ Y') along the reference.")] = 0.5,
-    search: Annotated[int, Parameter(help="Settings that are tried in closed loop besides those by rule.")] = 0,
-    seed: Annotated[int, Parameter(help="Seed of the reference, and of all else that is drawn.")] = 0,
+    bandwidth: float = 4.0,
+    hold: float = 0.5,
+    adaptation: float = 0.5,
+    search: int = 0,
+    seed: int = 0,
     floating_base: FloatingBase = False,
     json: Json = False,
 ) -> int:
@@ -52,6 +50,13 @@ def tune(
     unit. Raises `InputError` for numbers out of range, a joint that moves no inertia or a mass matrix that is not
     positive definite, and `floating_base` with a robot that is no URDF file, `FileError` for a robot's file that cannot
     be used, `NotFoundError` for an unknown robot, `LoopError` where kinematic loops cannot be closed.
+
+    Args:
+        bandwidth: Largest Λ, 1/s.
+        hold: Largest T λ_max((M + T B)⁻¹K) along the reference.
+        adaptation: T λ_max(K⁻¹ Y Γ Y') along the reference.
+        search: Settings that are tried in closed loop besides those by rule.
+        seed: Seed of the reference, and of all else that is drawn.
     """
     from adaptctl.dynamics import load
     from adaptctl.tuning import tune as tuned
