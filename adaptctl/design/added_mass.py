@@ -42,7 +42,6 @@ class AddedMass:
     link: str
     body: Payload
     percent: float
-    """% energy error at which components are counted"""
 
     @cached_property
     def change(self) -> Array:
@@ -182,11 +181,9 @@ class LinkCost:
     link: str
     least: float
     cheapest: Array
-    """(3,) m in the link's frame"""
     most: float
     dearest: Array
     at_center: float
-    """at the link's centre of mass"""
 
 
 @dataclass(frozen=True, eq=False)

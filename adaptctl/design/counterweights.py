@@ -39,7 +39,6 @@ class Counterweight:
     mass: float
     place: Array
     density: float
-    """kg/m^3"""
 
     def __post_init__(self) -> None:
         body = self.body
@@ -70,7 +69,6 @@ class Counterweights:
     task: DesignTask
     objective: str
     percent: float
-    """% energy error at which components are counted"""
     within: tuple[PlaceBounds, ...]
     weights: tuple[Counterweight, ...]
     evaluations: int

@@ -51,19 +51,12 @@ class Removal:
     way: Way
     link: str
     known: tuple[str, ...]
-    """inertial parameters that are zero by symmetry"""
     columns: tuple[int, ...]
-    """(j,) indices of the parameters that are enough afterwards"""
     regrouping: Array
-    """(j, P) onto them: Y D = Y[:, columns] regrouping D for all D of the changed design"""
     zero: tuple[str, ...]
-    """fundamental parameters that are zero afterwards"""
     mass: float = 0.0
-    """kg that are added, or moved from the link's centre of mass"""
     place: Array | None = None
-    """(3,) where to, m in the link's frame"""
     holds: bool = False
-    """whether the mechanism's own parameters are so already"""
 
     @property
     def rank(self) -> int:

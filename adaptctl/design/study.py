@@ -43,7 +43,6 @@ class DesignStudy:
     task: DesignTask
     body: Payload
     within: tuple[PlaceBounds, ...]
-    """bounds of every link"""
     percent: float
     counterweights: Counterweights
     removals: tuple[Removal, ...]

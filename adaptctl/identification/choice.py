@@ -42,7 +42,6 @@ class FrictionTrial(NamedTuple):
     what: str
     candidate: str
     rms: float
-    """N m"""
     taken: bool
 
 

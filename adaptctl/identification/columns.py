@@ -37,13 +37,9 @@ class JointLog:
 
     source: str
     time: Array
-    """(n,) s, rising"""
     position: Array
-    """(n, r) rad or m"""
     torque: Array
-    """(n, r) N m or N; with unknown torque constants, of constants of 1"""
     velocity: Array | None = None
-    """(n, r) rad/s or m/s as logged; None where it was not"""
 
     def __len__(self) -> int:
         return len(self.time)

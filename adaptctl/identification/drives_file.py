@@ -40,7 +40,6 @@ class Units:
     time: float
     position: float
     torque: float | None
-    """None where the column is only proportional to a torque"""
     velocity: float | None = None
 
     @classmethod
@@ -174,9 +173,7 @@ class Drives:
 
     joints: tuple[str, ...]
     transmission: Array
-    """(r, r) motor speed (row) over joint speed (column)"""
     offsets: Array
-    """(r,) rad: joint positions where the motors are at zero"""
     motors: tuple[MotorEntry, ...]
     time: str
     units: Units

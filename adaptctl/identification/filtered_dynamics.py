@@ -44,15 +44,10 @@ class Rows:
 
     cutoff: float
     time: Array
-    """(n,) s, as in the log"""
     regressor: Array
-    """(n, r, P)"""
     torque: Array
-    """(n, r)"""
     velocity: Array
-    """(n, r)"""
     log: NDArray[np.int64]
-    """(n,) zero-based index of the log of each"""
 
     def __len__(self) -> int:
         return len(self.time)
@@ -86,13 +81,9 @@ class SmoothMotion:
     log: PreparedLog
     number: int
     every: int
-    """of the log's samples"""
     first: int
-    """of the log's samples: the motion's first one"""
     position: Array
-    """(M, r)"""
     velocity: Array
-    """(M, r)"""
 
     @property
     def rate(self) -> float:
@@ -157,7 +148,6 @@ class RowFilter:
     cutoff: float
     kernel: Array
     change: Array
-    """its derivative"""
     every: int
 
     @property

@@ -49,11 +49,8 @@ class Fit:
     """
 
     x: Array
-    """(P + r,): the mechanism's, then the coefficients of load-dependent friction"""
     deviations: Array
-    """(r,) N m, of the joints' residuals"""
     curvature: Array
-    """(P + r, P + r) of the whitened squares"""
     settings: FitSettings
 
 
@@ -71,7 +68,6 @@ class LogEvidence:
     """
 
     mechanism: Mechanism
-    """with all kinds of friction"""
     basis: FundamentalBasis
     drives: Drives
     prior: EntropicPrior
@@ -79,7 +75,6 @@ class LogEvidence:
     rows: dict[float, Rows]
     edges: Sequence[tuple[int, float]]
     kept: dict[float, NDArray[np.bool_]] | None = None
-    """which of the motions' rows these are, where not all"""
 
     def part(self, blocks: Sequence[int]) -> LogEvidence:
         """The evidence (rows of filtered equations of motion), a `LogEvidence`, of some `blocks` of time alone, given

@@ -21,13 +21,9 @@ class NormalEquations:
     construction."""
 
     normal: Array
-    """(B, r, P, P)"""
     moment: Array
-    """(B, r, P)"""
     square: Array
-    """(B, r)"""
     count: Array
-    """(B,)"""
 
     @classmethod
     def of(cls, rows: Rows, block: NDArray[np.int64]) -> NormalEquations:

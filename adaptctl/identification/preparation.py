@@ -102,13 +102,9 @@ class PreparedLog:
     source: str
     rate: float
     time: Array
-    """(n,) s, as in the log"""
     position: Array
-    """(n, r)"""
     torque: Array
-    """(n, r)"""
     moving: NDArray[np.bool_]
-    """(n,) True where the arm moves"""
 
 
 def prepare(

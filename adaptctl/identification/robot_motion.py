@@ -76,7 +76,6 @@ class RobotMotion:
     start: Array
     end: Array
     period: float
-    """s of the reference"""
     fade: float
     slower: float = 1.0
 

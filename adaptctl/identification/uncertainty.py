@@ -27,9 +27,7 @@ class Uncertainty:
     nothing is checked at construction."""
 
     covariance: Array
-    """(P + r, P + r)"""
     nominal: Array
-    """(P + r, P + r) as if residuals were white and the model right, for comparison"""
 
     def of(self, combinations: Array) -> Array:
         """Standard deviations (k,) of k combinations of the fit's parameters, in the combinations' units;
@@ -110,7 +108,6 @@ class Combination(NamedTuple):
 
     words: str
     strength: float
-    """the prior range along it over the deviation that the log leaves"""
 
 
 def combinations(curvature: Array, names: Sequence[str], ranges: PriorRanges | None = None) -> list[Combination]:
@@ -190,11 +187,8 @@ class Forecast:
 
     model: ReducedModel
     condition: float
-    """condition number of the regressor, its columns scaled to one length"""
     deviations: Array
-    """(k,) infinite where the motion tells nothing"""
     combinations: tuple[Combination, ...]
-    """the least excited first"""
 
     @property
     def relative(self) -> Array:

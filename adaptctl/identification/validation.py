@@ -31,13 +31,10 @@ class Validation:
     """
 
     origin: str
-    """which samples, in words"""
     cutoff: float
     time: Array
-    """(n,) s, as in the log"""
     measured: Array
     predicted: Array
-    """from the measured motion alone"""
 
     def __post_init__(self) -> None:
         time, measured, predicted = map(np.shape, (self.time, self.measured, self.predicted))

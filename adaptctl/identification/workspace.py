@@ -27,7 +27,6 @@ class ReachableSpace:
     lower: Array
     upper: Array
     collides: Callable[[Array], bool] | None
-    """of one configuration (r,); None where no geometry is known"""
 
     def allows(self, p: Array) -> bool:
         """True if all of n positions `p` (n, r), rad (m for a prismatic joint), of r joints are admissible: the origins

@@ -44,12 +44,9 @@ class SettingsMap(NamedTuple):
     x: str
     y: str
     across: list[Any]
-    """values of x, or the lower ends of its bins"""
     down: list[Any]
     error: Array
-    """at the end of the runs"""
     stable: Array
-    """fraction of runs that were done"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,11 +50,8 @@ class CarriedGains(NamedTuple):
 
     gains: Gains
     by_hold: NDArray[np.bool_]
-    """(r,) True where the control period limits K"""
     free_inertia: Array
-    """(r,) 1/max of the joint's diagonal entry of (M + T B)^-1, kg m^2 or kg"""
     by_torque: NDArray[np.bool_]
-    """(r,) True where the torque limit limits Lambda"""
 
 
 def carried_gains(

@@ -57,7 +57,6 @@ class Proposal:
 
     carried: CarriedGains
     gain: Array
-    """(P,) diagonal of Gamma"""
     hold: float
     adaptation: float
 
@@ -77,16 +76,11 @@ class DefaultGains:
     mechanism: Mechanism
     period: float
     limits: Array
-    """(r,) of torques"""
     found: WorkableReference
     initial_error: Array
-    """(r,) rad or m"""
     points: ReferencePoint
-    """of the reference, (S, r) each"""
     postures: Array
-    """(S, r) near them, where loops can be closed"""
     errors: Array
-    """(S, r) of either sign"""
 
     @classmethod
     def on(

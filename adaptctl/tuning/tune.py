@@ -70,30 +70,19 @@ class Tuning:
 
     mechanism: Mechanism
     period: float
-    """s, for which a torque is held"""
     reference: Reference
     initial_error: Array
-    """(r,) rad or m, position less the reference's at time 0"""
     gains: Gains
-    """Lambda and K (r,)"""
     adaptation: Array
-    """(P,) diagonal of Gamma on all parameters"""
     substeps: int
     integrator: Integrator
     torque_limits: Array
-    """(r,) N m or N"""
     torque_share: Array
-    """(r,) greatest fraction of the torque limits that the reference asks for"""
     hold_number: float
-    """upper bound of T lambda_max((M + T B)^-1 K) near the reference; a held torque is stable below 2"""
     adaptation_number: float
-    """T lambda_max(K^-1 Y Gamma Y') along the reference; stable below 2"""
     limited_by: tuple[str, ...]
-    """what limits each joint's gains, in words (r,)"""
     verified: tuple[Verification, ...]
-    """runs with these gains; none for a mechanism of more than 100 links"""
     notes: tuple[str, ...] = ()
-    """what else a person should know"""
 
     def gain_on(self, model: ReducedModel) -> Array:
         """The adaptation gain Gamma (k, k) on a reduced `model`'s k fundamental (base) parameters, in their units

@@ -81,9 +81,7 @@ class TrialSetting(NamedTuple):
     bandwidth: Array
     damping: Array
     gain: Array
-    """(P,) diagonal of Gamma; zero for adaptation off"""
     parameters: Array
-    """(P,) the true ones"""
     late: bool = False
 
 
@@ -160,17 +158,11 @@ class Verification:
 
     name: str
     first: float
-    """over the first second"""
     last: float
-    """over the last two"""
     off: float
-    """the last, with adaptation off; infinite where an error then reached 1 rad or m"""
     largest: float
-    """error of any joint at any time"""
     limited: float
-    """fraction of the second half of the run in which a torque was at its limit"""
     unit: str = "mrad"
-    """of a thousandth of the errors, as text"""
 
     @property
     def stayed(self) -> bool:

@@ -90,11 +90,8 @@ class WorkableReference(NamedTuple):
 
     reference: Reference
     static: Array
-    """(r,) fraction of the torque limits that gravity and Coulomb friction ask at its centre"""
     asked: Array
-    """(r,) largest fraction of the torque limits that following it asks"""
     reduced: Array
-    """(r,) amplitude over the one that positions and speeds would allow"""
 
 
 def workable_reference(mechanism: Mechanism, limits: Array, seed: int) -> WorkableReference:
