@@ -33,15 +33,10 @@ class GainRule:
 
     field: Field
     positive: bool = False
-    """above 0"""
     signed: bool = True
-    """may be below 0"""
     infinite: bool = False
-    """may be infinite"""
     most: Array | None = None
-    """the greatest, where the control period sets one"""
     bounds: bool = False
-    """the first half is to lie below the second"""
 
 
 def gain_rules(controller: Controller[Any], fields: tuple[Field, ...]) -> tuple[GainRule, ...]:

@@ -64,9 +64,7 @@ class Brake(NamedTuple):
     N m (N), finite, are of the r joints. Nothing is checked."""
 
     damping: Array
-    """(r,) N m s/rad"""
     limit: Array
-    """(r,) N m, finite"""
 
 
 @dataclass(frozen=True, eq=False)

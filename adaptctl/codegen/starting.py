@@ -35,14 +35,11 @@ class Walk:
     """
 
     step: Routine
-    """p (r,), q (n,) -> the closed configuration at p, from one nearby"""
     regular: Routine
     """q (n,) -> 1 where loops are closed and away from singularities beyond doubt, else 0"""
     home: Array
-    """(n,)"""
     primary: tuple[int, ...]
     looped: tuple[int, ...]
-    """the primary joints that move a loop"""
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,6 @@ class Start:
     configurations: tuple[int, ...]
     computed: tuple[int, ...]
     more: Routine | None
-    """q (n,) -> the computed fields, at rest"""
     walk: Walk | None
 
 

@@ -36,7 +36,6 @@ class Place(NamedTuple):
     the item in that argument where it is a tuple, None, the default, where it is not. Nothing is checked."""
 
     argument: int | None
-    """None for what the function has been bound to"""
     item: int | None = None
 
 

@@ -42,21 +42,13 @@ class AdaptiveState(NamedTuple):
     """
 
     estimate: Any
-    """(k,) the parameters' estimate"""
     q: Any
-    """(n,) the tree's joints in the last control period, from which kinematic loops, if any, are followed"""
     motion: Any
-    """(w,) of the motion in the last control period, from which the gradient Y_r's is made"""
     s: Any
-    """(r,) the sliding variable then"""
     torque: Any
-    """(r,) N m, held since"""
     elapsed: Any
-    """(1,) s since the last control period, 0 before the first"""
     learning: Any
-    """the adaptation law's internal state"""
     more: Any
-    """the control law's own internal state besides"""
 
     @property
     def recorded(self) -> Any:

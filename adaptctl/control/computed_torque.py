@@ -23,7 +23,6 @@ class BranchState(NamedTuple):
     configuration is found from it. Nothing is checked."""
 
     q: Any
-    """(n,) the tree's joints in the last control period, from which the next configuration is found"""
 
 
 class ModelBased(Controller[BranchState]):

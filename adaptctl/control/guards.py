@@ -39,15 +39,10 @@ class Marks(NamedTuple):
     """
 
     torque_limited: Any
-    """a torque was beyond its limit"""
     rate_limited: Any
-    """a torque would have changed too fast"""
     frozen: Any
-    """nothing is learned from the period that begins, because its torque is not the law's"""
     bounded: Any
-    """an estimate was brought back to its bounds"""
     ringing: Any
-    """a joint's sliding variable changes its sign from one control period to the next"""
     stopped: Any
     """something was not finite, out of bounds or ringing beyond help, now or before: the arm is braked"""
 
@@ -61,7 +56,6 @@ class GuardedState(NamedTuple):
 
     of: Any
     torque: Any
-    """(r,) N m"""
     heard: Ringing
     marks: Marks
 

@@ -32,11 +32,8 @@ class Watch(NamedTuple):
     """
 
     adaptation: Array
-    """(T,) T_c lambda_max(K^-1 Y Gamma Y'): theorems of discrete adaptation ask for less than 2, or 2 - h"""
     hold: Array
-    """(T,) h = T_c lambda_max(M^-1 (K + M^ Lambda)) with the true M and the estimate's M^: velocities ring above 2"""
     ringing: Array
-    """(T, r) rho of every joint: at -0.5 the loop rings, at -0.9 it is about to diverge"""
 
 
 class _Run(LearningRun, SampledRun, Protocol):
@@ -99,11 +96,8 @@ class Ringing(NamedTuple):
     """
 
     product: Any
-    """(r,) of s now times s one control period ago"""
     square: Any
-    """(r,) of s one control period ago, squared"""
     s: Any
-    """(r,) the last"""
     lasting: Any
     """(2,) control periods in a row in which some joint's rho was below ALARM and below BRAKE: a single jump is
     neither"""

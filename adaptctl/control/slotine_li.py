@@ -167,9 +167,7 @@ class Integral(NamedTuple):
     period, rad (m). Nothing is checked."""
 
     integral: Any
-    """(r,) of the error so far, rad s"""
     error: Any
-    """(r,) in the last control period"""
 
 
 @dataclass(frozen=True, eq=False)

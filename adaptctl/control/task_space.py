@@ -37,7 +37,6 @@ class Goal(NamedTuple):
     kinematic loops are followed. Nothing is checked."""
 
     q: Any
-    """(n,) the tree's joints in the last control period"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,9 +71,7 @@ class ConstrainedEquations(Equations):
 
     whole: Equations
     spread: tuple[tuple[tuple[int, float], ...], ...]
-    """N by columns: for every z, pairs of the index of a parameter in D and N's entry there"""
     known: tuple[float, ...]
-    """D0 (P,), SI units"""
 
     @property
     def dof(self) -> int:

@@ -34,11 +34,8 @@ class Parametrisation:
     """
 
     left: tuple[int, ...]
-    """Indices, in ascending order, of the free parameters z among D"""
     matrix: Array
-    """N (P, Z), with N[left] the identity"""
     known: Array
-    """D0 (P,)"""
 
     def expanded(self, z: ArrayLike) -> Array:
         """All P inertial and friction parameters D = D0 + N z (P,) from the Z free ones `z` (Z,), in SI units: N (P, Z)

@@ -24,11 +24,8 @@ class EquationCosts(NamedTuple):
     """
 
     regressor: int
-    """operations of the Slotine-Li regressor Y (r, k)"""
     tick: int
-    """operations of the torque Y beta (r,) and powers Y' s (k,) of one motion, without forming Y"""
     forward_dynamics: int | None
-    """operations of the accelerations (r,) under torques (r,); None where k parameters leave a joint without inertia"""
 
 
 def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -> EquationCosts:

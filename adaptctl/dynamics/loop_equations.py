@@ -85,7 +85,6 @@ class LoopEquations(Equations):
     tree: TreeEquations
     closing: Closing
     rules: tuple[Rule, ...] = ()
-    """rules by which dependent joints follow in closed form, one after the other; empty where Newton's steps do"""
 
     @property
     def dof(self) -> int:

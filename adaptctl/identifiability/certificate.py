@@ -47,13 +47,9 @@ class NearRightAngle:
     """
 
     parent: str
-    """Name of the joint before, or "gravity" for a joint on the ground."""
     child: str
-    """Name of the joint."""
     degrees: int
-    """The multiple of 90 degrees that is missed."""
     miss: float
-    """The angle beyond that multiple (rad), negative where it falls short."""
 
     def __str__(self) -> str:
         return (
@@ -95,7 +91,6 @@ class Leftover:
     """
 
     value: float
-    """The singular value, relative to sigma_1."""
     parameters: tuple[str, ...]
 
     def __str__(self) -> str:

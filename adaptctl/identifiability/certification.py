@@ -54,9 +54,7 @@ class CertifiedNullSpace(NamedTuple):
     energies: Callable[[], Array]
     """The triangle R of energy differences at random states."""
     states: str
-    """Source of these states, in words."""
     proof: ExactEnergies | None = None
-    """Energies on exact geometry, where they were computed."""
 
 
 def certified(

@@ -40,11 +40,8 @@ class Lift:
     """
 
     parameters: Array
-    """Physically consistent full parameters (P,)."""
     fundamental: Array
-    """Fundamental (base) parameters beta (k,) of these."""
     wanted: Array
-    """Fundamental (base) parameters beta (k,) asked for."""
 
     @cached_property
     def distance(self) -> float:

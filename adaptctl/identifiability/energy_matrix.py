@@ -81,11 +81,8 @@ class EnergyFactor:
     """
 
     triangle: Array
-    """R (at most P, P)"""
     square_sums: Array
-    """Sums of squares (P,) of the energies themselves, before differencing."""
     last: Array
-    """Energies (1, P) of the last state, from which the next one's are subtracted."""
 
     @classmethod
     def of(cls, blocks: Iterable[Array], before: EnergyFactor | None = None) -> EnergyFactor:
@@ -190,9 +187,7 @@ class NumericalRank:
 
     rank: int
     gap: float
-    """sigma_k/sigma_k+1"""
     smallest: float
-    """sigma_k/sigma_1"""
 
     @classmethod
     def of(cls, singular_values: ArrayLike) -> NumericalRank:
@@ -223,9 +218,7 @@ class ScaledRegressor:
     """
 
     scales: Array
-    """Factors (P,) of the columns."""
     triangle: Array
-    """R (P, P) of the scaled regressor."""
 
     @classmethod
     def of_energies(cls, mechanism: Mechanism, factor: EnergyFactor) -> ScaledRegressor:
@@ -305,7 +298,6 @@ class DecomposedNullSpace:
 
     regressor: ScaledRegressor
     scales: Array
-    """Scales (P,) that make parameters comparable."""
 
     @property
     def rank(self) -> int:

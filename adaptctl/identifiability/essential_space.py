@@ -94,10 +94,8 @@ class EssentialSpace:
     """
 
     search: Search
-    """How the null space is found, where more than its certificate is asked for."""
     certificate: Certificate
     states: str
-    """Source of the states behind `singular_values` and `basis`, in words."""
     energies: Callable[[], Array] | None = None
     """The triangle R of these states' energy differences H = Q R; that of the search's where there is none."""
 

@@ -145,12 +145,9 @@ class FundamentalBasis:
     columns: tuple[int, ...]
     regrouping: Array
     scales: Array
-    """Scales (P,): parameters over these are comparable, whatever the units."""
     gap: float
     """The gap sigma_k/sigma_k+1 of the rank's certificate."""
     passed_over: tuple[str, ...] = ()
-    """Kept parameters that the priority alone would remove: they are so nearly determined by those removed before that
-    others went instead. Not saved."""
 
     def __post_init__(self) -> None:
         P, columns = len(self.parameter_names), self.columns

@@ -67,13 +67,9 @@ class JointFrames:
     length: float
     parents: tuple[int, ...]
     near: Array
-    """Poses (N, 4, 4) of joint frames in their parents' joint frames, at zero; in the world for those on the ground."""
     far: Array
-    """Poses (N, 4, 4) of link frames in their joints' frames."""
     twists: Array
-    """Twists S (N, 6) of the joints' frames per unit of their coordinates."""
     gravity: Array
-    """Direction (3,) of gravity; zero where there is none."""
 
     @property
     def rotor_scales(self) -> Array:
@@ -149,9 +145,7 @@ class LinkParameters(NamedTuple):
     """
 
     indices: NDArray[np.int64]
-    """Indices (n,) among the P parameters."""
     bodies: Array
-    """Bodies (11, n), a column for each parameter at 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,13 +165,9 @@ class InertialTransfers:
 
     frames: JointFrames
     own: tuple[LinkParameters, ...]
-    """Every link's own parameters (N,)."""
     to_parent: Array
-    """Matrices (N, 10, 10) from tens in the joint's frame to those in the parent joint's frame, at zero."""
     observable: tuple[Array, ...]
-    """Orthonormal functionals (r, 11) of bodies, for each of N joints, that energies depend on."""
     unobservable: tuple[Array, ...]
-    """Orthonormal bodies (11 - r, 11), for each of N joints, that change no energy; a missing rotor among them."""
 
     @property
     def parents(self) -> tuple[int, ...]:

@@ -33,15 +33,10 @@ class Reduction:
 
     states: str
     components: Array
-    """Components alpha_j v_j (k, P) in descending order of weight; the first s sum to the reduced parameters."""
     weights: Array
-    """Weights beta_j = sigma_j v_j' D (k,) in descending order of size, in J."""
     order: tuple[int, ...]
-    """Zero-based column indices (k,) of V1 from which the components come."""
     percent_errors: Array
-    """Energy errors (k + 1,) in percent (equation 23) when 0, 1, ... k components are kept."""
     kept: int
-    """The number s of components kept."""
 
     @property
     def percent_error(self) -> float:

@@ -130,13 +130,9 @@ class Regrouping:
     """
 
     kept: tuple[int, ...]
-    """Indices (k,), in ascending order."""
     removed: tuple[int, ...]
-    """Indices (P - k,), in any order."""
     coefficients: Array
-    """Coefficients C (k, P - k) of the removed parameters on the kept ones."""
     rank: int
-    """Rank of a regressor's kept columns: k, if they are independent."""
     passed_over: tuple[int, ...] = ()
     """Kept parameters that the order alone would remove: so little of their rows is left that others go instead."""
 

@@ -160,7 +160,6 @@ class TreeNullSpace:
     mechanism: Mechanism
     transfers: InertialTransfers
     seed: int
-    """The seed of the states whose energies tell the scales."""
 
     @classmethod
     def of(cls, mechanism: Mechanism, seed: int = 0) -> TreeNullSpace:
@@ -234,19 +233,12 @@ class TransferEvidence:
     """
 
     surplus: int
-    """Sum over the joints of ranks by energies, less those by geometry."""
     gap: float
-    """Smallest sigma_k/sigma_k+1 at the rank k by geometry."""
     smallest: float
-    """Smallest sigma_k/sigma_1."""
     residual: float
-    """Largest energy change by an unobservable body, over the largest that a body of its size could make."""
     weakest: Array
-    """Singular values (11,) of the joint with the smallest gap."""
     leftover: float
-    """Largest sigma_k+1/sigma_1, round-off where the ranks agree."""
     worst: int
-    """Zero-based index of the joint that has that `leftover`."""
 
 
 def energy_changes(mechanism: Mechanism, found: InertialTransfers, states: States) -> Array:

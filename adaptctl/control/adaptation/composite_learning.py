@@ -36,9 +36,7 @@ class LearningMemory(NamedTuple):
     """
 
     information: Any
-    """(k (k + 1)/2,) the upper triangle of S Q S, row by row: zero at the start"""
     known: Any
-    """(k,) S z, z being Q times the true parameters as far as nothing disturbs"""
     learned: Any
     """(1,) how many joints' equations passed the threshold in the last period"""
     filtered: Filtered

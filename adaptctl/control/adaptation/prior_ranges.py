@@ -126,15 +126,10 @@ class PriorRanges:
     """
 
     mass: float = 5.0
-    """kg"""
     first_moment: float = 2.0
-    """kg m"""
     inertia: float = 0.6
-    """kg m^2"""
     viscous: float = 5.0
-    """N m s/rad"""
     coulomb: float = 10.0
-    """N m"""
 
     def __post_init__(self) -> None:
         for kind in ("mass", "first_moment", "inertia", "viscous", "coulomb"):

@@ -23,7 +23,6 @@ class Normaliser(NamedTuple):
     and without a unit, by which steps of the estimate are divided. Nothing is checked."""
 
     n: Any
-    """(1,) at least 1"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,11 +47,8 @@ class ExcitingReference:
 
     reference: Sinusoids
     condition: float
-    """of the stacked, scaled regressor over a period"""
     random_conditions: Array
-    """(10,) the same of references drawn at random within the same limits"""
     torque_share: float
-    """the largest torque over its limit, with the model's parameters"""
     iterations: int
     complete: bool
     """False when it was interrupted: the best that was found is kept."""

@@ -38,15 +38,11 @@ class Excitation:
     """
 
     time: Array
-    """(w,) s, the end of each window"""
     smallest: Array
-    """(w,) least eigenvalue of each window, (N m)^2 s"""
     largest: Array
-    """(w,) greatest eigenvalue of each window, (N m)^2 s"""
     weakest: Array
     """(k,) the least excited direction of scaled parameters over the whole run"""
     window: float
-    """s, the windows' length"""
 
     @property
     def level(self) -> float:

@@ -263,15 +263,10 @@ class Margins:
     """
 
     gain: float
-    """factor by which the loop's gain may grow (its inertia fall), infinite where without limit"""
     gain_reduction: float
-    """factor to which the loop's gain may fall (its inertia grow), 0 where any is stable"""
     phase: float
-    """rad of lag at the crossover"""
     delay: float
-    """s of delay that it bears"""
     crossover: float
-    """rad/s, where a delay makes it unstable first"""
 
 
 def margins(loop: control.LTI) -> Margins:

@@ -41,9 +41,7 @@ class GainDesign:
     method: str
     feedback: tuple[ErrorFeedback, ...]
     inertia: Array
-    """(r,) typical, kg m^2 or kg"""
     least_inertia: Array
-    """(r,) over the typical one"""
     margins: tuple[Margins, ...]
     period: float
     delay: int = 0

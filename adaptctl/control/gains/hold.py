@@ -42,9 +42,7 @@ class HoldNumber(NamedTuple):
 
     value: float
     p: Array
-    """(r,) the positions where it is reached"""
     joint: str
-    """name of the joint with the largest entry in the eigenvector, scaled by sqrt(K)"""
 
 
 def hold_number(

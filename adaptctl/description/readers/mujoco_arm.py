@@ -64,9 +64,7 @@ class MujocoArm:
     joints: tuple[int, ...]
     elements: Mapping[object, Element] = field(default_factory=dict)
     carriers: dict[int, int] = field(default_factory=dict)
-    """Of each body that moves, the link that it is part of."""
     places: dict[int, Pose] = field(default_factory=dict)
-    """Of each body, its frame's pose in the link that it is part of, or in the world."""
 
     @classmethod
     def of(

@@ -75,7 +75,6 @@ class Meshes:
     file: Path
     folders: Sequence[str | Path] = ()
     outside: list[str] = field(default_factory=list)
-    """Names of meshes that stand elsewhere, and are not read."""
 
     def found(self, name: str) -> Path | None:
         """The path of the mesh file that a URDF file calls `name`, None where there is none that may be shown.

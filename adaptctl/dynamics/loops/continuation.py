@@ -314,7 +314,6 @@ class StraightWays:
     joints: int
     primary: int
     work: float = 0.0
-    """calls over 50 plus steps over 5,000, so far; native code pays from 1 on"""
 
     @property
     def ready(self) -> bool:

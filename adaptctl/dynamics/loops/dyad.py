@@ -55,10 +55,8 @@ class Links(NamedTuple):
 
     pivot: Flat
     over: Flat
-    """from the first pivot to the middle one"""
     other_pivot: Flat
     other_over: Flat
-    """where the loop is cut at the middle pivot, from the second one to it; else from it to the second one"""
 
     @classmethod
     def of(cls, one: Reach, other: Reach, plane: tuple[Vec, Vec], is_cut_in_the_middle: bool) -> Links:
@@ -89,15 +87,10 @@ class Dyad:
     """
 
     sides: tuple[ClosureSide, ClosureSide]
-    """the loop's: each ends with a link of the dyad, or the first with both"""
     joints: tuple[int, int]
-    """indices of the two dependent joints"""
     plane: tuple[Vec, Vec]
-    """unit vectors across the axes, in the common link's axes"""
     squares: tuple[float, float]
-    """squared lengths of the links, m^2"""
     sense: float
-    """1 where the second joint turns to the left in the plane, as the first one does, else -1"""
 
     @property
     def is_cut_in_the_middle(self) -> bool:

@@ -109,9 +109,7 @@ class MomentumTerms(NamedTuple):
     """
 
     momentum: list[Column]
-    """M v = momentum D, N m s"""
     forces: list[Column]
-    """C' v - g - friction = forces D, N m"""
 
 
 def momentum_terms(equations: Equations, q: Column, v: Column, columns: Sequence[int]) -> MomentumTerms:

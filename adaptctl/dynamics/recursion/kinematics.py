@@ -32,9 +32,7 @@ class LinkPoses(NamedTuple):
     :, :] @ x_i + translations[..., i, :] in the world. Leading axes are samples. Nothing is checked."""
 
     rotations: Array
-    """(..., N, 3, 3)"""
     translations: Array
-    """(..., N, 3), m"""
 
 
 class JointAxes(NamedTuple):
@@ -43,9 +41,7 @@ class JointAxes(NamedTuple):
     unit vectors. Leading axes are samples. Nothing is checked."""
 
     positions: Array
-    """(..., N, 3), m: the origin of the joint's frame before it moves"""
     directions: Array
-    """(..., N, 3), unit vectors"""
 
 
 def frames(links: Sequence[Segment], q: Column) -> list[Frame]:

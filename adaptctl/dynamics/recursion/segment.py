@@ -35,7 +35,6 @@ class Segment(NamedTuple):
     near: Vec
     far: Vec
     whole: tuple[Mat, Mat, Mat] | None = None
-    """K_0, K_c, K_s of all three turns at once, K_0 + K_c cos q + K_s sin q, where that costs less than one by one"""
 
     @classmethod
     def of(cls, link: Link) -> Segment:

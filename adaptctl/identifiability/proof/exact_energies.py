@@ -240,9 +240,7 @@ class ExactEnergies:
     precision: Precision = AS_GIVEN
     seed: int = 0
     strict: bool = False
-    """True where relations that hold to a file's round-off alone, in closed loops, do not count."""
     by_frames: bool = False
-    """True for geometry from frame to frame, as in the file; else from axis to axis."""
 
     @property
     def method(self) -> str:

@@ -55,12 +55,9 @@ class Reading:
 
     number: Number
     size: float
-    """The mechanism's length, m."""
     unit: Fraction = Fraction(1)
-    """The unit of lengths, m."""
     precision: Precision = AS_GIVEN
     equal: tuple[float, ...] = ()
-    """Lengths (m), in ascending order, each of which stands for those that are longer by less than the precision."""
 
     def length(self, x: float) -> Any:
         """The exact scalar (a residue modulo a prime, or a number of 60 digits, as this object's `number` makes it) of
@@ -133,11 +130,9 @@ class ExactGeometry:
 
     links: tuple[Segment, ...]
     shifts: tuple[float, ...]
-    """Joints' coordinates here less those in the file (N,), rad."""
     gravity: Vec
     reading: Reading
     fixed: Callable[[int, Pose], ExactFrame]
-    """A frame that is fixed to a link, in the link's own, or to the ground (-1)."""
 
     @classmethod
     def by_axes(cls, description: Description, frames: CanonicalFrames, reading: Reading) -> ExactGeometry:

@@ -27,11 +27,9 @@ class Precision(NamedTuple):
     count as the same. Nothing is checked."""
 
     angle: float
-    """rad: angles nearer to a right one, or to zero, are meant to be it."""
     length: float
     """Lengths shorter than this, of the mechanism's, are meant to be zero."""
     number: float
-    """Numbers about one that differ by less are meant to be the same."""
 
 
 AS_GIVEN = Precision(1e-11, 1e-11, 1e-12)
@@ -214,7 +212,6 @@ class CanonicalFrames:
 
     joints: tuple[CanonicalJoint, ...]
     on_links: tuple[FloatFrame, ...]
-    """(N + 1,): every joint's frame in its link's; the last is the ground's, in the world"""
     length: float
     precision: Precision
 
