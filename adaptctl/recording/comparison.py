@@ -16,7 +16,6 @@ from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, ReducedModel
 from adaptctl.markup import table, titled
 from adaptctl.recording.result import Failure
-from adaptctl.recording.wording import torque_units
 from adaptctl.simulation.run import Rollout
 
 if TYPE_CHECKING:
@@ -331,17 +330,6 @@ class Comparison:
         return tuple(joint.name for joint in self.mechanism.primary_joints)
 
     @property
-    def position_units(self) -> tuple[str, ...]:
-        """Units, as texts, of the positions of the mechanism's r primary (independent) joints: "rad" or "m" each."""
-        return position_units(self.mechanism)
-
-    @property
-    def torque_units(self) -> tuple[str, ...]:
-        """Units, as texts, of the torques of the mechanism's r primary (independent) joints: "N·m" or, for a prismatic
-        joint's force, "N" each."""
-        return torque_units(self.mechanism)
-
-    @property
     def error_unit(self) -> str:
         """Unit, as text, in which position errors are shown, a thousandth of the positions' own: "mrad", "mm", or "mrad
         or mm" where joints are of both kinds."""
@@ -351,7 +339,7 @@ class Comparison:
     def joints_by_unit(self) -> dict[str, list[int]]:
         """Zero-based indices of the mechanism's primary (independent) joints, a list each, by the unit of their
         positions, "rad" or "m": rad before m; a unit that no joint has is left out."""
-        units = self.position_units
+        units = position_units(self.mechanism)
         return {unit: [j for j, one in enumerate(units) if one == unit] for unit in sorted(set(units), reverse=True)}
 
     def limited_steps(self, run: ControllerRun) -> int:

@@ -24,7 +24,7 @@ from adaptctl.recording.drawing import (
     sheet,
     thinned,
 )
-from adaptctl.recording.wording import number
+from adaptctl.recording.wording import number, torque_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -158,6 +158,7 @@ def torque(comparison: Comparison) -> Figure:
     rollout, dof = comparison.subject.rollout, len(comparison.joint_names)
     time = rollout.time
     figure, panels = _small_multiples(dof, columns=3, height=1.75, bottom=0.48)
+    units = torque_units(comparison.mechanism)
     for j, axes in panels:
         limit, name = comparison.torque_limits[j], comparison.joint_names[j]
         axes.plot(time, rollout.applied[:, j], color=joint_color(j).hex, linewidth=1.3)
@@ -166,7 +167,7 @@ def torque(comparison: Comparison) -> Figure:
         axes.set_ylim(-1.25 * limit, 1.25 * limit)
         axes.set_xlim(0.0, comparison.subject.duration)
         share = np.abs(rollout.applied[:, j]).max() / limit
-        axes.set_title(f"{name} [{comparison.torque_units[j]}]")
+        axes.set_title(f"{name} [{units[j]}]")
         axes.text(0.985, 0.97, f"peak {100 * share:.0f} %", transform=axes.transAxes, ha="right", va="top", size=7.5)
     figure.supxlabel("time [s]", size=9)
     return figure

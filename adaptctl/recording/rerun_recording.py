@@ -11,6 +11,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from adaptctl.dynamics.joint_units import position_units
 from adaptctl.recording import views
 from adaptctl.recording.comparison import Comparison, ControllerRun
 from adaptctl.recording.drawing import DARK, GOAL, LIMIT, MUTED, Color, joint_color, run_color, thinned
@@ -28,7 +29,7 @@ from adaptctl.recording.page import Lines, Report, Table, answers_table
 from adaptctl.recording.scene import WORLD, entity, log_arm, log_base, log_path, log_trail
 from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton
 from adaptctl.recording.stream import Curves, in_decades, levels, log_curves, log_markdown, of_joints, saved_stream
-from adaptctl.recording.wording import error, parameter_unit, typeset
+from adaptctl.recording.wording import error, parameter_unit, torque_units, typeset
 
 MANY = 8
 """controllers whose small views have no room for a legend of joints, whose colours are those of the overview"""
@@ -172,11 +173,11 @@ def blueprint(comparison: Comparison, parts: Skeleton) -> rrb.Blueprint:
     together = rrb.Vertical(views.curves("/error_decades", title, end), grid, row_shares=shares, name="Controllers")
     position = [
         views.curves(f"/position/{entity(name)}", f"{name}: actual and desired position [{unit}]", end)
-        for name, unit in zip(joints, comparison.position_units, strict=True)
+        for name, unit in zip(joints, position_units(comparison.mechanism), strict=True)
     ]
     torque = [
         views.curves(f"/torque/{entity(name)}", f"{name}: torque and limits [{unit}]", end)
-        for name, unit in zip(joints, comparison.torque_units, strict=True)
+        for name, unit in zip(joints, torque_units(comparison.mechanism), strict=True)
     ]
     found = [
         views.curves(f"/estimate/{entity(link)}", f"{link}: estimates · {_truth(comparison)} [{units}]", end)
