@@ -26,7 +26,7 @@ from adaptctl.scalars.scalar import (
 )
 
 
-class Dual:
+class Dual(np.lib.mixins.NDArrayOperatorsMixin):
     """A dual number `value + slope eps`, eps^2 = 0, for exact derivatives: where the slopes of an equation's arguments
     are a direction, the `slope` of its result is the derivative along it. The slope of a constant is 0, the default.
     Either part is a float or an array of samples; nothing is checked at construction. Comparisons compare values alone.
@@ -51,45 +51,6 @@ class Dual:
         condition, yes, no = args[0], dual(args[1]), dual(args[2])
         return Dual(where(condition, yes.value, no.value), where(condition, yes.slope, no.slope))
 
-    def __add__(self, other: Any) -> Any:
-        return _add(self, dual(other)) if _is_scalar(other) else NotImplemented
-
-    def __radd__(self, other: Any) -> Dual:
-        return _add(dual(other), self)
-
-    def __sub__(self, other: Any) -> Any:
-        return _subtract(self, dual(other)) if _is_scalar(other) else NotImplemented
-
-    def __rsub__(self, other: Any) -> Dual:
-        return _subtract(dual(other), self)
-
-    def __mul__(self, other: Any) -> Any:
-        return _multiply(self, dual(other)) if _is_scalar(other) else NotImplemented
-
-    def __rmul__(self, other: Any) -> Dual:
-        return _multiply(dual(other), self)
-
-    def __truediv__(self, other: Any) -> Any:
-        return _divide(self, dual(other)) if _is_scalar(other) else NotImplemented
-
-    def __rtruediv__(self, other: Any) -> Dual:
-        return _divide(dual(other), self)
-
-    def __neg__(self) -> Dual:
-        return Dual(-self.value, -self.slope)
-
-    def __lt__(self, other: Any) -> Any:
-        return self.value < dual(other).value
-
-    def __le__(self, other: Any) -> Any:
-        return self.value <= dual(other).value
-
-    def __gt__(self, other: Any) -> Any:
-        return self.value > dual(other).value
-
-    def __ge__(self, other: Any) -> Any:
-        return self.value >= dual(other).value
-
     def __bool__(self) -> bool:
         raise TypeError("a dual number cannot steer an `if`: use adaptctl.scalars.where")
 
@@ -98,11 +59,6 @@ def dual(x: Any) -> Dual:
     """A dual number (a value with its derivative along a direction, the slope) from a scalar `x`. A float or an array
     of samples becomes one of slope 0, a constant; a dual number is returned as it is. Nothing is checked."""
     return x if isinstance(x, Dual) else Dual(x)
-
-
-def _is_scalar(x: Any) -> bool:
-    """Vectors and columns opt out of NumPy's protocol: they multiply themselves."""
-    return getattr(x, "__array_ufunc__", True) is not None
 
 
 def _add(a: Dual, b: Dual) -> Dual:
@@ -150,7 +106,7 @@ _RULES: dict[np.ufunc, Callable[..., Any]] = {
     np.subtract: _subtract,
     np.multiply: _multiply,
     np.divide: _divide,
-    np.negative: lambda a: -a,
+    np.negative: lambda a: Dual(-a.value, -a.slope),
     np.sin: lambda a: Dual(sin(a.value), cos(a.value) * a.slope),
     np.cos: lambda a: Dual(cos(a.value), -sin(a.value) * a.slope),
     np.sqrt: _sqrt,

@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, positive_number, positive_numbers, positive_per_joint, stacked
 from adaptctl.compilation import trace
@@ -156,15 +157,17 @@ def momentum_columns(model: ReducedModel) -> list[list[int]]:
     return [[j for j in range(k) if not always_zero[k * i + j]] for i in range(r)]
 
 
-def require_positive(cutoff: float) -> None:
-    """Raise `InputError` unless the `cutoff` of a torque filter, in rad/s, is a positive finite number."""
+def require_filter(law: str, weight: ArrayLike, cutoff: float) -> None:
+    """Raise `InputError` unless the `cutoff` of a torque filter, in rad/s, and the `weight` of its prediction errors,
+    one number or one a joint, are positive and finite. `law` is the adaptation law's name in messages."""
     positive_number(cutoff, "torque filter: cutoff: expected a positive number in rad/s")
+    positive_numbers(weight, f"{law}: weight")
 
 
 def require_cutoff(cutoff: float, period: float) -> None:
     """Raise `InputError` unless the `cutoff` of a torque filter, in rad/s, is positive and finite, and times the
     control `period` in s at most 1, without a unit."""
-    require_positive(cutoff)
+    positive_number(cutoff, "torque filter: cutoff: expected a positive number in rad/s")
     if cutoff * period > 1.0:
         raise InputError(
             f"torque filter: cutoff: {cutoff:g} rad/s is too fast for a control period of {period:g} s; "
@@ -172,12 +175,14 @@ def require_cutoff(cutoff: float, period: float) -> None:
         )
 
 
-def require_no_known_share(model: ReducedModel, law: str) -> None:
-    """Raise `InputError` where a linear constraint fixes a parameter of the `model`'s mechanism at a value other than
-    zero. The torque of such a parameter is known and has no column in the regressor, so that laws which predict
-    filtered torques would leave it out. The message begins with `law`, the adaptation law's name, and lists these
-    parameters with their values."""
+def require_predicted(law: str, model: ReducedModel, weight: ArrayLike, cutoff: float, period: float) -> None:
+    """Raise `InputError` unless filtered torques of a `model` of r joints can be predicted in each control `period`, s:
+    the `weight` is one number or (r,), the `cutoff`, rad/s, times the period at most 1, and no linear constraint fixes
+    a parameter of the mechanism at a value other than zero. The torque of such a parameter is known and has no column
+    in the regressor. The message begins with `law`, the adaptation law's name."""
     mechanism = model.mechanism
+    positive_per_joint(weight, mechanism.dof, f"{law}: weight")
+    require_cutoff(cutoff, period)
     if mechanism.equations.has_known_share:
         fixed = mechanism.with_parameters(np.zeros(len(mechanism.parameter_names))).description
         pairs = zip(fixed.parameter_names, fixed.inertial_parameters.tolist(), strict=True)
@@ -223,8 +228,7 @@ class Composite(Descent[Filtered]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self.cutoff)
-        positive_numbers(self.weight, "composite: weight")
+        require_filter("composite", self.weight, self.cutoff)
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the adaptation law fits the `model`, of k parameters and r joints, and the control
@@ -235,9 +239,7 @@ class Composite(Descent[Filtered]):
         `initial`, the initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
         """
         super().require(model, initial, period)
-        require_no_known_share(model, "composite")
-        positive_per_joint(self.weight, model.mechanism.dof, "composite: weight")
-        require_cutoff(self.cutoff, period)
+        require_predicted("composite", model, self.weight, self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Filtered:
         """The internal state before the first control period, a `Filtered`: the torque filters with zero output, that

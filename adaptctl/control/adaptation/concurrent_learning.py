@@ -8,15 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array, positive_numbers, positive_per_joint
+from adaptctl.arrays import Array
 from adaptctl.compilation import outlined
 from adaptctl.control.adaptation.composite import (
     Filtered,
     TorqueFilter,
     momentum_columns,
-    require_cutoff,
-    require_no_known_share,
-    require_positive,
+    require_filter,
+    require_predicted,
 )
 from adaptctl.control.adaptation.gradient import Descent
 from adaptctl.control.adaptation.law import Period
@@ -94,8 +93,7 @@ class ConcurrentLearning(Descent[Stack]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self.cutoff)
-        positive_numbers(self.weight, "concurrent learning: weight")
+        require_filter("concurrent learning", self.weight, self.cutoff)
         if isinstance(self.samples, bool) or not isinstance(self.samples, int | np.integer):
             raise InputError(f"concurrent learning: samples: expected a whole number, got {self.samples!r}")
         if not 1 <= self.samples <= LONGEST:
@@ -118,9 +116,7 @@ class ConcurrentLearning(Descent[Stack]):
         `initial`, the initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
         """
         super().require(model, initial, period)
-        require_no_known_share(model, "concurrent learning")
-        positive_per_joint(self.weight, model.mechanism.dof, "concurrent learning: weight")
-        require_cutoff(self.cutoff, period)
+        require_predicted("concurrent learning", model, self.weight, self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Stack:
         """The internal state before the first control period, a `Stack`: an empty stack of samples, all zero, and the

@@ -8,14 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, positive_numbers, positive_per_joint
-from adaptctl.control.adaptation.composite import (
-    TorqueFilter,
-    require_cutoff,
-    require_no_known_share,
-    require_positive,
-    residual,
-)
+from adaptctl.arrays import Array, frozen_array
+from adaptctl.control.adaptation.composite import TorqueFilter, require_filter, require_predicted, residual
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.adaptation.natural import (
     checked_rate,
@@ -98,11 +92,9 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self.cutoff)
         object.__setattr__(self, "rate", checked_rate(self.rate))
         object.__setattr__(self, "lift", frozen_array(self.lift, (np.size(self.lift),), "consistent lift: lift"))
-        if self.weight is not None:
-            positive_numbers(self.weight, "consistent lift: weight")
+        require_filter("consistent lift", 1.0 if self.weight is None else self.weight, self.cutoff)
 
     def require(self, model: ReducedModel, initial: Array, period: float) -> None:
         """Raise `InputError` unless the adaptation law fits the `model`, of k fundamental (base) parameters and r
@@ -123,9 +115,7 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
         require_consistent(model, self.lift, "consistent lift", "the lift")
         self._require_first(model, initial)
         if self.weight is not None:
-            require_no_known_share(model, "consistent lift")
-            positive_per_joint(self.weight, model.mechanism.dof, "consistent lift: weight")
-            require_cutoff(self.cutoff, period)
+            require_predicted("consistent lift", model, self.weight, self.cutoff, period)
 
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LiftMemory:
         """The internal state before the first control period: the initial lift (P,), a copy of the law's attribute

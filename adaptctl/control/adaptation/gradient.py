@@ -153,13 +153,6 @@ class Gradient(Descent[NoMemory]):
         if not (np.isfinite(self.cap) and self.cap >= 0.0):
             raise InputError(f"gradient: cap: expected a finite number of at least 0, got {self.cap}")
 
-    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty internal state, a `NoMemory`, of an adaptation law that keeps nothing besides the estimate. All
-        arguments are ignored: the `model`, the initial estimate `initial` (k,) of its k parameters, positions q (...,
-        n) of the spanning tree's n joints in rad (m for a prismatic joint), velocities v (..., r) of the r primary
-        (independent) joints in rad/s (m/s), leading axes for arms, and the control `period` in s."""
-        return NoMemory()
-
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (k,) of the `model`'s k parameters after the step -T_c n Gamma Y' s, T_c being the control
         period in s, and the empty internal state. Gamma is the adaptation gain, Y' the transpose of the torque
@@ -243,13 +236,6 @@ class DeadZone(Descent[NoMemory]):
         super().require(model, initial, period)
         positive_per_joint(self.width, model.mechanism.dof, "dead zone: width")
 
-    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty internal state, a `NoMemory`, of an adaptation law that keeps nothing besides the estimate. All
-        arguments are ignored: the `model`, the initial estimate `initial` (k,) of its k parameters, positions q (...,
-        n) of the spanning tree's n joints in rad (m for a prismatic joint), velocities v (..., r) of the r primary
-        (independent) joints in rad/s (m/s), leading axes for arms, and the control `period` in s."""
-        return NoMemory()
-
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (k,) of the `model`'s k parameters after a control period, and the empty internal state. Within
         the dead zone the estimate is unchanged; outside, it has taken the step -Gamma Y' times the integral of s over
@@ -281,10 +267,6 @@ class _Leaking(Descent[NoMemory]):
             raise InputError(f"leakage rate: expected a positive number, got {self.rate}")
         prior = np.zeros(len(self.gain)) if self.prior is None else self.prior
         object.__setattr__(self, "prior", frozen_array(prior, (len(self.gain),), "leakage: prior"))
-
-    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty memory: this law remembers nothing."""
-        return NoMemory()
 
     def leaked(self, estimate: Column, period: Period, rate: Any) -> Column:
         """The estimate after a step down the gradient by the trapezium, and of the leak by the implicit rule, so that

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Any, ClassVar, Generic, NamedTuple
+from typing import Any, ClassVar, Generic, NamedTuple, cast
 
 import numpy as np
 
@@ -104,17 +104,18 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
         """Raise `InputError` where the adaptation law's settings, such as a gain, do not fit the `model`'s k parameters
         and r joints, the initial estimate `initial` (k,), in SI units, or the control `period` in s."""
 
-    @abstractmethod
     def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
         """The adaptation law's internal state before the first control period, for an initial estimate `initial` (k,)
         of the model's k parameters, in SI units. q (..., n) are the positions of the spanning tree's n joints in rad (m
         for a prismatic joint), v (..., r) the velocities of the r primary (independent) joints in rad/s (m/s), leading
         axes for arms, `period` is the control period in s.
 
-        An implementation returns a named tuple of arrays, or of such tuples: each array (..., h), h its own length, or
-        (h,) where all arms begin alike. It raises `InputError` for a model that it cannot start on, and checks nothing
-        else here.
+        It is a named tuple of arrays, or of such tuples: each array (..., h), h its own length, or (h,) where all arms
+        begin alike; a `NoMemory` unless a subclass overrides this. An implementation raises `InputError` for a model
+        that it cannot start on, and checks nothing else here.
         """
+        none: Any = NoMemory()
+        return cast(Memory, none)
 
     @abstractmethod
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:

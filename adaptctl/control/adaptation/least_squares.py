@@ -8,16 +8,9 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array, frozen_array, numbers, positive_numbers, positive_per_joint
+from adaptctl.arrays import Array, frozen_array, numbers
 from adaptctl.compilation import outlined
-from adaptctl.control.adaptation.composite import (
-    Filtered,
-    TorqueFilter,
-    require_cutoff,
-    require_no_known_share,
-    require_positive,
-    residual,
-)
+from adaptctl.control.adaptation.composite import Filtered, TorqueFilter, require_filter, require_predicted, residual
 from adaptctl.control.adaptation.gradient import require_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
 from adaptctl.control.memory import Memory
@@ -57,8 +50,7 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
         if np.any(gain <= 0.0):
             raise InputError(f"{self.called}: gain: expected positive numbers (k,)")
         object.__setattr__(self, "gain", gain)
-        positive_numbers(self.weight, f"{self.called}: weight")
-        require_positive(self.cutoff)
+        require_filter(self.called, self.weight, self.cutoff)
         if not (np.isfinite(self.forgetting) and self.forgetting >= 0.0):
             raise InputError(f"{self.called}: forgetting: expected at least 0 1/s, got {self.forgetting}")
 
@@ -71,12 +63,7 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
         `initial`, the initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
         """
         require_size(self.gain, model, f"{self.called}: gain")
-        require_no_known_share(model, self.called)
-        self._require_weights(model.mechanism.dof)
-        require_cutoff(self.cutoff, period)
-
-    def _require_weights(self, dof: int) -> None:
-        positive_per_joint(self.weight, dof, f"{self.called}: weight")
+        require_predicted(self.called, model, self.weight, self.cutoff, period)
 
     @property
     def _scale(self) -> Column:

@@ -83,13 +83,6 @@ class Natural(AdaptationLaw[NoMemory]):
         require_rates(self.rate, model)
         require_consistent(model, initial, "natural adaptation", "the first estimate")
 
-    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty internal state, a `NoMemory`, of an adaptation law that keeps nothing besides the estimate. All
-        arguments are ignored: the `model`, the initial estimate `initial` (P,) of all its P parameters, positions q
-        (..., n) of the spanning tree's n joints in rad (m for a prismatic joint), velocities v (..., r) of the r
-        primary (independent) joints in rad/s (m/s), leading axes for arms, and the control `period` in s."""
-        return NoMemory()
-
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (P,) of all the `model`'s P parameters of bodies and drives after a control period, and the
         empty internal state. Every link's pseudo-inertia (4, 4) and every drive's parameter moves along a geodesic of

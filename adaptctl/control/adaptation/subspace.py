@@ -60,13 +60,6 @@ class Subspace(AdaptationLaw[NoMemory]):
         `initial`, the initial estimate (k,), and `period`, the control period in s, are not used."""
         require_size(self.directions, model, "subspace: directions")
 
-    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> NoMemory:
-        """The empty internal state, a `NoMemory`, of an adaptation law that keeps nothing besides the estimate. All
-        arguments are ignored: the `model`, the initial estimate `initial` (k,) of its k parameters, positions q (...,
-        n) of the spanning tree's n joints in rad (m for a prismatic joint), velocities v (..., r) of the r primary
-        (independent) joints in rad/s (m/s), leading axes for arms, and the control `period` in s."""
-        return NoMemory()
-
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (k,) of the `model`'s k parameters after a step along each of the d adapted directions w (k,),
         minus w times its gain times w'g; and the empty internal state. g (k,) is the integral of the gradient Y' s over
