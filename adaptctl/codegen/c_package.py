@@ -87,12 +87,12 @@ class CPackage:
         name, start = self.name, self.start
         law = self.program.source(self.interface.law, self._law_signature())
         texts, self.stack = [law.text], law.stack
-        vector = self._vector_signature
-        if start.more is not None:
-            texts.append(self.program.source(start.more, vector("begun", ["q"], len(start.more.layout.sizes))).text)
+        on_arrays = {} if start.more is None else {"begun": (start.more, ["q"])}
         if start.walk is not None:
-            texts.append(self.program.source(start.walk.step, vector("closed", ["p", "q"], 1)).text)
-            texts.append(self.program.source(start.walk.regular, vector("regular", ["q"], 1)).text)
+            on_arrays |= {"closed": (start.walk.step, ["p", "q"]), "regular": (start.walk.regular, ["q"])}
+        for what, (routine, given) in on_arrays.items():
+            signature = self.program.on_arrays(routine, f"{name}_{what}", given)
+            texts.append(self.program.source(routine, signature).text)
         helping = [helpers(name, self.program.operations)]
         if self.program.operations & {Op.SIN, Op.COS}:
             helping.insert(0, sine_source(name, self.number))
@@ -215,18 +215,6 @@ class CPackage:
             return (part + len(GIVEN) - 1, k) if part else None
 
         return Signature(f"{name}_law", parameters, given, place, before)
-
-    def _vector_signature(self, what: str, given: Sequence[str], results: int) -> Signature:
-        """A function of arrays."""
-        real, restrict = f"{self.name}_real", f"{self.name.upper()}_RESTRICT"
-        inputs = [f"const {real} *{restrict} {name}" for name in given]
-        outputs = [f"{real} *{restrict} out{k}" for k in range(results)]
-        return Signature(
-            f"{self.name}_{what}",
-            (*inputs, *outputs),
-            lambda part, k: f"{given[part]}[{k}]",
-            lambda part, k: f"out{part}[{k}]",
-        )
 
     def _values(self, field: Field) -> str:
         """Initial values, each with what it is called."""

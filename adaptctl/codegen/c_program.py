@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
@@ -121,19 +121,22 @@ class CProgram:
         text, stack = self._functions(routine, signature)
         return CSource("\n".join([*texts, text]), stack)
 
+    def on_arrays(self, routine: Routine, name: str, given: Sequence[str]) -> Signature:
+        """The signature of a function of that `name` that runs a `routine` on arrays: its arguments, by the names
+        `given`, and its results, out0, out1 and so on. Nothing is checked."""
+        real, restrict = f"{self.prefix}_real", f"{self.prefix.upper()}_RESTRICT"
+        inputs = [f"const {real} *{restrict} {argument}" for argument in given]
+        outputs = [f"{real} *{restrict} out{k}" for k in range(len(routine.layout.sizes))]
+        return Signature(
+            name, (*inputs, *outputs), lambda part, k: f"{given[part]}[{k}]", lambda part, k: f"out{part}[{k}]"
+        )
+
     def _called(self, routine: Routine) -> str:
         """The function of a routine that others call."""
         name = re.sub(r"[^A-Za-z0-9_]", "_", routine.name).strip("_") or "part"
         self._symbols[routine] = f"{self.prefix}_{name}_{len(self._symbols)}"
-        real, restrict = f"{self.prefix}_real", f"{self.prefix.upper()}_RESTRICT"
-        given = [f"const {real} *{restrict} in{k}" for k in range(len(routine.inputs))]
-        made = [f"{real} *{restrict} out{k}" for k in range(len(routine.layout.sizes))]
-        signature = Signature(
-            self._symbols[routine],
-            (*given, *made),
-            lambda part, k: f"in{part}[{k}]",
-            lambda part, k: f"out{part}[{k}]",
-        )
+        given = [f"in{k}" for k in range(len(routine.inputs))]
+        signature = self.on_arrays(routine, self._symbols[routine], given)
         text, self._stacks[routine] = self._functions(routine, signature)
         return text
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from itertools import groupby, islice
+from typing import NamedTuple
 
 from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.routine import Routine, numbered, trace
@@ -89,12 +89,13 @@ UNARY = {Op.NEGATE: b"\x9a", Op.SQRT: b"\x9f", Op.ROUND: b"\x9e", Op.ABSOLUTE: b
 TRUTHS, ANGLES = (Op.LESS, Op.LESS_EQUAL), {Op.SIN: 0, Op.COS: 1}
 
 
-class Called:
-    """A WebAssembly function that others call: its `index` in the module, and the addresses in memory, bytes, of its
+class WasmPlaces(NamedTuple):
+    """A WebAssembly function that others call: its `number` in the module, and the addresses in memory, bytes, of its
     arguments, `inputs`, and of the parts of its result, `outputs`. Nothing is checked."""
 
-    def __init__(self, index: int, inputs: Sequence[int], outputs: Sequence[int]) -> None:
-        self.index, self.inputs, self.outputs = index, inputs, outputs
+    number: int
+    inputs: Sequence[int]
+    outputs: Sequence[int]
 
 
 class WasmCode:
@@ -133,7 +134,7 @@ class WasmCode:
             text = self.keep(text, I32 if x.op in TRUTHS else F64)
         self._text[x.index] = text
 
-    def call(self, x: Expression, called: Called, results: Iterable[Expression]) -> None:
+    def call(self, x: Expression, called: WasmPlaces, results: Iterable[Expression]) -> None:
         """Append a call, the expression `x`, of the function `called`: its arguments are stored at their addresses in
         memory; after the call the results that are used, the expressions `results`, are read from their addresses into
         local variables. Raises `ValueError` where the function has another number of arguments."""
@@ -141,7 +142,7 @@ class WasmCode:
         for at, size in zip(called.inputs, routine.inputs, strict=True):
             for k, y in enumerate(islice(rest, size)):
                 self.code += store(at + 8 * k, self.operand(y))
-        self.code += CALL + unsigned(called.index)
+        self.code += CALL + unsigned(called.number)
         for result in results:
             part, k = result.detail
             self._text[result.index] = self.keep(load(called.outputs[part] + 8 * k), F64)
@@ -189,15 +190,6 @@ FIRST = 64
 """Bytes at the beginning of memory that nothing uses."""
 
 
-@dataclass(frozen=True)
-class WasmPlaces:
-    """Addresses, in bytes from the beginning of a WebAssembly module's memory, of the arguments of a function,
-    `inputs`, and of the parts of its result, `outputs`: contiguous 64-bit floats. Nothing is checked."""
-
-    inputs: tuple[int, ...]
-    outputs: tuple[int, ...]
-
-
 class WasmModule:
     """A WebAssembly module of routines (traced functions) in double precision, empty at first: its method `export` adds
     the function of a routine under a name, its method `binary` returns the module's bytes."""
@@ -206,7 +198,7 @@ class WasmModule:
         self._types: list[bytes] = []
         self._functions: list[tuple[int, bytes]] = []
         self._exports: dict[str, int] = {}
-        self._called: dict[Routine, Called] = {}
+        self._called: dict[Routine, WasmPlaces] = {}
         self._memory = FIRST
         self._turning: int | None = None
 
@@ -216,8 +208,8 @@ class WasmModule:
         writes the module's memory at these addresses. A routine that was added before is not written again. Raises
         `KeyError` for an operation that WebAssembly code is not written for."""
         called = self._function(routine)
-        self._exports[name] = called.index
-        return WasmPlaces(tuple(called.inputs), tuple(called.outputs))
+        self._exports[name] = called.number
+        return called
 
     def binary(self) -> bytes:
         """The module in WebAssembly's binary format, with the functions that were exported and the memory, exported as
@@ -236,7 +228,7 @@ class WasmModule:
             ]
         )
 
-    def _function(self, routine: Routine) -> Called:
+    def _function(self, routine: Routine) -> WasmPlaces:
         if routine not in self._called:
             inputs, outputs = [self._room(n) for n in routine.inputs], [self._room(n) for n in routine.layout.sizes]
             for inner in routine.calls:
@@ -254,7 +246,7 @@ class WasmModule:
             for (part, k), value in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):
                 code.code += store(outputs[part] + 8 * k, code.operand(value))
             index = self._added(signature((), ()), code.locals, bytes(code.code))
-            self._called[routine] = Called(index, inputs, outputs)
+            self._called[routine] = WasmPlaces(index, inputs, outputs)
         return self._called[routine]
 
     def _room(self, numbers: int) -> int:
