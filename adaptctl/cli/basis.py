@@ -115,7 +115,7 @@ def as_builtins(
 
     content: dict[str, Any] = {
         "schema": SCHEMA,
-        "robot": {"name": mechanism.name, "sha256": space.sha256},
+        "robot": {"name": mechanism.name, "sha256": mechanism.description.sha256},
         "dof": mechanism.dof,
         "links": len(mechanism.links),
         "parameters": len(space.parameter_names),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -106,11 +105,7 @@ def _walk(mechanism: Mechanism, open_by: float) -> Walk:
     def regular(q: Column) -> Any:
         return continuation.surely_regular(q, open_by)
 
-    tracers: dict[str, tuple[Callable[..., Any], dict[str, int]]] = {
-        "closed": (step, {"p": len(primary), "q": equations.joints}),
-        "regular": (regular, {"q": equations.joints}),
-    }
-    made = [trace(function, sizes, name=name) for name, (function, sizes) in tracers.items()]
     home = np.asarray(continuation.reference, dtype=np.float64)
     looped = tuple(k for k, moves in enumerate(equations.closing.looped) if moves)
-    return Walk(made[0], made[1], home, primary, looped)
+    closed = trace(step, {"p": len(primary), "q": equations.joints}, name="closed")
+    return Walk(closed, trace(regular, {"q": equations.joints}, name="regular"), home, primary, looped)

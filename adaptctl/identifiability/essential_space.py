@@ -122,22 +122,6 @@ class EssentialSpace:
         """
         return self.search.found.proof
 
-    @property
-    def mechanism_name(self) -> str:
-        """Name of the mechanism whose inertial parameters the space describes."""
-        return self.mechanism.name
-
-    @property
-    def sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of the mechanism's description, inertial values included."""
-        return self.mechanism.description.sha256
-
-    @property
-    def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of the data that decide the null space: the mechanism's gravity, joints, frames,
-        link names, loops, drive terms and constraints, but no parameters' values."""
-        return self.mechanism.geometry_sha256
-
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the P inertial parameters, all but friction, such as ``link3.I_xx``, in the mechanism's order."""
@@ -191,7 +175,7 @@ class EssentialSpace:
     def _repr_html_(self) -> str:
         """Notebook's view of the space: its rank, and its certificate."""
         rows = [(name.replace("_", " "), f"{getattr(self.certificate, name):.4g}") for name in CERTIFIED]
-        text = f"rank {self.rank} of {len(self.parameter_names)} parameters of {self.mechanism_name}"
+        text = f"rank {self.rank} of {len(self.parameter_names)} parameters of {self.mechanism.name}"
         return titled("EssentialSpace", text) + table(("certificate", ""), rows)
 
     def project(self, parameters: ArrayLike) -> Array:

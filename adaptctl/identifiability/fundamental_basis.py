@@ -268,8 +268,8 @@ def fundamental_basis(
     inputs = [space.search.inputs, [int(j) for j in order], repr(tolerance), bool(prove)]
     chosen = object_cache.kept("fundamental basis", inputs, Chosen, lambda: _chosen(space, order, tolerance, prove))
     return FundamentalBasis(
-        mechanism_name=space.mechanism_name,
-        geometry_sha256=space.geometry_sha256,
+        mechanism_name=space.mechanism.name,
+        geometry_sha256=space.mechanism.geometry_sha256,
         parameter_names=space.parameter_names,
         columns=chosen.columns,
         regrouping=np.reshape(chosen.regrouping, (len(chosen.columns), len(space.parameter_names))),
@@ -297,7 +297,7 @@ def _chosen(space: EssentialSpace, order: Sequence[int], tolerance: float, prove
     passed_over = {*found.passed_over, *_kept_against_the_order(space, found, order, prove, tolerance)}
     if found.rank != space.rank:
         raise RankError(
-            f"{space.mechanism_name}: the kept columns have rank {found.rank}, not {space.rank}; "
+            f"{space.mechanism.name}: the kept columns have rank {found.rank}, not {space.rank}; "
             "pass a larger tolerance"
         )
     names = tuple(space.parameter_names[j] for j in sorted(passed_over))
@@ -314,7 +314,7 @@ def _kept_against_the_order(
     """
     if space.proof is None:
         if prove:
-            raise InputError(f"{space.mechanism_name}: to prove the basis, prove the essential space (prove=True)")
+            raise InputError(f"{space.mechanism.name}: to prove the basis, prove the essential space (prove=True)")
         return ()
     if space.proof.keeps(found.kept, order):
         return ()
@@ -323,7 +323,7 @@ def _kept_against_the_order(
     others = sorted(set(found.kept) - exact)
     if np.abs(np.diag(np.linalg.qr(rows.T, mode="r"))).min(initial=1.0) > tolerance:
         raise RankError(
-            f"{space.mechanism_name}: on exact geometry, over {space.proof.method}, this priority removes "
+            f"{space.mechanism.name}: on exact geometry, over {space.proof.method}, this priority removes "
             f"{', '.join(space.parameter_names[j] for j in others[:4])}, and among floats it does not"
         )
     return tuple(others)
@@ -335,7 +335,7 @@ def _require_conditioned(space: EssentialSpace, found: Regrouping) -> None:
     weights = np.linalg.svd(found.coefficients)[2][0]
     names = [space.parameter_names[found.removed[i]] for i in np.argsort(-np.abs(weights))[:3]]
     raise RankError(
-        f"{space.mechanism_name}: this priority removes parameters that nearly depend on each other, {names[0]} and "
+        f"{space.mechanism.name}: this priority removes parameters that nearly depend on each other, {names[0]} and "
         f"{names[-1]} among them: the condition of F2' V2 is {found.condition:.1e}, at most {LARGEST_CONDITION:.0e} is "
         "allowed; keep one of them longer, or pass a larger tolerance"
     )
