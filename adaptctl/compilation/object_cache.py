@@ -104,16 +104,14 @@ class ObjectCache(NamedTuple):
         """Forget what was used longest ago; another process may be doing the same."""
         total = 0
         with os.scandir(self.folder) as entries:
-            files = [(entry.stat(follow_symlinks=False), entry.path) for entry in entries if _is_ours(entry)]
+            files = [
+                (entry.stat(follow_symlinks=False), entry.path) for entry in entries if entry.name.endswith(SUFFIX)
+            ]
         for status, path in sorted(files, key=lambda file: file[0].st_mtime_ns, reverse=True):
             total += status.st_size
             if total > self.limit:
                 with suppress(FileNotFoundError):
                     os.unlink(path)  # noqa: PTH108
-
-
-def _is_ours(entry: os.DirEntry[str]) -> bool:
-    return entry.name.endswith(SUFFIX)
 
 
 def _head(key: bytes, data: bytes) -> bytes:

@@ -129,7 +129,9 @@ class Guarded(Controller[GuardedState]):
         if self.period is not None:
             require_period(self.period)
         if self.position_limits is not None:
-            object.__setattr__(self, "position_limits", _range(self.position_limits, self.dof))
+            object.__setattr__(
+                self, "position_limits", _pair(self.position_limits, self.dof, "position_limits", "joint")
+            )
         if np.isfinite(np.asarray(self.rate_limits)).any() and self.period is None:
             raise InputError(f"period: {type(self.of).__name__} does not know its own, and limiting rates needs it")
         if self.estimate_bounds is not None:
@@ -249,20 +251,15 @@ class Guarded(Controller[GuardedState]):
         return after._replace(estimate=estimate), _differ(after.estimate, estimate)
 
 
-def _pair(bounds: object, size: int, what: str) -> tuple[Array, Array]:
-    """Lower and upper bounds (size,), each from one number for all or one each. Raises `InputError` for no pair."""
+def _pair(bounds: object, size: int, what: str, each: str) -> tuple[Array, Array]:
+    """Lower and upper bounds (size,), from one number for all or one each. Raises `InputError` unless they rise."""
     try:
         lower, upper = cast("tuple[ArrayLike, ArrayLike]", bounds)
     except (TypeError, ValueError) as error:
         raise InputError(f"{what}: expected two bounds, lower and upper, got {bounds!r}") from error
-    return per_joint(lower, size, what), per_joint(upper, size, what)
-
-
-def _range(limits: object, dof: int) -> tuple[Array, Array]:
-    """Two limits (r,) of each joint's position, infinite where there is none."""
-    low, high = _pair(limits, dof, "position_limits")
+    low, high = per_joint(lower, size, what), per_joint(upper, size, what)
     if not np.all(low < high):
-        raise InputError("position_limits: expected lower < upper for every joint")
+        raise InputError(f"{what}: expected lower < upper for every {each}")
     return low, high
 
 
@@ -279,9 +276,7 @@ def _bounds(law: Controller[Any], bounds: object) -> tuple[Array, Array]:
     estimate = getattr(law.start(law.home, np.zeros(law.dof)), "estimate", None)
     if estimate is None:
         raise InputError(f"estimate_bounds: {type(law).__name__} estimates nothing: leave them out")
-    low, high = _pair(bounds, len(estimate), "estimate_bounds")
-    if not np.all(low < high):
-        raise InputError("estimate_bounds: expected lower < upper for every parameter")
+    low, high = _pair(bounds, len(estimate), "estimate_bounds", "parameter")
     outside = np.flatnonzero((estimate < low) | (estimate > high))
     if outside.size:
         j = int(outside[0])
