@@ -23,11 +23,11 @@ from adaptctl.experiments.contest import (
     Learning,
     Outcome,
     Told,
-    from_nothing,
+    chosen_gains,
     listed,
-    one_controller,
 )
 from adaptctl.experiments.experiment import setting
+from adaptctl.experiments.puma560_adaptive import from_nothing, one_controller
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Finding, Setting
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco, clear_of_contacts
@@ -136,20 +136,15 @@ class AdaptiveTracking(Learning):
         return self._environment(mechanism, self.in_mujoco, self.scene(mechanism))
 
     def _environment(self, mechanism: Mechanism, in_mujoco: bool, scene: Any) -> gymnasium.Env[Any, Any]:
-        import gymnasium
-
         tuning = self.tuning(mechanism)
-        name = "MuJoCoTracking" if in_mujoco else "Tracking"
-        ours = {"robot": mechanism, "substeps": tuning.substeps, "integrator": tuning.integrator}
-        own: dict[str, Any] = {"robot": scene, **self.scene_settings} if in_mujoco else ours
-        return gymnasium.make(
-            f"adaptctl.envs:adaptctl/{name}-v0",
-            **own,
-            reference=tuning.reference,
-            duration=self.duration,
-            control_period=self.control_period,
+        ours = {"substeps": tuning.substeps, "integrator": tuning.integrator}
+        return self.tracking(
+            scene if in_mujoco else mechanism,
+            tuning.reference,
+            "MuJoCoTracking" if in_mujoco else "Tracking",
             torque_limits=tuning.torque_limits,
             initial_error=tuning.initial_error,
+            **(self.scene_settings if in_mujoco else ours),
         )
 
     def scene(self, mechanism: Mechanism) -> Any:
@@ -217,10 +212,8 @@ class AdaptiveTracking(Learning):
         """Iterator over what the report says was chosen: tuned gains, what limits each, the drawn reference, notes."""
         tuning = self.tuning(mechanism)
         rule = "as the prior ranges of typical inertias and reach, up to an adaptation number of"
-        yield Setting("Λ", listed(tuning.gains.bandwidth), "bandwidth of the tracking loop, 1/s, a joint each")
-        yield Setting("K", listed(tuning.gains.damping), "damping, N·m·s (N·s/m), a joint each")
-        yield Setting("Γ", f"{rule} {tuning.adaptation_number:.3g}, mapped", "adaptation gain: rate × (prior range)²")
-        yield Setting("first estimate", "0", "of every parameter")
+        gain = f"{rule} {tuning.adaptation_number:.3g}, mapped"
+        yield from chosen_gains(tuning.gains, gain, "adaptation gain: rate × (prior range)²")
         env.reset(seed=self.seed)
         drawn = env.unwrapped.reference  # type: ignore[attr-defined]
         for name, unit in (("center", "rad"), ("amplitude", "rad"), ("frequency", "Hz")):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
@@ -16,7 +15,16 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.codegen.live_arm import LiveArm, live_arm
-from adaptctl.control import ComputedTorque, Controller, ReferencePoint, SlotineLi, lyapunov
+from adaptctl.control import (
+    Controller,
+    Gains,
+    PriorRanges,
+    Reference,
+    ReferencePoint,
+    SlotineLi,
+    adaptation_gain,
+    lyapunov,
+)
 from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, stated
@@ -34,21 +42,22 @@ from adaptctl.recording import (
     shown,
 )
 from adaptctl.recording.comparison import ADAPTATION_OFF as ADAPTATION_OFF
+from adaptctl.recording.comparison import color_places
 from adaptctl.simulation import Plant, Rollout, rollout, simulate
 from adaptctl.simulation.rollout import known_steps
-from adaptctl.tuning.verification import scaled_links
 
 if TYPE_CHECKING:
     import gymnasium
+    from matplotlib.figure import Figure
 
     from adaptctl.recording.drawing import Drawing
 
 ADAPTIVE, FULL = "adaptive", "adaptive-full"
 OFFLINE = "Independent parameters from energies"
-TIMED_TICKS, REPETITIONS = 1000, 30
+TIMED_TICKS = 1000
 """control ticks that are timed to find out how long one takes"""
-LONG = 20_000
-"""operations of a tick above which its native time is not told: to compile it for that takes LLVM ten seconds"""
+DRAWN = 600
+"""samples of a curve in a figure"""
 MANY, FEW = 600_000, 30_000
 """samples of all runs: so many are kept as they are, and of more so few: with what draws them they fit into 500 MB"""
 
@@ -112,6 +121,7 @@ class Learning(ClosedLoopExperiment):
     wrong type or out of their bounds, `NonFiniteError` for NaN or infinity."""
 
     robot: str = setting("puma560", "a built-in robot or a file (.urdf, .xml, .toml)")
+    time_ticks: bool = setting(False, "also time a tick of each law, which compiles it once more")
 
     @property
     @abstractmethod
@@ -128,6 +138,16 @@ class Learning(ClosedLoopExperiment):
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
         """Gymnasium tracking environment with the `mechanism` as its arm and finite torque limits, N m (N if
         prismatic), as the bounds of its actions. Raises `InputError` for a mechanism that the experiment is not for."""
+
+    def tracking(
+        self, robot: Any, reference: Reference, name: str = "Tracking", **more: Any
+    ) -> gymnasium.Env[Any, Any]:
+        """Environment adaptctl/NAME-v0 of a `robot` on a `reference` with the experiment's duration and control period,
+        and what it takes `more`. Raises what the environment raises."""
+        import gymnasium
+
+        ours = {"robot": robot, "duration": self.duration, "control_period": self.control_period}
+        return gymnasium.make(f"adaptctl.envs:adaptctl/{name}-v0", **ours | {"reference": reference} | more)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -169,7 +189,7 @@ class Learning(ClosedLoopExperiment):
         basis = fundamental_basis(space)
         progress(OFFLINE, 1.0)
         contenders = self.contenders(mechanism, basis)
-        outcome = contest(env, mechanism, contenders, self.seed, progress, self.options)
+        outcome = contest(env, mechanism, contenders, self.seed, progress, self.options, self.time_ticks)
         told = self.told(outcome, basis)
         return Comparison(
             experiment=self.name,
@@ -193,61 +213,64 @@ class Learning(ClosedLoopExperiment):
         )
 
 
-def from_nothing(
-    mechanism: Mechanism,
-    basis: FundamentalBasis,
-    law: Callable[[ReducedModel, Array | None], SlotineLi],
-    gain: Callable[[ReducedModel], Array],
-    bandwidth: Array,
-    share: float,
-    seed: int,
-) -> list[Contender]:
-    """Controllers that start from knowing nothing, or something, of an arm: Slotine and Li's `law(model, gain)` from
-    estimates of zero on the k fundamental (base) parameters in `basis`, the subject; the same with adaptation off;
-    computed torque with true parameters, with those of a model whose links are off by the fraction `share`, up or down
-    by `seed`, and with zeros; and the law on all P. `gain(model)` is the adaptation gain, `bandwidth` (r,) in 1/s.
-    Raises `InputError` for a basis of another geometry."""
-    model, full = ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
-    true, k, P = mechanism.inertial_parameters, len(basis.columns), len(mechanism.parameter_names)
-    off = f"{100 * share:.0f} % off"
+@dataclass(frozen=True)
+class FromRanges(Learning):
+    """Abstract base class of experiments whose adaptation gain comes from prior ranges of the parameters."""
 
-    def computed_torque(parameters: Array) -> ComputedTorque:
-        return ComputedTorque(mechanism, bandwidth, parameters=parameters)
-
-    return [
-        Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", lambda: law(model, gain(model))),
-        Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", lambda: law(model, None)),
-        Contender("computed-torque", "Computed torque, true model", "everything", lambda: computed_torque(true)),
-        Contender(
-            "computed-torque-wrong",
-            f"Computed torque, model {off}",
-            f"links {off}",
-            lambda: computed_torque(scaled_links(mechanism, share, seed)),
-        ),
-        Contender("computed-torque-none", "Computed torque, no model", "nothing", lambda: computed_torque(0.0 * true)),
-        Contender(FULL, f"Slotine-Li, all {P} parameters", "nothing", lambda: law(full, gain(full))),
-    ]
-
-
-def one_controller(outcome: Outcome, mapped: str) -> Iterator[Finding]:
-    """Finding with the largest difference, N m (N if prismatic), between the commanded torques of the run named
-    `mapped`, on k parameters with its gain mapped from that of all P, and of the run on all P: round-off, since the two
-    are one controller. None where either is missing."""
-    if not {mapped, FULL} <= set(outcome.run):
-        return
-    one, other = (outcome.run[name].rollout for name in (mapped, FULL))
-    common, sizes = min(len(one.time), len(other.time)), [run.estimate.shape[1] for run in (one, other)]
-    yield Finding(
-        "torque_difference_reduced_full",
-        float(np.abs(one.torque[:common] - other.torque[:common]).max(initial=0.0)),
-        "N m",
-        f"largest difference between the torques of {sizes[0]} and of {sizes[1]} adapted parameters, Γ mapped",
+    bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=100.0)
+    rate: float = setting(
+        0.6,
+        "adaptation rate: the gain is it times the square of each parameter's prior range",
+        symbol="Γ",
+        low=1e-6,
+        high=1e3,
     )
+    mass_range: float = setting(10.0, "prior range of masses, kg", low=1e-3, high=1e3)
+    first_moment_range: float = setting(4.0, "prior range of first moments, kg m", low=1e-3, high=1e3)
+    inertia_range: float = setting(1.0, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
+
+    @property
+    def ranges(self) -> PriorRanges:
+        """Prior ranges (greatest plausible errors) of masses, first moments and inertias, from the settings."""
+        return PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
+
+    def adaptation(self, model: ReducedModel) -> Array:
+        """Diagonal (k,) of the adaptation gain for a `model`'s k parameters: `rate` times the squared prior ranges."""
+        return adaptation_gain(model, self.ranges, self.rate)
+
+
+def chosen_gains(gains: Gains, adaptation: str = "", rule: str = "", first: str = "0") -> Iterator[Setting]:
+    """Iterator over the report's lines on a law's `gains`, on its `adaptation` gain, in words with the `rule` behind
+    it, where there is one, and on its `first` estimate."""
+    yield Setting("Λ", listed(gains.bandwidth), "bandwidth of the tracking loop, 1/s, a joint each")
+    yield Setting("K", listed(gains.damping), "damping, N·m·s (N·s/m), a joint each")
+    if adaptation:
+        yield Setting("Γ", adaptation, rule)
+    yield Setting("first estimate", first, "of every parameter")
 
 
 def listed(values: Array) -> str:
     """Text of one number a joint, such as gains, with four digits each."""
     return ", ".join(f"{value:.4g}" for value in values)
+
+
+def over_time(runs: Sequence[ControllerRun], values: Mapping[str, Array], ylabel: str) -> Figure:
+    """Matplotlib figure of `values` (T,) of some of the `runs`, by their names, over time, s, on a logarithmic scale
+    with the label `ylabel`, each in its run's colour."""
+    from adaptctl.recording.drawing import run_color, sheet, thinned
+
+    figure, places = sheet(4.2), color_places(runs)
+    axes = figure.subplots()
+    for run in runs:
+        if (own := values.get(run.name)) is not None:
+            every, place = thinned(len(own), DRAWN), places[run.name]
+            style = "-" if place < 5 else (0, (4, 2))
+            color = run_color(place).hex
+            axes.semilogy(run.rollout.time[every], own[every], color=color, linestyle=style, label=run.label)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel(ylabel)
+    figure.legend(loc="outside upper left", ncols=3)
+    return figure
 
 
 def contest(
@@ -257,31 +280,44 @@ def contest(
     seed: int,
     progress: Progress,
     options: Mapping[str, Any] = MappingProxyType({}),
+    timed: bool = False,
 ) -> Outcome:
     """Outcome of a contest: each of the `contenders` drives the environment `env`, whose arm is `mechanism`, or its own
     one, one after the other, from the same `seed` and `options` of the environment's reset, such as a payload.
 
     `progress(label, share)` is called with the contender's label and the fraction of its run that is done, 0 to 1. All
-    controllers are made before anything runs. Where all runs together have more than 600 000 control periods, at most
-    about 30 000 of them, evenly spaced, are recorded. Raises `InputError` for an environment that a controller cannot
-    drive, `NonFiniteError` where a motion diverges to non-finite values. Ctrl-C ends the contest: the runs that had
-    begun are returned, as not complete; `KeyboardInterrupt` is raised where there are none."""
+    controllers are made before anything runs; their ticks are `timed` only where asked. Where all runs together have
+    more than 600 000 control periods, at most about 30 000 of them, evenly spaced, are recorded. Raises `InputError`
+    for an environment that a controller cannot drive, `NonFiniteError` where a motion diverges to non-finite values.
+    Ctrl-C ends the contest: the runs that had begun are returned, as not complete; `KeyboardInterrupt` is raised where
+    there are none."""
     for contender in contenders:
         _ = contender.controller  # what cannot be made is told before anything runs
-    runs: list[ControllerRun] = []
+    runs, complete = list[ControllerRun](), False
     every = thinning((known_steps(env) or 0) * len(contenders))
     try:
-        for contender in contenders:
-            runs.append(_run(env, mechanism, contender, seed, options, partial(progress, contender.label), every))
-            if not runs[-1].rollout.complete:
+        for one in contenders:
+            progress(one.label, 0.0)
+            own, told = one.env() if one.env else env, partial(progress, one.label)
+            result = _driven(
+                own, mechanism, one.controller, every=every, seed=seed, options=dict(options), progress=told
+            )
+            if len(result.time):
+                runs.append(ControllerRun(one.name, one.label, one.knows, result))
+            if not result.complete:
                 break
+            known = "payload" not in options  # else the truth is not the mechanism's own
+            V = _lyapunov(one.controller, result, mechanism) if known else None
+            runs[-1] = replace(runs[-1], lyapunov=V, cost=tick_cost(one.controller, result, timed))
+            progress(one.label, 1.0)
+        else:
+            complete = True
     except KeyboardInterrupt:
         if not runs:
             raise
-    begun = tuple(run for run in runs if len(run.rollout.time))
-    if not begun:
+    if not runs:
         raise KeyboardInterrupt
-    return Outcome(mechanism, begun, complete=len(begun) == len(contenders) and begun[-1].rollout.complete)
+    return Outcome(mechanism, tuple(runs), complete)
 
 
 def thinning(samples: int) -> int:
@@ -306,50 +342,20 @@ def live_subject(
     return live_arm(episode.plant, controller, episode.reference, episode.state, episode.parameters)
 
 
-def _run(
-    env: gymnasium.Env[Any, Any],
-    mechanism: Mechanism,
-    contender: Contender,
-    seed: int,
-    options: Mapping[str, Any],
-    progress: Callable[[float], object],
-    every: int,
-) -> ControllerRun:
-    controller = contender.controller
-    env = contender.env() if contender.env else env
-    progress(0.0)
-    step = getattr(type(getattr(env.unwrapped, "plant", None)), "step", Plant.step)
-    drive = simulate if step is Plant.step else rollout  # MuJoCo's steps are not ours to compile
-    with shown_live(env, mechanism) as seen:
-        drive = drive if seen is env else rollout
-        result = drive(seen, controller, seed=seed, options=dict(options), progress=progress, every=every)
-    run = ControllerRun(name=contender.name, label=contender.label, knows=contender.knows, rollout=result)
-    try:
-        cost = tick_cost(controller, result) if result.complete else None
-        known = "payload" not in options  # else the truth is not the mechanism's own
-        run = replace(run, lyapunov=_lyapunov(controller, result, mechanism) if known else None, cost=cost)
-    except KeyboardInterrupt:
-        run = replace(run, rollout=replace(result, complete=False))
-    progress(1.0)
-    return run
-
-
-@contextmanager
-def shown_live(env: gymnasium.Env[Any, Any], mechanism: Mechanism) -> Iterator[gymnasium.Env[Any, Any]]:
-    """Context manager that gives the environment to drive: `env` itself or, within `adaptctl.recording.live.streaming`
-    and where the viewer at the address set there can be reached, a wrapper of `env` that also shows the motion of its
-    arm, `mechanism`, in that viewer. Gives a `LiveViewWarning` where no viewer can be reached. Raises `InputError` for
-    an address other than a port of this computer or a file .rrd, and for a mechanism that cannot be drawn, `FileError`
-    for a file in a folder that cannot be written to."""
+def _driven(env: gymnasium.Env[Any, Any], mechanism: Mechanism, controller: Controller[Any], **how: Any) -> Rollout:
+    """The run of a controller, in native code unless the plant is MuJoCo's or the arm is shown live: within
+    `adaptctl.recording.live.streaming` each control period is shown in the viewer at the address set there, where it
+    can be reached. Gives a `LiveViewWarning` where no viewer can be reached, and raises what `Live` raises."""
     from adaptctl.recording.live import CURRENT, Live
 
-    if (to := CURRENT.get()) is None:
-        yield env
-        return
-    from adaptctl.envs.live import LiveView
+    if (to := CURRENT.get()) is not None:
+        from adaptctl.envs.live import LiveView
 
-    with Live(mechanism, to) as live:
-        yield LiveView(env, live) if live.is_seen else env
+        with Live(mechanism, to) as live:
+            if live.is_seen:
+                return rollout(LiveView(env, live), controller, **how)
+    ours = getattr(type(getattr(env.unwrapped, "plant", None)), "step", Plant.step) is Plant.step
+    return (simulate if ours else rollout)(env, controller, **how)
 
 
 def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -> Array | None:
@@ -365,32 +371,26 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
     return lyapunov(controller, run, mechanism)
 
 
-def tick_cost(controller: Controller[Any], run: Rollout) -> TickCost:
-    """Cost of a tick of a `controller`, which computes one torque, over 1000 states of a `run`: the median time of a
-    call from Python, s; the mean time in a loop of native code, s, the least of 30; and the number of floating-point
-    operations. The last two are None where the control law is not compiled, the native time also beyond 20 000
-    operations. Raises `IndexError` for a run without samples."""
+def tick_cost(controller: Controller[Any], run: Rollout, timed: bool) -> TickCost:
+    """Cost of a tick of a `controller`, which computes one torque: the number of floating-point operations, None where
+    the control law is not compiled; and where `timed`, over 1000 states of a `run`, the median time of a call from
+    Python, s, and the mean time in a loop of native code, s. Raises `IndexError` for a run without samples."""
+    kernel = controller.kernel
+    flops = None if kernel is None else kernel.operations.flops
+    if not timed:
+        return TickCost(flops=flops)
     picked = np.linspace(0, len(run.time) - 1, TIMED_TICKS).astype(int)
-    states = [run.p[picked], run.v[picked], run.reference_p[picked], run.reference_v[picked], run.reference_a[picked]]
-    called, kernel = _called(controller, states), controller.kernel
+    states = [part[picked] for part in (run.p, run.v, run.reference_p, run.reference_v, run.reference_a)]
+    memory = controller.init(states[0][0], states[1][0])
+    ticks = [(p, v, ReferencePoint(*reference)) for p, v, *reference in zip(*states, strict=True)]
+    called = float(np.median([_duration(controller.step, memory, *tick) for tick in ticks]))
     if kernel is None:
         return TickCost(called)
-    flops = kernel.operations.flops
-    if flops > LONG:
-        return TickCost(called, flops=flops)
-    memory = controller.init(run.p[0], run.v[0])
     kept = [np.concatenate([np.zeros(0), *leaves(memory)]), *([controller.packed] if controller.packed.size else [])]
     arguments = [*states, *(np.tile(part, (TIMED_TICKS, 1)) for part in kept)]
     results = [np.empty((TIMED_TICKS, *shape)) for shape in kernel.outputs]  # fresh ones would time page faults
-    native = min(_duration(partial(kernel.map, out=results), *arguments) for _ in range(REPETITIONS))
+    native = min(_duration(partial(kernel.map, out=results), *arguments) for _ in range(30))
     return TickCost(called, native / TIMED_TICKS, flops)
-
-
-def _called(controller: Controller[Any], states: list[Array]) -> float:
-    """Median time (s) of a tick called from Python."""
-    state = controller.init(states[0][0], states[1][0])
-    ticks = [(p, v, ReferencePoint(*reference)) for p, v, *reference in zip(*states, strict=True)]
-    return float(np.median([_duration(controller.step, state, *tick) for tick in ticks]))
 
 
 def _duration(function: Callable[..., object], *arguments: object) -> float:

@@ -13,7 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import Gains, Sinusoids, SlotineLi
 from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.experiments.contest import ADAPTATION_OFF, ADAPTIVE, Contender, Learning, Outcome, Told, listed
+from adaptctl.experiments.contest import ADAPTATION_OFF, ADAPTIVE, Contender, Learning, Outcome, Told, chosen_gains
 from adaptctl.experiments.experiment import FAR, require_count, setting
 from adaptctl.experiments.laws_measures import deviations
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
@@ -86,14 +86,9 @@ class IdentifyThenAdapt(Learning):
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
         """Gymnasium tracking environment of a `mechanism` on the sinusoids that the settings state."""
-        import gymnasium
-
-        return gymnasium.make(
-            "adaptctl.envs:adaptctl/Tracking-v0",
-            robot=mechanism,
-            reference=Sinusoids(np.array(self.center), np.array(self.amplitude), np.array(self.frequency)),
-            duration=self.duration,
-            control_period=self.control_period,
+        return self.tracking(
+            mechanism,
+            Sinusoids(np.array(self.center), np.array(self.amplitude), np.array(self.frequency)),
             initial_error=self.initial_error,
             error_bound=FAR,
             torque_limits=finite_torque_limits(mechanism),
@@ -124,11 +119,9 @@ class IdentifyThenAdapt(Learning):
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """Iterator over what the report says was chosen: gains and the first estimate."""
         gains = Gains.from_bandwidth(mechanism, self.bandwidth, self.ratio)
-        share = f"{100 * self.parameter_error:.0f} %"
-        yield Setting("Λ", listed(gains.bandwidth), "bandwidth of the tracking loop, 1/s, a joint each")
-        yield Setting("K", listed(gains.damping), "damping, N·m·s (N·s/m), a joint each")
-        yield Setting("Γ", f"{self.rate:g} × (deviation)²", f"deviation: {share} of each link's and drive's size")
-        yield Setting("first estimate", "identified from the first part of the log", "of every parameter")
+        rule = f"deviation: {100 * self.parameter_error:.0f} % of each link's and drive's size"
+        first = "identified from the first part of the log"
+        yield from chosen_gains(gains, f"{self.rate:g} × (deviation)²", rule, first)
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
         """Findings, an answer and figures on the `outcome`: errors of the first two seconds, by first estimate."""

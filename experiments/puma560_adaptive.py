@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -12,12 +12,11 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control import (
     AdaptationLaw,
+    ComputedTorque,
     Gains,
-    PriorRanges,
     Sinusoids,
     SlotineLi,
     Subspace,
-    adaptation_gain,
     mapped_gain,
 )
 from adaptctl.dynamics import Mechanism
@@ -25,13 +24,13 @@ from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import (
     ADAPTATION_OFF,
+    ADAPTIVE,
+    FULL,
     Contender,
-    Learning,
+    FromRanges,
     Outcome,
     Told,
-    from_nothing,
-    listed,
-    one_controller,
+    chosen_gains,
 )
 from adaptctl.experiments.experiment import require_count, setting
 from adaptctl.identifiability import (
@@ -43,6 +42,7 @@ from adaptctl.identifiability import (
     states_within_limits,
 )
 from adaptctl.recording import Finding, Setting, wording
+from adaptctl.tuning.verification import scaled_links
 
 if TYPE_CHECKING:
     import gymnasium
@@ -55,11 +55,11 @@ STATES = 101
 """states within the joints' limits over which components are sorted by their energy"""
 REFERENCE = ("center", "amplitude", "frequency", "start_time")
 ENVIRONMENT = ("duration", "control_period", "initial_error")
-"""Settings that are those of `Sinusoids`, and of a tracking environment."""
+"""Settings that the reference and the environment are made of."""
 
 
 @dataclass(frozen=True)
-class Puma560Adaptive(Learning):
+class Puma560Adaptive(FromRanges):
     """Experiment of learning to track sinusoids, one a joint, from zero initial estimates of an arm's inertial
     parameters; or, with `components`, of adapting only the essential components that carry the most energy, and of
     holding them at their true values. Raises `InputError` at construction for settings of the wrong type, out of their
@@ -68,20 +68,12 @@ class Puma560Adaptive(Learning):
     name: ClassVar[str] = "puma560-adaptive"
     title: ClassVar[str] = "PUMA 560: learning to track from knowing nothing"
     joints: ClassVar[int] = 6
-    environment_id: ClassVar[str] = "adaptctl/Puma560Tracking-v0"
+    environment_id: ClassVar[str] = "Puma560Tracking"
     asks: ClassVar[str] = "The PUMA 560 follows sinusoids in all six joints."
 
     robot: str = setting("puma560", "puma560 (Sheu and Walker 1991), or another arm of six joints")
-    bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=100.0)
     damping: tuple[float, ...] = setting(
         (90.0, 150.0, 70.0, 20.0, 16.0, 18.0), "damping of each joint, N m s", symbol="K", low=1e-3, high=1e4
-    )
-    rate: float = setting(
-        0.6,
-        "adaptation rate: the gain is it times the square of each parameter's prior range",
-        symbol="Γ",
-        low=1e-6,
-        high=1e3,
     )
     mass_range: float = setting(5.0, "prior range of masses, kg", low=1e-3, high=1e3)
     first_moment_range: float = setting(2.0, "prior range of first moments, kg m", low=1e-3, high=1e3)
@@ -140,15 +132,9 @@ class Puma560Adaptive(Learning):
                 f"robot: {mechanism.name} has {mechanism.dof} joints, this experiment is for {self.joints}; "
                 "use the experiment 'adaptive'"
             )
-        import gymnasium
-
-        return gymnasium.make(
-            f"adaptctl.envs:{self.environment_id}",
-            robot=mechanism,
-            reference=Sinusoids(**{name: getattr(self, name) for name in REFERENCE}),
-            torque_limits=self.torque_limits(mechanism),
-            **{name: getattr(self, name) for name in ENVIRONMENT},
-        )
+        reference = Sinusoids(**{name: getattr(self, name) for name in REFERENCE})
+        more = {"torque_limits": self.torque_limits(mechanism), "initial_error": self.initial_error}
+        return self.tracking(mechanism, reference, self.environment_id, **more)
 
     def task(self, mechanism: Mechanism) -> tuple[Any, ...]:
         """All that the experiment's environment for a `mechanism` is made of: settings, which compare."""
@@ -163,18 +149,9 @@ class Puma560Adaptive(Learning):
         """Options of the environment's reset: the payload, where there is one."""
         return {"payload": self.payload} if self.payload > 0.0 else {}
 
-    @property
-    def ranges(self) -> PriorRanges:
-        """Prior ranges (greatest plausible errors) of masses, first moments and inertias, from the settings."""
-        return PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
-
     def gains(self, mechanism: Mechanism) -> Gains:
         """Gains of the tracking loop, from the settings: bandwidth, 1/s, and damping, N m s/rad, (r,) each."""
         return Gains(np.full(self.joints, self.bandwidth), np.array(self.damping))
-
-    def adaptation(self, model: ReducedModel) -> Array:
-        """Diagonal (k,) of the adaptation gain for a `model`'s k parameters: `rate` times the squared prior ranges."""
-        return adaptation_gain(model, self.ranges, self.rate)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Controllers to compare: Slotine and Li's law from zero on the k fundamental (base) parameters, the subject,
@@ -234,10 +211,7 @@ class Puma560Adaptive(Learning):
         """Iterator over what the report says was chosen: gains, the first estimate and the reference's formula."""
         ranges = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
         rule = "; ".join(f"{self.rate:g}·({value:g} {unit})²" for value, unit in ranges)
-        yield Setting("Λ", listed(np.full(self.joints, self.bandwidth)), "bandwidth of the tracking loop, 1/s")
-        yield Setting("K", listed(np.array(self.damping)), "damping, N·m·s (N·s/m), a joint each")
-        yield Setting("Γ", rule, "adaptation gain: rate × (prior range)²")
-        yield Setting("first estimate", "0", "of every parameter")
+        yield from chosen_gains(self.gains(mechanism), rule, "adaptation gain: rate × (prior range)²")
         law, fade = "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)", f"{self.start_time:g} s"
         yield Setting("reference", law, f"fade is a quintic from rest over {fade}")
 
@@ -271,6 +245,58 @@ class Puma560Adaptive(Learning):
         )
         drawing = Drawing("components", caption, partial(error_by_count, self.components, last, energies, unit))
         return Told(findings, answer, (drawing,))
+
+
+def from_nothing(
+    mechanism: Mechanism,
+    basis: FundamentalBasis,
+    law: Callable[[ReducedModel, Array | None], SlotineLi],
+    gain: Callable[[ReducedModel], Array],
+    bandwidth: Array,
+    share: float,
+    seed: int,
+) -> list[Contender]:
+    """Controllers that start from knowing nothing, or something, of an arm: Slotine and Li's `law(model, gain)` from
+    estimates of zero on the k fundamental (base) parameters in `basis`, the subject; the same with adaptation off;
+    computed torque with true parameters, with those of a model whose links are off by the fraction `share`, up or down
+    by `seed`, and with zeros; and the law on all P. `gain(model)` is the adaptation gain, `bandwidth` (r,) in 1/s.
+    Raises `InputError` for a basis of another geometry."""
+    model, full = ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
+    true, k, P = mechanism.inertial_parameters, len(basis.columns), len(mechanism.parameter_names)
+    off = f"{100 * share:.0f} % off"
+
+    def computed_torque(parameters: Array) -> ComputedTorque:
+        return ComputedTorque(mechanism, bandwidth, parameters=parameters)
+
+    return [
+        Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", lambda: law(model, gain(model))),
+        Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", lambda: law(model, None)),
+        Contender("computed-torque", "Computed torque, true model", "everything", lambda: computed_torque(true)),
+        Contender(
+            "computed-torque-wrong",
+            f"Computed torque, model {off}",
+            f"links {off}",
+            lambda: computed_torque(scaled_links(mechanism, share, seed)),
+        ),
+        Contender("computed-torque-none", "Computed torque, no model", "nothing", lambda: computed_torque(0.0 * true)),
+        Contender(FULL, f"Slotine-Li, all {P} parameters", "nothing", lambda: law(full, gain(full))),
+    ]
+
+
+def one_controller(outcome: Outcome, mapped: str) -> Iterator[Finding]:
+    """Finding with the largest difference, N m (N if prismatic), between the commanded torques of the run named
+    `mapped`, on k parameters with its gain mapped from that of all P, and of the run on all P: round-off, since the two
+    are one controller. None where either is missing."""
+    if not {mapped, FULL} <= set(outcome.run):
+        return
+    one, other = (outcome.run[name].rollout for name in (mapped, FULL))
+    common, sizes = min(len(one.time), len(other.time)), [run.estimate.shape[1] for run in (one, other)]
+    yield Finding(
+        "torque_difference_reduced_full",
+        float(np.abs(one.torque[:common] - other.torque[:common]).max(initial=0.0)),
+        "N m",
+        f"largest difference between the torques of {sizes[0]} and of {sizes[1]} adapted parameters, Γ mapped",
+    )
 
 
 def error_by_count(counts: tuple[int, ...], last: dict[str, float], percent_errors: Array, unit: str) -> Figure:

@@ -17,7 +17,7 @@ class SemiDirectDriveAdaptive(Puma560Adaptive):
     name: ClassVar[str] = "semi-direct-drive-adaptive"
     title: ClassVar[str] = "Semi-direct-drive arm: learning to track through a closed loop"
     joints: ClassVar[int] = 3
-    environment_id: ClassVar[str] = "adaptctl/SemiDirectDriveTracking-v0"
+    environment_id: ClassVar[str] = "SemiDirectDriveTracking"
     asks: ClassVar[str] = (
         "Two motors on a turning pillar move a five-bar linkage, whose forearm follows through a closed loop."
     )

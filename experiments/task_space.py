@@ -5,33 +5,67 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array
-from adaptctl.control import Composite, ComputedTorque, SlotineLi, TaskSpaceSlotineLi
+from adaptctl.control import (
+    Composite,
+    ComputedTorque,
+    Gains,
+    Sinusoids,
+    SlotineLi,
+    Spline,
+    TaskSpaceSlotineLi,
+)
 from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.errors import InputError
-from adaptctl.experiments.contest import ADAPTATION_OFF, Contender, Learning, Outcome, Told, listed
+from adaptctl.experiments.contest import ADAPTATION_OFF, Contender, FromRanges, Outcome, Told, chosen_gains, over_time
 from adaptctl.experiments.experiment import require_count, setting
-from adaptctl.experiments.tip_path import ARMS, ArmWithTip, TipPath
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import ControllerRun, Finding, Leading, Setting, wording
-from adaptctl.recording.comparison import color_places
+from adaptctl.recording import Finding, Leading, Setting, wording
 
 if TYPE_CHECKING:
     import gymnasium
-    from matplotlib.figure import Figure
 
+KNOT = 0.02
+"""s between the samples that inverse kinematics turns into joints"""
+AHEAD = 1.0
+"""s beyond the end that a reference is asked for"""
+
+
+class ArmWithTip(NamedTuple):
+    """Arm of three degrees of freedom and the point on it, its tip, that is to follow a path: `name`, short and fit for
+    a file; `label`, for legends; `robot`, the built-in's name; `link`, the name of the tip's link, and `tip`, the point
+    (x, y, z), m, in that link's frame; `start`, joint positions (rad) from which inverse kinematics starts, which
+    select one of its solutions, such as elbow up; and `printed_rank`, the number of independent parameters in Table 13
+    of Sheu and Walker (1991). Nothing is checked at construction."""
+
+    name: str
+    label: str
+    robot: str
+    link: str
+    tip: tuple[float, float, float]
+    start: tuple[float, float, float]
+    printed_rank: int
+
+
+ARMS = (
+    # The forearm to the flange, with the wrist held straight: d4 + d6 of the PUMA 560, along link 3's z axis.
+    ArmWithTip("serial", "Three-joint PUMA", "puma560_arm3", "link3", (0.0, 0.0, 0.48935), (0.0, -1.5, 3.0), 16),
+    # The forearm's end: 0.5 m past the elbow, which is 0.41 m from its frame.
+    ArmWithTip("graph", "Five-bar", "semi_direct_drive", "link5", (0.91, 0.0, 0.0), (0.0, -1.5, -3.1), 26),
+)
+START_TIME = 2.0
+"""s: length of the smooth (quintic) start"""
 BEGINNING, END = 1.0, 2.0
 """s at the start and at the end of a run over which the tool's error is averaged"""
 
 
 @dataclass(frozen=True)
-class TaskSpaceTracking(TipPath, Learning):
+class TaskSpaceTracking(FromRanges):
     """Experiment of tracking a path of a tool in the world by Slotine and Li's law in task space, from zero initial
     estimates, against the same law in joints by inverse kinematics. Raises `InputError` at construction for settings
     of the wrong type, out of their bounds, or not three for x, y and z, `NonFiniteError` for NaN or infinity."""
@@ -40,20 +74,9 @@ class TaskSpaceTracking(TipPath, Learning):
     title: ClassVar[str] = "{robot}: a tool on a path in the world"
 
     robot: str = setting("puma560_arm3", "puma560_arm3, or semi_direct_drive, whose tool moves through a closed loop")
-    bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=100.0)
     stiffness: float = setting(
         3.0, "damping K is this times Λ times each joint's typical inertia", symbol="K/(Λ I)", low=0.1, high=100.0
     )
-    rate: float = setting(
-        0.6,
-        "adaptation rate: the gain is it times the square of each parameter's prior range",
-        symbol="Γ",
-        low=1e-6,
-        high=1e3,
-    )
-    mass_range: float = setting(10.0, "prior range of masses, kg", low=1e-3, high=1e3)
-    first_moment_range: float = setting(4.0, "prior range of first moments, kg m", low=1e-3, high=1e3)
-    inertia_range: float = setting(1.0, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
     singularity: float = setting(0.1, "damping of the damped Jacobian, m", symbol="μ", low=0.0, high=10.0)
     prediction: float = setting(
         100.0, "weight of torque prediction errors in parts of the torque limits, N m/s", symbol="R", low=1e-6, high=1e9
@@ -82,16 +105,25 @@ class TaskSpaceTracking(TipPath, Learning):
         """Gymnasium tracking environment of a `mechanism`, whose reference in joints follows the path by inverse
         kinematics. Raises `InputError` for a robot whose tool is not known, and for a path that is out of reach or
         passes a singularity."""
-        import gymnasium
+        return self.tracking(mechanism, self.reference(mechanism), initial_error=self.initial_error)
 
-        return gymnasium.make(
-            "adaptctl.envs:adaptctl/Tracking-v0",
-            robot=mechanism,
-            reference=self.in_joints(self.tip(mechanism), self.arm),
-            duration=self.duration,
-            control_period=self.control_period,
-            initial_error=self.initial_error,
-        )
+    @property
+    def path(self) -> Sinusoids:
+        """Desired path of the tool in the world: positions x, y, z in m, with velocities and accelerations."""
+        amplitude, frequency, phase = map(np.array, (self.amplitude, self.frequency, self.phase))
+        return Sinusoids(np.array(self.center), amplitude, frequency, phase, START_TIME)
+
+    def reference(self, mechanism: Mechanism) -> Spline:
+        """Reference of a `mechanism`'s three joints, positions in rad, that moves its tool along the path, by inverse
+        kinematics every 0.02 s and a spline of degree 5 through these, to 1 s beyond the run's end. Raises `InputError`
+        for a path that is out of reach or passes a singularity."""
+        times = np.arange(0.0, self.duration + AHEAD + KNOT, KNOT)
+        return Spline(self.tip(mechanism).joints(self.path(times).p, np.array(self.arm.start)), times)
+
+    def gains(self, mechanism: Mechanism) -> Gains:
+        """Gains of the tracking loop for the joints of a `mechanism`, from its typical inertia. Raises `InputError`
+        where that is not positive."""
+        return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
 
     @property
     def arm(self) -> ArmWithTip:
@@ -105,7 +137,7 @@ class TaskSpaceTracking(TipPath, Learning):
     def tip(self, mechanism: Mechanism) -> Tip:
         """Tool of a `mechanism`, a point of one of its links. Raises `InputError` for a robot whose tool is not
         known."""
-        return self.arm.on(mechanism)
+        return Tip(mechanism, self.arm.link, np.array(self.arm.tip))
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Controllers to compare: the task-space law with gradient adaptation, the subject, with adaptation off, with
@@ -144,11 +176,10 @@ class TaskSpaceTracking(TipPath, Learning):
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """Iterator over what the report says was chosen: gains, the path, and the tool in its link's frame."""
-        gains = self.gains(mechanism)
-        yield Setting("Λ", listed(gains.bandwidth), "bandwidth of the tracking loop, 1/s, a joint each")
-        yield Setting("K", listed(gains.damping), "damping, N·m·s (N·s/m), a joint each")
-        yield Setting("first estimate", "0", "of every parameter")
-        yield from self.path_settings("tool")
+        yield from chosen_gains(self.gains(mechanism))
+        law = "x(t) = centre + fade(t) · amplitude · sin(2π · frequency · t + phase)"
+        yield Setting("path", law, "of the tool, in the world")
+        yield Setting("reference", f"spline of degree 5, knots every {KNOT:g} s", "in joints, by inverse kinematics")
         yield Setting("tool", " ".join(f"{x:g}" for x in self.arm.tip), f"m, in the frame of {self.arm.link}")
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
@@ -170,30 +201,13 @@ class TaskSpaceTracking(TipPath, Learning):
                 last[run.name] = 1e3 * float(np.sqrt(np.mean(errors[run.name][inside] ** 2)))
                 meaning = f"{run.label}: the tool's RMS error, {what} {length:g} s"
                 findings.append(Finding(f"{what}_tool_error.{run.name}", last[run.name], "mm", meaning))
-        on, off = (wording.number(last.get(name)) for name in ("task-space", ADAPTATION_OFF))
+        on, off = (wording.number(last.get(name)) for name in (outcome.runs[0].name, ADAPTATION_OFF))
         least = min(last, key=lambda name: last[name])
         answer = (
             f"In the last {END:g} s the tool is off its path by {on} mm (RMS), with adaptation off by {off} mm. The "
             f"least of all controllers is {wording.number(last[least])} mm ({outcome.run[least].label})."
         )
-        places = color_places(outcome.runs)
-        curves = [(places[run.name], run, errors[run.name]) for run in outcome.runs]
         caption = "Distance of the tool from its path, one line a controller (logarithmic scale)."
-        drawing = Drawing("tool-error", caption, partial(tool_errors, curves))
+        millimetres = {name: 1e3 * values for name, values in errors.items()}
+        drawing = Drawing("tool-error", caption, partial(over_time, outcome.runs, millimetres, "tool error [mm]"))
         return Told(findings, answer, (drawing,), Leading("Distance of the tool from its path", "mm", errors))
-
-
-def tool_errors(curves: list[tuple[int, ControllerRun, Array]]) -> Figure:
-    """Matplotlib figure of the tool's errors, mm (logarithmic), over time, s, a line for each of `curves`: the colour's
-    place in the palette, the run, and its errors (T,), m."""
-    from adaptctl.recording.drawing import run_color, sheet, thinned
-
-    figure = sheet(3.8)
-    axes = figure.subplots()
-    for i, run, values in curves:
-        every = thinned(len(values), 600)
-        axes.semilogy(run.rollout.time[every], 1e3 * values[every], color=run_color(i).hex, label=run.label)
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("tool error [mm]")
-    figure.legend(loc="outside upper left", ncols=3)
-    return figure

@@ -46,7 +46,7 @@ class TwoArms(Puma560Adaptive):
     name: ClassVar[str] = "two-arms"
     title: ClassVar[str] = "Two arms and a rod: learning to track as one mechanism"
     joints: ClassVar[int] = 6
-    environment_id: ClassVar[str] = "adaptctl/Tracking-v0"
+    environment_id: ClassVar[str] = "Tracking"
     asks: ClassVar[str] = (
         "Two PUMAs stand face to face and hold one rod: one mechanism of twelve links with a closed loop, which moves "
         "with six degrees of freedom, in the left arm's joints. Torques are what the motors of both arms give together "

@@ -44,14 +44,6 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture
-def untimed_lanes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No law is compiled in lanes only to find out how long a tick takes there."""
-    from adaptctl.experiments import contest
-
-    monkeypatch.setattr(contest, "LONG", 0)
-
-
-@pytest.fixture
 def any_processor(monkeypatch: pytest.MonkeyPatch) -> None:
     """Native code for all that the processor has, whatever the tests are limited to."""
     monkeypatch.delenv("ADAPTCTL_PROCESSOR", raising=False)

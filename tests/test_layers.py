@@ -46,7 +46,7 @@ LONGEST = 400
 ABOUT = {
     "pinocchio": {"description.readers.pinocchio_model"},
     "matplotlib": {"envs.rendering", "experiments.replication"},
-    "rerun": {"recording", "experiments.replication"},
+    "rerun": {"recording"},
     "pyarrow": {"sweeps.folder", "sweeps.report"},
     "gymnasium": {"envs"},
     "rich": set(),

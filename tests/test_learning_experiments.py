@@ -18,8 +18,6 @@ from adaptctl.simulation import Rollout, rollout, simulate
 CONSISTENT = ("consistent-lift", "natural")
 SMALL = "docs/examples/two_link.toml"
 
-pytestmark = pytest.mark.usefixtures("untimed_lanes")
-
 
 def found(comparison: Comparison) -> dict[str, float]:
     return {finding.name: finding.value for finding in comparison.findings}

@@ -25,8 +25,6 @@ from adaptctl.experiments.laws_outcome import _rubbed
 from adaptctl.identifiability import essential_space, fundamental_basis
 from adaptctl.recording.report import write_artifacts
 
-pytestmark = pytest.mark.usefixtures("untimed_lanes")
-
 
 def found(content: dict[str, Any], name: str) -> float:
     return float(content["findings"][name]["value"])

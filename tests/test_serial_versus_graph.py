@@ -17,10 +17,16 @@ from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments import find
+from adaptctl.experiments.replication.closed_loop import START_OFF
 from adaptctl.experiments.sheu_walker_1991 import SheuWalker1991, chosen
-from adaptctl.experiments.tip_path import ARMS
+from adaptctl.experiments.task_space import ARMS, TaskSpaceTracking
 
 FIVE_BAR = ARMS[1]
+TIP_ERRORS = (
+    ("first_tool_error", "adaptive"),
+    ("final_tool_error", "adaptive"),
+    ("final_tool_error", "adaptation-off"),
+)
 COMMAND = ("experiment", "run", "sheu-walker-1991", "--only", "serial-versus-graph")
 
 
@@ -50,7 +56,7 @@ def test_inverse_kinematics_finds_joints_that_put_the_tip_there(tip: Tip, goal: 
 
 
 def test_inverse_kinematics_of_many_goals_is_that_of_each(tip: Tip) -> None:
-    goals = SheuWalker1991().path(np.linspace(0.0, 10.0, 6)).p
+    goals = TaskSpaceTracking().path(np.linspace(0.0, 10.0, 6)).p
     each = [tip.joints(goal, FIVE_BAR.start) for goal in goals]
     np.testing.assert_allclose(tip.joints(goals, FIVE_BAR.start), each, atol=1e-10)
 
@@ -66,8 +72,8 @@ def test_what_is_out_of_reach_is_told(tip: Tip) -> None:
 
 @pytest.mark.parametrize("duration", [4.0])
 def test_the_reference_keeps_the_tip_on_its_path(tip: Tip, duration: float) -> None:
-    experiment = SheuWalker1991(duration=duration)
-    reference = experiment.in_joints(tip, FIVE_BAR)
+    experiment = TaskSpaceTracking(robot=FIVE_BAR.robot, duration=duration)
+    reference = experiment.reference(tip.mechanism)
     times = np.linspace(0.0, duration, 173)
     np.testing.assert_allclose(tip.at(reference(times).p), experiment.path(times).p, atol=1e-6)
 
@@ -112,35 +118,37 @@ def test_both_learn_to_follow_the_path(arms: dict[str, Any]) -> None:
     for arm in arms.values():
         assert arm["lyapunov_max_increase"] == 0.0
         assert arm["clipped_steps"] == 0
-        assert arm["final_tip_rms_error"] < 0.2 * arm["first_tip_rms_error"]
-        assert arm["final_tip_rms_error"] < 0.5 * arm["final_tip_rms_errors"]["adaptation-off"]
+        first, last, off = (arm["findings"][f"{what}.{run}"]["value"] for what, run in TIP_ERRORS)
+        assert last < 0.2 * first
+        assert last < 0.5 * off
 
 
 def test_both_start_equally_far_off_the_path(out: Path) -> None:
     """0.05 m in each direction; the same path, whatever the joints."""
-    start = np.array(SheuWalker1991().start_off)
     for arm in ARMS:
-        table = pq.read_table(out / f"trace-{arm.name}.parquet")
+        table = pq.read_table(out / arm.name / "trace.parquet")
         names = [name for name in table.column_names if name.startswith("p.")]
         if arm is FIVE_BAR:
             tip = Tip(load(arm.robot), arm.link, np.array(arm.tip))
             first = np.array([table[name][0].as_py() for name in names])
-            np.testing.assert_allclose(tip.at(first) - SheuWalker1991().path_center, start, atol=1e-9)
+            np.testing.assert_allclose(tip.at(first) - TaskSpaceTracking().center, START_OFF, atol=1e-9)
         assert table.num_rows == 5000
 
 
 def test_the_report_says_why_not_16_and_the_recording_is_there(out: Path) -> None:
     page = (out / "report.html").read_text()
-    assert page.count("There is no live arm of") == 2
-    assert "its reference is no sum of sinusoids, but a" in page
     assert "the paper prints 16" in page
-    assert {path.stem for path in (out / "figures").iterdir()} == {"operations", "tip-path", "tip-error", "lyapunov"}
-    assert (out / "recording.rrd").stat().st_size > 100_000
+    assert "in the folder serial" in page
+    assert [path.stem for path in (out / "figures").iterdir()] == ["tip-error"]
+    assert (out / "recording.rrd").stat().st_size > 1000
+    for arm in ARMS:
+        assert "its reference is no sum of sinusoids, but a" in (out / arm.name / "report.html").read_text()
+        assert (out / arm.name / "recording.rrd").stat().st_size > 100_000
 
 
 def test_paths_have_three_coordinates() -> None:
-    with pytest.raises(InputError, match="path_amplitude: expected 3 numbers"):
-        SheuWalker1991(path_amplitude=(0.1, 0.2))
+    with pytest.raises(InputError, match="amplitude: expected 3 numbers"):
+        TaskSpaceTracking(amplitude=(0.1, 0.2))
 
 
 def test_the_old_name_answers_with_the_new_command() -> None:

@@ -39,10 +39,10 @@ ALL = slice(None)
 class TickCost:
     """Cost of one control tick, the computation of one torque vector, in time and in operations. `called`, s, is the
     median time of a call from Python; `native`, s, the mean time of one tick within a loop over many states in native
-    code; `flops`, the number of additions, subtractions, multiplications, divisions and negations. The last two are
-    None, the default, where not known. Nothing is checked at construction."""
+    code; `flops`, the number of additions, subtractions, multiplications, divisions and negations. Each is None, the
+    default, where it is not known. Nothing is checked at construction."""
 
-    called: float
+    called: float | None = None
     native: float | None = None
     flops: int | None = None
 

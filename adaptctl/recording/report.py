@@ -38,8 +38,9 @@ SOURCE = (
     "Journal of Robotics Research 6(3), 1987."
 )
 COSTS = (
-    "Floating-point operations are counted in the compiled law. Times are of this machine: native within a loop over "
-    "many states, the copying of states included; called as an experiment calls it, one tick at a time from Python."
+    "Floating-point operations are counted in the law as it is compiled. Times are told where they were asked for, of "
+    "this machine: native within a loop over many states, the copying of states included; called from Python, one tick "
+    "at a time."
 )
 
 
@@ -160,7 +161,7 @@ def _costs(comparison: Comparison) -> Table:
     for cost in (run.cost for run in comparison.runs):
         flops = f"{cost.flops:,}" if cost and cost.flops is not None else "–"
         native = f"{1e9 * cost.native:,.0f} ns" if cost and cost.native else "–"
-        rows.append((flops, native, f"{1e6 * cost.called:.1f} µs" if cost else "–"))
+        rows.append((flops, native, f"{1e6 * cost.called:.1f} µs" if cost and cost.called else "–"))
     return _of_runs(comparison, ("operations", "native", "called"), rows, "lrrr")
 
 

@@ -1,30 +1,42 @@
-"""The paper's arms, random draws of their states, and the sinusoid that is stated in place of its unprinted one."""
+"""The paper's arms and what its tables ask of each: random draws, torques along a sinusoid, orders, bases."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array, stacked, stacked_rows, whole_count
+from adaptctl.arrays import Array, whole_count
 from adaptctl.caching import cached_property
 from adaptctl.description import Pose
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.experiments.replication.printed import BLANK, Number, Printed, PrintedTable
-from adaptctl.identifiability import EssentialSpace, Reduction, essential_space, reduce
-from adaptctl.scalars import column
+from adaptctl.experiments.replication.judging import BLANK, Entry, Number, Paper, Printed, RoundOff, percent
+from adaptctl.identifiability import (
+    EssentialSpace,
+    FundamentalBasis,
+    Priority,
+    Reduction,
+    essential_space,
+    fundamental_basis,
+    reduce,
+)
 
-GRID = 65
-"""Closed configurations over the loop's whole range, from which any other is one short step away."""
 FROM, TO, FASTEST = "position from [rad]", "position to [rad]", "velocity to [rad/s]"
+ENERGY = "energy error [%]"
 NAMES = {"I_x": "I_xx", "I_y": "I_yy", "I_z": "I_zz"}
 """The paper's moments of inertia; its other names are ours."""
 PRODUCTS = ("I_xy", "I_xz", "I_yz")
 """In the paper +integral xy dm, here the tensor's own entries."""
 THRESHOLD = float(np.sqrt(np.finfo(np.float64).eps))
 """The paper's, of singular values as a share of the largest: the square root of the machine precision."""
+ROUND_OFF = 1e-15
+"""(N m)^2 or percent: what is left when every component is kept stays below"""
+CLOSE = (0.05, 0.01, 0.001)
+"""Root mean square torque errors, over the torque's own, that may be called very close; the first one judges."""
 
 
 def index(row: str, link: str) -> int:
@@ -40,7 +52,7 @@ def sign(row: str) -> float:
     return -1.0 if row in PRODUCTS else 1.0
 
 
-def parameters(table: PrintedTable, half_units: bool = False) -> Array:
+def parameters(table: Printed, half_units: bool = False) -> Array:
     """Inertial parameters (10 N,) of N links in a printed `table`, in this package's order, signs and SI units, blanks
     as zeros; with `half_units`, half a unit of the last printed digit of each instead. Raises `InputError` for an entry
     that is no number."""
@@ -52,19 +64,13 @@ def parameters(table: PrintedTable, half_units: bool = False) -> Array:
     return out
 
 
-def kept(table: PrintedTable) -> tuple[int, ...]:
-    """Indices, ascending, of the parameters for which a printed `table` has a cross or a number."""
-    return tuple(sorted(index(row, link) for row, link, text in table.entries() if text != BLANK))
-
-
 def paper_rank(singular_values: Array) -> Array:
     """Rank of each of several matrices (...) by the paper's rule (section 3.1): how many of its `singular_values`
     (..., P), in descending order, are above its threshold. Raises `IndexError` for a single number."""
     return np.count_nonzero(singular_values > THRESHOLD * singular_values[..., :1], axis=-1)
 
 
-@dataclass(frozen=True, eq=False)
-class StatedMotion:
+class StatedMotion(NamedTuple):
     """Motion of an arm of r joints along a sinusoid: `time` (T,) in s, positions `p` (T, r) in rad, and torque
     regressors `Y` (T, r, P), N m per SI unit: Y D is the torque (T, r) of the parameters D (P,)."""
 
@@ -74,16 +80,15 @@ class StatedMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class SampledArm:
-    """Arm, a `mechanism`, with the box from which the paper samples its states: positions p = X u (rad) of r joints
-    with X the matrix `mixing` (r, r) and u (r,) between `lower` and `upper`, and velocities (rad/s) between minus and
-    plus `fastest` (r,) times a factor. For the semi-direct-drive arm u is p1, p2 and p2 - p3, which Table 9 bounds."""
+class Arm:
+    """Arm of a study, a `mechanism`, with what follows from it, computed when first asked for. `bounds` names the
+    paper's table of its ranges and `priority` that of the order in which its parameters are removed. For a
+    semi-direct-drive arm the bounded coordinates u are p1, p2 and p2 - p3."""
 
+    study: Study
     mechanism: Mechanism
-    lower: Array
-    upper: Array
-    mixing: Array
-    fastest: Array
+    bounds: str = "table9"
+    priority: str = "table11"
 
     @cached_property
     def space(self) -> EssentialSpace:
@@ -95,105 +100,61 @@ class SampledArm:
         """Inertial parameters D (P,) of the arm, SI units."""
         return self.mechanism.inertial_parameters
 
+    @cached_property
+    def box(self) -> Array:
+        """Least and greatest u (rad) and fastest velocities (rad/s) from the printed table, (3, r)."""
+        rows = self.study.paper.items[self.bounds].rows
+        return np.array([[float(x) for x in rows[label].split() if x != BLANK] for label in (FROM, TO, FASTEST)])
+
+    def positions(self, u: Array) -> Array:
+        """Positions (..., r), rad, or their rates, of bounded coordinates `u` (..., r)."""
+        return (
+            u
+            if self.mechanism.description.loops is None
+            else np.stack([u[..., 0], u[..., 1], u[..., 1] - u[..., 2]], -1)
+        )
+
     def states(self, generator: np.random.Generator, samples: int, velocity_scale: float) -> tuple[Array, Array]:
         """Random positions (rad) and velocities (rad/s), (`samples`, r) each, drawn by `generator`; `velocity_scale`
         times the arm's bound is the largest velocity."""
-        u = generator.uniform(self.lower, self.upper, (samples, len(self.lower)))
-        v = velocity_scale * generator.uniform(-self.fastest, self.fastest, u.shape)
-        return u @ self.mixing.T, v
-
-    def sinusoid(self, frequency: float, samples: int) -> StatedMotion:
-        """Motion over one period of a sinusoid of `frequency` (Hz) at `samples` even times, the last a period after the
-        first: every bounded coordinate moves through its whole range, all in phase."""
-        time = np.linspace(0.0, 1.0 / frequency, samples)
-        rate = 2.0 * np.pi * frequency
-        sine, cosine = np.sin(rate * time)[:, None], np.cos(rate * time)[:, None]
-        center, half = 0.5 * (self.lower + self.upper), 0.5 * (self.upper - self.lower)
-        parts = (center + half * sine, rate * half * cosine, -(rate**2) * half * sine)
-        p, v, a = (part @ self.mixing.T for part in parts)
-        rows = self.mechanism.equations.torque_regressor(
-            column(self._configuration(p)), column(v), column(v), column(a), range(len(self.parameters))
-        )
-        return StatedMotion(time, p, stacked_rows(rows, time.shape))
-
-    def energies(self, p: Array, v: Array) -> Array:
-        """Energy regressors (..., P), J per SI unit, at positions `p` (rad) and velocities `v` (rad/s), (..., r)."""
-        E = self.mechanism.equations.energy_regressor(column(self._configuration(p)), column(v))
-        return stacked(E.of, p.shape[:-1])
-
-    def _configuration(self, p: Array) -> Array:
-        """U(p) (..., n), from the nearest of a grid of closed configurations: a short way, forty times as fast."""
-        return self.mechanism.configuration(p, None if self.mechanism.continuation is None else self._near(p))
-
-    def _near(self, p: Array) -> Array:
-        """Closed configurations (..., n) near primary positions: p2 and p3 may turn together without opening a loop."""
-        bends, closed = self._closed
-        place = np.rint((p[..., 1] - p[..., 2] - bends[0]) / (bends[1] - bends[0])).astype(int)
-        bend, near = bends[place], closed[place].copy()
-        near[..., :3] = np.stack([p[..., 0], p[..., 1], p[..., 1] - bend], axis=-1)
-        return near
+        lower, upper, fastest = self.box
+        u = generator.uniform(lower, upper, (samples, len(lower)))
+        return self.positions(u), velocity_scale * generator.uniform(-fastest, fastest, u.shape)
 
     @cached_property
-    def _closed(self) -> tuple[Array, Array]:
-        """Values of p2 - p3 over its range (GRID,), and closed configurations (GRID, n) there."""
-        bends = np.linspace(self.lower[2], self.upper[2], GRID)
-        p = np.stack([np.zeros(GRID), np.full(GRID, -np.pi / 2), -np.pi / 2 - bends], axis=-1)
-        return bends, self.mechanism.configuration(p)
+    def motion(self) -> StatedMotion:
+        """Motion over one period of the study's sinusoid: every bounded coordinate moves through its whole range, all
+        in phase."""
+        rate, (lower, upper, _) = 2.0 * np.pi * self.study.frequency, self.box
+        time = np.linspace(0.0, 1.0 / self.study.frequency, self.study.motion_samples)
+        sine, cosine = np.sin(rate * time)[:, None], np.cos(rate * time)[:, None]
+        half = 0.5 * (upper - lower)
+        parts = (0.5 * (lower + upper) + half * sine, rate * half * cosine, -(rate**2) * half * sine)
+        p, v, a = map(self.positions, parts)
+        return StatedMotion(time, p, self.mechanism.torque_regressor(p, v, a))
 
+    @cached_property
+    def differences(self) -> Array:
+        """Energy differences H (seeds, samples - 1, P), J per SI unit, of a draw a seed."""
+        s = self.study
+        generators = map(np.random.default_rng, range(s.seed, s.seed + s.seeds))
+        p, v = map(np.stack, zip(*(self.states(one, s.samples, s.velocity_scale) for one in generators), strict=True))
+        return np.diff(self.mechanism.energy_regressor(p, v), axis=1)
 
-def puma560(tables: Printed) -> SampledArm:
-    """PUMA 560 with the parameters of Table 6 and the box of Table 1 in `tables`. Gives a
-    `PhysicalConsistencyWarning`, since no rigid bodies have these parameters."""
-    lower, upper, fastest = tables.tables["table1"].values(FROM, TO, FASTEST)
-    return SampledArm(load("puma560"), lower, upper, np.eye(6), fastest)
+    @cached_property
+    def singular_values(self) -> Array:
+        """Singular values (seeds, P) of the draws' energy differences, J per SI unit."""
+        return np.asarray(np.linalg.svd(self.differences, compute_uv=False))
 
-
-def semi_direct_drive(tables: Printed, mechanism: Mechanism | None = None) -> SampledArm:
-    """Semi-direct-drive arm with the box of Table 9 in `tables`: the built-in one, or a `mechanism` of its kind."""
-    rows = {label: row.split() for label, row in tables.tables["table9"].rows.items()}
-    lower, upper = (np.array([float(rows[label][column]) for column in (0, 1, 3)]) for label in (FROM, TO))
-    mixing = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, -1.0]])
-    fastest = np.array([float(text) for text in rows[FASTEST][:3]])
-    return SampledArm(mechanism or load("semi_direct_drive"), lower, upper, mixing, fastest)
-
-
-def near_parallelogram(share: float) -> Mechanism:
-    """Parallelogram arm whose link 4 is longer than the opposite side, link 2, by the fraction `share`."""
-    description = load("semi_direct_drive_parallelogram").description
-    links = tuple(
-        replace(link, near=Pose(link.near.rotation, (1.0 + share) * link.near.translation))
-        if link.name == "link5"
-        else link
-        for link in description.links
-    )
-    return Mechanism(replace(description, name=f"{description.name}, unequal", links=links))
-
-
-@dataclass(frozen=True, eq=False)
-class Draws:
-    """Random samples of an arm's states, one a seed: `singular_values` (seeds, P) of the energy differences H, J per SI
-    unit, and `reductions`, one a seed, which write the `arm`'s parameters as a sum of essential components, along the
-    right singular vectors of H, in descending order of energy (section 3 of the paper)."""
-
-    arm: SampledArm
-    singular_values: Array
-    reductions: tuple[Reduction, ...]
-
-    @classmethod
-    def of(cls, arm: SampledArm, seeds: Sequence[int], samples: int, velocity_scale: float) -> Draws:
-        """Draws of `samples` states of an `arm` for each of the `seeds`, velocities up to `velocity_scale` times the
-        bound. Raises `RankError` where the arm's rank cannot be certified."""
-        states = [arm.states(np.random.default_rng(seed), samples, velocity_scale) for seed in seeds]
-        p, v = (np.stack(parts) for parts in zip(*states, strict=True))
-        H = np.diff(arm.energies(p, v), axis=1)
-        _, values, right = np.linalg.svd(H @ arm.space.basis, full_matrices=False)
-        reductions = tuple(_reduction(arm, *factors) for factors in zip(values, right, strict=True))
-        return cls(arm, np.asarray(np.linalg.svd(H, compute_uv=False)), reductions)
-
-    @property
-    def rank(self) -> int:
-        """Rank k of the arm. Raises `RankError` where it cannot be certified."""
-        return self.arm.space.rank
+    @cached_property
+    def reductions(self) -> tuple[Reduction, ...]:
+        """Reductions, one a seed, which write the parameters as a sum of essential components, along the right singular
+        vectors of H, in descending order of energy (section 3 of the paper). Raises `RankError` where the rank cannot
+        be certified."""
+        _, values, right = np.linalg.svd(self.differences @ self.space.basis, full_matrices=False)
+        energies = values[..., None] * (right @ self.space.basis.T)
+        drawn = (replace(self.space, energies=partial(np.asarray, own), states="a draw") for own in energies)
+        return tuple(reduce(one, self.parameters, components=self.space.rank) for one in drawn)
 
     @cached_property
     def percent_errors(self) -> Array:
@@ -205,26 +166,137 @@ class Draws:
         """Sizes |beta_j| (seeds, k) of the components, J, in descending order (equation 19 of the paper)."""
         return np.abs(np.stack([reduction.weights for reduction in self.reductions]))
 
-    def torque_errors(self, motion: StatedMotion) -> Array:
-        """Mean square torque errors (seeds, k + 1, r), (N m)^2, along a `motion` with the first 0 to k components."""
-        Y = motion.Y
+    @cached_property
+    def torque_errors(self) -> Array:
+        """Mean square torque errors (seeds, k + 1, r), (N m)^2, along the motion with the first 0 to k components."""
+        Y = self.motion.Y
         parts = np.stack([reduction.components for reduction in self.reductions])
         missing = np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]
         # The mean of (Y d)^2 is d' (mean of Y' Y) d: one small matrix a joint instead of every torque of every seed.
         squares = np.einsum("tjp,tjq->jpq", Y, Y, optimize=True) / len(Y)
         errors = np.maximum(np.einsum("...p,jpq,...q->...j", missing, squares, missing, optimize=True), 0.0)
-        left = parts.sum(axis=1) - self.arm.parameters
+        left = parts.sum(axis=1) - self.parameters
         nothing_missing = np.mean(np.einsum("tjp,sp->stj", Y, left, optimize=True) ** 2, axis=1)
         return np.concatenate([errors, nothing_missing[:, None]], axis=1)
 
-    def torque(self, motion: StatedMotion, seed: int, components: int) -> Array:
-        """Torques (T, r), N m, along a `motion` from the first `components` components of the draw with index `seed`.
-        Raises `InputError` for a number of components out of 0 to k, `IndexError` for no such draw."""
-        return motion.Y @ self.reductions[seed].parameters(components)
+    @cached_property
+    def basis(self) -> FundamentalBasis:
+        """Fundamental basis in the printed order of removal, with exact right angles. Raises `RankError` where the rank
+        cannot be certified."""
+        return fundamental_basis(self.space, self.order)
+
+    @property
+    def order(self) -> Priority:
+        """Order in which parameters are removed, from the printed table."""
+        entries = sorted(self.study.paper.items[self.priority].entries(), key=lambda entry: int(entry[2]))
+        return Priority(tuple(self.mechanism.parameter_names[index(row, link)] for row, link, _ in entries))
+
+    @property
+    def places(self) -> Entry:
+        """Place, from 1, of each parameter in the default order of removal."""
+        order = list(Priority.default(self.mechanism).indices(self.mechanism.parameter_names))
+        return lambda row, link: float(order.index(index(row, link)) + 1)
+
+    def limit(self, row: str, column: str) -> float:
+        """Limit of the built-in arm, rad or rad/s, in a `row` and `column` of Table 1 or 9."""
+        end, loops = "upper" if " to " in row else "lower", self.mechanism.description.loops
+        if column == "p2 - p3" and loops:
+            return float(getattr(loops.conditions[0], end))
+        own = self.mechanism.primary_joints[int(column) - 1].limits
+        if row.startswith("velocity"):
+            return own.velocity if end == "upper" else -own.velocity
+        return float(getattr(own, end))
+
+    def error(self, row: str, column: str) -> Array | RoundOff:
+        """Energy errors (%) and mean square torque errors ((N m)^2) of the draws, by joint in a `row` and number of
+        components in a `column` of Table 3 or 10; round-off with all components."""
+        s = int(column)
+        energy, joint = row == ENERGY, 0 if row == ENERGY else int(row.removeprefix("joint")) - 1
+        own = self.percent_errors[:, s] if energy else self.torque_errors[:, s, joint]
+        return RoundOff(float(np.median(own)), ROUND_OFF) if s == self.space.rank else own
+
+    def fewest(self, enough: int) -> tuple[str, float]:
+        """Medians over the draws, in words, of the fewest components with which every joint's RMS torque error is
+        within a share of its torque's; and on which share of the draws the first needs `enough` or more."""
+        squares = np.mean((self.motion.Y @ self.parameters) ** 2, axis=0)
+        needed = []
+        for share in CLOSE:
+            fine = (self.torque_errors <= share**2 * squares).all(axis=-1)
+            needed.append(fine.shape[1] - np.logical_and.accumulate(fine[:, ::-1], axis=1).sum(axis=1))
+        said = (f"{np.median(count):.0f} within {percent(share)}" for share, count in zip(CLOSE, needed, strict=True))
+        return ", ".join(said), float(np.mean(needed[0] >= enough))
+
+    def rank_share(self, claim: str) -> float:
+        """Share of the draws on which the paper's threshold finds the rank that its `claim` prints."""
+        return float(np.mean(paper_rank(self.singular_values) == self.study.said(claim)))
 
 
-def _reduction(arm: SampledArm, values: Array, right: Array) -> Reduction:
-    """The reduction for one draw, whose factors among the essential parameters are given."""
-    energies = values[:, None] * (right @ arm.space.basis.T)
-    drawn = replace(arm.space, energies=lambda: energies, states="a draw of Sheu and Walker's kind")
-    return reduce(drawn, arm.parameters, components=arm.space.rank)
+@dataclass(frozen=True)
+class Study:
+    """Settings of a replication of the `paper` with the arms that follow from them, computed when first asked for:
+    `seeds` draws of `samples` states from `seed` on, velocities up to `velocity_scale` times the paper's bound;
+    `frequency` (Hz) and `motion_samples` of the sinusoid for torques; and `unequal`, the fraction by which one side of
+    the nearly parallel arm is longer than the opposite one."""
+
+    paper: Paper
+    seed: int
+    seeds: int
+    samples: int
+    velocity_scale: float
+    frequency: float
+    motion_samples: int
+    unequal: float
+
+    @cached_property
+    def puma(self) -> Arm:
+        """PUMA 560 of the paper. Gives a `PhysicalConsistencyWarning`, since no rigid bodies have its parameters."""
+        return Arm(self, load("puma560"), "table1", "table4")
+
+    @cached_property
+    def arm3(self) -> Arm:
+        """First three joints of the PUMA 560, which the paper never samples."""
+        return Arm(self, load("puma560_arm3"))
+
+    @cached_property
+    def five_bar(self) -> Arm:
+        """Semi-direct-drive arm of four different lengths."""
+        return Arm(self, load("semi_direct_drive"))
+
+    @cached_property
+    def nearly_parallel(self) -> Arm:
+        """Semi-direct-drive arm whose opposite sides are equal but for `unequal`."""
+        return Arm(self, near_parallelogram(self.unequal))
+
+    @cached_property
+    def parallelogram(self) -> Arm:
+        """Semi-direct-drive arm whose opposite sides are equal."""
+        return Arm(self, load("semi_direct_drive_parallelogram"))
+
+    @property
+    def drawn(self) -> Mapping[str, Arm]:
+        """Arms of which random draws were computed so far, by name."""
+        cases = {"puma560": "puma", "semi_direct_drive": "five_bar", "nearly_parallelogram": "nearly_parallel"}
+        found = {label: self.__dict__[key] for label, key in cases.items() if key in self.__dict__}
+        return {label: arm for label, arm in found.items() if "reductions" in arm.__dict__}
+
+    def said(self, claim: str) -> int:
+        """Number in question in a `claim` of the paper."""
+        return int(self.paper.claims[claim].numbers)
+
+    @property
+    def numbers(self) -> dict[str, object]:
+        """Settings by name, for the words that say what was chosen."""
+        is_rms = abs(self.velocity_scale - 3**0.5) < 1e-3
+        return vars(self) | {
+            "unequal": percent(self.unequal),
+            "root_mean_square": ", so that their root mean square is the bound" if is_rms else "",
+        }
+
+
+def near_parallelogram(share: float) -> Mechanism:
+    """Parallelogram arm whose link 4 is longer than the opposite side, link 2, by the fraction `share`."""
+    description = load("semi_direct_drive_parallelogram").description
+    links = list(description.links)
+    near = links[4].near
+    links[4] = replace(links[4], near=Pose(near.rotation, (1.0 + share) * near.translation))
+    return Mechanism(replace(description, name=f"{description.name}, unequal", links=tuple(links)))

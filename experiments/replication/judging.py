@@ -1,30 +1,146 @@
-"""Comparisons that judge what the paper prints: of an entry, of a claim, of a table, figure or section."""
+"""The paper as data, paper.toml, digits and all, and the comparisons that judge what it prints."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import Enum
+from functools import cache
+from importlib.resources import as_file, files
 from string import Formatter
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
+import msgspec
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.experiments.replication.printed import (
-    BLANK,
-    HALF,
-    MARK,
-    Number,
-    Outturn,
-    Printed,
-    PrintedTable,
-    Saying,
-    words,
-)
+from adaptctl.errors import InputError
+from adaptctl.files import read_toml
 from adaptctl.recording.wording import number
 
 if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
+
+BLANK, MARK = ".", "x"
+HALF = 0.5 + 1e-9
+"""units of the last digit that a rounded number may be off, halves being rounded themselves"""
+
+
+class Outturn(Enum):
+    """Enumeration of verdicts on what the paper prints: GIVEN, an input used as printed; REPRODUCED, computed again;
+    IN_SHAPE, which depends on what is not printed and lies among the values computed for what was chosen here; ERRATUM,
+    shown to be wrong; NOT_REPRODUCED, outside of all that was computed, and not shown to be wrong."""
+
+    GIVEN = "given"
+    REPRODUCED = "reproduced"
+    IN_SHAPE = "reproduced in shape"
+    ERRATUM = "erratum"
+    NOT_REPRODUCED = "not reproduced"
+
+
+class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """Table, figure or section of the paper: its `title`; where numbers are compared, their `columns` and `rows`, texts
+    by label with an entry for each column, a dot for a blank. `tolerance`, in the numbers' unit, is how far a computed
+    value may be off, half a unit of the last printed digit where it is less; `inputs` is True where the numbers are
+    used as printed; `errata` names, by row, columns whose entries are shown to be wrong. `claims` are judged with it;
+    `summary`, what was `chosen` and `evidence` are words with computed values in braces; `holds` is its verdict where
+    nothing printed is compared, and the computation agrees. Raises `ValueError` for a row of another length."""
+
+    title: str
+    summary: str = ""
+    columns: list[str] = []
+    rows: dict[str, str] = {}
+    tolerance: float = 0.0
+    inputs: bool = False
+    errata: dict[str, list[str]] = {}
+    claims: list[str] = []
+    chosen: list[str] = []
+    evidence: dict[str, str] = {}
+    holds: Outturn | None = None
+
+    def __post_init__(self) -> None:
+        for label, row in self.rows.items():
+            if len(row.split()) != len(self.columns):
+                raise ValueError(f"row {label!r} has {len(row.split())} entries, expected {len(self.columns)}")
+
+    def entries(self) -> Iterator[tuple[str, str, str]]:
+        """Iterator over entries, row by row: the row's label, the column's label and the text, "." for a blank."""
+        for label, row in self.rows.items():
+            yield from ((label, column, text) for column, text in zip(self.columns, row.split(), strict=True))
+
+    def values(self, *labels: str) -> Array:
+        """Numbers (rows, columns) of the rows with these `labels`, without any of all rows. Raises `KeyError` for an
+        unknown label, `ValueError` for an entry that is no number."""
+        return np.array([[float(text) for text in self.rows[label].split()] for label in labels or self.rows])
+
+
+class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """Quotation that is judged: `where`, its section; `quote`, the sentence; `numbers` in question, as text; what was
+    `measured` and `found`, with computed values in braces; its verdict where it `holds`, which is where the computation
+    agrees, on a share of the draws of `at_least` so much, and where it `fails`."""
+
+    where: str
+    quote: str
+    numbers: str
+    measured: str
+    found: str
+    holds: Outturn = Outturn.REPRODUCED
+    fails: Outturn = Outturn.NOT_REPRODUCED
+    at_least: float = 0.5
+
+
+class Paper(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """Contents of the paper that can be computed again: `items` in its order and `claims`, by short names; and the
+    `meanings` of verdicts."""
+
+    schema: Literal["adaptctl/paper/1"]
+    meanings: dict[Outturn, str]
+    items: dict[str, Printed]
+    claims: dict[str, Saying]
+
+
+@cache
+def printed() -> Paper:
+    """Contents of the paper, from paper.toml, read once."""
+    with as_file(files("adaptctl.experiments.replication") / "paper.toml") as path:
+        return read_toml(path, Paper)
+
+
+@dataclass(frozen=True)
+class Number:
+    """Number as printed: `text`; `value`; `unit`, that of its last digit; and `digits`, by which agreement is measured:
+    its decimals where it has some and no exponent, since a column shares them, else its significant digits."""
+
+    text: str
+    value: float
+    unit: float
+    digits: int
+
+    @classmethod
+    def of(cls, text: str) -> Number:
+        """Number for a printed `text`, such as "4.4E+04". Raises `InputError` for a text that is no number."""
+        mantissa, _, exponent = text.upper().partition("E")
+        decimals = len(mantissa.partition(".")[2])
+        significant = len(mantissa.lstrip("+-").replace(".", "").lstrip("0")) or 1
+        digits = decimals if decimals and not exponent else significant
+        try:
+            return cls(text, float(text), 10.0 ** (int(exponent or 0) - decimals), digits)
+        except ValueError as error:
+            raise InputError(f"{text!r} is not a printed number") from error
+
+    def digits_met(self, computed: float) -> int:
+        """Count of printed digits with which a `computed` value agrees: all within half a unit of the last, one less
+        for each tenfold of that. Raises `ValueError` for NaN, `OverflowError` for infinity."""
+        off = abs(computed - self.value) / self.unit
+        lost = 0 if off <= HALF else math.ceil(math.log10(2.0 * off) - 1e-12)
+        return max(self.digits - lost, 0)
+
+    def styled(self, computed: float) -> str:
+        """Text of a `computed` number with this one's decimals and exponent; no minus sign where it rounds to zero."""
+        mantissa, exponent, _ = self.text.upper().partition("E")
+        rounded = f"{computed:.{len(mantissa.partition('.')[2])}{'E' if exponent else 'f'}}"
+        return rounded.lstrip("-") if float(rounded) == 0.0 else rounded
 
 
 @dataclass(frozen=True)
@@ -49,19 +165,12 @@ class Check:
         return self.printed in (MARK, "")
 
     @property
-    def reads_alike(self) -> bool:
-        """True if both texts are equal, leading plus signs aside, or both are zero."""
-        texts = (self.computed.lstrip("+"), self.printed.lstrip("+"))
-        return texts[0] == texts[1] or (not self.is_mark and {float(text) for text in texts} == {0.0})
-
-    @property
     def exact(self) -> bool:
         """True if the entry is reproduced with every printed digit."""
         return self.verdict is Outturn.REPRODUCED and self.digits == self.of_digits
 
 
-@dataclass(frozen=True)
-class RoundOff:
+class RoundOff(NamedTuple):
     """Computed value of what is zero in exact arithmetic: `value`, and the `bound` that it and the printed number stay
     below."""
 
@@ -71,11 +180,13 @@ class RoundOff:
 
 Computed: TypeAlias = float | bool | Array | RoundOff
 """What an entry is compared with."""
+Entry: TypeAlias = Callable[[str, str], Computed]
+"""What is compared with the printed entry in a row and a column."""
 Holds: TypeAlias = bool | float | tuple[bool, float]
 """Whether a claim holds, or on which share of the draws, or both."""
 
 
-def check(table: PrintedTable, row: str, column: str, text: str, computed: Computed) -> Check:
+def check(table: Printed, row: str, column: str, text: str, computed: Computed) -> Check:
     """Comparison of the printed `text` in a `row` and `column` of a `table` with what is `computed`: a bool, whether a
     parameter is kept, with a cross or a blank; the values (seeds,) of random draws, among which the number is IN_SHAPE,
     half a unit of its last digit allowed; `RoundOff`; or a number, which is REPRODUCED within half a unit of the last
@@ -97,59 +208,33 @@ def check(table: PrintedTable, row: str, column: str, text: str, computed: Compu
     shown, digits = printed.styled(computed), (printed.digits_met(computed), printed.digits)
     if abs(computed - printed.value) > max(table.tolerance, HALF * printed.unit):
         return Check(row, column, text, shown, unlike)
-    if table.inputs:
-        return Check(row, column, text, shown, Outturn.GIVEN)
-    return Check(row, column, text, shown, Outturn.REPRODUCED, *digits)
+    return Check(row, column, text, shown, *((Outturn.GIVEN,) if table.inputs else (Outturn.REPRODUCED, *digits)))
 
 
-@dataclass(frozen=True)
-class Claim:
-    """Judged statement: `saying`, its quotation; what was `measured` and `found`, in words; `verdict`; and `share`, the
-    fraction of the random draws on which it holds (None without draws)."""
+def checked(table: Printed, entry: Entry) -> tuple[Check, ...]:
+    """Comparisons of all entries of a `table` with what `entry(row, column)` gives; blanks only where crosses stand."""
+    marked = any(text == MARK for _, _, text in table.entries())
+    entries = (one for one in table.entries() if marked or one[2] != BLANK)
+    return tuple(check(table, *one, entry(*one[:2])) for one in entries)
 
-    saying: Saying
+
+class Claim(NamedTuple):
+    """Judged statement: its `section` and `quote`; what was `measured` and `found`, in words; `verdict`; and
+    `share_of_seeds`, the fraction of the random draws on which it holds (None without draws)."""
+
+    section: str
+    quote: str
     measured: str
     found: str
     verdict: Outturn
-    share: float | None = None
+    share_of_seeds: float | None = None
 
 
-@dataclass(frozen=True)
-class Evidence:
-    """Evidence for a verdict: a `sentence` with {} where its `values` belong, shown with so many `digits`."""
+class Evidence(NamedTuple):
+    """Evidence for a verdict: a `sentence`, and the `values` of the numbers in it, with all their digits."""
 
     sentence: str
     values: tuple[float, ...]
-    digits: int
-
-    def __str__(self) -> str:
-        return self.sentence.format(*(number(float(value), self.digits) for value in self.values))
-
-
-@dataclass(frozen=True, eq=False)
-class Item:
-    """Table, figure or section that was computed again: `name`, as on the command line; `title`; `verdict`; `summary`;
-    sentences on what was `chosen`; `checks` of its entries; judged `claims`; `evidence`; `relations` among parameters,
-    texts by their heading; and `drawings`."""
-
-    name: str
-    title: str
-    verdict: Outturn
-    summary: str
-    chosen: tuple[str, ...] = ()
-    checks: tuple[Check, ...] = ()
-    claims: tuple[Claim, ...] = ()
-    evidence: tuple[Evidence, ...] = ()
-    relations: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    drawings: tuple[Drawing, ...] = ()
-
-    @property
-    def label(self) -> str:
-        """Name as a sentence has it, such as "Table 7" or "Section 5.3"."""
-        for kind in ("table", "figure", "section"):
-            if self.name.startswith(kind):
-                return f"{kind.capitalize()} {self.name.removeprefix(kind)}"
-        return self.name.capitalize()
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,81 +242,75 @@ class Computation:
     """Computed values of an item: `numbers` for the braces in its words, of which a list of several is for a
     sentence said of each; `entry`, a function of row and column that gives what an entry is compared with; `claims`,
     whether each of its claims holds, or on which share of the draws, or both; whether all of it `agrees`, where
-    nothing printed is compared; and `relations` and `drawings` of the `Item`."""
+    nothing printed is compared; `relations` among parameters, texts by their heading; and `drawings`."""
 
     numbers: Mapping[str, Any] = field(default_factory=dict)
-    entry: Callable[[str, str], Computed] | None = None
+    entry: Entry | None = None
     claims: Mapping[str, Holds] = field(default_factory=dict)
     agrees: bool = True
     relations: Mapping[str, Sequence[str]] = field(default_factory=dict)
     drawings: Sequence[Drawing] = ()
 
 
-def item(name: str, paper: Printed, found: Computation, numbers: Mapping[str, Any]) -> Item:
-    """Judged item called `name`: entries and claims of the `paper` against what was `found`, in the words of
-    words.toml, whose braces are filled with that and with further `numbers`. Raises `KeyError` for an unknown name."""
-    said, table = words().items[name], paper.of(name)
-    checks = checked(table, found.entry) if table and found.entry else ()
-    claims = tuple(_claim(paper, key, found.claims[key], {**numbers, **found.numbers}) for key in said.claims)
-    counts = {"all": len(checks), "exact": sum(c.exact for c in checks), "held": _held(claims)}
-    filled = {**numbers, **counts, "inside": inside(checks), **found.numbers}
+@dataclass(frozen=True, eq=False)
+class Item:
+    """Table, figure or section that was computed again: `name`, as on the command line; `title`; `verdict`; `summary`;
+    sentences on what was `chosen`; judged `claims`; `evidence`; `checks` of its entries; and what was `found`."""
+
+    name: str
+    title: str
+    verdict: Outturn
+    summary: str
+    chosen: tuple[str, ...]
+    claims: tuple[Claim, ...]
+    evidence: tuple[Evidence, ...]
+    checks: tuple[Check, ...]
+    found: Computation
+
+
+def judged_item(name: str, paper: Paper, found: Computation, numbers: Mapping[str, Any]) -> Item:
+    """Judged item called `name`: entries and claims of the `paper` against what was `found`, in the paper's words,
+    whose braces are filled with that and with further `numbers`. Raises `KeyError` for an unknown name."""
+    said = paper.items[name]
+    checks, known = checked(said, found.entry) if found.entry else (), {**numbers, **found.numbers}
+    claims = tuple(_claim(paper.claims[key], found.claims[key], known) for key in said.claims)
+    count = sum(claim.verdict is not Outturn.NOT_REPRODUCED for claim in claims)
+    held = f"{count or 'None'} of the text's {len(claims)} claims {'holds' if count == 1 else 'hold'}."
+    known = {"all": len(checks), "exact": sum(c.exact for c in checks), "inside": inside(checks), "held": held, **known}
     verdict = judged(checks, claims)
     if said.holds and verdict in (Outturn.GIVEN, said.holds):
         verdict = said.holds if found.agrees else Outturn.NOT_REPRODUCED
-    return Item(
-        name,
-        said.title or (table.title if table else ""),
-        verdict,
-        said.summary.format(**filled),
-        tuple(text.format(**filled) for text in said.chosen),
-        checks,
-        claims,
-        tuple(_evidence(text, one) for key, text in said.evidence.items() for one in _each(key, filled)),
-        found.relations,
-        tuple(found.drawings),
-    )
+    several = {key: known[key] if isinstance(known.get(key), list) else [known] for key in said.evidence}
+    evidence = tuple(_evidence(text, one) for key, text in said.evidence.items() for one in several[key])
+    chosen = tuple(text.format(**known) for text in said.chosen)
+    return Item(name, said.title, verdict, said.summary.format(**known), chosen, claims, evidence, checks, found)
 
 
-def checked(table: PrintedTable, entry: Callable[[str, str], Computed]) -> tuple[Check, ...]:
-    """Comparisons of all entries of a `table` with what `entry(row, column)` gives; blanks only where crosses stand."""
-    marked = any(text == MARK for _, _, text in table.entries())
-    entries = (one for one in table.entries() if marked or one[2] != BLANK)
-    return tuple(check(table, *one, entry(*one[:2])) for one in entries)
-
-
-def _claim(paper: Printed, key: str, found: Holds, numbers: Mapping[str, Any]) -> Claim:
-    said = words().claims[key]
-    saying = paper.claims[said.saying or key]
+def _claim(saying: Saying, found: Holds, numbers: Mapping[str, Any]) -> Claim:
     holds, share = found if isinstance(found, tuple) else (found, None if isinstance(found, bool) else float(found))
     filled = {**numbers, "numbers": saying.numbers, "share": percent(share or 0.0)}
-    verdict = said.holds if holds >= said.at_least else said.fails
-    return Claim(saying, said.measured.format(**filled), said.found.format(**filled), verdict, share)
+    measured, told = (text.format(**filled) for text in (saying.measured, saying.found))
+    verdict = saying.holds if holds >= saying.at_least else saying.fails
+    return Claim(saying.where, saying.quote, measured, told, verdict, share)
 
 
-def _each(key: str, numbers: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """The numbers of a sentence: of each of several that it is said of, or the only ones."""
-    yield from numbers[key] if isinstance(numbers.get(key), list) else [numbers]
+class _Digits(float):
+    """Number whose format, behind a colon in braces, is a count of digits: 3 where there is none."""
+
+    def __format__(self, digits: str) -> str:
+        return number(float(self), int(digits or 3))
 
 
 def _evidence(text: str, numbers: Mapping[str, Any]) -> Evidence:
-    """A sentence whose braces are numbers, with their count of digits behind a colon, or words."""
-    sentence, values, digits = "", [], 3
-    for before, name, count, _ in Formatter().parse(text):
-        value = numbers[name] if name else ""
-        sentence += before + (value if isinstance(value, str) else "{}")
-        values += [] if isinstance(value, str) else [float(value)]
-        digits = int(count or digits)
-    return Evidence(sentence, tuple(values), digits)
+    """A sentence whose braces are filled with numbers or words."""
+    names = [name for _, name, _, _ in Formatter().parse(text) if name]
+    values = {name: _Digits(numbers[name]) for name in names if not isinstance(numbers[name], str)}
+    return Evidence(text.format(**{**numbers, **values}), tuple(map(float, values.values())))
 
 
 def inside(checks: Sequence[Check]) -> int:
     """Count of checks whose printed number lies among the values of the draws."""
     return sum(one.verdict is Outturn.IN_SHAPE for one in checks)
-
-
-def _held(claims: Sequence[Claim]) -> str:
-    count = sum(claim.verdict is not Outturn.NOT_REPRODUCED for claim in claims)
-    return f"{count or 'None'} of the text's {len(claims)} claims {'holds' if count == 1 else 'hold'}."
 
 
 def judged(checks: Sequence[Check], claims: Sequence[Claim] = ()) -> Outturn:

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
-from adaptctl.experiments.replication.cases import Study
-from adaptctl.experiments.replication.judging import Check, Item
-from adaptctl.experiments.replication.printed import Outturn, words
+from adaptctl.experiments.replication.arms import Arm, Study
+from adaptctl.experiments.replication.judging import Check, Item, Outturn
 from adaptctl.recording import Progress, Result, Setting
 from adaptctl.recording.page import (
+    SHEU_WALKER,
     Cell,
     Lines,
     Note,
@@ -34,34 +36,6 @@ from adaptctl.recording.trace import Quantity, write_columns
 
 INCOMPLETE = "This run was interrupted. What was computed until then is shown; it is not the whole paper."
 TONES = dict(zip(Outturn, (Tone.QUIET, Tone.GOOD, Tone.FAIR, Tone.ODD, Tone.BAD), strict=True))
-PAPER = (
-    "S.-Y. Sheu and M. W. Walker, Identifying the Independent Inertial Parameter Space of Robot Manipulators, "
-    "International Journal of Robotics Research 10(6), 1991."
-)
-
-
-@dataclass(frozen=True)
-class Counts:
-    """Counts by verdict of entries: all `printed`; `given`; `reproduced`, of them `to_the_last_digit` (crosses and
-    blanks among them) and `one_digit_short`; `in_shape`; `errata`; and `not_reproduced`."""
-
-    printed: int
-    given: int
-    reproduced: int
-    to_the_last_digit: int
-    one_digit_short: int
-    in_shape: int
-    errata: int
-    not_reproduced: int
-
-    @classmethod
-    def of(cls, checks: Sequence[Check]) -> Counts:
-        """Counts by verdict of `checks`."""
-        by = Counter(check.verdict for check in checks)
-        short = [(c.of_digits or 0) - (c.digits or 0) for c in checks if c.verdict is Outturn.REPRODUCED]
-        given, reproduced, in_shape, errata, not_reproduced = (by[verdict] for verdict in Outturn)
-        last, one = short.count(0), short.count(1)
-        return cls(len(checks), given, reproduced, last, one, in_shape, errata, not_reproduced)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,27 +52,18 @@ class Replication:
     complete: bool = True
 
     @property
-    def numbers(self) -> Counts:
+    def numbers(self) -> Mapping[str, int]:
         """Counts by verdict of all printed numbers."""
-        return Counts.of([check for item in self.items for check in item.checks if not check.is_mark])
+        return counts(check for item in self.items for check in item.checks if not check.is_mark)
 
     @property
-    def marks(self) -> Counts:
+    def marks(self) -> Mapping[str, int]:
         """Counts by verdict of all crosses and blanks, which Tables 5 and 12 have."""
-        return Counts.of([check for item in self.items for check in item.checks if check.is_mark])
+        return counts(check for item in self.items for check in item.checks if check.is_mark)
 
-    @property
-    def errata(self) -> tuple[str, ...]:
-        """Names of the items that are wrong."""
-        return self._named(Outturn.ERRATUM)
-
-    @property
-    def not_reproduced(self) -> tuple[str, ...]:
-        """Names of the items that are neither reproduced nor shown to be wrong."""
-        return self._named(Outturn.NOT_REPRODUCED)
-
-    def _named(self, verdict: Outturn) -> tuple[str, ...]:
-        return tuple(item.name for item in self.items if item.verdict is verdict)
+    def named(self, verdict: Outturn) -> list[str]:
+        """Names of the items with a `verdict`."""
+        return [item.name for item in self.items if item.verdict is verdict]
 
     @property
     def result(self) -> Result:
@@ -108,43 +73,56 @@ class Replication:
     def write(self, folder: Path, progress: Progress) -> Path:
         """Write summary, draws, figures, recording and report into a `folder`, all or none, and return it; `progress`
         is called with what is written and the fraction done. Raises `FileError` where a file cannot be written."""
-        tables = {TRACE: lambda path: write_draws(path, self.study)}
+        tables = {TRACE: partial(write_draws, study=self.study)}
         return report(self).write(folder, summary(self), tables=tables, progress=progress)
+
+
+def counts(checks: Iterable[Check]) -> dict[str, int]:
+    """Counts of `checks`: all that is printed, those of each verdict, and of those reproduced how many are so to the
+    last digit (crosses and blanks among them) and to one digit less."""
+    found = list(checks)
+    by = Counter(check.verdict for check in found)
+    short = [(c.of_digits or 0) - (c.digits or 0) for c in found if c.verdict is Outturn.REPRODUCED]
+    return {
+        "printed": len(found),
+        "given": by[Outturn.GIVEN],
+        "reproduced": by[Outturn.REPRODUCED],
+        "to_the_last_digit": short.count(0),
+        "one_digit_short": short.count(1),
+        "in_shape": by[Outturn.IN_SHAPE],
+        "errata": by[Outturn.ERRATUM],
+        "not_reproduced": by[Outturn.NOT_REPRODUCED],
+    }
 
 
 def headline(replication: Replication) -> str:
     """Outcome in a few sentences: how many printed numbers come out, and which items are wrong or not reproduced."""
     n = replication.numbers
-    computable, depending = n.reproduced + n.errata, n.in_shape + n.not_reproduced
-    said = [] if replication.complete else [INCOMPLETE]
-    if computable:
-        said.append(
-            f"Of {computable} printed numbers that can be computed as they stand, {n.reproduced} come out, "
-            f"{n.to_the_last_digit} to the last digit."
-        )
-    if depending:
-        said.append(
-            f"Of {depending} that depend on samples, motions or an arm that are not printed, {n.in_shape} lie "
-            "among those of random draws."
-        )
-    if replication.errata:
-        said.append(f"Wrong, with a proof by numbers: {', '.join(replication.errata)}.")
-    if replication.not_reproduced:
-        said.append(f"Not reproduced, and not shown to be wrong: {', '.join(replication.not_reproduced)}.")
-    return " ".join(said) or f"Computed: {', '.join(item.name for item in replication.items)}."
+    computable, depending = n["reproduced"] + n["errata"], n["in_shape"] + n["not_reproduced"]
+    wrong, missing = (", ".join(replication.named(one)) for one in (Outturn.ERRATUM, Outturn.NOT_REPRODUCED))
+    said = {
+        INCOMPLETE: not replication.complete,
+        f"Of {computable} printed numbers that can be computed as they stand, {n['reproduced']} come out, "
+        f"{n['to_the_last_digit']} to the last digit.": computable,
+        f"Of {depending} that depend on samples, motions or an arm that are not printed, {n['in_shape']} lie among "
+        "those of random draws.": depending,
+        f"Wrong, with a proof by numbers: {wrong}.": wrong,
+        f"Not reproduced, and not shown to be wrong: {missing}.": missing,
+    }
+    sentences = [sentence for sentence, holds in said.items() if holds]
+    return " ".join(sentences) or f"Computed: {', '.join(item.name for item in replication.items)}."
 
 
 def facts(replication: Replication) -> Iterator[Fact]:
     """Iterator over what a person asks first, with answers: counts, draws, and the time taken."""
-    n, m, items = replication.numbers, replication.marks, replication.items
-    yield Fact("Printed numbers", f"{n.printed}, {n.given} of them inputs")
-    yield Fact("Reproduced", f"{n.reproduced}, {n.to_the_last_digit} to the last digit")
-    yield Fact("Reproduced in shape", f"{n.in_shape}")
-    yield Fact("Errata", f"{len(replication.errata)} of {len(items)} items")
-    yield Fact("Not reproduced", f"{n.not_reproduced} numbers, {len(replication.not_reproduced)} items as a whole")
-    yield Fact("Crosses and blanks", f"{m.reproduced} of {m.printed}")
-    yield Fact("Draws of random states", f"{replication.study.seeds} where the paper made one")
-    yield Fact("Computed in", f"{replication.seconds:.1f} s")
+    n, m = replication.numbers, replication.marks
+    wrong, missing = (len(replication.named(one)) for one in (Outturn.ERRATUM, Outturn.NOT_REPRODUCED))
+    yield Fact("Printed numbers", f"{n['printed']}, {n['given']} of them inputs")
+    yield Fact("Reproduced", f"{n['reproduced']}, {n['to_the_last_digit']} to the last digit")
+    yield Fact("Reproduced in shape", f"{n['in_shape']}")
+    yield Fact("Errata", f"{wrong} of {len(replication.items)} items")
+    yield Fact("Not reproduced", f"{n['not_reproduced']} numbers, {missing} items as a whole")
+    yield Fact("Crosses and blanks", f"{m['reproduced']} of {m['printed']}")
 
 
 def summary(replication: Replication) -> dict[str, Any]:
@@ -156,70 +134,57 @@ def summary(replication: Replication) -> dict[str, Any]:
         "seed": replication.study.seed,
         "seeds": replication.study.seeds,
         "seconds": replication.seconds,
-        "numbers": asdict(replication.numbers),
-        "marks": asdict(replication.marks),
-        "items_by_verdict": {v.value: sum(item.verdict is v for item in replication.items) for v in Outturn},
-        "errata": list(replication.errata),
-        "not_reproduced": list(replication.not_reproduced),
-        "items": {item.name: _item_summary(item) for item in replication.items},
+        "numbers": replication.numbers,
+        "marks": replication.marks,
+        "items_by_verdict": {verdict.value: len(replication.named(verdict)) for verdict in Outturn},
+        "errata": replication.named(Outturn.ERRATUM),
+        "not_reproduced": replication.named(Outturn.NOT_REPRODUCED),
+        "items": {item.name: _item(item) for item in replication.items},
         "settings": {setting.name: setting.value for setting in replication.settings},
     }
 
 
-def _item_summary(item: Item) -> dict[str, Any]:
-    return {
-        "title": item.title,
-        "verdict": item.verdict.value,
-        "summary": item.summary,
-        "chosen": list(item.chosen),
-        "claims": [
-            {
-                "section": claim.saying.where,
-                "quote": claim.saying.quote,
-                "measured": claim.measured,
-                "found": claim.found,
-                "verdict": claim.verdict.value,
-                "share_of_seeds": claim.share,
-            }
-            for claim in item.claims
-        ],
-        "evidence": [{"sentence": one.sentence, "values": list(one.values)} for one in item.evidence],
-        "relations": {heading: list(lines) for heading, lines in item.relations.items()},
-        "checks": [asdict(check) | {"verdict": check.verdict.value} for check in item.checks],
-    }
+def _item(item: Item) -> dict[str, Any]:
+    plain = ("title", "verdict", "summary", "chosen", "checks")
+    named = {name: [one._asdict() for one in getattr(item, name)] for name in ("claims", "evidence")}
+    relations = {heading: list(map(str, lines)) for heading, lines in item.found.relations.items()}
+    found: dict[str, Any] = msgspec.to_builtins({name: getattr(item, name) for name in plain} | named)
+    return found | {"relations": relations}
 
 
 def report(replication: Replication) -> Report:
     """Report: an overview, a section for every item with its entries, figures, claims and evidence, and settings."""
-    rows = [(Cell(item.label), badge(item.verdict), item.summary) for item in replication.items]
-    meanings = [(badge(verdict), words().meanings[verdict]) for verdict in Outturn]
-    beside = "In the tables below a cell shows what was computed, with the printed entry under it where that reads "
-    overview = (
-        Table(("item", "verdict", "why"), rows, note=f"{beside}otherwise."),
-        Table(("verdict", "meaning"), meanings),
-    )
+    study = replication.study
+    rows = [(_label(item), _badge(item.verdict), item.summary) for item in replication.items]
+    meanings = [(_badge(verdict), study.paper.meanings[verdict]) for verdict in Outturn]
+    beside = "In the tables below a cell shows what was computed, with the printed entry under it where that differs."
+    overview = (Table(("item", "verdict", "why"), rows, note=beside), Table(("verdict", "meaning"), meanings))
+    own = [Section(_label(one), list(parts(one)), _badge(one.verdict), one.name) for one in replication.items]
     files = files_section(
         "The figures beside all that is said of them.",
         "Every printed entry beside the computed one with its verdict, and all counts.",
         {TRACE: "Every draw: singular values, weights and energy errors of all seeds."},
     )
-    own = [Section(one.label, list(parts(one)), badge(one.verdict), one.name) for one in replication.items]
     return Report(
         replication.experiment,
         replication.title,
         headline(replication),
         list(facts(replication)),
         [Section("At a glance", overview), *own, settings_section(replication.settings), files],
-        about=f"{replication.study.seeds} seeds from {replication.study.seed}",
-        seed=replication.study.seed,
+        about=f"{study.seeds} seeds from {study.seed}",
+        seed=study.seed,
         complete=replication.complete,
         incomplete=INCOMPLETE,
-        source=PAPER,
+        source=f"{SHEU_WALKER}.",
     )
 
 
-def badge(verdict: Outturn) -> Cell:
-    """Label with a `verdict`, in its colour."""
+def _label(item: Item) -> str:
+    """Name as a sentence has it, such as "Table 7" or "Section 5.3"."""
+    return re.sub(r"(?<=[a-z])(?=\d)", " ", item.name).capitalize()
+
+
+def _badge(verdict: Outturn) -> Cell:
     return Cell(verdict.value, tone=TONES[verdict], badge=True)
 
 
@@ -230,60 +195,44 @@ def parts(item: Item) -> Iterator[Part]:
     if item.checks:
         place = {(check.row, check.column): check for check in item.checks}
         rows, columns = (list(dict.fromkeys(key[i] for key in place)) for i in (0, 1))
-        cells = [[Cell(row), *(_cell(place.get((row, column))) for column in columns)] for row in rows]
+        cells = [[row, *(_cell(place.get((row, column))) for column in columns)] for row in rows]
         yield Table(("entry", *columns), cells, align="l" + "r" * len(columns), layout=TableLayout.WIDE)
-    yield from item.drawings
+    yield from item.found.drawings
     for claim in item.claims:
-        yield Note(f"“{claim.saying.quote}”", f"Section {claim.saying.where}:")
+        yield Note(f"“{claim.quote}”", f"Section {claim.section}:")
         yield Note(f"{claim.found}. Measured: {claim.measured}.", f"{claim.verdict.value.capitalize()}:")
     if item.evidence:
-        yield Lines([str(one) for one in item.evidence], bullets=True)
-    for heading, lines in item.relations.items():
-        yield Note(heading)
-        yield Lines(lines)
+        yield Lines([one.sentence for one in item.evidence], bullets=True)
+    for heading, lines in item.found.relations.items():
+        yield from (Note(heading), Lines(lines))
     if item.chosen:
         yield Note(f"{'; '.join(item.chosen)}.", "Chosen:")
 
 
-def _cell(check: Check | None) -> Cell:
+def _cell(check: Check | None) -> str | Cell:
     if check is None:
-        return Cell("")
-    if check.is_mark:
-        printed = "" if check.computed == check.printed else f"printed {check.printed or 'blank'}"
-        return Cell(check.computed or "·", printed, TONES[check.verdict])
+        return ""
+    printed, computed = ((text.lstrip("+") or "·") for text in (check.printed, check.computed))
     seeds = "" if check.low is None else f"all seeds: {check.low:.2g} to {check.high:.2g}"
-    return Cell(check.computed, "" if check.reads_alike else check.printed, TONES[check.verdict], hint=seeds)
+    return Cell(computed, printed if printed != computed else "", TONES[check.verdict], hint=seeds)
 
 
 def write_draws(path: str | Path, study: Study) -> None:
     """Write a Parquet file at `path` of all draws that a `study` has made so far, a row for each arm, seed and
     component, with its singular value, weight and energy error. Raises `FileError` where it cannot be written."""
-    draws = list(study.drawn.values())
-    arms = [np.full(one.weights.size, label, dtype=np.str_) for label, one in study.drawn.items()]
-    seeds = np.arange(study.seed, study.seed + study.seeds)
-    columns = [
-        Quantity("arm", "1", "which arm", np.concatenate([np.zeros(0, dtype=np.str_), *arms])),
-        Quantity("seed", "1", "of the draw", _joined([np.repeat(seeds, one.rank) for one in draws])),
-        Quantity(
-            "number", "1", "1 for the largest", _joined([np.tile(np.arange(1, d.rank + 1), study.seeds) for d in draws])
-        ),
-        Quantity(
-            "singular_value",
-            "J per SI unit",
-            "of the energy differences H",
-            _joined([one.singular_values[:, : one.rank] for one in draws]),
-        ),
-        Quantity("weight", "J", "|beta_j| of equation 19, by falling size", _joined([one.weights for one in draws])),
-        Quantity(
-            "percent_error",
-            "%",
-            "energy error when this many components are kept (equation 23)",
-            _joined([one.percent_errors[:, 1:] for one in draws]),
-        ),
-    ]
-    about = {"samples": str(study.samples), "velocity_scale": repr(study.velocity_scale)}
-    write_columns(path, columns, {"schema": "adaptctl/replication-draws/1", **about})
-
-
-def _joined(parts: Sequence[NDArray[Any]]) -> Array:
-    return np.concatenate([np.zeros(0), *(np.ravel(part) for part in parts)])
+    arms, columns = study.drawn, list[Quantity]()
+    seeds = np.arange(study.seed, study.seed + study.seeds)[:, None]
+    kinds: dict[tuple[str, str, str], Callable[[Arm], Array]] = {
+        ("seed", "1", "of the draw"): lambda arm: seeds + 0.0 * arm.weights,
+        ("number", "1", "1 for the largest"): lambda arm: np.arange(1, arm.space.rank + 1) + 0.0 * arm.weights,
+        ("singular_value", "J per SI unit", "of the energy differences H"): lambda arm: arm.singular_values,
+        ("weight", "J", "|beta_j| of equation 19, by falling size"): lambda arm: arm.weights,
+        ("percent_error", "%", "of so many components (equation 23)"): lambda arm: arm.percent_errors[:, 1:],
+    }
+    labels = [np.full(arm.weights.size, label, dtype=np.str_) for label, arm in arms.items()]
+    columns.append(Quantity("arm", "1", "which arm", np.concatenate([np.zeros(0, dtype=np.str_), *labels])))
+    for about, of in kinds.items():
+        values = [np.ravel(of(arm)[:, : arm.space.rank]) for arm in arms.values()]
+        columns.append(Quantity(*about, np.concatenate([np.zeros(0), *values])))
+    made = {"samples": str(study.samples), "velocity_scale": repr(study.velocity_scale)}
+    write_columns(path, columns, {"schema": "adaptctl/replication-draws/1", **made})

@@ -1,46 +1,88 @@
-"""Numbers behind the paper's tables and figures of the PUMA 560, in its order; `judging` compares, words.toml says."""
+"""Numbers behind the paper's tables and figures of the PUMA 560, in its order; `judging` compares, paper.toml says."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
+from scipy.optimize import linprog
 
 from adaptctl.arrays import Array
+from adaptctl.description import Pose
 from adaptctl.description.inertia import pseudo_inertia
-from adaptctl.experiments.replication import drawings, proofs
-from adaptctl.experiments.replication.arms import FASTEST, FROM, THRESHOLD, TO, Draws, index, kept, parameters, sign
-from adaptctl.experiments.replication.cases import ENERGY, Entry, StudiedArm, Study
-from adaptctl.experiments.replication.judging import Computation, Computed, RoundOff, checked, inside, percent
-from adaptctl.experiments.replication.printed import Number, PrintedTable
-from adaptctl.identifiability.energy_matrix import energy_differences
+from adaptctl.description.pose import rotation_about
+from adaptctl.dynamics import Mechanism
+from adaptctl.experiments.replication import drawings
+from adaptctl.experiments.replication.arms import ENERGY, THRESHOLD, Arm, Study, index, parameters, sign
+from adaptctl.experiments.replication.judging import (
+    BLANK,
+    Computation,
+    Computed,
+    Entry,
+    Number,
+    Printed,
+    RoundOff,
+    checked,
+    inside,
+    percent,
+)
+from adaptctl.identifiability import EssentialSpace, Priority, essential_space
+from adaptctl.identifiability.energy_matrix import NumericalRank, energy_differences
+from adaptctl.identifiability.factorisation import singular_values
+from adaptctl.identifiability.regrouping import removable
 from adaptctl.identifiability.sampling import random_states
+from adaptctl.recording.drawing import Drawing
 
+TIGHT = 1e-8
+"""A tolerance that takes what a rounded right angle leaves for independence."""
+QUARTERS = {
+    "3.1416/2": 3.1416 / 2,
+    "3.14159/2": 3.14159 / 2,
+    "3.141593/2": 3.141593 / 2,
+    "single precision": float(np.float32(np.pi / 2)),
+}
+"""Right angles (rad) as programs and calculators round them."""
 QUARTER = "3.14159/2"
 """The rounded right angle whose vector stands beside Table 8, and that tilts the base under Table 10."""
+TURNS = (-1, 0, 1, -1, 1, 0)
+"""The PUMA's twists, in right angles."""
+NULL_COMBINATIONS = ("I_y1 - I_x3 - I_z3", "I_x3 + I_y3 - I_x4 - I_z4", "I_x4 + I_y4 + I_y5 - I_z5 - I_x6 - I_y6")
+"""Made of parameters that Table 5 keeps; with exact right angles they change no torque."""
 SLOPE, REAL = 0.5, np.array([3.0, 2.5])
-"""c and D_R of the drawn example."""
+"""c and D_R of the example of Figure 1."""
 
 
 def figure1(study: Study) -> Computation:
     """Figure 1: equations 27 to 30 by projection, in the drawn plane and in 1000 random ones."""
-    essential, independent, forms = _plane(SLOPE, REAL)
     rng = np.random.default_rng(study.seed)
-    worst = max(_plane(float(c), M)[2] for c, M in zip(rng.normal(size=1000), rng.normal(size=(1000, 2)), strict=True))
-    drawing = drawings.two_parameters(SLOPE, REAL, essential, independent)
-    return Computation({"forms": forms, "worst": worst}, agrees=max(forms, worst) < 1e-12, drawings=[drawing])
+    forms = _plane(SLOPE, REAL)
+    worst = max(_plane(float(c), M) for c, M in zip(rng.normal(size=1000), rng.normal(size=(1000, 2)), strict=True))
+    return Computation({"forms": forms, "worst": worst}, agrees=max(forms, worst) < 1e-12)
+
+
+def _plane(c: float, real: Array) -> float:
+    """Difference of equations 29 and 30 from D_E and D_I by projection and null vector, of m1 + c m2."""
+    e, n = np.array([1.0, c]) / np.hypot(1.0, c), np.array([-c, 1.0]) / np.hypot(1.0, c)
+    essential = (real @ e) * e
+    b = -essential[1] / n[1]
+    total = real[0] + c * real[1]
+    forms = np.concatenate([total / (1.0 + c * c) * np.array([1.0, c]), [total, 0.0, -total * c / np.hypot(1.0, c)]])
+    return float(np.abs(forms - [*essential, *(essential + b * n), b]).max())
 
 
 def table1(study: Study) -> Computation:
     """Table 1: the PUMA's ranges against the built-in arm's."""
-    lower, upper, fastest = study.paper.tables["table1"].values(FROM, TO, FASTEST)
+    lower, upper, fastest = study.puma.box
     rates = fastest / np.maximum(np.abs(lower), np.abs(upper))
-    return Computation({"slowest": rates.min(), "fastest": rates.max()}, study.puma.limits)
+    return Computation({"slowest": rates.min(), "fastest": rates.max()}, study.puma.limit)
 
 
 def table2(study: Study) -> Computation:
     """Table 2: the PUMA's singular values against those of every draw."""
-    draws, table, first = study.puma.draws, study.paper.tables["table2"], study.said("puma_first_34")
-    k, values, weights = draws.rank, draws.singular_values, draws.weights
-    literal = Draws.of(draws.arm, range(study.seed, study.seed + study.seeds), study.samples, 1.0).singular_values
+    arm, table, first = study.puma, study.paper.items["table2"], study.said("puma_first_34")
+    k, values, weights = arm.space.rank, arm.singular_values, arm.weights
+    literal = replace(arm, study=replace(study, velocity_scale=1.0)).singular_values
     numbers = table.values().ravel()
     places = {entry[:2]: i for i, entry in enumerate(table.entries())}
 
@@ -53,6 +95,8 @@ def table2(study: Study) -> Computation:
 
     falls = values[:, : k - 1] / values[:, 1:k]
     apart = (falls.argmax(axis=1) == first - 1) & (falls[:, first - 1] > 10.0)
+    caption = f"Table 2: the {k} singular values that are not round-off"
+    panels = {"PUMA 560": (values[:, :k], dict(enumerate(numbers[:k].tolist(), 1)))}
     return Computation(
         {
             "certified": k,
@@ -63,68 +107,100 @@ def table2(study: Study) -> Computation:
             "weight_spread": np.median(weights[:, 0] / weights[:, first - 1]),
         },
         entry,
-        {"puma_rank": study.rank_share("puma_rank", draws), "puma_first_34": float(apart.mean())},
-        drawings=[drawings.singular_values(draws, numbers[:k])],
+        {"puma_rank": arm.rank_share("puma_rank"), "puma_first_34": float(apart.mean())},
+        drawings=[drawings.bands("table-2", caption, "singular value", panels, first=1)],
     )
 
 
 def figure3(study: Study) -> Computation:
     """Figure 3: energy errors of both arms over the number of components."""
-    cases = (study.puma, study.five_bar, study.nearly_parallel)
-    puma, generic, nearly = (case.draws.percent_errors for case in cases)
+    arms = (study.puma, study.five_bar, study.nearly_parallel)
+    puma, *pair = (arm.percent_errors for arm in arms)
+    others = dict(zip(("generic", "nearly"), pair, strict=True))
     limits = dict(zip((11, 17), map(float, study.paper.claims["arm_energy"].numbers.split()), strict=True))
-    printed, arm = (_energies(study.paper.tables[name]) for name in ("table3", "table10"))
-    arm |= {s: -limit for s, limit in limits.items()}
-    table = study.paper.sentences["figure3"]
-    checks = checked(table, lambda _, column: puma[:, int(column)])
+    printed, arm = (_energies(study.paper.items[name]) for name in ("table3", "table10"))
+    checks = checked(study.paper.items["figure3"], lambda _, column: puma[:, int(column)])
     lies = [bool(inside([one])) for one in checks]
-    below = [{s: errors[:, s] < limit for s, limit in limits.items()} for errors in (generic, nearly)]
+    below = {name: [errors[:, s] < x for s, x in limits.items()] for name, errors in others.items()}
     titles = ("PUMA 560", "semi-direct-drive, generic", f"… sides equal but for {percent(study.unequal)}")
-    panels = {title: case.draws for title, case in zip(titles, cases, strict=True)}
+    points = (printed, *2 * [{**arm, **{s: -limit for s, limit in limits.items()}}])
+    panels = {title: (x.percent_errors[:, :-1], own) for title, x, own in zip(titles, arms, points, strict=True)}
+    caption = "Figure 3: error of the energy over the number of components kept"
     return Computation(
         {
             "above": sum(value > puma[:, s].max() for s, value in printed.items()),
             "largest_25": puma[:, 25].max(),
             "largest_30": puma[:, 30].max(),
-            "lies_30": "yes" if lies[0] else "no",
-            "lies_34": "yes" if lies[1] else "no",
+            **{f"lies_{s}": "yes" if one else "no" for s, one in zip((30, 34), lies, strict=True)},
             "medians": _medians(puma, 30, 34),
-            "generic_medians": _medians(generic, 11, 17),
-            "nearly_medians": _medians(nearly, 11, 17),
-            "generic_shares": " and ".join(percent(float(np.mean(one))) for one in below[0].values()),
-            "nearly_shares": " and ".join(percent(float(np.mean(one))) for one in below[1].values()),
+            **{f"{name}_medians": _medians(errors, 11, 17) for name, errors in others.items()},
+            **{f"{name}_shares": " and ".join(percent(float(np.mean(x))) for x in one) for name, one in below.items()},
         },
         lambda _, column: puma[:, int(column)],
         {
             "puma_energy": (all(lies), float(np.mean(puma[:, 30] >= float(checks[0].printed)))),
-            "arm_energy": float(np.mean(below[0][11] & below[0][17])),
-            "nearly_energy": float(np.mean(below[1][11] & below[1][17])),
+            "arm_energy": float(np.mean(np.all(below["generic"], axis=0))),
+            "nearly_energy": float(np.mean(np.all(below["nearly"], axis=0))),
         },
-        drawings=[drawings.percent_errors(panels, dict(zip(titles, (printed, arm, arm), strict=True)))],
+        drawings=[drawings.bands("figure-3", caption, "energy error [%]", panels)],
     )
+
+
+def _energies(table: Printed) -> Mapping[int, float]:
+    """Printed energy errors by number of components; zero cannot be drawn."""
+    return {int(s): value for s, value in zip(table.columns, table.values(ENERGY)[0], strict=True) if value > 0.0}
+
+
+def _medians(percents: Array, *counts: int) -> str:
+    return " and ".join(f"{np.median(percents[:, s]):.2g} %" for s in counts)
 
 
 def table3(study: Study) -> Computation:
     """Table 3: the PUMA's energy and torque errors by the number of components."""
-    case, table = study.puma, study.paper.tables["table3"]
-    found, share, entry = *case.fewest(study.said("puma_torque")), case.errors
+    arm, table = study.puma, study.paper.items["table3"]
+    fewest, share = arm.fewest(study.said("puma_torque"))
 
     def ratio(*columns: str) -> float:
-        own = [one for one in checked(table, entry) if one.column in columns and one.row != ENERGY]
+        own = [one for one in checked(table, arm.error) if one.column in columns and one.row != ENERGY]
         return float(np.exp(np.mean([np.log(float(one.computed) / Number.of(one.printed).value) for one in own])))
 
     return Computation(
-        {"fewest": found, "ratio": ratio("10", "25", "30", "34"), "last_ratio": ratio("35")},
-        entry,
+        {"fewest": fewest, "ratio": ratio("10", "25", "30", "34"), "last_ratio": ratio("35")},
+        arm.error,
         {"puma_torque": share},
-        relations=case.medians,
-        drawings=[drawings.torque_errors("table-3", table, case.torque_errors)],
+        drawings=[drawn_torque_errors("table-3", arm, table)],
     )
+
+
+def drawn_torque_errors(name: str, arm: Arm, table: Printed) -> Drawing:
+    """Drawing of Table 3 or 10, called `name` ("table-3"), from the draws of an `arm` and the printed `table`."""
+    k, caption = arm.space.rank, f"{name.replace('-', ' ').title()}: mean square torque errors, a joint each"
+    panels = {
+        f"joint {j}": (
+            arm.torque_errors[:, :k, j - 1],
+            {int(s): x for s, x in zip(table.columns, table.values(f"joint{j}")[0], strict=True) if int(s) < k},
+        )
+        for j in range(1, arm.mechanism.dof + 1)
+    }
+    return drawings.bands(name, caption, "mean square torque error [(N·m)²]", panels)
 
 
 def figure4(study: Study) -> Computation:
     """Figure 4: the torque of the PUMA's first joint with 10, 25 and 36 components."""
     return torque_figure(study.puma, "figure-4", 1, (10, 25, 36))
+
+
+def torque_figure(arm: Arm, name: str, joint: int, counts: tuple[int, ...]) -> Computation:
+    """Figure 4 or 6, called `name`: a joint's torque with fewer components, which fall in error to round-off."""
+    Y = arm.motion.Y[:, joint - 1]
+    actual = Y @ arm.parameters
+    torques = {s: Y @ arm.reductions[0].parameters(s) for s in counts}
+    falls = {s: float(np.mean((torque - actual) ** 2)) for s, torque in torques.items()}
+    curves = {f"{s} components, {falls[s]:.1e} (N·m)²": torque for s, torque in torques.items()}
+    return Computation(
+        agrees=sorted(falls.values(), reverse=True) == [*falls.values()] and falls[counts[-1]] < 1e-12,
+        drawings=[drawings.torques(name, arm, joint, {"actual parameters": actual} | curves)],
+    )
 
 
 def table4(study: Study) -> Computation:
@@ -134,44 +210,70 @@ def table4(study: Study) -> Computation:
 
 def table5(study: Study) -> Computation:
     """Table 5: the PUMA's set of independent parameters, which has rank 33."""
-    case, columns = study.puma, kept(study.paper.tables["table5"])
-    space, mechanism = case.arm.space, case.arm.mechanism
+    arm, space, mechanism = study.puma, study.puma.space, study.puma.mechanism
+    columns = {index(row, link) for row, link, text in study.paper.items["table5"].entries() if text != BLANK}
     states = random_states(mechanism, 4 * len(space.parameter_names), np.random.default_rng(study.seed))
-    found = proofs.scaled_rank(energy_differences(mechanism, states)[:, columns], space.scales[list(columns)])
-    rounded = {text: proofs.rounded_set(mechanism, angle, case.order) for text, angle in proofs.QUARTERS.items()}
+    own = sorted(columns)
+    found = NumericalRank.of(singular_values(energy_differences(mechanism, states)[:, own] * space.scales[own]))
+    rounded = {text: rounded_set(mechanism, angle, arm.order) for text, angle in QUARTERS.items()}
     return Computation(
         {
             "rank": found.rank,
             "gap": found.gap,
             "certified": space.rank,
-            "kept": case.basis.rank,
-            "torque": [
-                {"text": text, "torque_share": proofs.torque_share(case.arm, text)} for text in proofs.NULL_COMBINATIONS
-            ],
+            "kept": arm.basis.rank,
+            "torque": [{"text": text, "torque_share": torque_share(arm, text)} for text in NULL_COMBINATIONS],
             "rounded": [
-                {
-                    "text": text,
-                    "cells": 60 - len({*one.kept} ^ {*columns}),
-                    "condition": one.condition,
-                    "right": case.basis.condition,
-                }
-                for text, one in rounded.items()
+                {"text": text, "cells": 60 - len({*kept} ^ columns), "condition": worst, "right": arm.basis.condition}
+                for text, (kept, worst, _) in rounded.items()
             ],
         },
-        lambda row, link: index(row, link) in case.basis.columns,
-        {"puma_independent": space.rank == case.basis.rank == study.said("puma_independent")},
-        relations={
-            "Within Table 5, these change no torque (the paper's names)": proofs.NULL_COMBINATIONS,
-            "The set that Table 4 yields with exact right angles": case.basis.equations(),
-        },
+        lambda row, link: index(row, link) in arm.basis.columns,
+        {"puma_independent": space.rank == arm.basis.rank == study.said("puma_independent")},
     )
+
+
+def rounded_set(mechanism: Mechanism, quarter: float, priority: Priority) -> tuple[tuple[int, ...], float, Array]:
+    """Set that theorem 4.1 keeps on a PUMA 560 with `quarter` (rad) for pi/2 in all its twists: parameters are removed
+    in the order of `priority` where their rows of V2 are independent of those removed before, to 1e-8. A triple: the
+    indices that are kept, the condition number of F2' V2, and D_I (P,) of equation 25, SI units. Raises `RankError`
+    where the rank cannot be certified."""
+    links = tuple(
+        replace(link, far=Pose(rotation_about((1, 0, 0), n * quarter), link.far.translation))
+        for link, n in zip(mechanism.links, TURNS, strict=True)
+    )
+    space = essential_space(Mechanism(replace(mechanism.description, links=links)))
+    essential = space.project(mechanism.inertial_parameters)
+    removed = list(removable(space.null_basis, priority.indices(space.parameter_names), TIGHT))
+    square = space.null_basis[removed]
+    independent = essential - space.null_basis @ np.linalg.solve(square, essential[removed])
+    return tuple(sorted(set(range(len(essential))) - set(removed))), float(np.linalg.cond(square)), independent
+
+
+def combination(text: str, links: int = 6) -> Array:
+    """Coefficients (10 N,) among the parameters of N = `links` links of a `text` such as "I_y1 - I_x3 - I_z3", in the
+    paper's names. Raises `ValueError` for an unknown name, `InputError` for a link below 1, `IndexError` for one
+    beyond N."""
+    out, texts = np.zeros(10 * links), ("+ " + text).split()
+    for mark, term in zip(texts[::2], texts[1::2], strict=True):
+        out[index(term[:-1], term[-1])] = sign(term[:-1]) * (1.0 if mark == "+" else -1.0)
+    return out
+
+
+def torque_share(arm: Arm, text: str) -> float:
+    """Largest torque that the combination `text` of an arm's parameters makes at 500 random states, over the largest
+    that one of its terms makes alone: round-off where it changes none. Raises as `combination`."""
+    vector = combination(text)
+    p, v, a = np.random.default_rng(0).normal(size=(3, 500, arm.mechanism.dof))
+    Y = arm.mechanism.torque_regressor(p, v, a)
+    return float(np.abs(Y @ vector).max() / np.abs(Y[..., vector != 0.0]).max())
 
 
 def table6(study: Study) -> Computation:
     """Table 6: the PUMA's assigned parameters, which are those of no rigid bodies."""
-    D, null = study.puma.arm.parameters, study.puma.arm.space.null_basis
+    D, null = study.puma.parameters, study.puma.space.null_basis
     lowest = [float(np.linalg.eigvalsh(pseudo_inertia(ten))[0]) for ten in D.reshape(-1, 10)]
-    wrist = proofs.combination("I_x4 + I_y4 - I_z4 + I_x5 - I_y5 + I_z5")
+    wrist = combination("I_x4 + I_y4 - I_z4 + I_x5 - I_y5 + I_z5")
     value, outside = float(wrist @ D), float(np.abs(null.T @ wrist).max())
     numbers = {f"link{i + 1}": least for i, least in enumerate(lowest)}
     numbers |= {"impossible": sum(least <= 0.0 for least in lowest), "wrist": value, "outside": outside}
@@ -180,77 +282,58 @@ def table6(study: Study) -> Computation:
 
 def table7(study: Study) -> Computation:
     """Table 7: the PUMA's essential parameters V1 V1' D."""
-    space, D, tables = study.puma.arm.space, study.puma.arm.parameters, study.paper.tables
-    essential, real = space.project(D), parameters(tables["table6"])
-    free = (real != 0.0) & (np.arange(len(D)) % 10 != 0)
-    excess = [proofs.excess(space, tables["table6"], tables["table7"], where) for where in (np.zeros_like(free), free)]
-    off = np.abs(essential - parameters(tables["table7"])).max()
-    return Computation({"off": off, "as_printed": excess[0], "rounded": excess[1]}, _values(essential))
+    space, tables = study.puma.space, study.paper.items
+    essential, real = space.project(study.puma.parameters), parameters(tables["table6"])
+    free = (real != 0.0) & (np.arange(len(real)) % 10 != 0)
+    numbers = {
+        "off": np.abs(essential - parameters(tables["table7"])).max(),
+        "as_printed": excess(space, tables["table6"], tables["table7"], np.zeros_like(free)),
+        "rounded": excess(space, tables["table6"], tables["table7"], free),
+    }
+    return Computation(numbers, _values(essential))
+
+
+def excess(space: EssentialSpace, real: Printed, essential: Printed, free: Array) -> float:
+    """Least possible max_i |(V1 V1' D)_i - E_i| / h_i over all D (P,) that round to the table `real` where `free` (P,)
+    of bools allows a difference; E are the numbers of the table `essential` and h half units of their last digits. At
+    most 1 means that the tables agree. Raises `ArithmeticError` where the linear program is not solved."""
+    tolerance = parameters(essential, half_units=True)
+    slack = np.where(free, parameters(real, half_units=True), 0.0)
+    project = space.basis @ space.basis.T / tolerance[:, None]
+    off = project @ parameters(real) - parameters(essential) / tolerance
+    found = linprog(
+        np.append(np.zeros(len(slack)), 1.0),
+        A_ub=np.column_stack([np.concatenate([project, -project]), -np.ones(2 * len(slack))]),
+        b_ub=np.concatenate([-off, off]),
+        bounds=[*((-x, x) for x in slack), (0.0, None)],
+    )
+    if found.fun is None:
+        raise ArithmeticError(f"the linear program was not solved: {found.message}")
+    return float(found.fun)
 
 
 def table8(study: Study) -> Computation:
     """Table 8: values of the PUMA's independent parameters, with pi/2 rounded as the paper seems to have done."""
-    case, vector = study.puma, parameters(study.paper.tables["table8"])
-    D, space, basis, Y = case.arm.parameters, case.arm.space, case.basis, case.motion.Y
-    essential, torque = parameters(study.paper.tables["table7"]), Y @ D
-    rounded = proofs.rounded_set(case.arm.mechanism, proofs.QUARTERS[QUARTER], case.order).independent
+    arm, vector = study.puma, parameters(study.paper.items["table8"])
+    D, Y, essential = arm.parameters, arm.motion.Y, parameters(study.paper.items["table7"])
+    torque = Y @ D
+    _, _, rounded = rounded_set(arm.mechanism, QUARTERS[QUARTER], arm.order)
     nonzero = [int(np.count_nonzero(np.abs(one) >= 0.0005)) for one in (vector, D, essential)]
-    beta = zip(basis.names, basis.fundamental_parameters(D), strict=True)
     return Computation(
         {
             "quarter": QUARTER,
             **dict(zip(("nonzero", "real_nonzero", "essential_nonzero"), nonzero, strict=True)),
-            "projected": np.abs(space.project(vector) - essential).max(),
+            "projected": np.abs(arm.space.project(vector) - essential).max(),
             "torque": np.abs(Y @ vector - torque).max() / np.abs(torque).max(),
         },
         _values(rounded),
         {"fewer_nonzero": nonzero[0] < min(nonzero[1:])},
-        relations={
-            "Values on the right set (SI units, the tensor's own entries); the others of its 36 are zero": [
-                f"{key} = {value:.4f}" for key, value in beta if abs(value) > 1e-9
-            ]
-        },
     )
-
-
-def _energies(table: PrintedTable) -> dict[int, float]:
-    """Printed energy errors by number of components; zero cannot be drawn."""
-    return {int(s): value for s, value in zip(table.columns, table.values(ENERGY)[0], strict=True) if value > 0.0}
-
-
-def _medians(percents: Array, *counts: int) -> str:
-    return " and ".join(f"{np.median(percents[:, s]):.2g} %" for s in counts)
 
 
 def _values(D: Array) -> Entry:
     """Parameters (P,) as the paper's tables have them."""
     return lambda row, link: float(sign(row) * D[index(row, link)])
-
-
-def _plane(c: float, real: Array) -> tuple[Array, Array, float]:
-    """D_E and D_I by projection and null vector, and by how much equations 29 and 30 differ from them."""
-    e, n = np.array([1.0, c]) / np.hypot(1.0, c), np.array([-c, 1.0]) / np.hypot(1.0, c)
-    essential = (real @ e) * e
-    b = -essential[1] / n[1]
-    independent = essential + b * n
-    total = real[0] + c * real[1]
-    forms = np.concatenate([total / (1.0 + c * c) * np.array([1.0, c]), [total, 0.0, -total * c / np.hypot(1.0, c)]])
-    return essential, independent, float(np.abs(forms - [*essential, *independent, b]).max())
-
-
-def torque_figure(case: StudiedArm, name: str, joint: int, counts: tuple[int, ...]) -> Computation:
-    """Figure 4 or 6, called `name`: a joint's torque with fewer components, which fall in error to round-off."""
-    motion, actual = case.motion, case.motion.Y @ case.arm.parameters
-    torques = {"actual parameters": actual} | {f"{s} components": case.draws.torque(motion, 0, s) for s in counts}
-    errors = {key: float(np.mean((tau - actual)[:, joint - 1] ** 2)) for key, tau in torques.items()}
-    curves = {
-        key if tau is actual else f"{key}, {errors[key]:.1e} (N·m)²": tau[:, joint - 1] for key, tau in torques.items()
-    }
-    falls = list(errors.values())[1:]
-    return Computation(
-        agrees=sorted(falls, reverse=True) == falls and falls[-1] < 1e-12,
-        drawings=[drawings.torques(name, joint, motion, curves)],
-    )
 
 
 STEPS = (figure1, table1, table2, figure3, table3, figure4, table4, table5, table6, table7, table8)

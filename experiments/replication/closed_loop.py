@@ -1,0 +1,203 @@
+"""Section 5.3 of the paper in closed loop: a serial arm against one with a loop, on one path in space."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from adaptctl.control import SlotineLi
+from adaptctl.dynamics import Mechanism, equation_costs
+from adaptctl.experiments.contest import ADAPTATION_OFF, ADAPTIVE, FULL, Contender, over_time
+from adaptctl.experiments.task_space import ARMS, ArmWithTip, TaskSpaceTracking
+from adaptctl.identifiability import FundamentalBasis, ReducedModel
+from adaptctl.recording import Comparison, Progress, Result, judged, write_artifacts
+from adaptctl.recording.drawing import Drawing
+from adaptctl.recording.page import SHEU_WALKER, Note, Report, Section, Table, files_section
+from adaptctl.recording.report import summary as comparison_summary
+from adaptctl.recording.result import Fact, Verdict
+from adaptctl.recording.wording import headline, number
+
+START_OFF = np.array([0.05, 0.05, -0.05])
+"""m: first error of both tips"""
+PURPOSE = (
+    "Sheu and Walker compare two arms whose end points move with three degrees of freedom: the PUMA's first three "
+    "joints, and the semi-direct-drive arm, whose forearm follows through a closed loop. How much does the loop cost? "
+    "Both tips follow one path in space, and both controllers start knowing nothing, by the same distance off it. The "
+    "PUMA's wrist is held straight, its tip is the flange."
+)
+LAST = "Tip error (RMS), last 2 s"
+NOTE = (
+    "For the three-joint PUMA the paper prints 16. That is what energies give when they are not differenced: they "
+    "then carry the constant part of the potential, which moves nothing, as one more. Differences of energies give 15, "
+    "and so does the rank of the torque regressor; 7 N − 6 is 15 for three links with gravity along the first axis. "
+    "Operations are counted in the compiled equations. A regressor is counted at a configuration that closes the loop; "
+    "a tick closes it too, by Newton's steps."
+)
+
+
+@dataclass(frozen=True)
+class ArmOnPath(TaskSpaceTracking):
+    """Experiment of one arm of the two, whose tip starts as far off the path as the other's: Slotine and Li's law in
+    joints from zero on the k fundamental (base) parameters, with adaptation off, and on all parameters."""
+
+    name: ClassVar[str] = "serial-versus-graph"
+    title: ClassVar[str] = "{robot}: a tip on a path in space"
+
+    @property
+    def purpose(self) -> str:
+        """Paragraph of text for the report that states the question."""
+        return PURPOSE
+
+    def environment(self, mechanism: Mechanism) -> Any:
+        """Gymnasium tracking environment of a `mechanism`, whose tip starts off the path."""
+        tip, reference = self.tip(mechanism), self.reference(mechanism)
+        first = reference(0.0).p
+        return self.tracking(mechanism, reference, initial_error=tip.joints(tip.at(first) + START_OFF, first) - first)
+
+    def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
+        """Controllers to compare. Raises `InputError` for a basis of another geometry."""
+        model, full, gains = ReducedModel(mechanism, basis), ReducedModel.full(mechanism), self.gains(mechanism)
+        k, everything = len(model.columns), len(full.columns)
+
+        def law(on: ReducedModel, adapts: bool = True) -> SlotineLi:
+            gain = self.adaptation(on) if adapts else None
+            return SlotineLi(on, gains.bandwidth, gains.damping, gain, period=self.control_period)
+
+        return [
+            Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", partial(law, model)),
+            Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", partial(law, model, False)),
+            Contender(FULL, f"Slotine-Li, all {everything} parameters", "nothing", partial(law, full)),
+        ]
+
+
+Compared = Mapping[ArmWithTip, Comparison]
+
+
+def side_by_side(seed: int, duration: float, period: float, progress: Progress) -> Result:
+    """Result of both arms on the path for a `duration` (s), one after the other, with a control `period` (s).
+    `progress(what, share)` is called with the arm and what is done, and the fraction of it; Ctrl-C
+    (`KeyboardInterrupt`) keeps what is done, and is raised where nothing is."""
+    found, complete = dict[ArmWithTip, Comparison](), False
+    try:
+        for arm in ARMS:
+            one = ArmOnPath(robot=arm.robot, seed=seed, duration=duration, control_period=period)
+            found[arm] = one.compare(partial(_told, progress, arm.label))
+            if not found[arm].complete:
+                break
+        else:
+            complete = True
+    except KeyboardInterrupt:
+        if not found:
+            raise
+    verdict = Verdict.together(map(judged, found.values()))
+    answers = [_answers(arm, one) for arm, one in found.items()]
+    rows = [(what, *(one[what] for one in answers)) for what in answers[0]]
+    told, words = [Fact(what, " · ".join(each)) for what, *each in rows], verdict.before(_answer(found))
+    about: dict[str, Any] = {"experiment": ArmOnPath.name, "complete": complete, "seed": seed}
+    page = Report(
+        **about,
+        title="A serial arm and one with a loop, on one task",
+        outcome=words,
+        facts=told,
+        sections=list(_sections(found, rows)),
+        about=f"seed {seed}",
+        source=f"Section 5.3 of {SHEU_WALKER}.",
+    )
+    arms = {arm.name: _summary(arm, one) for arm, one in found.items()}
+    content = {
+        "schema": "adaptctl/side-by-side/1",
+        "verdict": verdict.as_builtins(),
+        "duration": duration,
+        "arms": arms,
+    }
+    each = {arm.name: partial(write_artifacts, comparison=one) for arm, one in found.items()}
+
+    def write(folder: Path, progress: Progress) -> Path:
+        return page.write(
+            folder, {"schema": "adaptctl/side-by-side/1"} | about | content, tables=each, progress=progress
+        )
+
+    return Result(complete, headline(words, complete), tuple(told), verdict, write)
+
+
+def _summary(arm: ArmWithTip, comparison: Comparison) -> dict[str, Any]:
+    mechanism = comparison.mechanism
+    return comparison_summary(comparison) | {
+        "links": len(mechanism.links),
+        "joints": _joints(mechanism),
+        "actuators": mechanism.dof,
+        "inertial_parameters": len(mechanism.parameter_names),
+        "rank_printed": arm.printed_rank,
+        "regressor_flops": _regressor(comparison),
+    }
+
+
+def _told(progress: Progress, arm: str, what: str, share: float) -> None:
+    progress(f"{arm}: {what}", share)
+
+
+def _joints(mechanism: Mechanism) -> int:
+    """Number of joints, with those that are cut to make a tree of loops."""
+    loops = mechanism.description.loops
+    return len(mechanism.links) + (len(loops.closures) if loops else 0)
+
+
+def _regressor(comparison: Comparison) -> dict[str, int]:
+    """Operations of the Slotine-Li regressor, on the independent parameters and on all; closing loops not counted."""
+    mechanism, columns = comparison.mechanism, comparison.basis.columns
+    return {"reduced": equation_costs(mechanism, columns).regressor, "full": equation_costs(mechanism).regressor}
+
+
+def _answers(arm: ArmWithTip, one: Comparison) -> dict[str, str]:
+    """Answers to what a person asks of an arm, by the questions."""
+    errors = {finding.name: f"{number(finding.value)} mm" for finding in one.findings}
+    flops, rise = _flops(one), one.subject.lyapunov_max_increase
+    return {
+        "Links": str(len(one.mechanism.links)),
+        "Joints": str(_joints(one.mechanism)),
+        "Actuators, which are the primary joints": str(one.mechanism.dof),
+        "Inertial parameters": str(len(one.mechanism.parameter_names)),
+        "Independent parameters": str(one.space.rank),
+        "… as the paper prints them (Table 13)": str(arm.printed_rank),
+        "Operations of the regressor, independent and all": "{reduced:,}, {full:,}".format(**_regressor(one)),
+        "Operations of an adaptive tick": f"{flops.get(ADAPTIVE, 0):,}",
+        "… with all parameters": f"{flops.get(FULL, 0):,}",
+        "Tip error (RMS), first second": errors.get(f"first_tool_error.{ADAPTIVE}", "–"),
+        LAST: errors.get(f"final_tool_error.{ADAPTIVE}", "–"),
+        "… with all parameters, last 2 s": errors.get(f"final_tool_error.{FULL}", "–"),
+        "… with adaptation off, last 2 s": errors.get(f"final_tool_error.{ADAPTATION_OFF}", "–"),
+        "Lyapunov function rises": "–" if rise is None else f"by {number(rise)} J" if rise else "never",
+    }
+
+
+def _flops(comparison: Comparison) -> dict[str, int]:
+    """Operations of a tick, by the run's name."""
+    return {run.name: run.cost.flops or 0 for run in comparison.runs if run.cost}
+
+
+def _answer(found: Compared) -> str:
+    ends = " and ".join(f"{_answers(arm, one)[LAST]} ({arm.label})" for arm, one in found.items())
+    text = f"From knowing nothing, the tip ends {ends} off the path that both follow."
+    ticks = [_flops(one).get(ADAPTIVE, 0) for one in found.values()]
+    if len(ticks) < len(ARMS) or not all(ticks):
+        return text
+    few, many = (one.space.rank for one in found.values())
+    times = f"A tick of the {ARMS[1].label} takes {number(ticks[1] / ticks[0])} times the operations"
+    return f"{text} {times}, for {many} independent parameters instead of {few}."
+
+
+def _sections(found: Compared, rows: Sequence[Sequence[str]]) -> Iterator[Section]:
+    runs = [replace(one.subject, name=arm.name, label=arm.label) for arm, one in found.items()]
+    errors = {arm.name: 1e3 * one.leading.errors[ADAPTIVE] for arm, one in found.items() if one.leading}
+    caption = "Distance of each arm's tip from the path that both follow (logarithmic scale)."
+    drawing = Drawing("tip-error", caption, partial(over_time, runs, errors, "distance from the path [mm]"))
+    table = Table(("what", *(arm.label for arm in found)), rows, note=NOTE, align="lrr")
+    where = "report, recording and trace of its own are in the folder"
+    each = [Note(f"{where} {arm.name}.", f"{arm.label}:") for arm in found]
+    yield Section("What was asked", (PURPOSE, table, drawing, *each))
+    yield files_section("The table and the figure.", "The numbers of both arms, for programs.")
