@@ -15,7 +15,7 @@ from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.contest import ADAPTATION_OFF, ADAPTIVE, Contender, Learning, Outcome, Told, chosen_gains
 from adaptctl.experiments.experiment import FAR, require_count, setting
-from adaptctl.experiments.laws_measures import deviations
+from adaptctl.experiments.laws_controllers import deviations
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import Finding, Setting, wording
 

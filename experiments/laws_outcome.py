@@ -2,41 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from adaptctl.control import ErrorFeedback, margins, typical_inertia
+from adaptctl.arrays import Array
+from adaptctl.control import ConsistentLift, Controller, ErrorFeedback, Natural, margins, typical_inertia
+from adaptctl.control.adaptation.natural import pseudos
+from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import error_unit, position_unit
 from adaptctl.errors import GainError
-from adaptctl.experiments.contest import ADAPTATION_OFF, Outcome, Told
-from adaptctl.experiments.disturbed_arm import LABELS, REST, SAMPLES, DisturbedArm
-from adaptctl.experiments.laws_controllers import controller, friction_columns
-from adaptctl.experiments.laws_figures import (
-    bandwidths_over_stiffness,
-    friction_curves,
-    parameter_errors,
-    recovery_times,
-)
-from adaptctl.experiments.laws_measures import (
-    WINDOW,
-    ParameterErrors,
-    Recovery,
-    drift,
-    float_tick,
-    forgotten_notes,
-    held_back,
-    memory_findings,
-)
+from adaptctl.experiments.contest import ADAPTATION_OFF, Outcome, Told, over_time
+from adaptctl.experiments.laws import REST, SAMPLES, STRIBECK_SPEED, WINDOW, Laws
+from adaptctl.experiments.laws_controllers import LABELS, controller, friction_columns
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Finding, wording
-from adaptctl.recording.comparison import color_places
-from adaptctl.recording.drawing import Drawing
-from adaptctl.recording.wording import parameter_unit
+from adaptctl.recording import ControllerRun, Finding, wording
+from adaptctl.recording.drawing import TRUTH, Drawing, run_color, sheet
+from adaptctl.recording.wording import number, parameter_unit, typeset
 from adaptctl.simulation import Plant, simulate_many
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TELLING, TELLING_LOOPS = 0.25, 0.1
 """rad at 0.2 Hz: of the motion along which parameters are weighed where the arm rests; loops leave less room"""
@@ -45,78 +34,164 @@ BANDWIDTHS = 0.5 * 2.0 ** (np.arange(45) / 4.0)
 SHAKING, SATURATED = 0.25, 0.01
 """rad/s (m/s) of velocity errors (RMS) and share of periods with a motor at its limit, in the last third of a trial,
 above which a bandwidth is not stable"""
-END = 2.0
-"""s: the end of a run, over which its last error is averaged"""
+TWICE = 2.0
+"""times the earlier error: below it a law has returned"""
+COLUMNS = 3
+"""panels in a row"""
 
 
-def told(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told:
-    """All that is said of the `outcome` of an experiment, by its disturbances."""
-    parts = [
-        part(of, outcome, basis)
-        for part, asked in (
-            (_recovered, of.recovers),
-            (_drifted, of.motion == REST),
-            (_saturated, of.is_weak),
-            (_rubbed, bool(of.stribeck)),
-            (_carried, of.has_springs),
-            (_learned, True),
-        )
-        if asked
-    ]
-    findings = [finding for part in parts for finding in part.findings]
-    answers = [part.answer for part in parts if part.answer]
-    drawings = [drawing for part in parts for drawing in part.drawings]
-    return Told(findings, " ".join((*answers, *forgotten_notes(findings))) or None, drawings)
+def told(of: Laws, outcome: Outcome, basis: FundamentalBasis) -> Told:
+    """Findings, sentences and figures on the `outcome` of an experiment, by its disturbances."""
+    asked = {
+        _recovered: of.recovers,
+        _drifted: of.motion == REST,
+        _saturated: of.is_weak,
+        _rubbed: bool(of.stribeck),
+        _carried: of.has_springs,
+        _learned: True,
+    }
+    parts = [part(of, outcome, basis) for part, is_asked in asked.items() if is_asked]
+    answer = " ".join(part.answer for part in parts if part.answer)
+    findings, drawings = ([one for part in parts for one in getattr(part, name)] for name in ("findings", "drawings"))
+    return Told(findings, answer or None, drawings)
+
+
+def each(
+    runs: Iterable[ControllerRun], name: str, unit: str, meaning: str, value: Callable[[ControllerRun], float | None]
+) -> list[Finding]:
+    """Findings called `name` on each of the `runs`, in a `unit`, with a `meaning` in words; none where `value` gives
+    none."""
+    found = ((run, value(run)) for run in runs)
+    return [Finding(f"{name}.{run.name}", x, unit, f"{run.label}: {meaning}") for run, x in found if x is not None]
 
 
 def _span(ends: list[tuple[float, str]], unit: str = "") -> str:
     """Text of the least and the greatest of numbers, each with its run's label."""
-    words = [" ".join(filter(None, (wording.number(value), unit, f"({label})"))) for value, label in sorted(ends)]
+    words = [" ".join(filter(None, (number(value), unit, f"({label})"))) for value, label in sorted(ends)]
     return " to ".join(dict.fromkeys((*words[:1], *words[-1:])))
 
 
-def _weighed(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> ParameterErrors:
-    """Measure of parameter errors along the motion, or, where the arm rests, along one that tells of them."""
-    mechanism, rests = outcome.mechanism, of.motion == REST
-    telling = TELLING if mechanism.description.loops is None else TELLING_LOOPS
-    times = np.linspace(0.0, 20.0 if rests else of.duration, SAMPLES)
-    points = of.reference(mechanism, telling if rests else None)(times)
-    return ParameterErrors.along(ReducedModel(mechanism, basis), points.p, points.v, points.a)
+@dataclass(frozen=True, eq=False)
+class ParameterErrors:
+    """Measure of how far estimates of a `model`'s k parameters are off: differences weighed by `weights` (k,), the RMS
+    torques, N m (N), that each parameter's unit makes along a motion, over the weighed norm of the true ones."""
+
+    model: ReducedModel
+    weights: Array
+
+    @classmethod
+    def along(cls, of: Laws, outcome: Outcome, basis: FundamentalBasis) -> ParameterErrors:
+        """The measure along the motion of the experiment `of`, or, where the arm rests, along one that excites."""
+        mechanism, rests = outcome.mechanism, of.motion == REST
+        telling = TELLING if mechanism.description.loops is None else TELLING_LOOPS
+        times = np.linspace(0.0, 20.0 if rests else of.duration, SAMPLES)
+        points, model = of.reference(mechanism, telling if rests else None)(times), ReducedModel(mechanism, basis)
+        rows = model.torque_regressor(points.p, points.v, points.a)
+        return cls(model, np.sqrt(np.mean(rows**2, axis=(0, 1))))
+
+    def of(self, run: ControllerRun) -> Array | None:
+        """Parameter errors (T,), no unit, over the samples of a `run`; None where its controller estimates none, or
+        others than this model has."""
+        estimate = run.rollout.estimate
+        known = estimate.shape[1] in self.model.regrouping.shape
+        return self.apart(estimate, self.model.fundamental_parameters) if known else None
+
+    def apart(self, one: Array, other: Array) -> Array:
+        """Distances, no unit, of estimates (..., k) or (..., P) in this measure."""
+        K, true = self.model.regrouping, self.model.fundamental_parameters
+        one, other = (x @ K.T if x.shape[-1] == K.shape[1] else x for x in (one, other))
+        weighed = np.linalg.norm((one - other) * self.weights, axis=-1)
+        return np.asarray(weighed / np.linalg.norm(true * self.weights))
 
 
-def _learned(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told:
-    errors = _weighed(of, outcome, basis)
+def _learned(of: Laws, outcome: Outcome, basis: FundamentalBasis) -> Told:
+    errors = ParameterErrors.along(of, outcome, basis)
     curves = {run.name: over for run in outcome.runs if (over := errors.of(run)) is not None}
-    controllers = {one.name: one.controller for one in of.contenders(outcome.mechanism, basis)}
-    findings = []
+    findings, model = list[Finding](), ReducedModel(outcome.mechanism, basis)
     for run in outcome.runs:
         if (over := curves.get(run.name)) is not None:
-            meaning = f"{run.label}: parameter error at the end, of {over[0]:.3g} at the start"
-            findings.append(Finding(f"parameter_error.{run.name}", float(over[-1]), "1", meaning))
-        findings += memory_findings(controllers[run.name], run, outcome.mechanism)
-        cost = 1e6 * float_tick(controllers[run.name], run)
-        findings.append(Finding(f"tick_floats.{run.name}", cost, "us", f"{run.label}: a tick on Python floats"))
+            meaning = f"parameter error at the end, of {over[0]:.3g} at the start"
+            findings.append(Finding(f"parameter_error.{run.name}", float(over[-1]), "1", f"{run.label}: {meaning}"))
+        findings += memory_findings(controller(of, run.name, model), run, outcome.mechanism)
     ends = [(float(over[-1]), LABELS[name]) for name, over in curves.items() if name != ADAPTATION_OFF]
-    off = wording.number(float(curves[ADAPTATION_OFF][0]) if ADAPTATION_OFF in curves else None, 2)
-    start = f"In {of.duration:g} s the parameter error, at first {off} of the parameters, comes to"
-    places = color_places(outcome.runs)
-    drawn = [(places[run.name], run, curves[run.name]) for run in outcome.runs if run.name in curves]
+    first = number(float(curves[ADAPTATION_OFF][0]) if ADAPTATION_OFF in curves else None, 2)
+    said = [f"In {of.duration:g} s the parameter error, at first {first} of the parameters, comes to {_span(ends)}."]
+    said = said if ends else []
+    said += [
+        f"{f.meaning.split(':')[0]} remembered nothing: no excitation passed its threshold; a smaller one would."
+        for f in findings
+        if f.name.startswith("remembered.") and f.value == 0.0
+    ]
+    last = {name: f"  {number(float(over[-1]), 2)}" for name, over in curves.items()}
+    runs = [replace(run, label=run.label + last.get(run.name, "")) for run in outcome.runs]
     caption = (
         "Parameter errors, weighed by the torque that each parameter makes along the motion, in shares of the torque "
-        "of all, one line a law that adapts, with its last value"
-        f"{'; below, when a limit held a torque back' * of.is_weak}."
+        "of all, one line a law that adapts, with its last value."
     )
-    drawing = Drawing("parameter-error", caption, partial(parameter_errors, drawn, of.is_weak))
-    return Told(findings, f"{start} {_span(ends)}." if ends else None, (drawing,) if drawn else ())
+    drawing = Drawing("parameter-error", caption, partial(over_time, runs, curves, "parameter error"))
+    return Told(findings, " ".join(said) or None, (drawing,) if curves else ())
 
 
-def _recovered(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told:
-    unit, found = error_unit(outcome.mechanism), list(_recoveries(of, outcome))
-    findings = [finding for one in found if (finding := one.finding) is not None]
-    for run in outcome.runs:
-        if (earlier := run.rms_error(of.start - WINDOW, of.start)) is not None:
-            meaning = f"{run.label}: RMS error in the {WINDOW:g} s before the pickup"
-            findings.append(Finding(f"earlier_error.{run.name}", 1e3 * earlier, unit, meaning))
+def memory_findings(law: Controller[Any], run: ControllerRun, mechanism: Mechanism) -> Iterator[Finding]:
+    """Iterator over findings on what a controller's adaptation `law` remembered or kept in a `run`: for laws with a
+    threshold of excitation the share of samples in which it was passed; for natural adaptation and the consistent lift
+    the least eigenvalue of any link's estimated pseudo-inertia."""
+    adapting, learning = getattr(getattr(law, "of", law), "adaptation_law", None), run.rollout.learning
+    if isinstance(adapting, Natural | ConsistentLift):
+        bodies = len(mechanism.description.bodies)
+        kept = run.rollout.estimate if isinstance(adapting, Natural) else learning
+        value = float(np.linalg.eigvalsh(pseudos(kept[:, : 10 * bodies].reshape(-1, bodies, 10)))[..., 0].min())
+        meaning = "smallest eigenvalue of any link's pseudo-inertia, of the run's samples"
+        yield from each([run], "smallest_eigenvalue", "SI", meaning, lambda _: value)
+    elif learning.size and (threshold := getattr(adapting, "threshold", None)) is not None:
+        share = float(np.mean(learning > 0.0))
+        meaning = f"share of periods whose excitation passed its threshold of {threshold:g} 1/s"
+        yield from each([run], "remembered", "1", meaning + ": nothing was remembered" * (not share), lambda _: share)
+
+
+class Recovery(NamedTuple):
+    """Return of a `run` from an `event`: `earlier`, the RMS error (rad, m if prismatic) of all joints before the first
+    event; `time`, s after the event until the RMS error over the coming 2 s is below twice that, None for never; and
+    `left`, the RMS error of the last 2 s before the next event over the earlier one, None where it has no samples."""
+
+    run: ControllerRun
+    event: str
+    earlier: float
+    time: float | None
+    left: float | None
+
+    @classmethod
+    def of(cls, run: ControllerRun, event: str, earlier: float, begin: float, end: float) -> Recovery:
+        """The recovery from an `event` at `begin` until the next one at `end`, s."""
+        end = min(end, run.duration)
+        last = run.rms_error(max(begin, end - WINDOW), end)
+        coming = run.moving_rms_error(WINDOW)[round(WINDOW / run.rollout.spacing) - 1 :]
+        times = run.rollout.time[: len(coming)]
+        back = np.flatnonzero((times >= begin) & (times <= end - WINDOW) & (coming < TWICE * earlier))
+        returned = float(times[back[0]]) - begin if back.size else None
+        return cls(run, event, earlier, returned, None if last is None else last / earlier)
+
+    @property
+    def findings(self) -> list[Finding]:
+        """Time to return, s, or, where the run does not, its error at the end over the earlier one, if known."""
+        name, after = f"after_{self.event.replace(' ', '_')}", f"after the {self.event}"
+        if self.time is not None:
+            meaning = f"time {after} until the error is below twice the earlier"
+            return each([self.run], f"return_{name}", "s", meaning, lambda _: self.time)
+        meaning = f"does not return {after}; error at the end over the earlier"
+        return each([self.run], f"not_back_{name}", "1", meaning, lambda _: self.left)
+
+
+def _recovered(of: Laws, outcome: Outcome, basis: FundamentalBasis) -> Told:
+    found = list(_recoveries(of, outcome))
+    findings, unit = [finding for one in found for finding in one.findings], error_unit(outcome.mechanism)
+
+    def earlier(run: ControllerRun) -> float | None:
+        error = run.rms_error(of.start - WINDOW, of.start)
+        return None if error is None else 1e3 * error
+
+    meaning = f"RMS error in the {WINDOW:g} s before the pickup"
+    findings += each(outcome.runs, "earlier_error", unit, meaning, earlier)
     sentences = []
     adapting = [one for one in found if one.run.rollout.estimate.shape[1] and one.run.name != ADAPTATION_OFF]
     for event in dict.fromkeys(one.event for one in adapting):
@@ -126,21 +201,17 @@ def _recovered(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> T
         said = [f"errors are below twice what they were before within {_span(back, 's')}"] if back else []
         said += [f"{lost} of {len(here)} laws {'does' if lost == 1 else 'do'} not come back"] if lost else []
         sentences.append(f"After the {event} {', and '.join(said) or 'no law came so far'}.")
-    caption = (
-        f"Time from either event until the error over {WINDOW:g} s is below twice the earlier one, which is given in "
-        f"brackets, in {unit}: a law that tracked better before has more to come back to."
-    )
+    caption = f"Time from either event until the error over {WINDOW:g} s is below twice the earlier one."
     drawing = Drawing("recovery", caption, partial(recovery_times, found))
     return Told(findings, " ".join(sentences) or None, (drawing,) if found else ())
 
 
-def _recoveries(of: DisturbedArm, outcome: Outcome) -> Iterator[Recovery]:
+def _recoveries(of: Laws, outcome: Outcome) -> Iterator[Recovery]:
     """Recoveries of all laws from the first pickup and drop, and from the last ones where there are several."""
-    events = [("pickup", of.start, of.stop), ("drop", of.stop, of.turn)]
-    if of.times > 1:
-        late = (of.times - 1) * of.turn
-        events += [(f"last {event}", begin + late, end + late) for event, begin, end in events]
-        events[1] = ("drop", of.stop, of.turn + of.start)
+    late = (of.times - 1) * of.turn
+    events = [("pickup", of.start, of.stop), ("drop", of.stop, of.turn + of.start if late else of.turn)]
+    if late:
+        events += [("last pickup", of.start + late, of.stop + late), ("last drop", of.stop + late, of.turn + late)]
     for run in outcome.runs:
         earlier = run.rms_error(of.start - WINDOW, of.start)
         for event, begin, end in events:
@@ -148,19 +219,36 @@ def _recoveries(of: DisturbedArm, outcome: Outcome) -> Iterator[Recovery]:
                 yield Recovery.of(run, event, earlier, begin, end)
 
 
-def _drifted(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told:
-    errors, findings, ends, mechanism = _weighed(of, outcome, basis), [], [], outcome.mechanism
-    for run in outcome.runs:
-        if errors.of(run) is not None:
-            moved, meaning = (
-                drift(errors, run),
-                f"{run.label}: how far the estimate moves in a minute of the second half",
-            )
-            findings.append(Finding(f"drift.{run.name}", moved, "1/min", meaning))
-            ends += [(moved, run.label)] if run.name != ADAPTATION_OFF else []
-        if (error := run.rms_error()) is not None:
-            unit, meaning = position_unit(mechanism), f"{run.label}: of all joints"
-            findings.append(Finding(f"true_rms_error.{run.name}", error, unit, meaning))
+def recovery_times(found: Sequence[Recovery]) -> Figure:
+    """Matplotlib figure of the times, s, that runs took to recover, a panel for each event and a bar for each run, or,
+    for one that did not recover, the ratio of its last RMS error to the earlier one."""
+    events, runs = (list(dict.fromkeys(names)) for names in zip(*((x.event, x.run.label) for x in found), strict=True))
+    figure = sheet(1.0 + 0.3 * len(runs))
+    panels = figure.subplots(1, len(events), sharey=True, squeeze=False)[0]
+    for one in found:
+        axes, place = panels[events.index(one.event)], runs.index(one.run.label)
+        label = f"not back: {number(one.left, 2)} × earlier" if one.time is None else f"{one.time:.2g}"
+        axes.barh(place, one.time or 0.0, height=0.6, color=run_color(0).hex)
+        axes.text(one.time or 0.0, place, f" {label}", va="center")
+    for axes, event in zip(panels, events, strict=True):
+        axes.set(title=f"after the {event}", xlabel="time to return [s]")
+    panels[0].set_yticks(range(len(runs)), runs)
+    panels[0].invert_yaxis()
+    return figure
+
+
+def _drifted(of: Laws, outcome: Outcome, basis: FundamentalBasis) -> Told:
+    errors, mechanism = ParameterErrors.along(of, outcome, basis), outcome.mechanism
+
+    def drift(run: ControllerRun) -> float:
+        """Drift, 1/min, from the mean estimate of a run's third quarter to that of its last one."""
+        third, fourth = (part.mean(axis=0) for part in np.array_split(run.rollout.estimate, 4)[2:])
+        return float(errors.apart(third, fourth)) / (0.25 * run.duration / 60.0)
+
+    moved = {run: drift(run) for run in outcome.runs if errors.of(run) is not None}
+    findings = each(moved, "drift", "1/min", "how far the estimate moves in a minute of the second half", moved.get)
+    unit = position_unit(mechanism)
+    findings += each(outcome.runs, "true_rms_error", unit, "of all joints", lambda run: run.rms_error())
     gains, period = of.gains(mechanism), of.control_period
     rates = zip(gains.bandwidth, gains.damping / typical_inertia(mechanism), strict=True)
     least = min(margins(ErrorFeedback(a * b, a + b, period).loop()).delay for a, b in set(rates))
@@ -169,44 +257,40 @@ def _drifted(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Tol
         Finding("delay_margin", least, "s", "what the tracking loop tolerates of delay, at typical inertia"),
         Finding("delay", float(late), "s", "of computing, drives and velocity filter together, to first order"),
     ]
+    ends = [(value, run.label) for run, value in moved.items() if run.name != ADAPTATION_OFF]
     answer = f"In the second half, estimates move by {_span(ends)} of the parameters a minute."
     return Told(findings, answer if ends else None)
 
 
-def _saturated(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told:
-    findings, runs = [], outcome.run
-    for name, run in runs.items():
-        share, moved = float(np.mean(held_back(run))), float(np.abs(run.rollout.estimate).max(initial=0.0))
-        meaning = f"{run.label}: share of periods with a torque held back"
-        findings.append(Finding(f"saturated.{name}", share, "1", meaning))
-        findings.append(
-            Finding(f"largest_estimate.{name}", moved, "SI", f"{run.label}: largest estimate of any parameter")
-        )
-        if of.payload and (after := run.rms_error(start=of.stop)) is not None:
-            unit, meaning = position_unit(outcome.mechanism), f"{run.label}: RMS error of all joints from the drop on"
-            findings.append(Finding(f"rms_error_after.{name}", after, unit, meaning))
+def _saturated(of: Laws, outcome: Outcome, basis: FundamentalBasis) -> Told:
+    runs = outcome.run
+    findings = each(outcome.runs, "saturated", "1", "share of periods with a torque held back", held_back)
+    largest = {run.name: float(np.abs(run.rollout.estimate).max(initial=0.0)) for run in outcome.runs}
+    findings += each(outcome.runs, "largest_estimate", "SI", "of any parameter", lambda run: largest[run.name])
+    if of.payload:
+        unit, meaning = position_unit(outcome.mechanism), "RMS error of all joints from the drop on"
+        findings += each(outcome.runs, "rms_error_after", unit, meaning, lambda run: run.rms_error(start=of.stop))
     if not {"gradient", "never-frozen"} <= set(runs):
         return Told(findings)
-    words = partial(wording.error, unit=error_unit(outcome.mechanism))
     frozen, never = (runs[name].rms_error() for name in ("gradient", "never-frozen"))
     if frozen is not None and never:
         meaning = "RMS error of the whole run, frozen over never frozen"
         findings.append(Finding("freeze_over_none", frozen / never, "1", meaning))
+    words = partial(wording.error, unit=error_unit(outcome.mechanism))
     start = f"With adaptation frozen while motors saturate, the RMS error of the run is {words(frozen)}"
-    answer = f"{start}, never frozen {words(never)}."
-    last = [runs[name] for name in ("gradient", ADAPTATION_OFF) if name in runs]
-    if of.payload and len(last) == 2 and min(run.duration for run in last) >= of.stop + END:
-        on, off = (words(run.final_rms_error) for run in last)
-        answer += f" In the last {END:g} s, the payload long gone, it is {on}, with adaptation off {off}."
-    return Told(findings, answer)
+    return Told(findings, f"{start}, never frozen {words(never)}.")
 
 
-def _rubbed(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told:
+def held_back(run: ControllerRun) -> float:
+    """Share of the samples of a `run` at which a limit of a torque or of its rate held a torque back."""
+    marks = [run.rollout.marks[name] for name in ("torque_limited", "rate_limited") if name in run.rollout.marks]
+    return float(np.mean(np.max([run.rollout.clipped, *marks], axis=0)))
+
+
+def _rubbed(of: Laws, outcome: Outcome, basis: FundamentalBasis) -> Told:
     mechanism, model = outcome.mechanism, ReducedModel(outcome.mechanism, basis)
-    last = [
-        run.final_rms_error if (run := outcome.run.get(name)) else None
-        for name in ("gradient", "no-friction-columns", "computed-torque-true")
-    ]
+    names = ("gradient", "no-friction-columns", "computed-torque-true")
+    last = [run.final_rms_error if (run := outcome.run.get(name)) else None for name in names]
     errors = [wording.error(one, error_unit(mechanism)) for one in last]
     answer = (
         f"With friction among its parameters the arm ends at {errors[0]} of tracking error, without at {errors[1]}, "
@@ -225,37 +309,74 @@ def _rubbed(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told
         meaning = f"{name}, learned at the end by {learner.label}; true {true:.4g}"
         findings.append(Finding(f"learned.{name}", learned[name], parameter_unit(name, mechanism), meaning))
     caption = (
-        "Friction over speed: the true one, and what was learned of it, at the speeds at which the joint moved "
-        "(shaded: how often). A line of two numbers is fitted where the arm is, and need not be right elsewhere."
+        "Friction over speed: the true one, and what was learned of it, at the speeds at which the joint moved. A line "
+        "of two numbers is fitted where the arm is, and need not be right elsewhere."
     )
-    draw = partial(friction_curves, mechanism, learned, learner.rollout.v, of.stribeck, of.stribeck_speed)
+    draw = partial(friction_curves, mechanism, learned, learner.rollout.v, of.stribeck)
     return Told(findings, answer, (Drawing("friction", caption, draw),))
 
 
-def _carried(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told:
-    mechanism, names, findings = outcome.mechanism, (*of.laws, ADAPTATION_OFF), []
+def friction_curves(mechanism: Mechanism, learned: Mapping[str, float], v: Array, stribeck: float) -> Figure:
+    """Matplotlib figure of friction (N m, N if prismatic) over the speeds in `v` (T, r) (rad/s, m/s), a panel for each
+    joint of a `mechanism`: the true one with Stribeck's excess, `stribeck` of Coulomb friction, and the `learned` one,
+    by parameter name."""
+    joints = mechanism.primary_joints
+    rows = -(-len(joints) // COLUMNS)
+    figure = sheet(2.0 * rows + 0.4)
+    panels = figure.subplots(rows, min(COLUMNS, len(joints)), squeeze=False).ravel()
+    for axes, joint, moved in zip(panels, joints, np.abs(v).T, strict=False):
+        speeds = np.linspace(0.0, moved.max(), 200)
+        viscous, coulomb = joint.drive.viscous or 0.0, joint.drive.coulomb or 0.0
+        true = viscous * speeds + coulomb * (1.0 + stribeck / (1.0 + (speeds / STRIBECK_SPEED) ** 2))
+        found = [learned.get(f"{joint.name}.{kind}", 0.0) for kind in ("viscous", "coulomb")]
+        axes.plot(speeds, true, color=TRUTH.hex, label="true, with Stribeck's")
+        axes.plot(speeds, found[0] * speeds + found[1], color=run_color(0).hex, label="learned: viscous, Coulomb")
+        axes.set_ylim(bottom=0.0)
+        axes.set_title(f"{joint.name} [{typeset(joint.kind.effort_unit)}]")
+    units = " or ".join(sorted({f"{joint.kind.position_unit}/s" for joint in joints}, reverse=True))
+    figure.supxlabel(f"speed [{units}]", size=9)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
+    return figure
+
+
+def _carried(of: Laws, outcome: Outcome, basis: FundamentalBasis) -> Told:
+    mechanism, names, findings = outcome.mechanism, (*of.laws, ADAPTATION_OFF), list[Finding]()
     reference, model = of.reference(mechanism), ReducedModel(mechanism, basis)
     springs = {f"{stiffness:g}": stiffness for stiffness in sorted(of.stiffness)} | {"rigid": 0.0}
-    largest: dict[tuple[str, str], float] = {}
+    largest: dict[str, list[float]] = {name: [] for name in names}
     for key, stiffness in springs.items():
-        env: Any = of.plant_env(mechanism, reference, stiffness)
+        plant = of.plant_env(mechanism, reference, stiffness).unwrapped.plant
         where = f"springs of {key} N·m/rad" if stiffness else "the rigid arm"
         for name in names:
-            largest[name, key] = _largest(of, env.unwrapped.plant, model, name)
+            largest[name].append(_largest(of, plant, model, name))
             meaning = f"{LABELS[name]}: largest stable bandwidth on {where}, of those tried, 0.5 to 1024"
-            findings.append(Finding(f"stable_bandwidth.{name}.{key}", largest[name, key], "1/s", meaning))
-    soft, stiff, rigid = (wording.number(largest[of.laws[0], list(springs)[place]]) for place in (0, -2, -1))
+            findings.append(Finding(f"stable_bandwidth.{name}.{key}", largest[name][-1], "1/s", meaning))
+    soft, stiff, rigid = (number(largest[of.laws[0]][place]) for place in (0, -2, -1))
     answer = (
         f"{outcome.runs[0].label} is stable up to {rigid} 1/s on the rigid arm, {stiff} 1/s with springs of "
         f"{max(of.stiffness):,.6g} N·m/rad in its joints and {soft} 1/s with springs of {min(of.stiffness):,.6g}."
     )
-    lines = {LABELS[name]: [largest[name, key] for key in springs] for name in names}
+    lines = {LABELS[name]: values for name, values in largest.items()}
     caption = "Largest stable bandwidth over the stiffness of the joints, one line a law; at the right, the rigid arm."
-    draw = partial(bandwidths_over_stiffness, lines, list(springs), float(BANDWIDTHS[0]) / 2.0)
-    return Told(findings, answer, (Drawing("stable-bandwidth", caption, draw),))
+    drawing = Drawing("stable-bandwidth", caption, partial(bandwidths_over_stiffness, lines, list(springs)))
+    return Told(findings, answer, (drawing,))
 
 
-def _largest(of: DisturbedArm, plant: Plant, model: ReducedModel, name: str) -> float:
+def bandwidths_over_stiffness(lines: Mapping[str, Sequence[float]], stiffness: Sequence[str]) -> Figure:
+    """Matplotlib figure of the largest stable bandwidth, 1/s, over the `stiffness` of the joints, N m/rad, as text: a
+    line for each law, by label, with a number for each stiffness; 0 is drawn below all that was tried."""
+    figure = sheet(3.6)
+    axes = figure.subplots()
+    for i, (label, values) in enumerate(lines.items()):
+        shown = np.maximum(values, 0.5 * BANDWIDTHS[0])
+        axes.semilogy(range(len(stiffness)), shown, "o-", color=run_color(i).hex, label=label)
+    axes.set_xticks(range(len(stiffness)), stiffness)
+    axes.set(xlabel="stiffness [N·m/rad]", ylabel="largest stable bandwidth [1/s]")
+    figure.legend(loc="outside upper center", ncols=3)
+    return figure
+
+
+def _largest(of: Laws, plant: Plant, model: ReducedModel, name: str) -> float:
     """Largest bandwidth, 1/s, of those that are tried with which a law is stable; found by bisection."""
     low, high = -1, len(BANDWIDTHS)
     while high - low > 1:
@@ -265,7 +386,7 @@ def _largest(of: DisturbedArm, plant: Plant, model: ReducedModel, name: str) -> 
     return float(BANDWIDTHS[low]) if low >= 0 else 0.0
 
 
-def _is_stable(of: DisturbedArm, plant: Plant, model: ReducedModel, name: str) -> bool:
+def _is_stable(of: Laws, plant: Plant, model: ReducedModel, name: str) -> bool:
     """True where in the last third of a trial velocity errors are small and motors below their limits."""
     try:
         law = controller(of, name, model)

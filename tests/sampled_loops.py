@@ -23,7 +23,7 @@ from adaptctl.control import (
 )
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.experiments.laws_measures import deviations
+from adaptctl.experiments.laws_controllers import deviations
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.simulation import Plant
 

@@ -14,9 +14,8 @@ from adaptctl.cli.main import main
 from adaptctl.description.inertia import is_physically_consistent
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError, NotFoundError
-from adaptctl.experiments.disturbed_arm import LAWS
 from adaptctl.experiments.laws import Laws
-from adaptctl.experiments.laws_measures import deviations
+from adaptctl.experiments.laws_controllers import LAWS, deviations
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.tuning.verification import scaled_links
 

@@ -17,7 +17,7 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.joint_units import error_unit, position_unit, position_units
 from adaptctl.errors import InputError
 from adaptctl.experiments.adaptive import AdaptiveTracking
-from adaptctl.experiments.laws_figures import friction_curves
+from adaptctl.experiments.laws_outcome import friction_curves
 from adaptctl.identification.preparation import prepare
 from adaptctl.recording.result import silent
 from adaptctl.recording.wording import coupling_unit
@@ -107,7 +107,7 @@ def test_logs_beyond_limits_are_told_in_the_joints_units() -> None:
 
 
 def test_friction_over_speed_has_the_joints_units(cart: Path) -> None:
-    figure = friction_curves(load(cart), {"rail.coulomb": 2.0}, np.linspace(-1.0, 1.0, 100).reshape(50, 2), 0.1, 0.1)
+    figure = friction_curves(load(cart), {"rail.coulomb": 2.0}, np.linspace(-1.0, 1.0, 100).reshape(50, 2), 0.1)
     assert isinstance(figure, Figure)
     assert [axes.get_title() for axes in figure.axes if axes.get_title()] == ["rail [N]", "pivot [N·m]"]
     assert figure._supxlabel.get_text() == "speed [rad/s or m/s]"  # type: ignore[attr-defined]
