@@ -27,7 +27,7 @@ from adaptctl.experiments.contest import (
     listed,
 )
 from adaptctl.experiments.experiment import setting
-from adaptctl.experiments.puma560_adaptive import from_nothing, one_controller
+from adaptctl.experiments.puma560_adaptive import FROM_NOTHING, from_nothing, one_controller
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Finding, Setting
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco, clear_of_contacts
@@ -42,6 +42,7 @@ PLANTS = ("adaptctl", "mujoco", "both")
 FINE, OURS = "mujoco-fine", "adaptctl"
 SHORTER = 4
 """Factor by which MuJoCo's steps are shorter in the run that shows the integrator's error."""
+MUJOCO_S = "the difference is MuJoCo's integrator's."
 FIRST_ORDER = 0.5 * SHORTER
 """Least factor by which a difference shrinks at shorter steps, where it is the integrator's."""
 
@@ -58,24 +59,11 @@ class AdaptiveTracking(Learning):
 
     robot: str = setting("puma560_measured", "a built-in robot or a file (.urdf, .xml, .toml)")
     floating_base: bool = setting(False, "a URDF file's root link floats instead of being fixed")
-    bandwidth: float = setting(
-        4.0, "how fast errors decay, where the torques can follow, 1/s", symbol="Λ", low=0.1, high=100.0
-    )
-    hold: float = setting(
-        0.5, "K is as large as this T_c λ_max((M + T_c B)⁻¹K) allows along the path", symbol="K", low=0.01, high=1.0
-    )
-    rate: float = setting(
-        0.5, "Γ is as large as this T_c λ_max(K⁻¹ Y Γ Y') allows along the path", symbol="Γ", low=1e-4, high=1.0
-    )
-    initial_error: float = setting(
-        LARGEST_ERROR,
-        "initial error of every joint, rad or m, at most a tenth of its range; 0.1: no more than torques bring back",
-        low=-1.0,
-        high=1.0,
-    )
-    parameter_error: float = setting(
-        0.3, "the wrong model has each link's parameters off by this share, up or down by seed", low=0.0, high=1.0
-    )
+    bandwidth: float = setting(4.0, "how fast errors decay, at most, 1/s", symbol="Λ", low=0.1, high=100.0)
+    hold: float = setting(0.5, "K is as large as this T_c λ_max((M + T_c B)⁻¹K) allows", symbol="K", low=0.01, high=1.0)
+    rate: float = setting(0.5, "Γ is as large as this T_c λ_max(K⁻¹ Y Γ Y') allows", symbol="Γ", low=1e-4, high=1.0)
+    initial_error: float = setting(LARGEST_ERROR, "rad or m; 0.1: what torques bring back", low=-1.0, high=1.0)
+    parameter_error: float = setting(0.3, "share by which links of the wrong model are off", low=0.0, high=1.0)
     plant: str = setting("adaptctl", "what moves the arm: adaptctl, mujoco with all of the scene, or both, compared")
     root: str = setting("", "body of a scene that the arm begins with, where more than one moves")
     servos_off: bool = setting(False, "switch off actuators of a scene's arm that are no torques")
@@ -95,16 +83,10 @@ class AdaptiveTracking(Learning):
         two plants are apart."""
         if self.plant == "both":
             return (
-                "The same adaptive controller, from estimates of zero and on the same reference, drives the arm as "
-                "MuJoCo moves it and as adaptctl's own plant does. Where only integration differs, the motions come "
-                "together as MuJoCo's steps shorten; contacts, joint stops, springs and dry friction remain."
+                "One adaptive controller, from zero and on one reference, drives the arm as MuJoCo moves it and as "
+                "adaptctl's own plant does: where only integration differs, they come together as steps shorten."
             )
-        return (
-            f"An arm follows sinusoids drawn by seed {self.seed} within its limits of positions, speeds and torques, "
-            "and nobody tells the controller its inertial parameters. First those that its motion depends on are "
-            "found, from energies alone. Then Slotine and Li's adaptive controller starts with estimates of zero and "
-            "adapts only those."
-        )
+        return f"An arm follows sinusoids drawn by seed {self.seed} within all its limits. {FROM_NOTHING}"
 
     @property
     def in_mujoco(self) -> bool:
@@ -189,23 +171,14 @@ class AdaptiveTracking(Learning):
         found = from_nothing(mechanism, basis, *given)
         if self.plant != "both":
             return found
-        subject = replace(found[0], label="Slotine-Li on MuJoCo")
-        fine = partial(self._environment, mechanism, True)
+        on = partial(self._environment, mechanism)
+        subject, shorter = replace(found[0], label="Slotine-Li on MuJoCo"), f"steps {SHORTER} times shorter"
+        fine, ours = (lambda: on(True, self._finer(mechanism))), partial(on, False, None)
         return [
             subject,
             replace(found[1], label="the same, adaptation off"),
-            replace(
-                subject,
-                name=FINE,
-                label=f"Slotine-Li on MuJoCo, steps {SHORTER} times shorter",
-                env=lambda: fine(self._finer(mechanism)),
-            ),
-            replace(
-                subject,
-                name=OURS,
-                label="Slotine-Li on adaptctl's plant",
-                env=partial(self._environment, mechanism, False, None),
-            ),
+            replace(subject, name=FINE, label=f"Slotine-Li on MuJoCo, {shorter}", env=fine),
+            replace(subject, name=OURS, label="Slotine-Li on adaptctl's plant", env=ours),
         ]
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
@@ -230,29 +203,22 @@ class AdaptiveTracking(Learning):
             return Told(one_controller(outcome, ADAPTIVE))
         if OURS not in outcome.run:
             return Told()
-        words = {
-            "plants_apart": (ADAPTIVE, "MuJoCo's own steps"),
-            "plants_apart_fine": (FINE, f"steps {SHORTER} times shorter"),
-        }
-        apart = {name: _apart(outcome.run[other], outcome.run[OURS]) for name, (other, _) in words.items()}
+        findings, unit = list[Finding](), position_unit(outcome.mechanism)
         meaning = "largest difference of a joint's position between MuJoCo and adaptctl's plant, at"
-        findings = [
-            Finding(name, value, position_unit(outcome.mechanism), f"{meaning} {words[name][1]}")
-            for name, value in apart.items()
-        ]
-        coarse, fine = apart.values()
-        start = (
-            f"MuJoCo and adaptctl's plant are at most {1e3 * coarse:.2g} {error_unit(outcome.mechanism)} apart, and "
-            f"{1e3 * fine:.2g} at steps {SHORTER} times shorter:"
+        for name, run, at in (("", ADAPTIVE, "MuJoCo's own steps"), ("_fine", FINE, f"steps {SHORTER} times shorter")):
+            value = _apart(outcome.run[run], outcome.run[OURS])
+            findings.append(Finding(f"plants_apart{name}", value, unit, f"{meaning} {at}"))
+        coarse, fine = (one.value for one in findings)
+        reason = (
+            "integration does not explain it, but contacts, joint stops, springs or dry friction do, which only MuJoCo "
+            "has, or models otherwise."
         )
-        if coarse < FIRST_ORDER * fine:
-            reason = (
-                "integration does not explain it, but contacts, joint stops, springs or dry friction do, which only "
-                "MuJoCo has, or models otherwise."
-            )
-        else:
-            reason = "the difference is MuJoCo's integrator's."
-        return Told(findings, f"{start} {reason}")
+        return Told(
+            findings,
+            f"MuJoCo and adaptctl's plant are at most {1e3 * coarse:.2g} {error_unit(outcome.mechanism)} apart, and "
+            f"{1e3 * fine:.2g} at steps {SHORTER} times shorter: "
+            f"{reason if coarse < FIRST_ORDER * fine else MUJOCO_S}",
+        )
 
 
 def _apart(one: ControllerRun, other: ControllerRun) -> float:

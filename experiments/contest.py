@@ -25,7 +25,6 @@ from adaptctl.control import (
     adaptation_gain,
     lyapunov,
 )
-from adaptctl.control.memory import leaves
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, stated
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
@@ -121,7 +120,7 @@ class Learning(ClosedLoopExperiment):
     wrong type or out of their bounds, `NonFiniteError` for NaN or infinity."""
 
     robot: str = setting("puma560", "a built-in robot or a file (.urdf, .xml, .toml)")
-    time_ticks: bool = setting(False, "also time a tick of each law, which compiles it once more")
+    time_ticks: bool = setting(False, "also time a tick of each law, called from Python, which compiles it once more")
 
     @property
     @abstractmethod
@@ -218,13 +217,7 @@ class FromRanges(Learning):
     """Abstract base class of experiments whose adaptation gain comes from prior ranges of the parameters."""
 
     bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=100.0)
-    rate: float = setting(
-        0.6,
-        "adaptation rate: the gain is it times the square of each parameter's prior range",
-        symbol="Γ",
-        low=1e-6,
-        high=1e3,
-    )
+    rate: float = setting(0.6, "the gain is it times each prior range squared", symbol="Γ", low=1e-6, high=1e3)
     mass_range: float = setting(10.0, "prior range of masses, kg", low=1e-3, high=1e3)
     first_moment_range: float = setting(4.0, "prior range of first moments, kg m", low=1e-3, high=1e3)
     inertia_range: float = setting(1.0, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
@@ -373,27 +366,14 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
 
 def tick_cost(controller: Controller[Any], run: Rollout, timed: bool) -> TickCost:
     """Cost of a tick of a `controller`, which computes one torque: the number of floating-point operations, None where
-    the control law is not compiled; and where `timed`, over 1000 states of a `run`, the median time of a call from
-    Python, s, and the mean time in a loop of native code, s. Raises `IndexError` for a run without samples."""
-    kernel = controller.kernel
+    the control law is not compiled; and where `timed` the median time, s, of a call from Python, over 1000 states of a
+    `run`. Raises `IndexError` for a run without samples."""
+    kernel, called = controller.kernel, list[float]()
+    memory = controller.init(run.p[0], run.v[0])
+    for k in np.linspace(0, len(run.time) - 1, TIMED_TICKS if timed else 0).astype(int):
+        point = ReferencePoint(run.reference_p[k], run.reference_v[k], run.reference_a[k])
+        started = time.perf_counter()
+        controller.step(memory, run.p[k], run.v[k], point)
+        called.append(time.perf_counter() - started)
     flops = None if kernel is None else kernel.operations.flops
-    if not timed:
-        return TickCost(flops=flops)
-    picked = np.linspace(0, len(run.time) - 1, TIMED_TICKS).astype(int)
-    states = [part[picked] for part in (run.p, run.v, run.reference_p, run.reference_v, run.reference_a)]
-    memory = controller.init(states[0][0], states[1][0])
-    ticks = [(p, v, ReferencePoint(*reference)) for p, v, *reference in zip(*states, strict=True)]
-    called = float(np.median([_duration(controller.step, memory, *tick) for tick in ticks]))
-    if kernel is None:
-        return TickCost(called)
-    kept = [np.concatenate([np.zeros(0), *leaves(memory)]), *([controller.packed] if controller.packed.size else [])]
-    arguments = [*states, *(np.tile(part, (TIMED_TICKS, 1)) for part in kept)]
-    results = [np.empty((TIMED_TICKS, *shape)) for shape in kernel.outputs]  # fresh ones would time page faults
-    native = min(_duration(partial(kernel.map, out=results), *arguments) for _ in range(30))
-    return TickCost(called, native / TIMED_TICKS, flops)
-
-
-def _duration(function: Callable[..., object], *arguments: object) -> float:
-    started = time.perf_counter()
-    function(*arguments)
-    return time.perf_counter() - started
+    return TickCost(float(np.median(called)) if called else None, flops=flops)

@@ -41,29 +41,13 @@ class IdentifyThenAdapt(Learning):
     known: float = setting(0.6, "share of the log that the first estimate is identified from", low=0.3, high=1.0)
     duration: float = setting(10.0, "length of every run, s", low=2.5, high=300.0)
     bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=100.0)
-    ratio: float = setting(
-        2.0, "damping over bandwidth times each joint's typical inertia", symbol="K", low=0.1, high=100.0
-    )
-    rate: float = setting(
-        50.0,
-        "adaptation rate: the gain is it times the square of each parameter's deviation",
-        symbol="Γ",
-        low=1e-6,
-        high=1e6,
-    )
-    parameter_error: float = setting(
-        0.9, "what the gain takes each link and drive to be off by, as a share of its size", low=0.01, high=0.9
-    )
+    ratio: float = setting(2.0, "damping over Λ times typical inertia", symbol="K", low=0.1, high=100.0)
+    rate: float = setting(50.0, "the gain is it times squared deviations", symbol="Γ", low=1e-6, high=1e6)
+    parameter_error: float = setting(0.9, "share of its size by which each link is off", low=0.01, high=0.9)
     initial_error: float = setting(0.0, "initial error of every joint, rad or m", low=-1.0, high=1.0)
-    center: tuple[float, ...] = setting(
-        (0.0, 0.3, 1.0, 0.0, 0.6, 0.0), "centre of the reference, rad", low=-10.0, high=10.0
-    )
-    amplitude: tuple[float, ...] = setting(
-        (0.6, 0.5, 0.5, 0.6, 0.5, 0.8), "amplitude of the reference, rad", low=0.0, high=3.2
-    )
-    frequency: tuple[float, ...] = setting(
-        (0.4, 0.45, 0.5, 0.55, 0.6, 0.7), "frequency of the reference, Hz", low=0.0, high=5.0
-    )
+    center: tuple[float, ...] = setting((0.0, 0.3, 1.0, 0.0, 0.6, 0.0), "sinusoids' centre, rad", low=-10.0, high=10.0)
+    amplitude: tuple[float, ...] = setting((0.6, 0.5, 0.5, 0.6, 0.5, 0.8), "their amplitude, rad", low=0.0, high=3.2)
+    frequency: tuple[float, ...] = setting((0.4, 0.45, 0.5, 0.55, 0.6, 0.7), "their frequency, Hz", low=0.0, high=5.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -73,10 +57,9 @@ class IdentifyThenAdapt(Learning):
     def purpose(self) -> str:
         """Paragraph of text for the report that states the question: what an estimate from a log is worth."""
         return (
-            "A log of a real arm, motor positions and torques, is worth a first estimate. The simulated arm has the "
-            "parameters that the whole log shows, rotors, friction and the wrist's coupling included. Slotine and "
-            "Li's controller adapts on it with one gain, from three first estimates: zero, the links of the arm's "
-            f"URDF, and what the first {self.known:.0%} of the log shows, made physically consistent."
+            "What is a real log worth as a first estimate? The simulated arm has what the whole log shows, rotors, "
+            "friction and the wrist's coupling included. Slotine and Li's controller adapts on it with one gain, from "
+            f"zero, from the links of its URDF file, and from what the first {self.known:.0%} of the log shows."
         )
 
     def mechanism(self) -> Mechanism:

@@ -2,308 +2,51 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
-from functools import lru_cache, partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control import Gains, Halted, Reference, Sinusoids, exciting_reference, typical_inertia
-from adaptctl.control.gains.gains import finite_torque_limits
+from adaptctl.control import ConsistentLift, Controller, ErrorFeedback, Natural, margins, typical_inertia
+from adaptctl.control.adaptation.natural import pseudos
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, NotFoundError
-from adaptctl.experiments.contest import ADAPTATION_OFF, Contender, Learning, Outcome, Told, chosen_gains, listed
-from adaptctl.experiments.experiment import FAR, setting
-from adaptctl.experiments.laws_controllers import LABELS, LAWS, OTHERS, controller
-from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Failure, Setting
-from adaptctl.tuning.verification import scaled_links
+from adaptctl.dynamics.joint_units import error_unit, position_unit
+from adaptctl.errors import GainError
+from adaptctl.experiments.contest import ADAPTATION_OFF, Contender, Outcome, Told, over_time
+from adaptctl.experiments.disturbed_arm import LABELS, REST, SAMPLES, STRIBECK_SPEED, WINDOW, DisturbedArm
+from adaptctl.experiments.laws_controllers import controller, friction_columns
+from adaptctl.identifiability import FundamentalBasis, ReducedModel
+from adaptctl.recording import ControllerRun, Finding, wording
+from adaptctl.recording.drawing import TRUTH, Drawing, run_color, sheet
+from adaptctl.recording.wording import number, parameter_unit, typeset
+from adaptctl.simulation import Plant, simulate_many
 
 if TYPE_CHECKING:
-    from adaptctl.simulation.effects import Effect, Payload
+    from matplotlib.figure import Figure
 
-CENTER = (0.0, -0.6, 0.8, 0.0, 0.5, 0.0)
-"""rad: a posture of a PUMA with its elbow bent"""
-FREQUENCIES = (0.15, 0.3, 0.55, 0.85, 1.2)
-"""Hz, each drawn 20 % up or down for every joint, its amplitude as 1/sqrt(frequency)"""
-AMPLITUDES, SINGLE = (0.5, 0.4, 0.4, 0.4, 0.4, 0.4), (0.1, 0.125, 0.15, 0.175, 0.2, 0.225)
-"""rad and Hz of the single sinusoids that `puma560-adaptive` follows"""
-SAMPLES = 400
-"""moments of a reference at which loops are asked whether they allow it, and over which parameters are weighed"""
-WINDOW = 2.0
-"""s over which errors are averaged, before an event and after it"""
-RATIO, DAMPING_RATIO, STRIBECK_SPEED = 2.0, 0.05, 0.1
-"""damping over bandwidth times typical inertia; damping ratio of springs; rad/s at which Stribeck's excess is half"""
-RANDOM, EXCITING, SINGLES, REST = MOTIONS = ("random", "exciting", "single", "rest")
-FILE: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("disturbances.toml").read_text("utf-8"))
-DISTURBANCES: dict[str, dict[str, Any]] = {
-    name: {key: tuple(value) if isinstance(value, list) else value for key, value in chosen.items()}
-    for name, chosen in FILE["settings"].items()
-}
-"""Settings by name that each disturbance sets where they are not given."""
+TELLING, TELLING_LOOPS = 0.25, 0.1
+"""rad at 0.2 Hz: of the motion along which parameters are weighed where the arm rests; loops leave less room"""
+BANDWIDTHS = 0.5 * 2.0 ** (np.arange(45) / 4.0)
+"""1/s that are tried, from 0.5 to 1024"""
+SHAKING, SATURATED = 0.25, 0.01
+"""rad/s (m/s) of velocity errors (RMS) and share of periods with a motor at its limit, in the last third of a trial,
+above which a bandwidth is not stable"""
+TWICE = 2.0
+"""times the earlier error: below it a law has returned"""
+COLUMNS = 3
+"""panels in a row"""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Laws(Learning):
-    """Experiment that compares adaptation laws and control laws on one arm, known roughly, and with the same gain,
-    under a disturbance: the rough model has every link's parameters off by `parameter_error`, up or down by seed, and
-    no friction.
-
-    A `disturbance` sets what is not given: `DISTURBANCES` says what. All are settings, so that they go together. Raises
-    `InputError` at construction for settings of the wrong type, out of their bounds or against each other, and for a
-    law twice, `NotFoundError` for an unknown law, motion or disturbance, `NonFiniteError` for NaN or infinity."""
+class Laws(DisturbedArm):
+    """Experiment that compares adaptation laws and control laws on one arm, from one rough model and with the same
+    gain, under a disturbance."""
 
     name: ClassVar[str] = "laws"
     title: ClassVar[str] = "{robot}: adaptation laws and control laws side by side"
-
-    disturbance: str = setting("none", f"what is set where it is not given, for: {', '.join(DISTURBANCES)}")
-    laws: tuple[str, ...] = setting(LAWS, f"which laws run, the subject first; others: {', '.join(OTHERS)}")
-    robot: str = setting("puma560_geared", "a built-in robot or a file whose links rigid bodies are")
-    duration: float = setting(20.0, "length of every run, s", low=0.01, high=1000.0)
-    bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=2000.0)
-    rate: float = setting(5.0, "the gain is it times squared deviations", symbol="Γ", low=1e-6, high=1e6)
-    parameter_error: float = setting(0.5, "share by which links of the rough model are off", low=0.01, high=0.9)
-    initial_error: float = setting(0.0, "initial error of every joint, rad or m", low=-1.0, high=1.0)
-
-    motion: str = setting(
-        RANDOM,
-        f"{RANDOM}: five sinusoids a joint by seed; {EXCITING}: Fourier series that tell most within the joints' "
-        f"limits; {SINGLES}: one sinusoid a joint, of six joints; {REST}: none",
-    )
-    amplitude: float = setting(0.25, f"of each joint's {RANDOM} term at 0.2 Hz, rad", low=0.0, high=2.0)
-    halt: float = setting(0.0, "when the motion comes to rest, s; 0 for never", low=0.0, high=300.0)
-
-    payload: float = setting(0.0, "mass that is picked up and dropped, kg", low=0.0, high=1e3)
-    size: float = setting(0.1, "edge of the payload, a cube, m", low=0.0, high=10.0)
-    lever: float = setting(0.05, "its centre before the flange, m", low=-10.0, high=10.0)
-    start: float = setting(10.0, "when it is picked up, s", low=0.0, high=300.0)
-    stop: float = setting(25.0, "when it is dropped, s", low=0.0, high=300.0)
-    times: int = setting(1, "how often it is picked up and dropped, in equal parts of the run", low=1, high=100)
-
-    strength: float = setting(1.0, "the motors have this share of their torque limits", low=0.01, high=1.0)
-    rate_limit: float = setting(0.0, "torques change by at most this, N m/s; 0 for no limit", low=0.0, high=1e9)
-    resolution: float = setting(0.0, "of the encoders at the joints, rad", low=0.0, high=0.1)
-    noise: float = setting(0.0, "deviation of positions before they are counted, rad", low=0.0, high=0.1)
-    velocity_noise: float = setting(0.0, "deviation of what is measured of velocities, rad/s", low=0.0, high=1.0)
-    filter: float = setting(0.0, "cutoff of the differences that velocities are, Hz; 0: measured", low=0.0, high=1e4)
-    delay: int = setting(0, "control periods from measurement to torque", low=0, high=64)
-    lag: float = setting(0.0, "time constant of the drives, s; 0 for none", low=0.0, high=1.0)
-    stribeck: float = setting(0.0, "static friction exceeds Coulomb friction by this share of it", low=0.0, high=10.0)
-    stiffness: tuple[float, ...] = setting((0.0,), "of every joint's spring, N m/rad; 0 for none", low=0.0, high=1e9)
-    encoders: str = setting("link", "where encoders sit: behind the spring, on the link, or before it, on the motor")
-    trial: float = setting(3.0, "length of a run that tells a stable bandwidth on springs, s", low=0.05, high=60.0)
-
-    leakage: float = setting(0.05, "sigma-modification's leak to the rough model, 1/s", symbol="σ", low=1e-6, high=10.0)
-    dead_zone: float = setting(0.02, "width of the dead zone of s, rad/s", low=1e-6, high=10.0)
-    prediction: float = setting(1e3, "weight of torque errors in parts of limits, N m/s", low=1e-6, high=1e9)
-    forgetting: float = setting(2.0, "of least squares, 1/s", low=0.0, high=100.0)
-    excitation: float = setting(5.0, "least of an equation that composite learning remembers, 1/s", low=0.0, high=1e9)
-    samples: int = setting(24, "of concurrent learning's stack", low=1, high=64)
-    novelty: float = setting(100.0, "of a sample that concurrent learning keeps, 1/s", low=1e-9, high=1e9)
-    acceleration_gain: float = setting(1.0, "share of the gain of adaptive computed torque", low=1e-6, high=1.0)
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        cls.__init__ = Laws.__init__  # type: ignore[method-assign]  # else a dataclass makes its own
-
-    def __init__(self, **given: Any) -> None:
-        asked = given.get("disturbance", "none")
-        if asked not in DISTURBANCES:
-            raise NotFoundError(f"disturbance: expected one of {', '.join(DISTURBANCES)}, got {asked!r}")
-        chosen = {entry.name: entry.default for entry in fields(self)} | DISTURBANCES[asked] | given
-        if unknown := chosen.keys() - {entry.name for entry in fields(self)}:
-            raise TypeError(f"{type(self).__name__} has no setting {min(unknown)!r}")
-        for name, value in chosen.items():
-            object.__setattr__(self, name, value)
-        self.__post_init__()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.motion not in MOTIONS:
-            raise NotFoundError(f"motion: expected {', '.join(MOTIONS)}, got {self.motion!r}")
-        for name in self.laws:
-            if name not in (*LAWS, *OTHERS):
-                raise NotFoundError(f"laws: unknown law {name!r}; laws: {', '.join((*LAWS, *OTHERS))}")
-        if len(set(self.laws)) < len(self.laws):
-            raise InputError(f"laws: expected each at most once, got {', '.join(self.laws)}")
-        if 0.0 in self.stiffness and len(self.stiffness) > 1:
-            raise InputError("stiffness: expected positive numbers, or 0 alone for no springs")
-        before = WINDOW if self.recovers else 0.0
-        if self.payload and not before <= self.start < self.stop <= self.turn:
-            part = "" if self.times == 1 else f"each of {self.times} parts of "
-            raise InputError(
-                f"start, stop: expected {before:g} s before the payload is picked up, and that it is dropped after "
-                f"that and within {part}the {self.duration:g} s of the run, got {self.start:g} and {self.stop:g}"
-            )
-
-    @property
-    def turn(self) -> float:
-        """Length (s) of a part of the run, in which the payload is picked up and dropped once."""
-        return self.duration / self.times
-
-    @property
-    def has_springs(self) -> bool:
-        """True where motors turn the links through springs."""
-        return self.stiffness != (0.0,)
-
-    @property
-    def is_weak(self) -> bool:
-        """True where motors are held back, so that all laws are guarded."""
-        return self.strength < 1.0 or self.rate_limit > 0.0
-
-    @property
-    def recovers(self) -> bool:
-        """True where a payload comes that the motors can carry, so that laws return from it."""
-        return self.payload > 0.0 and not self.is_weak
-
-    @property
-    def expected(self) -> Mapping[Failure, str]:
-        """Failures of the first law that the disturbance is to show, and why."""
-        if self.has_springs:
-            return dict.fromkeys(Failure, "springs ring")
-        weak = {Failure.SATURATED: "its motors are weak"} if self.strength < 1.0 else {}
-        return weak | ({Failure.NO_BETTER: "nothing excites the arm"} if self.motion == REST else {})
-
-    @property
-    def purpose(self) -> str:
-        """Paragraph of text for the report that states the question."""
-        asked = FILE["asks"].get(self.disturbance, "").format(**vars(self))
-        return FILE["asks"]["all"].format(asked=asked, **vars(self))
-
-    def environment(self, mechanism: Mechanism) -> Any:
-        """Gymnasium tracking environment of a `mechanism` on the reference, its plant with the disturbances. Raises
-        `InputError` for a motion that the mechanism cannot follow, and for friction or springs on joints without."""
-        return self.plant_env(mechanism, self.followed(mechanism), max(self.stiffness))
-
-    def plant_env(self, mechanism: Mechanism, reference: Reference, stiffness: float) -> Any:
-        """Environment of a `mechanism` on a `reference`, with springs of a `stiffness`, N m/rad, none for 0."""
-        return self.tracking(
-            mechanism,
-            reference,
-            initial_error=self.initial_error,
-            error_bound=self.error_bound,
-            torque_limits=self.motors(mechanism),
-            effects=tuple(self.effects(mechanism, stiffness)),
-        )
-
-    @property
-    def error_bound(self) -> float:
-        """Error of a joint, rad or m, that ends a run: beyond it, an undisturbed arm is lost, any other diverges."""
-        return 1.0 if self.disturbance == "none" else FAR
-
-    def motors(self, mechanism: Mechanism) -> Array:
-        """Torque limits (r,) of a `mechanism`'s motors, N m (N if prismatic): finite ones, times their strength."""
-        return self.strength * finite_torque_limits(mechanism)
-
-    def effects(self, mechanism: Mechanism, stiffness: float) -> Iterator[Effect]:
-        """Iterator over the effects of the plant that no controller knows of, with springs of the `stiffness` given,
-        N m/rad, none for 0. Raises `InputError` for a mechanism without friction or rotors, where these are asked."""
-        from adaptctl.simulation import effects
-
-        if stiffness:
-            yield self._elastic(mechanism, stiffness)
-        if self.payload:
-            for k in range(self.times):
-                yield effects.PayloadHeld(self.body(), self.start + k * self.turn, self.stop + k * self.turn)
-        if self.rate_limit:
-            yield effects.TorqueRateLimit(self.rate_limit)
-        if self.stribeck:
-            yield self._friction(mechanism)
-        if self.resolution or self.noise or self.velocity_noise:
-            yield effects.Encoder(self.resolution, self.noise, self.velocity_noise)
-        if self.filter:
-            yield effects.FilteredDifferences(self.filter)
-        if self.delay:
-            yield effects.ControlDelay(self.delay)
-        if self.lag:
-            yield effects.ActuatorLag(self.lag)
-
-    def body(self, share: float = 1.0) -> Payload:
-        """The payload, a cube before the flange, or one of a share of its mass."""
-        from adaptctl.simulation.effects import Payload
-
-        mass = share * self.payload
-        return Payload(mass, np.array([0.0, 0.0, self.lever]), mass * self.size**2 / 6.0 * np.eye(3))
-
-    def _friction(self, mechanism: Mechanism) -> Effect:
-        from adaptctl.simulation.effects import Friction
-
-        drives = [joint.drive for joint in mechanism.primary_joints]
-        if not any(drive.coulomb or drive.viscous for drive in drives):
-            raise InputError(
-                f"robot: {mechanism.name} has no friction in its joints: give them viscous or coulomb in its file, or "
-                "use puma560_friction"
-            )
-        excess = self.stribeck * np.array([drive.coulomb or 0.0 for drive in drives])
-        return Friction(stribeck=excess, speed=STRIBECK_SPEED)
-
-    def _elastic(self, mechanism: Mechanism, stiffness: float) -> Effect:
-        """Springs of one stiffness, damped as an oscillation of each joint's motor against its typical links."""
-        from adaptctl.simulation.effects import ElasticJoints
-
-        inertia, known = typical_inertia(mechanism), mechanism.parameter_names
-        names = [f"{joint.name}.rotor_inertia" for joint in mechanism.primary_joints]
-        if missing := [name for name in names if name not in known]:
-            raise InputError(
-                f"robot: {mechanism.name} has no {missing[0]}: springs need motors with inertia; use an arm with rotors"
-            )
-        rotors = mechanism.inertial_parameters[[known.index(name) for name in names]]
-        together = np.maximum(inertia - rotors, 1e-3 * inertia) * rotors / inertia
-        return ElasticJoints(stiffness, 2.0 * DAMPING_RATIO * np.sqrt(stiffness * together), encoders=self.encoders)
-
-    def reference(self, mechanism: Mechanism, amplitude: float | None = None) -> Sinusoids:
-        """Motion of a `mechanism`'s r joints before any halt, with another `amplitude` than the setting's where given.
-        Raises `InputError` for another number of joints, and for the optimised motion of one with loops."""
-        if self.motion == EXCITING:
-            return most_exciting(mechanism, self.seed)
-        dof, loops = mechanism.dof, mechanism.description.loops is not None
-        if dof > len(CENTER) or (self.motion == SINGLES and dof != len(CENTER)):
-            many = "6" if self.motion == SINGLES else "up to 6"
-            raise InputError(f"robot: {mechanism.name} has {dof} joints, this experiment is for {many}; use 'adaptive'")
-        if self.motion == SINGLES:
-            return Sinusoids(np.array(CENTER), np.array(AMPLITUDES), np.array(SINGLE))
-        if amplitude is None:
-            amplitude = 0.0 if self.motion == REST else self.amplitude
-        rng, shape = np.random.default_rng(self.seed), (len(FREQUENCIES), dof)
-        frequency = np.array(FREQUENCIES)[:, None] * rng.uniform(0.8, 1.25, shape)
-        phase = rng.uniform(-np.pi, np.pi, shape)
-        center = mechanism.home if loops else np.array(CENTER[:dof])
-        return Sinusoids(center, amplitude / np.sqrt(frequency / 0.2), frequency, phase)
-
-    def followed(self, mechanism: Mechanism) -> Reference:
-        """Motion to follow, the reference with its halt. Raises `InputError` as `reference` does, and for a motion that
-        a mechanism's loops do not allow."""
-        moving = self.reference(mechanism)
-        reference = Halted(moving, self.halt) if self.halt else moving
-        p = reference(np.linspace(0.0, self.duration, SAMPLES)).p
-        apart = mechanism.continuation is not None and not mechanism.continuation.reachable(p).all()
-        if apart or not mechanism.description.within_conditions(p).all():
-            raise InputError(
-                f"amplitude: {mechanism.name} is to move farther than its loops allow; make it smaller than "
-                f"{self.amplitude:g} rad"
-            )
-        return reference
-
-    def chosen(self, mechanism: Mechanism, env: Any) -> Iterator[Setting]:
-        """Iterator over what the report says was chosen: gains, the rough model and the reference."""
-        share = f"{100 * self.parameter_error:.0f} %"
-        rough = f"a rough model: every link off by {share}, up or down by seed; of friction, zero"
-        rule = f"deviation: {share} of each link's and drive's size"
-        yield from chosen_gains(self.gains(mechanism), f"{self.rate:g} × (deviation)²", rule, rough)
-        if self.motion == RANDOM:
-            yield Setting("reference frequencies", listed(np.array(FREQUENCIES)), "Hz, ±20 % by joint and seed")
-
-    def gains(self, mechanism: Mechanism) -> Gains:
-        """Gains of the tracking loop, from the bandwidth and a `mechanism`'s typical inertia."""
-        return Gains.from_bandwidth(mechanism, self.bandwidth, RATIO)
-
-    def rough(self, mechanism: Mechanism) -> Array:
-        """All P parameters (P,) of the rough model of a `mechanism`, in SI units."""
-        return scaled_links(mechanism, self.parameter_error, self.seed)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Controllers to compare, those of `laws` in their order, then Slotine and Li's law with adaptation off, all
@@ -316,15 +59,323 @@ class Laws(Learning):
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
         """Findings, sentences and figures on the `outcome`: parameter errors and memories of all laws, and what the
         disturbances ask."""
-        from adaptctl.experiments.laws_outcome import told
+        asked = {
+            _recovered: self.recovers,
+            _drifted: self.motion == REST,
+            _saturated: self.is_weak,
+            _rubbed: bool(self.stribeck),
+            _carried: self.has_springs,
+            _learned: True,
+        }
+        parts = [part(self, outcome, basis) for part, is_asked in asked.items() if is_asked]
+        answer = " ".join(part.answer for part in parts if part.answer)
+        findings = [finding for part in parts for finding in part.findings]
+        return Told(findings, answer or None, [drawing for part in parts for drawing in part.drawings])
 
-        return told(self, outcome, basis)
+
+def each(
+    runs: Iterable[ControllerRun], name: str, unit: str, meaning: str, value: Callable[[ControllerRun], float | None]
+) -> list[Finding]:
+    """Findings called `name` on each of the `runs`, in a `unit`, with a `meaning` in words; none where `value` gives
+    none."""
+    found = ((run, value(run)) for run in runs)
+    return [Finding(f"{name}.{run.name}", x, unit, f"{run.label}: {meaning}") for run, x in found if x is not None]
 
 
-@lru_cache(maxsize=4)
-def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
-    """Fourier series within a `mechanism`'s limits, found by the `seed`. Raises `InputError` for loops or no limits."""
-    if mechanism.description.loops is not None:
-        raise InputError(f"motion: {EXCITING} is for arms without loops, and {mechanism.name} has some")
-    basis = fundamental_basis(essential_space(mechanism, seed=seed))
-    return exciting_reference(ReducedModel(mechanism, basis), seed=seed).reference
+def _span(ends: list[tuple[float, str]], unit: str = "") -> str:
+    """Text of the least and the greatest of numbers, each with its run's label."""
+    words = [" ".join(filter(None, (number(value), unit, f"({label})"))) for value, label in sorted(ends)]
+    return " to ".join(dict.fromkeys((*words[:1], *words[-1:])))
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterErrors:
+    """Measure of how far estimates of a `model`'s k parameters are off: differences weighed by `weights` (k,), the RMS
+    torques, N m (N), that each parameter's unit makes along a motion, over the weighed norm of the true ones."""
+
+    model: ReducedModel
+    weights: Array
+
+    @classmethod
+    def along(cls, of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> ParameterErrors:
+        """The measure along the motion of the experiment `of`, or, where the arm rests, along one that excites."""
+        mechanism, rests = outcome.mechanism, of.motion == REST
+        telling = TELLING if mechanism.description.loops is None else TELLING_LOOPS
+        times = np.linspace(0.0, 20.0 if rests else of.duration, SAMPLES)
+        points, model = of.reference(mechanism, telling if rests else None)(times), ReducedModel(mechanism, basis)
+        rows = model.torque_regressor(points.p, points.v, points.a)
+        return cls(model, np.sqrt(np.mean(rows**2, axis=(0, 1))))
+
+    def of(self, run: ControllerRun) -> Array | None:
+        """Parameter errors (T,), no unit, over the samples of a `run`; None where its controller estimates none, or
+        others than this model has."""
+        estimate = run.rollout.estimate
+        known = estimate.shape[1] in self.model.regrouping.shape
+        return self.apart(estimate, self.model.fundamental_parameters) if known else None
+
+    def apart(self, one: Array, other: Array) -> Array:
+        """Distances, no unit, of estimates (..., k) or (..., P) in this measure."""
+        K, true = self.model.regrouping, self.model.fundamental_parameters
+        one, other = (x @ K.T if x.shape[-1] == K.shape[1] else x for x in (one, other))
+        weighed = np.linalg.norm((one - other) * self.weights, axis=-1)
+        return np.asarray(weighed / np.linalg.norm(true * self.weights))
+
+
+def _learned(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told:
+    errors = ParameterErrors.along(of, outcome, basis)
+    curves = {run.name: over for run in outcome.runs if (over := errors.of(run)) is not None}
+    findings, model = list[Finding](), ReducedModel(outcome.mechanism, basis)
+    for run in outcome.runs:
+        if (over := curves.get(run.name)) is not None:
+            meaning = f"parameter error at the end, of {over[0]:.3g} at the start"
+            findings.append(Finding(f"parameter_error.{run.name}", float(over[-1]), "1", f"{run.label}: {meaning}"))
+        findings += memory_findings(controller(of, run.name, model), run, outcome.mechanism)
+    ends = [(float(over[-1]), LABELS[name]) for name, over in curves.items() if name != ADAPTATION_OFF]
+    first = number(float(curves[ADAPTATION_OFF][0]) if ADAPTATION_OFF in curves else None, 2)
+    said = [f"In {of.duration:g} s the parameter error, at first {first} of the parameters, comes to {_span(ends)}."]
+    said = said if ends else []
+    said += [
+        f"{f.meaning.split(':')[0]} remembered nothing: no excitation passed its threshold; a smaller one would."
+        for f in findings
+        if f.name.startswith("remembered.") and f.value == 0.0
+    ]
+    last = {name: f"  {number(float(over[-1]), 2)}" for name, over in curves.items()}
+    runs = [replace(run, label=run.label + last.get(run.name, "")) for run in outcome.runs]
+    caption = (
+        "Parameter errors, weighed by the torque that each parameter makes along the motion, in shares of the torque "
+        "of all, one line a law that adapts, with its last value."
+    )
+    drawing = Drawing("parameter-error", caption, partial(over_time, runs, curves, "parameter error"))
+    return Told(findings, " ".join(said) or None, (drawing,) if curves else ())
+
+
+def memory_findings(law: Controller[Any], run: ControllerRun, mechanism: Mechanism) -> Iterator[Finding]:
+    """Iterator over findings on what a controller's adaptation `law` remembered or kept in a `run`: for laws with a
+    threshold of excitation the share of samples in which it was passed; for natural adaptation and the consistent lift
+    the least eigenvalue of any link's estimated pseudo-inertia."""
+    adapting, learning = getattr(getattr(law, "of", law), "adaptation_law", None), run.rollout.learning
+    if isinstance(adapting, Natural | ConsistentLift):
+        bodies = len(mechanism.description.bodies)
+        kept = run.rollout.estimate if isinstance(adapting, Natural) else learning
+        value = float(np.linalg.eigvalsh(pseudos(kept[:, : 10 * bodies].reshape(-1, bodies, 10)))[..., 0].min())
+        meaning = "smallest eigenvalue of any link's pseudo-inertia, of the run's samples"
+        yield from each([run], "smallest_eigenvalue", "SI", meaning, lambda _: value)
+    elif learning.size and (threshold := getattr(adapting, "threshold", None)) is not None:
+        share = float(np.mean(learning > 0.0))
+        meaning = f"share of periods whose excitation passed its threshold of {threshold:g} 1/s"
+        yield from each([run], "remembered", "1", meaning + ": nothing was remembered" * (not share), lambda _: share)
+
+
+class Recovery(NamedTuple):
+    """Return of a `run` from an `event`: `earlier`, the RMS error (rad, m if prismatic) of all joints before the first
+    event; `time`, s after the event until the RMS error over the coming 2 s is below twice that, None for never; and
+    `left`, the RMS error of the last 2 s before the next event over the earlier one, None where it has no samples."""
+
+    run: ControllerRun
+    event: str
+    earlier: float
+    time: float | None
+    left: float | None
+
+    @classmethod
+    def of(cls, run: ControllerRun, event: str, earlier: float, begin: float, end: float) -> Recovery:
+        """The recovery from an `event` at `begin` until the next one at `end`, s."""
+        end = min(end, run.duration)
+        last = run.rms_error(max(begin, end - WINDOW), end)
+        coming = run.moving_rms_error(WINDOW)[round(WINDOW / run.rollout.spacing) - 1 :]
+        times = run.rollout.time[: len(coming)]
+        back = np.flatnonzero((times >= begin) & (times <= end - WINDOW) & (coming < TWICE * earlier))
+        returned = float(times[back[0]]) - begin if back.size else None
+        return cls(run, event, earlier, returned, None if last is None else last / earlier)
+
+    @property
+    def findings(self) -> list[Finding]:
+        """Time to return, s, or, where the run does not, its error at the end over the earlier one, if known."""
+        name, after = f"after_{self.event.replace(' ', '_')}", f"after the {self.event}"
+        if self.time is not None:
+            meaning = f"time {after} until the error is below twice the earlier"
+            return each([self.run], f"return_{name}", "s", meaning, lambda _: self.time)
+        meaning = f"does not return {after}; error at the end over the earlier"
+        return each([self.run], f"not_back_{name}", "1", meaning, lambda _: self.left)
+
+
+def _recovered(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told:
+    found = list(_recoveries(of, outcome))
+    findings, unit = [finding for one in found for finding in one.findings], error_unit(outcome.mechanism)
+
+    def earlier(run: ControllerRun) -> float | None:
+        error = run.rms_error(of.start - WINDOW, of.start)
+        return None if error is None else 1e3 * error
+
+    meaning = f"RMS error in the {WINDOW:g} s before the pickup"
+    findings += each(outcome.runs, "earlier_error", unit, meaning, earlier)
+    sentences = []
+    adapting = [one for one in found if one.run.rollout.estimate.shape[1] and one.run.name != ADAPTATION_OFF]
+    for event in dict.fromkeys(one.event for one in adapting):
+        here = [one for one in adapting if one.event == event]
+        back = [(one.time, one.run.label) for one in here if one.time is not None]
+        lost = sum(one.time is None and one.left is not None for one in here)
+        said = [f"errors are below twice what they were before within {_span(back, 's')}"] if back else []
+        said += [f"{lost} of {len(here)} laws {'does' if lost == 1 else 'do'} not come back"] if lost else []
+        sentences.append(f"After the {event} {', and '.join(said) or 'no law came so far'}.")
+    return Told(findings, " ".join(sentences) or None)
+
+
+def _recoveries(of: DisturbedArm, outcome: Outcome) -> Iterator[Recovery]:
+    """Recoveries of all laws from the first pickup and drop, and from the last ones where there are several."""
+    late = (of.times - 1) * of.turn
+    events = [("pickup", of.start, of.stop), ("drop", of.stop, of.turn + of.start if late else of.turn)]
+    if late:
+        events += [("last pickup", of.start + late, of.stop + late), ("last drop", of.stop + late, of.turn + late)]
+    for run in outcome.runs:
+        earlier = run.rms_error(of.start - WINDOW, of.start)
+        for event, begin, end in events:
+            if earlier and run.duration > begin:
+                yield Recovery.of(run, event, earlier, begin, end)
+
+
+def _drifted(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told:
+    errors, mechanism = ParameterErrors.along(of, outcome, basis), outcome.mechanism
+
+    def drift(run: ControllerRun) -> float:
+        """Drift, 1/min, from the mean estimate of a run's third quarter to that of its last one."""
+        third, fourth = (part.mean(axis=0) for part in np.array_split(run.rollout.estimate, 4)[2:])
+        return float(errors.apart(third, fourth)) / (0.25 * run.duration / 60.0)
+
+    moved = {run: drift(run) for run in outcome.runs if errors.of(run) is not None}
+    findings = each(moved, "drift", "1/min", "how far the estimate moves in a minute of the second half", moved.get)
+    unit = position_unit(mechanism)
+    findings += each(outcome.runs, "true_rms_error", unit, "of all joints", lambda run: run.rms_error())
+    gains, period = of.gains(mechanism), of.control_period
+    rates = zip(gains.bandwidth, gains.damping / typical_inertia(mechanism), strict=True)
+    least = min(margins(ErrorFeedback(a * b, a + b, period).loop()).delay for a, b in set(rates))
+    late = (of.delay + 0.5) * period + of.lag + (1.0 / (2.0 * np.pi * of.filter) if of.filter else 0.0)
+    findings += [
+        Finding("delay_margin", least, "s", "what the tracking loop tolerates of delay, at typical inertia"),
+        Finding("delay", float(late), "s", "of computing, drives and velocity filter together, to first order"),
+    ]
+    ends = [(value, run.label) for run, value in moved.items() if run.name != ADAPTATION_OFF]
+    answer = f"In the second half, estimates move by {_span(ends)} of the parameters a minute."
+    return Told(findings, answer if ends else None)
+
+
+def _saturated(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told:
+    runs = outcome.run
+    findings = each(outcome.runs, "saturated", "1", "share of periods with a torque held back", held_back)
+    largest = {run.name: float(np.abs(run.rollout.estimate).max(initial=0.0)) for run in outcome.runs}
+    findings += each(outcome.runs, "largest_estimate", "SI", "of any parameter", lambda run: largest[run.name])
+    if of.payload:
+        unit, meaning = position_unit(outcome.mechanism), "RMS error of all joints from the drop on"
+        findings += each(outcome.runs, "rms_error_after", unit, meaning, lambda run: run.rms_error(start=of.stop))
+    if not {"gradient", "never-frozen"} <= set(runs):
+        return Told(findings)
+    frozen, never = (runs[name].rms_error() for name in ("gradient", "never-frozen"))
+    if frozen is not None and never:
+        meaning = "RMS error of the whole run, frozen over never frozen"
+        findings.append(Finding("freeze_over_none", frozen / never, "1", meaning))
+    words = partial(wording.error, unit=error_unit(outcome.mechanism))
+    start = f"With adaptation frozen while motors saturate, the RMS error of the run is {words(frozen)}"
+    return Told(findings, f"{start}, never frozen {words(never)}.")
+
+
+def held_back(run: ControllerRun) -> float:
+    """Share of the samples of a `run` at which a limit of a torque or of its rate held a torque back."""
+    marks = [run.rollout.marks[name] for name in ("torque_limited", "rate_limited") if name in run.rollout.marks]
+    return float(np.mean(np.max([run.rollout.clipped, *marks], axis=0)))
+
+
+def _rubbed(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told:
+    mechanism, model = outcome.mechanism, ReducedModel(outcome.mechanism, basis)
+    names = ("gradient", "no-friction-columns", "computed-torque-true")
+    last = [run.final_rms_error if (run := outcome.run.get(name)) else None for name in names]
+    errors = [wording.error(one, error_unit(mechanism)) for one in last]
+    answer = (
+        f"With friction among its parameters the arm ends at {errors[0]} of tracking error, without at {errors[1]}, "
+        f"though both adapt. Computed torque that knows all but Stribeck's excess stays at {errors[2]}."
+    )
+    findings = []
+    if last[0] and last[1]:
+        meaning = "RMS error of the last two seconds, with the friction's columns over without"
+        findings.append(Finding("columns_over_none", last[0] / last[1], "1", meaning))
+    learner = next((run for run in outcome.runs if run.rollout.estimate.shape[1] == len(model.names)), None)
+    if learner is None:
+        return Told(findings, answer)
+    learned = dict(zip(model.names, learner.rollout.estimate[-1].tolist(), strict=True))
+    for k, _ in friction_columns(model):
+        name, true = model.names[k], model.fundamental_parameters[k]
+        meaning = f"{name}, learned at the end by {learner.label}; true {true:.4g}"
+        findings.append(Finding(f"learned.{name}", learned[name], parameter_unit(name, mechanism), meaning))
+    caption = (
+        "Friction over speed: the true one, and what was learned of it, at the speeds at which the joint moved. A line "
+        "of two numbers is fitted where the arm is, and need not be right elsewhere."
+    )
+    draw = partial(friction_curves, mechanism, learned, learner.rollout.v, of.stribeck)
+    return Told(findings, answer, (Drawing("friction", caption, draw),))
+
+
+def friction_curves(mechanism: Mechanism, learned: Mapping[str, float], v: Array, stribeck: float) -> Figure:
+    """Matplotlib figure of friction (N m, N if prismatic) over the speeds in `v` (T, r) (rad/s, m/s), a panel for each
+    joint of a `mechanism`: the true one with Stribeck's excess, `stribeck` of Coulomb friction, and the `learned` one,
+    by parameter name."""
+    joints = mechanism.primary_joints
+    rows = -(-len(joints) // COLUMNS)
+    figure = sheet(2.0 * rows + 0.4)
+    panels = figure.subplots(rows, min(COLUMNS, len(joints)), squeeze=False).ravel()
+    for axes, joint, moved in zip(panels, joints, np.abs(v).T, strict=False):
+        speeds = np.linspace(0.0, moved.max(), 200)
+        viscous, coulomb = joint.drive.viscous or 0.0, joint.drive.coulomb or 0.0
+        true = viscous * speeds + coulomb * (1.0 + stribeck / (1.0 + (speeds / STRIBECK_SPEED) ** 2))
+        found = [learned.get(f"{joint.name}.{kind}", 0.0) for kind in ("viscous", "coulomb")]
+        axes.plot(speeds, true, color=TRUTH.hex, label="true, with Stribeck's")
+        axes.plot(speeds, found[0] * speeds + found[1], color=run_color(0).hex, label="learned: viscous, Coulomb")
+        axes.set_ylim(bottom=0.0)
+        axes.set_title(f"{joint.name} [{typeset(joint.kind.effort_unit)}]")
+    units = " or ".join(sorted({f"{joint.kind.position_unit}/s" for joint in joints}, reverse=True))
+    figure.supxlabel(f"speed [{units}]", size=9)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
+    return figure
+
+
+def _carried(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told:
+    mechanism, names, findings = outcome.mechanism, (*of.laws, ADAPTATION_OFF), list[Finding]()
+    reference, model = of.reference(mechanism), ReducedModel(mechanism, basis)
+    springs = {f"{stiffness:g}": stiffness for stiffness in sorted(of.stiffness)} | {"rigid": 0.0}
+    largest: dict[str, list[float]] = {name: [] for name in names}
+    for key, stiffness in springs.items():
+        plant = of.plant_env(mechanism, reference, stiffness).unwrapped.plant
+        where = f"springs of {key} N·m/rad" if stiffness else "the rigid arm"
+        for name in names:
+            largest[name].append(_largest(of, plant, model, name))
+            meaning = f"{LABELS[name]}: largest stable bandwidth on {where}, of those tried, 0.5 to 1024"
+            findings.append(Finding(f"stable_bandwidth.{name}.{key}", largest[name][-1], "1/s", meaning))
+    soft, stiff, rigid = (number(largest[of.laws[0]][place]) for place in (0, -2, -1))
+    answer = (
+        f"{outcome.runs[0].label} is stable up to {rigid} 1/s on the rigid arm, {stiff} 1/s with springs of "
+        f"{max(of.stiffness):,.6g} N·m/rad in its joints and {soft} 1/s with springs of {min(of.stiffness):,.6g}."
+    )
+    return Told(findings, answer)
+
+
+def _largest(of: DisturbedArm, plant: Plant, model: ReducedModel, name: str) -> float:
+    """Largest bandwidth, 1/s, of those that are tried with which a law is stable; found by bisection."""
+    low, high = -1, len(BANDWIDTHS)
+    while high - low > 1:
+        middle = (low + high) // 2
+        other = replace(of, bandwidth=float(BANDWIDTHS[middle]))
+        low, high = (middle, high) if _is_stable(other, plant, model, name) else (low, middle)
+    return float(BANDWIDTHS[low]) if low >= 0 else 0.0
+
+
+def _is_stable(of: DisturbedArm, plant: Plant, model: ReducedModel, name: str) -> bool:
+    """True where in the last third of a trial velocity errors are small and motors below their limits."""
+    try:
+        law = controller(of, name, model)
+    except GainError:
+        return False
+    run = simulate_many(plant, law, of.reference(model.mechanism), duration=of.trial, seed=of.seed)
+    last = slice(2 * len(run.time) // 3, None)
+    apart, torque = run.v[last] - run.reference_v[last], np.abs(run.torque[last])
+    if not np.isfinite(apart).all():
+        return False
+    beyond = (torque >= np.asarray(plant.torque_limits)).any(axis=-1)
+    return float(np.sqrt(np.mean(apart**2))) < SHAKING and float(beyond.mean()) < SATURATED

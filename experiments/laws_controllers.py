@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,16 +12,14 @@ from numpy.typing import ArrayLike
 from adaptctl import control
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
-from adaptctl.control import Controller, Gradient, SlotineLi
+from adaptctl.control import Controller, Gains, Gradient, SlotineLi
 from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.contest import ADAPTATION_OFF
+from adaptctl.experiments.disturbed_arm import DisturbedArm
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-
-if TYPE_CHECKING:
-    from adaptctl.experiments.laws import Laws
 
 BOUNDS = 4.0
 """deviations of the rough model to which `Projection` keeps"""
@@ -37,13 +35,18 @@ CUTOFF, RECALL, ALARM = 5.0, 2.0, 0.2
 class Draft:
     """Draft of a law of the comparison `of` on a `model`: the rough model's first estimate, and gains."""
 
-    of: Laws
+    of: DisturbedArm
     model: ReducedModel
 
     @property
     def mechanism(self) -> Mechanism:
         """Mechanism of the model."""
         return self.model.mechanism
+
+    @cached_property
+    def gains(self) -> Gains:
+        """Gains of the tracking loop."""
+        return self.of.gains(self.mechanism)
 
     @cached_property
     def first(self) -> Array:
@@ -78,8 +81,8 @@ class Draft:
 
     def slotine_li(self, law: Any = None, first: Array | None = None) -> SlotineLi:
         """Slotine and Li's control law with an adaptation `law`, None for none, from the `first` estimate."""
-        gains, start = self.of.gains(self.mechanism), self.first if first is None else first
-        return SlotineLi(self.model, gains.bandwidth, gains.damping, law, start, self.of.control_period)
+        start, period = self.first if first is None else first, self.of.control_period
+        return SlotineLi(self.model, self.gains.bandwidth, self.gains.damping, law, start, period)
 
     def projected(self, share: float = 1.0) -> control.Projection[Any]:
         """The gradient with a `share` of the gain, kept within bounds."""
@@ -100,118 +103,78 @@ class Draft:
         return control.Natural(rates), first
 
 
-def _lift(draft: Draft) -> SlotineLi:
-    (natural, bodies), (_, weight, cutoff) = draft.natural(), draft.predicting
-    return draft.slotine_li(
-        control.ConsistentLift(natural.rate, bodies, weight, cutoff), draft.model.regrouping @ bodies
-    )
-
-
-def _remembering(draft: Draft) -> SlotineLi:
-    of = draft.of
-    return draft.slotine_li(control.CompositeLearning(*draft.predicting, of.forgetting, RECALL, of.excitation, ALARM))
-
-
-def _accelerating(draft: Draft) -> Controller[Any]:
-    law, gains = draft.projected(draft.of.acceleration_gain), draft.of.gains(draft.mechanism)
-    return control.AdaptiveComputedTorque(
-        draft.model, gains.bandwidth, draft.first, law, period=draft.of.control_period
-    )
-
-
-def _integrating(draft: Draft) -> Controller[Any]:
-    gains, period = draft.of.gains(draft.mechanism), draft.of.control_period
-    return control.PassivityIntegral(draft.model, gains.bandwidth, gains.damping, draft.gain, draft.first, period)
-
-
-def _pd_gravity(draft: Draft) -> Controller[Any]:
-    gains = draft.of.gains(draft.mechanism)
-    return control.PDGravity.on(draft.model, gains.bandwidth * gains.damping, gains.damping, draft.first)
-
-
-def _computed_torque(draft: Draft, model: Mechanism | None = None) -> Controller[Any]:
-    """Computed torque with the rough model, or with all that a mechanism knows."""
-    bandwidth = draft.of.gains(draft.mechanism).bandwidth
-    if model is None:
-        return control.ComputedTorque.on(draft.model, bandwidth, parameters=draft.first)
-    return control.ComputedTorque(model, bandwidth)
-
-
-def _without_columns(draft: Draft) -> SlotineLi:
-    smooth = without_friction(draft.mechanism)
-    basis = fundamental_basis(essential_space(smooth, seed=draft.of.seed))
-    bare = Draft(draft.of, ReducedModel(smooth, basis))
-    return bare.slotine_li(Gradient(bare.gain))
-
-
-Made = Callable[[Draft], Controller[Any]]
-NAMED: dict[str, tuple[str, Made]] = {
-    "composite": ("Composite", lambda d: d.slotine_li(control.Composite(*d.predicting))),
-    "gradient": ("Gradient", lambda d: d.slotine_li(Gradient(d.gain))),
-    "sigma-modification": (
-        "σ-modification",
-        lambda d: d.slotine_li(control.SigmaModification(d.gain, d.of.leakage, d.first)),
-    ),
-    "e-modification": (
-        "e-modification",
-        lambda d: d.slotine_li(control.EModification(d.gain, SLIDING_LEAKAGE, d.first)),
-    ),
-    "dead-zone": (
-        "Dead zone",
-        lambda d: d.slotine_li(control.DeadZone(d.gain, np.full(d.mechanism.dof, d.of.dead_zone))),
-    ),
-    "projection": ("Projection", lambda d: d.slotine_li(d.projected())),
-    "bounded-gain-forgetting": (
-        "Least squares, bounded gain",
-        lambda d: d.slotine_li(control.BoundedGainForgetting(*d.predicting, d.of.forgetting)),
-    ),
-    "cushioned-floor": (
-        "Least squares, floor",
-        lambda d: d.slotine_li(control.CushionedFloor(*d.predicting, d.of.forgetting)),
-    ),
-    "composite-learning": ("Composite learning", _remembering),
-    "concurrent-learning": (
-        "Concurrent learning",
-        lambda d: d.slotine_li(control.ConcurrentLearning(*d.predicting, d.of.samples, d.of.novelty)),
-    ),
-    "natural": (
-        "Natural, full parameters",
-        lambda d: replace(d, model=ReducedModel.full(d.mechanism)).slotine_li(*d.natural()),
-    ),
-    "consistent-lift": ("Consistent lift", _lift),
-    "adaptive-computed-torque": ("Adaptive computed torque", _accelerating),
-    "passivity-integral": ("Integral action, gradient", _integrating),
-    "computed-torque": ("Computed torque, rough model", _computed_torque),
-    "pd-gravity": ("PD with rough gravity", _pd_gravity),
-    "gradient-euler": ("Gradient, Euler", lambda d: d.slotine_li(Gradient(d.gain, theta=0.0, cap=0.0))),
-    "never-frozen": ("Never frozen", lambda d: d.slotine_li(Gradient(d.gain))),
-    "no-friction-columns": ("No friction columns", _without_columns),
-    "computed-torque-true": ("Computed torque, true drives", lambda d: _computed_torque(d, d.mechanism)),
-    "computed-torque-smooth": (
-        "Computed torque, no friction",
-        lambda d: _computed_torque(d, without_friction(d.mechanism)),
-    ),
-    ADAPTATION_OFF: ("Adaptation off", Draft.slotine_li),
-}
-"""Labels of laws, and how each is made."""
-LABELS = {name: label for name, (label, _) in NAMED.items()}
-LAWS, OTHERS = tuple(NAMED)[:16], tuple(NAMED)[16:-1]
-"""Laws that run by default, and others, which show what these are better than."""
-
-
-def controller(of: Laws, name: str, model: ReducedModel) -> Controller[Any]:
+def controller(of: DisturbedArm, name: str, model: ReducedModel) -> Controller[Any]:
     """Controller of that `name` with the settings of the experiment `of`, on the `model` or on what it takes instead;
     behind guards where motors are weak. Raises `GainError` for gains too large for the control period."""
-    found = NAMED[name][1](Draft(of, model))
+    draft = Draft(of, model)
+    found = _control_law(draft, name) or draft.slotine_li(_adaptation_law(draft, name))
     if not of.is_weak:
         return found
     return control.Guarded(
         replace(found, torque_limits=np.inf) if isinstance(found, SlotineLi) else found,
         of.motors(model.mechanism),
         of.rate_limit or np.inf,
-        stop_damping=of.gains(model.mechanism).damping,
+        stop_damping=draft.gains.damping,
         freeze=name != "never-frozen",
     )
+
+
+def _adaptation_law(draft: Draft, name: str) -> Any:
+    """Adaptation law for Slotine and Li's control law on the model; None for adaptation off."""
+    of, gain, predicting = draft.of, draft.gain, draft.predicting
+    match name:
+        case "composite":
+            return control.Composite(*predicting)
+        case "gradient-euler":
+            return Gradient(gain, theta=0.0, cap=0.0)
+        case "sigma-modification":
+            return control.SigmaModification(gain, of.leakage, draft.first)
+        case "e-modification":
+            return control.EModification(gain, SLIDING_LEAKAGE, draft.first)
+        case "dead-zone":
+            return control.DeadZone(gain, np.full(draft.mechanism.dof, of.dead_zone))
+        case "projection":
+            return draft.projected()
+        case "bounded-gain-forgetting":
+            return control.BoundedGainForgetting(*predicting, of.forgetting)
+        case "cushioned-floor":
+            return control.CushionedFloor(*predicting, of.forgetting)
+        case "composite-learning":
+            return control.CompositeLearning(*predicting, of.forgetting, RECALL, of.excitation, ALARM)
+        case "concurrent-learning":
+            return control.ConcurrentLearning(*predicting, of.samples, of.novelty)
+    return None if name == ADAPTATION_OFF else Gradient(gain)
+
+
+def _control_law(draft: Draft, name: str) -> Controller[Any] | None:
+    """Control law with its own model or law; None where Slotine and Li's law on the model is meant."""
+    of, model, mechanism, first = draft.of, draft.model, draft.mechanism, draft.first
+    bandwidth, damping = draft.gains.bandwidth, draft.gains.damping
+    match name:
+        case "natural":
+            return replace(draft, model=ReducedModel.full(mechanism)).slotine_li(*draft.natural())
+        case "consistent-lift":
+            natural, bodies = draft.natural()
+            lift = control.ConsistentLift(natural.rate, bodies, *draft.predicting[1:])
+            return draft.slotine_li(lift, model.regrouping @ bodies)
+        case "no-friction-columns":
+            smooth = without_friction(mechanism)
+            bare = Draft(of, ReducedModel(smooth, fundamental_basis(essential_space(smooth, seed=of.seed))))
+            return bare.slotine_li(Gradient(bare.gain))
+        case "computed-torque-true":
+            return control.ComputedTorque(mechanism, bandwidth)
+        case "computed-torque-smooth":
+            return control.ComputedTorque(without_friction(mechanism), bandwidth)
+        case "computed-torque":
+            return control.ComputedTorque.on(model, bandwidth, parameters=first)
+        case "pd-gravity":
+            return control.PDGravity.on(model, bandwidth * damping, damping, first)
+        case "passivity-integral":
+            return control.PassivityIntegral(model, bandwidth, damping, draft.gain, first, of.control_period)
+        case "adaptive-computed-torque":
+            law = draft.projected(of.acceleration_gain)
+            return control.AdaptiveComputedTorque(model, bandwidth, first, law, period=of.control_period)
+    return None
 
 
 def deviations(model: ReducedModel, parameters: ArrayLike, share: float) -> Array:

@@ -46,8 +46,16 @@ from adaptctl.tuning.verification import scaled_links
 
 if TYPE_CHECKING:
     import gymnasium
-    from matplotlib.figure import Figure
 
+DAMPING = "damping of each joint, N m s"
+FROM_NOTHING = (
+    "Nobody tells the controller a single mass, centre of mass or inertia. First the parameters that motion depends on "
+    "are found, from energies alone. Then Slotine and Li's adaptive controller starts from zero and adapts only those."
+)
+SOME = (
+    "The controller carries only the first s of the essential components, sorted by the energy of each: it adapts s "
+    "numbers from zero, or holds their true values. The order needs the true parameters; the values are learned."
+)
 MAPPED = "adaptive-mapped"
 KEPT, FIXED = "adaptive", "fixed"
 """names of runs with some components: adapted from zero, and held at their true values"""
@@ -72,29 +80,19 @@ class Puma560Adaptive(FromRanges):
     asks: ClassVar[str] = "The PUMA 560 follows sinusoids in all six joints."
 
     robot: str = setting("puma560", "puma560 (Sheu and Walker 1991), or another arm of six joints")
-    damping: tuple[float, ...] = setting(
-        (90.0, 150.0, 70.0, 20.0, 16.0, 18.0), "damping of each joint, N m s", symbol="K", low=1e-3, high=1e4
-    )
+    damping: tuple[float, ...] = setting((90.0, 150.0, 70.0, 20.0, 16.0, 18.0), DAMPING, symbol="K", low=1e-3, high=1e4)
     mass_range: float = setting(5.0, "prior range of masses, kg", low=1e-3, high=1e3)
     first_moment_range: float = setting(2.0, "prior range of first moments, kg m", low=1e-3, high=1e3)
     inertia_range: float = setting(0.6, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
-    components: tuple[int, ...] = setting(
-        (0,), "how many essential components each controller carries, the subject first; 0: compare all", low=0
-    )
-    center: tuple[float, ...] = setting(
-        (0.0, -0.6, 0.8, 0.0, 0.5, 0.0), "centre of the reference, rad", low=-10.0, high=10.0
-    )
-    amplitude: tuple[float, ...] = setting(
-        (0.5, 0.4, 0.4, 0.4, 0.4, 0.4), "amplitude of the reference, rad", low=0.0, high=3.2
-    )
+    components: tuple[int, ...] = setting((0,), "how many essential components each carries; 0: compare all", low=0)
+    center: tuple[float, ...] = setting((0.0, -0.6, 0.8, 0.0, 0.5, 0.0), "sinusoids' centre, rad", low=-10.0, high=10.0)
+    amplitude: tuple[float, ...] = setting((0.5, 0.4, 0.4, 0.4, 0.4, 0.4), "their amplitude, rad", low=0.0, high=3.2)
     frequency: tuple[float, ...] = setting(
-        (0.1, 0.125, 0.15, 0.175, 0.2, 0.225), "frequency of the reference, Hz", low=0.0, high=5.0
+        (0.1, 0.125, 0.15, 0.175, 0.2, 0.225), "their frequency, Hz", low=0.0, high=5.0
     )
     start_time: float = setting(2.0, "length of the smooth (quintic) start, s", low=0.0, high=60.0)
     initial_error: float = setting(0.1, "initial error of every joint, rad or m", low=-1.0, high=1.0)
-    parameter_error: float = setting(
-        0.3, "the wrong model has each link's parameters off by this share, up or down by seed", low=0.0, high=1.0
-    )
+    parameter_error: float = setting(0.3, "share by which links of the wrong model are off", low=0.0, high=1.0)
     payload: float = setting(0.0, "mass that the last link holds and no controller knows of, kg", low=0.0, high=1e3)
 
     def __post_init__(self) -> None:
@@ -107,22 +105,8 @@ class Puma560Adaptive(FromRanges):
     def purpose(self) -> str:
         """Paragraph of text for the report that states the question: what an arm learns that knows nothing, or what
         the number of components costs."""
-        if self.components == (0,):
-            question = (
-                "Nobody tells the controller a single mass, centre of mass or inertia. First the parameters that the "
-                "motion depends on are found, from energies alone. Then Slotine and Li's adaptive controller starts "
-                "with estimates of zero and adapts only those."
-            )
-        else:
-            question = (
-                "Sheu and Walker sort the components of the essential parameters by the energy that each carries. Here "
-                "the controller carries only the first s: it adapts s numbers from zero, or holds their true values. "
-                "The order needs the true parameters; the values are learned."
-            )
-        return (
-            f"{self.asks} {question} Every controller drives the same environment from the same seed, and starts "
-            f"{self.initial_error:g} rad off in every joint."
-        )
+        question = FROM_NOTHING if self.components == (0,) else SOME
+        return f"{self.asks} {question} Every controller starts {self.initial_error:g} rad off in every joint."
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
         """Gymnasium tracking environment of a `mechanism`, on the sinusoids that the settings state. Raises
@@ -219,8 +203,6 @@ class Puma560Adaptive(FromRanges):
         """Findings, an answer and figures on the `outcome`: that two controllers are one; or errors by components."""
         if self.components == (0,):
             return Told(one_controller(outcome, MAPPED))
-        from adaptctl.recording.drawing import Drawing
-
         energies, unit = self._reduction(outcome.mechanism)[0].percent_errors, error_unit(outcome.mechanism)
         last = {run.name: 1e3 * run.final_rms_error for run in outcome.runs if run.final_rms_error is not None}
         findings = [
@@ -239,12 +221,7 @@ class Puma560Adaptive(FromRanges):
             f"Adapting {most} components from zero, the controller ends at {many} {unit} of tracking error; adapting "
             f"{least}, at {few} {unit}, and holding the true values of these {least}, at {held} {unit}."
         )
-        caption = (
-            "Tracking error over the last two seconds, and the energy error of Sheu and Walker's equation 23, by the "
-            "number of components that the controller carries."
-        )
-        drawing = Drawing("components", caption, partial(error_by_count, self.components, last, energies, unit))
-        return Told(findings, answer, (drawing,))
+        return Told(findings, answer)
 
 
 def from_nothing(
@@ -297,27 +274,3 @@ def one_controller(outcome: Outcome, mapped: str) -> Iterator[Finding]:
         "N m",
         f"largest difference between the torques of {sizes[0]} and of {sizes[1]} adapted parameters, Γ mapped",
     )
-
-
-def error_by_count(counts: tuple[int, ...], last: dict[str, float], percent_errors: Array, unit: str) -> Figure:
-    """Matplotlib figure of the errors of runs in the last two seconds, `last`, in `unit`, by names such as adaptive-10,
-    and of the energy errors `percent_errors` (k + 1,), %, over the number of essential components; runs that are
-    missing have no point."""
-    from adaptctl.recording.drawing import MUTED, run_color, sheet
-
-    figure = sheet(3.6)
-    axes = figure.subplots()
-    for i, (kind, label) in enumerate(((KEPT, "adapted from zero"), (FIXED, "true values held"))):
-        drawn = {s: last[f"{kind}-{s}"] for s in sorted(counts) if f"{kind}-{s}" in last}
-        axes.semilogy(list(drawn), list(drawn.values()), "o-", color=run_color(i).hex, label=label)
-    if ADAPTATION_OFF in last:
-        label = "adaptation off, nothing known"
-        axes.axhline(last[ADAPTATION_OFF], color=MUTED.hex, linestyle=(0, (4, 3)), label=label)
-    axes.set_xlabel("components")
-    axes.set_ylabel(f"RMS tracking error [{unit}]")
-    energy = axes.twinx()
-    energy.semilogy(np.arange(1, len(percent_errors) - 1), percent_errors[1:-1], color=run_color(2).hex, linewidth=1.2)
-    energy.set_ylabel("energy error [%]", color=run_color(2).hex)
-    energy.grid(visible=False)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3)
-    return figure

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from adaptctl.experiments.experiment import setting
-from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
+from adaptctl.experiments.puma560_adaptive import DAMPING, Puma560Adaptive
 
 
 @dataclass(frozen=True)
@@ -23,12 +23,10 @@ class SemiDirectDriveAdaptive(Puma560Adaptive):
     )
 
     robot: str = setting("semi_direct_drive", "semi_direct_drive, semi_direct_drive_parallelogram, or a file of yours")
-    damping: tuple[float, ...] = setting(
-        (60.0, 60.0, 60.0), "damping of each joint, N m s", symbol="K", low=1e-3, high=1e4
-    )
+    damping: tuple[float, ...] = setting((60.0, 60.0, 60.0), DAMPING, symbol="K", low=1e-3, high=1e4)
     mass_range: float = setting(10.0, "prior range of masses, kg", low=1e-3, high=1e3)
     first_moment_range: float = setting(4.0, "prior range of first moments, kg m", low=1e-3, high=1e3)
     inertia_range: float = setting(1.0, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
-    center: tuple[float, ...] = setting((0.0, -1.5708, -3.1416), "centre of the reference, rad", low=-10.0, high=10.0)
-    amplitude: tuple[float, ...] = setting((0.6, 0.4, 0.4), "amplitude of the reference, rad", low=0.0, high=3.2)
-    frequency: tuple[float, ...] = setting((0.15, 0.2, 0.25), "frequency of the reference, Hz", low=0.0, high=5.0)
+    center: tuple[float, ...] = setting((0.0, -1.5708, -3.1416), "sinusoids' centre, rad", low=-10.0, high=10.0)
+    amplitude: tuple[float, ...] = setting((0.6, 0.4, 0.4), "their amplitude, rad", low=0.0, high=3.2)
+    frequency: tuple[float, ...] = setting((0.15, 0.2, 0.25), "their frequency, Hz", low=0.0, high=5.0)

@@ -43,20 +43,10 @@ class SheuWalker1991(ClosedLoopExperiment):
     )
     seeds: int = setting(200, "draws of random states where the paper made one, from --seed on", low=2, high=10_000)
     samples: int = setting(101, "states a draw; the paper's 101", low=62, high=10_000)
-    velocity_scale: float = setting(
-        3**0.5,
-        "velocities are uniform up to this times the paper's bound; the root of 3 makes the bound their root mean "
-        "square, which meets the scale of Table 2",
-        low=0.01,
-        high=100.0,
-    )
-    frequency: float = setting(
-        0.7, "of the sinusoid for computed torques, Hz; this one meets the scale of Table 3", low=0.01, high=10.0
-    )
+    velocity_scale: float = setting(3**0.5, "bound of velocities over the paper's", low=0.01, high=100.0)
+    frequency: float = setting(0.7, "of the sinusoid for computed torques, Hz", low=0.01, high=10.0)
     motion_samples: int = setting(501, "samples over the sinusoid's period", low=11, high=5001)
-    unequal: float = setting(
-        0.005, "share by which link 4 of the nearly parallel arm is longer than link 2", low=1e-5, high=0.1
-    )
+    unequal: float = setting(0.005, "by which link 4 of the nearly parallel arm is longer", low=1e-5, high=0.1)
 
     def __post_init__(self) -> None:
         super().__post_init__()

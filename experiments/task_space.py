@@ -74,13 +74,9 @@ class TaskSpaceTracking(FromRanges):
     title: ClassVar[str] = "{robot}: a tool on a path in the world"
 
     robot: str = setting("puma560_arm3", "puma560_arm3, or semi_direct_drive, whose tool moves through a closed loop")
-    stiffness: float = setting(
-        3.0, "damping K is this times Λ times each joint's typical inertia", symbol="K/(Λ I)", low=0.1, high=100.0
-    )
+    stiffness: float = setting(3.0, "damping over Λ times typical inertia", symbol="K/(Λ I)", low=0.1, high=100.0)
     singularity: float = setting(0.1, "damping of the damped Jacobian, m", symbol="μ", low=0.0, high=10.0)
-    prediction: float = setting(
-        100.0, "weight of torque prediction errors in parts of the torque limits, N m/s", symbol="R", low=1e-6, high=1e9
-    )
+    prediction: float = setting(100.0, "weight of torque errors in parts of limits, N m/s", low=1e-6, high=1e9)
     center: tuple[float, ...] = setting((0.55, 0.0, 0.47), "centre of the tool's path, m", low=-10.0, high=10.0)
     amplitude: tuple[float, ...] = setting((0.1, 0.25, 0.15), "amplitude of the tool's path, m", low=0.0, high=10.0)
     frequency: tuple[float, ...] = setting((0.4, 0.2, 0.2), "frequency of the tool's path, Hz", low=0.0, high=5.0)
@@ -95,10 +91,9 @@ class TaskSpaceTracking(FromRanges):
     def purpose(self) -> str:
         """Paragraph of text for the report that states the question: control of the tool or of the joints."""
         return (
-            "A tool follows a path in the world, and nobody tells the controller the arm's inertial parameters. "
-            "The task-space law takes the tool's error and chooses joint velocities through the Jacobian; the law in "
-            "joints gets the same path by inverse kinematics. Every controller drives the same environment from the "
-            f"same seed, and starts {self.initial_error:g} rad off in every joint."
+            "A tool follows a path in the world, and nobody tells the controller the arm's inertial parameters: a law "
+            "for the tool, which has joint velocities from the Jacobian, and one in joints by inverse kinematics. "
+            f"Every controller starts {self.initial_error:g} rad off in every joint."
         )
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:

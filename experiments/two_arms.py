@@ -16,7 +16,7 @@ from adaptctl.description.transforms import joined
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.experiments.experiment import setting
-from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
+from adaptctl.experiments.puma560_adaptive import DAMPING, Puma560Adaptive
 from adaptctl.recording import Setting
 from adaptctl.scalars import Column
 
@@ -53,18 +53,13 @@ class TwoArms(Puma560Adaptive):
         "in these; they may be shared in any way."
     )
 
-    robot: str = setting(
-        "puma560_geared", "each of the two arms: a PUMA 560 (puma560_geared, puma560_measured) or one of its size"
-    )
+    robot: str = setting("puma560_geared", "each of the two arms: a PUMA 560, or one of its size")
     damping: tuple[float, ...] = setting(
-        (250.0, 250.0, 120.0, 70.0, 50.0, 5.0), "damping of each joint, N m s", symbol="K", low=1e-3, high=1e4
+        (250.0, 250.0, 120.0, 70.0, 50.0, 5.0), DAMPING, symbol="K", low=1e-3, high=1e4
     )
     inertia_range: float = setting(1.0, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
-    center: tuple[float, ...] = setting(LEFT, "centre of the reference, rad", low=-10.0, high=10.0)
-    amplitude: tuple[float, ...] = setting((0.1,) * 6, "amplitude of the reference, rad", low=0.0, high=3.2)
-    frequency: tuple[float, ...] = setting(
-        (0.1, 0.125, 0.15, 0.175, 0.2, 0.225), "frequency of the reference, Hz", low=0.0, high=5.0
-    )
+    center: tuple[float, ...] = setting(LEFT, "sinusoids' centre, rad", low=-10.0, high=10.0)
+    amplitude: tuple[float, ...] = setting((0.1,) * 6, "their amplitude, rad", low=0.0, high=3.2)
     initial_error: float = setting(0.05, "initial error of every joint, rad or m", low=-1.0, high=1.0)
 
     def mechanism(self) -> Mechanism:

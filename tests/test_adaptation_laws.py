@@ -14,8 +14,9 @@ from adaptctl.cli.main import main
 from adaptctl.description.inertia import is_physically_consistent
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError, NotFoundError
+from adaptctl.experiments.disturbed_arm import LAWS
 from adaptctl.experiments.laws import Laws
-from adaptctl.experiments.laws_controllers import LAWS, deviations
+from adaptctl.experiments.laws_controllers import deviations
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.tuning.verification import scaled_links
 
@@ -70,7 +71,7 @@ def test_ticks_are_timed_where_it_is_asked() -> None:
         Laws(robot=SMALL, laws=("gradient",), duration=0.5, time_ticks=True).compare(lambda what, share: None).runs
     ):
         assert run.cost is not None
-        assert 0.0 < (run.cost.native or 0.0) < (run.cost.called or 0.0)
+        assert 0.0 < (run.cost.called or 0.0) < 1.0
 
 
 def test_the_lyapunov_function_hardly_rises_between_samples(said: dict[str, Any]) -> None:

@@ -9,7 +9,7 @@ import pytest
 from comparisons import comparison
 
 from adaptctl.dynamics import load
-from adaptctl.experiments.laws_controllers import LAWS
+from adaptctl.experiments.disturbed_arm import LAWS
 from adaptctl.recording import Comparison
 from adaptctl.recording.comparison import color_places
 from adaptctl.recording.drawing import GOAL, JOINTS, LIMIT, RUNS, Color, run_color

@@ -119,8 +119,6 @@ def test_stiffer_joints_carry_more_bandwidth() -> None:
     assert soft < 0.5 * stiff
     assert stiff < 0.5 * rigid
     assert "Gradient is stable up to" in (comparison.answer or "")
-    assert comparison.more_drawings[0].name == "stable-bandwidth"
-    assert comparison.more_drawings[0].draw() is not None
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,7 @@ from adaptctl.dynamics import load
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import Learning, Outcome
 from adaptctl.experiments.identify_then_adapt import IdentifyThenAdapt
-from adaptctl.experiments.laws import Laws
-from adaptctl.experiments.laws_outcome import Recovery, _rubbed
+from adaptctl.experiments.laws import Laws, Recovery, _rubbed
 from adaptctl.identifiability import essential_space, fundamental_basis
 from adaptctl.recording.report import write_artifacts
 

@@ -17,7 +17,7 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.joint_units import error_unit, position_unit, position_units
 from adaptctl.errors import InputError
 from adaptctl.experiments.adaptive import AdaptiveTracking
-from adaptctl.experiments.laws_outcome import friction_curves
+from adaptctl.experiments.laws import friction_curves
 from adaptctl.identification.preparation import prepare
 from adaptctl.recording.result import silent
 from adaptctl.recording.wording import coupling_unit

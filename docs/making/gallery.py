@@ -30,12 +30,11 @@ FIRST = {
     "sheu-walker-1991": "figure-3",
     "sheu-walker-1991-arms": "tip-error",
     "laws": "parameter-error",
-    "laws-payload": "recovery",
+    "laws-payload": "parameter-error",
     "laws-noise": "parameter-error",
     "laws-saturation": "parameter-error",
     "laws-friction": "friction",
-    "laws-springs": "stable-bandwidth",
-    "puma560-adaptive-components": "components",
+    "laws-springs": "parameter-error",
 }
 """Figures that show what the experiment is about, where it is not the tracking error."""
 

@@ -1,0 +1,313 @@
+"""An arm known roughly, disturbed by what real plants have: settings, plant, motion and gains."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control import Gains, Halted, Reference, Sinusoids, exciting_reference, typical_inertia
+from adaptctl.control.gains.gains import finite_torque_limits
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError, NotFoundError
+from adaptctl.experiments.contest import Learning, chosen_gains, listed
+from adaptctl.experiments.experiment import FAR, setting
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.recording import Failure, Setting
+from adaptctl.tuning.verification import scaled_links
+
+if TYPE_CHECKING:
+    from adaptctl.simulation.effects import Effect, Payload
+
+CENTER = (0.0, -0.6, 0.8, 0.0, 0.5, 0.0)
+"""rad: a posture of a PUMA with its elbow bent"""
+FREQUENCIES = (0.15, 0.3, 0.55, 0.85, 1.2)
+"""Hz, each drawn 20 % up or down for every joint, its amplitude as 1/sqrt(frequency)"""
+AMPLITUDES, SINGLE = (0.5, 0.4, 0.4, 0.4, 0.4, 0.4), (0.1, 0.125, 0.15, 0.175, 0.2, 0.225)
+"""rad and Hz of the single sinusoids that `puma560-adaptive` follows"""
+SAMPLES = 400
+"""moments of a reference at which loops are asked whether they allow it, and over which parameters are weighed"""
+WINDOW = 2.0
+"""s over which errors are averaged, before an event and after it"""
+RATIO, DAMPING_RATIO, STRIBECK_SPEED = 2.0, 0.05, 0.1
+"""damping over bandwidth times typical inertia; damping ratio of springs; rad/s at which Stribeck's excess is half"""
+RANDOM, EXCITING, SINGLES, REST = MOTIONS = ("random", "exciting", "single", "rest")
+FILE: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("disturbances.toml").read_text("utf-8"))
+LABELS: dict[str, str] = FILE["labels"]
+LAWS, OTHERS = tuple(LABELS)[:16], tuple(LABELS)[16:-1]
+"""Laws that run by default, and others, which show what these are better than."""
+DISTURBANCES: dict[str, dict[str, Any]] = {
+    name: {key: tuple(value) if isinstance(value, list) else value for key, value in chosen.items()}
+    for name, chosen in FILE["settings"].items()
+}
+"""Settings by name that each disturbance sets where they are not given."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DisturbedArm(Learning):
+    """Abstract base class of experiments on an arm known roughly, under a disturbance: its rough model has every link's
+    parameters off by `parameter_error`, up or down by seed, and no friction.
+
+    A `disturbance` sets what is not given: `DISTURBANCES` says what. All are settings, so that they go together. Raises
+    `InputError` at construction for settings of the wrong type, out of their bounds or against each other, and for a
+    law twice, `NotFoundError` for an unknown law, motion or disturbance, `NonFiniteError` for NaN or infinity."""
+
+    disturbance: str = setting("none", f"what is set where it is not given, for: {', '.join(DISTURBANCES)}")
+    laws: tuple[str, ...] = setting(LAWS, f"which laws run, the subject first; others: {', '.join(OTHERS)}")
+    robot: str = setting("puma560_geared", "a built-in robot or a file whose links rigid bodies are")
+    duration: float = setting(20.0, "length of every run, s", low=0.01, high=1000.0)
+    bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=2000.0)
+    rate: float = setting(5.0, "the gain is it times squared deviations", symbol="Γ", low=1e-6, high=1e6)
+    parameter_error: float = setting(0.5, "share by which links of the rough model are off", low=0.01, high=0.9)
+    initial_error: float = setting(0.0, "initial error of every joint, rad or m", low=-1.0, high=1.0)
+
+    motion: str = setting(
+        RANDOM,
+        f"{RANDOM}: five sinusoids a joint by seed; {EXCITING}: Fourier series that tell most within the joints' "
+        f"limits; {SINGLES}: one sinusoid a joint, of six joints; {REST}: none",
+    )
+    amplitude: float = setting(0.25, f"of each joint's {RANDOM} term at 0.2 Hz, rad", low=0.0, high=2.0)
+    halt: float = setting(0.0, "when the motion comes to rest, s; 0 for never", low=0.0, high=300.0)
+
+    payload: float = setting(0.0, "mass that is picked up and dropped, kg", low=0.0, high=1e3)
+    size: float = setting(0.1, "edge of the payload, a cube, m", low=0.0, high=10.0)
+    lever: float = setting(0.05, "its centre before the flange, m", low=-10.0, high=10.0)
+    start: float = setting(10.0, "when it is picked up, s", low=0.0, high=300.0)
+    stop: float = setting(25.0, "when it is dropped, s", low=0.0, high=300.0)
+    times: int = setting(1, "how often it is picked up and dropped, in equal parts of the run", low=1, high=100)
+
+    strength: float = setting(1.0, "the motors have this share of their torque limits", low=0.01, high=1.0)
+    rate_limit: float = setting(0.0, "torques change by at most this, N m/s; 0 for no limit", low=0.0, high=1e9)
+    resolution: float = setting(0.0, "of the encoders at the joints, rad", low=0.0, high=0.1)
+    noise: float = setting(0.0, "deviation of positions before they are counted, rad", low=0.0, high=0.1)
+    velocity_noise: float = setting(0.0, "deviation of what is measured of velocities, rad/s", low=0.0, high=1.0)
+    filter: float = setting(0.0, "cutoff of the differences that velocities are, Hz; 0: measured", low=0.0, high=1e4)
+    delay: int = setting(0, "control periods from measurement to torque", low=0, high=64)
+    lag: float = setting(0.0, "time constant of the drives, s; 0 for none", low=0.0, high=1.0)
+    stribeck: float = setting(0.0, "static friction exceeds Coulomb friction by this share of it", low=0.0, high=10.0)
+    stiffness: tuple[float, ...] = setting((0.0,), "of every joint's spring, N m/rad; 0 for none", low=0.0, high=1e9)
+    encoders: str = setting("link", "where encoders sit: behind the spring, on the link, or before it, on the motor")
+    trial: float = setting(3.0, "length of a run that tells a stable bandwidth on springs, s", low=0.05, high=60.0)
+
+    leakage: float = setting(0.05, "sigma-modification's leak to the rough model, 1/s", symbol="σ", low=1e-6, high=10.0)
+    dead_zone: float = setting(0.02, "width of the dead zone of s, rad/s", low=1e-6, high=10.0)
+    prediction: float = setting(1e3, "weight of torque errors in parts of limits, N m/s", low=1e-6, high=1e9)
+    forgetting: float = setting(2.0, "of least squares, 1/s", low=0.0, high=100.0)
+    excitation: float = setting(5.0, "least of an equation that composite learning remembers, 1/s", low=0.0, high=1e9)
+    samples: int = setting(24, "of concurrent learning's stack", low=1, high=64)
+    novelty: float = setting(100.0, "of a sample that concurrent learning keeps, 1/s", low=1e-9, high=1e9)
+    acceleration_gain: float = setting(1.0, "share of the gain of adaptive computed torque", low=1e-6, high=1.0)
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls.__init__ = DisturbedArm.__init__  # type: ignore[method-assign]  # else a dataclass makes its own
+
+    def __init__(self, **given: Any) -> None:
+        asked = given.get("disturbance", "none")
+        if asked not in DISTURBANCES:
+            raise NotFoundError(f"disturbance: expected one of {', '.join(DISTURBANCES)}, got {asked!r}")
+        chosen = {entry.name: entry.default for entry in fields(self)} | DISTURBANCES[asked] | given
+        if unknown := chosen.keys() - {entry.name for entry in fields(self)}:
+            raise TypeError(f"{type(self).__name__} has no setting {min(unknown)!r}")
+        for name, value in chosen.items():
+            object.__setattr__(self, name, value)
+        self.__post_init__()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.motion not in MOTIONS:
+            raise NotFoundError(f"motion: expected {', '.join(MOTIONS)}, got {self.motion!r}")
+        for name in self.laws:
+            if name not in (*LAWS, *OTHERS):
+                raise NotFoundError(f"laws: unknown law {name!r}; laws: {', '.join((*LAWS, *OTHERS))}")
+        if len(set(self.laws)) < len(self.laws):
+            raise InputError(f"laws: expected each at most once, got {', '.join(self.laws)}")
+        if 0.0 in self.stiffness and len(self.stiffness) > 1:
+            raise InputError("stiffness: expected positive numbers, or 0 alone for no springs")
+        before = WINDOW if self.recovers else 0.0
+        if self.payload and not before <= self.start < self.stop <= self.turn:
+            part = "" if self.times == 1 else f"each of {self.times} parts of "
+            raise InputError(
+                f"start, stop: expected {before:g} s before the payload is picked up, and that it is dropped after "
+                f"that and within {part}the {self.duration:g} s of the run, got {self.start:g} and {self.stop:g}"
+            )
+
+    @property
+    def turn(self) -> float:
+        """Length (s) of a part of the run, in which the payload is picked up and dropped once."""
+        return self.duration / self.times
+
+    @property
+    def has_springs(self) -> bool:
+        """True where motors turn the links through springs."""
+        return self.stiffness != (0.0,)
+
+    @property
+    def is_weak(self) -> bool:
+        """True where motors are held back, so that all laws are guarded."""
+        return self.strength < 1.0 or self.rate_limit > 0.0
+
+    @property
+    def recovers(self) -> bool:
+        """True where a payload comes that the motors can carry, so that laws return from it."""
+        return self.payload > 0.0 and not self.is_weak
+
+    @property
+    def expected(self) -> Mapping[Failure, str]:
+        """Failures of the first law that the disturbance is to show, and why."""
+        if self.has_springs:
+            return dict.fromkeys(Failure, "springs ring")
+        weak = {Failure.SATURATED: "its motors are weak"} if self.strength < 1.0 else {}
+        return weak | ({Failure.NO_BETTER: "nothing excites the arm"} if self.motion == REST else {})
+
+    @property
+    def purpose(self) -> str:
+        """Paragraph of text for the report that states the question."""
+        asked = FILE["asks"].get(self.disturbance, "").format(**vars(self))
+        return FILE["asks"]["all"].format(asked=asked, **vars(self))
+
+    def environment(self, mechanism: Mechanism) -> Any:
+        """Gymnasium tracking environment of a `mechanism` on the reference, its plant with the disturbances. Raises
+        `InputError` for a motion that the mechanism cannot follow, and for friction or springs on joints without."""
+        return self.plant_env(mechanism, self.followed(mechanism), max(self.stiffness))
+
+    def plant_env(self, mechanism: Mechanism, reference: Reference, stiffness: float) -> Any:
+        """Environment of a `mechanism` on a `reference`, with springs of a `stiffness`, N m/rad, none for 0."""
+        return self.tracking(
+            mechanism,
+            reference,
+            initial_error=self.initial_error,
+            error_bound=self.error_bound,
+            torque_limits=self.motors(mechanism),
+            effects=tuple(self.effects(mechanism, stiffness)),
+        )
+
+    @property
+    def error_bound(self) -> float:
+        """Error of a joint, rad or m, that ends a run: beyond it, an undisturbed arm is lost, any other diverges."""
+        return 1.0 if self.disturbance == "none" else FAR
+
+    def motors(self, mechanism: Mechanism) -> Array:
+        """Torque limits (r,) of a `mechanism`'s motors, N m (N if prismatic): finite ones, times their strength."""
+        return self.strength * finite_torque_limits(mechanism)
+
+    def effects(self, mechanism: Mechanism, stiffness: float) -> Iterator[Effect]:
+        """Iterator over the effects of the plant that no controller knows of, with springs of the `stiffness` given,
+        N m/rad, none for 0. Raises `InputError` for a mechanism without friction or rotors, where these are asked."""
+        from adaptctl.simulation import effects
+
+        if stiffness:
+            yield self._elastic(mechanism, stiffness)
+        if self.payload:
+            for k in range(self.times):
+                yield effects.PayloadHeld(self.body(), self.start + k * self.turn, self.stop + k * self.turn)
+        if self.rate_limit:
+            yield effects.TorqueRateLimit(self.rate_limit)
+        if self.stribeck:
+            yield self._friction(mechanism)
+        if self.resolution or self.noise or self.velocity_noise:
+            yield effects.Encoder(self.resolution, self.noise, self.velocity_noise)
+        if self.filter:
+            yield effects.FilteredDifferences(self.filter)
+        if self.delay:
+            yield effects.ControlDelay(self.delay)
+        if self.lag:
+            yield effects.ActuatorLag(self.lag)
+
+    def body(self, share: float = 1.0) -> Payload:
+        """The payload, a cube before the flange, or one of a share of its mass."""
+        from adaptctl.simulation.effects import Payload
+
+        mass = share * self.payload
+        return Payload(mass, np.array([0.0, 0.0, self.lever]), mass * self.size**2 / 6.0 * np.eye(3))
+
+    def _friction(self, mechanism: Mechanism) -> Effect:
+        from adaptctl.simulation.effects import Friction
+
+        drives = [joint.drive for joint in mechanism.primary_joints]
+        if not any(drive.coulomb or drive.viscous for drive in drives):
+            raise InputError(
+                f"robot: {mechanism.name} has no friction in its joints: give them viscous or coulomb in its file, or "
+                "use puma560_friction"
+            )
+        excess = self.stribeck * np.array([drive.coulomb or 0.0 for drive in drives])
+        return Friction(stribeck=excess, speed=STRIBECK_SPEED)
+
+    def _elastic(self, mechanism: Mechanism, stiffness: float) -> Effect:
+        """Springs of one stiffness, damped as an oscillation of each joint's motor against its typical links."""
+        from adaptctl.simulation.effects import ElasticJoints
+
+        inertia, known = typical_inertia(mechanism), mechanism.parameter_names
+        names = [f"{joint.name}.rotor_inertia" for joint in mechanism.primary_joints]
+        if missing := [name for name in names if name not in known]:
+            raise InputError(
+                f"robot: {mechanism.name} has no {missing[0]}: springs need motors with inertia; use an arm with rotors"
+            )
+        rotors = mechanism.inertial_parameters[[known.index(name) for name in names]]
+        together = np.maximum(inertia - rotors, 1e-3 * inertia) * rotors / inertia
+        return ElasticJoints(stiffness, 2.0 * DAMPING_RATIO * np.sqrt(stiffness * together), encoders=self.encoders)
+
+    def reference(self, mechanism: Mechanism, amplitude: float | None = None) -> Sinusoids:
+        """Motion of a `mechanism`'s r joints before any halt, with another `amplitude` than the setting's where given.
+        Raises `InputError` for another number of joints, and for the optimised motion of one with loops."""
+        if self.motion == EXCITING:
+            return most_exciting(mechanism, self.seed)
+        dof, loops = mechanism.dof, mechanism.description.loops is not None
+        if dof > len(CENTER) or (self.motion == SINGLES and dof != len(CENTER)):
+            many = "6" if self.motion == SINGLES else "up to 6"
+            raise InputError(f"robot: {mechanism.name} has {dof} joints, this experiment is for {many}; use 'adaptive'")
+        if self.motion == SINGLES:
+            return Sinusoids(np.array(CENTER), np.array(AMPLITUDES), np.array(SINGLE))
+        if amplitude is None:
+            amplitude = 0.0 if self.motion == REST else self.amplitude
+        rng, shape = np.random.default_rng(self.seed), (len(FREQUENCIES), dof)
+        frequency = np.array(FREQUENCIES)[:, None] * rng.uniform(0.8, 1.25, shape)
+        phase = rng.uniform(-np.pi, np.pi, shape)
+        center = mechanism.home if loops else np.array(CENTER[:dof])
+        return Sinusoids(center, amplitude / np.sqrt(frequency / 0.2), frequency, phase)
+
+    def followed(self, mechanism: Mechanism) -> Reference:
+        """Motion to follow, the reference with its halt. Raises `InputError` as `reference` does, and for a motion that
+        a mechanism's loops do not allow."""
+        moving = self.reference(mechanism)
+        reference = Halted(moving, self.halt) if self.halt else moving
+        p = reference(np.linspace(0.0, self.duration, SAMPLES)).p
+        apart = mechanism.continuation is not None and not mechanism.continuation.reachable(p).all()
+        if apart or not mechanism.description.within_conditions(p).all():
+            raise InputError(
+                f"amplitude: {mechanism.name} is to move farther than its loops allow; make it smaller than "
+                f"{self.amplitude:g} rad"
+            )
+        return reference
+
+    def chosen(self, mechanism: Mechanism, env: Any) -> Iterator[Setting]:
+        """Iterator over what the report says was chosen: gains, the rough model and the reference."""
+        share = f"{100 * self.parameter_error:.0f} %"
+        rough = f"a rough model: every link off by {share}, up or down by seed; of friction, zero"
+        rule = f"deviation: {share} of each link's and drive's size"
+        yield from chosen_gains(self.gains(mechanism), f"{self.rate:g} × (deviation)²", rule, rough)
+        if self.motion == RANDOM:
+            yield Setting("reference frequencies", listed(np.array(FREQUENCIES)), "Hz, ±20 % by joint and seed")
+
+    def gains(self, mechanism: Mechanism) -> Gains:
+        """Gains of the tracking loop, from the bandwidth and a `mechanism`'s typical inertia."""
+        return Gains.from_bandwidth(mechanism, self.bandwidth, RATIO)
+
+    def rough(self, mechanism: Mechanism) -> Array:
+        """All P parameters (P,) of the rough model of a `mechanism`, in SI units."""
+        return scaled_links(mechanism, self.parameter_error, self.seed)
+
+
+@lru_cache(maxsize=4)
+def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
+    """Fourier series within a `mechanism`'s limits, found by the `seed`. Raises `InputError` for loops or no limits."""
+    if mechanism.description.loops is not None:
+        raise InputError(f"motion: {EXCITING} is for arms without loops, and {mechanism.name} has some")
+    basis = fundamental_basis(essential_space(mechanism, seed=seed))
+    return exciting_reference(ReducedModel(mechanism, basis), seed=seed).reference
