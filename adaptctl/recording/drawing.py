@@ -39,40 +39,19 @@ DARK = Color(13, 13, 13)
 MUTED = Color(120, 129, 146)
 """Colour of what is there for comparison only."""
 
-RUNS = (
-    Color(27, 108, 214),
-    Color(232, 110, 28),
-    Color(24, 146, 112),
-    Color(150, 84, 190),
-    Color(120, 129, 146),
-    Color(200, 62, 110),
-    Color(140, 110, 50),
-    Color(60, 160, 190),
-    Color(122, 176, 42),
-    Color(214, 164, 20),
-    Color(96, 78, 190),
-    Color(236, 130, 180),
-    Color(20, 112, 128),
-    Color(176, 44, 36),
-    Color(130, 170, 232),
-    Color(246, 156, 124),
-    Color(70, 124, 62),
-    Color(196, 110, 222),
+
+def _palette(colors: str) -> tuple[Color, ...]:
+    """Colours of a text of hexadecimal ones, apart by blanks."""
+    return tuple(Color(*bytes.fromhex(color)) for color in colors.split())
+
+
+RUNS = _palette(
+    "1b6cd6 e86e1c 189270 9654be 788192 c83e6e 8c6e32 3ca0be 7ab02a "
+    "d6a414 604ebe ec82b4 147080 b02c24 82aae8 f69c7c 467c3e c46ede"
 )
 """One a controller: the adaptive one is blue, the same with adaptation off orange, the others follow in their order."""
 
-JOINTS = (
-    Color(45, 125, 235),
-    Color(240, 130, 40),
-    Color(40, 170, 110),
-    Color(225, 75, 95),
-    Color(155, 105, 225),
-    Color(170, 135, 55),
-    Color(35, 175, 195),
-    Color(215, 95, 175),
-    Color(130, 150, 180),
-    Color(150, 190, 60),
-)
+JOINTS = _palette("2d7deb f08228 28aa6e e14b5f 9b69e1 aa8737 23afc3 d75faf 8296b4 96be3c")
 """One a joint; bright enough for a dark screen, dark enough for paper."""
 
 GOAL = Color(150, 240, 205)
