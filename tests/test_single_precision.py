@@ -23,7 +23,7 @@ from adaptctl.control import ComputedTorque, Gradient, SlotineLi
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, cos, sin
 from adaptctl.simulation import Plant, Rollouts, simulate_many
-from adaptctl.simulation.herd import LONGEST
+from adaptctl.simulation.members import LONGEST
 from adaptctl.sweeps.rows import rows_of
 from adaptctl.sweeps.study import SweepStudy
 

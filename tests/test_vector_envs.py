@@ -29,9 +29,7 @@ from vector_envs import (
 
 from adaptctl.control import ComputedTorque, MinimumJerk, Sinusoids, SlotineLi, adaptation_gain
 from adaptctl.envs import Payload, TrackingEnv
-from adaptctl.envs.many.arms import Arms
-from adaptctl.envs.many.episodes import DRAWS, ArmReferences, ArmStreams
-from adaptctl.errors import NotFoundError
+from adaptctl.envs.many.episodes import DRAWS, ArmStreams
 from adaptctl.simulation.effects import (
     Encoder,
 )
@@ -168,26 +166,6 @@ def test_references_without_numbers_are_sampled() -> None:
     assert followed(ours, theirs, pushes(ours, 250, 0.5), initial_error=0.0) > 8
     assert followed(ours, theirs, pushes(ours, 50, 0.5), trajectory=2, initial_error=0.0) > 0
     assert followed(ours, theirs, pushes(ours, 120, 0.5), trajectory=2, initial_error=0.0) > 4
-
-
-@pytest.mark.parametrize("trajectory", [MinimumJerk(np.zeros((2, 6)), np.array([0.0, 0.1])), 3], ids=["path", "sines"])
-def test_references_of_arms_that_have_not_begun_are_none(trajectory: Any) -> None:
-    arms = Arms(TrackingEnv("puma560_measured"), 3)
-    for number in range(3):
-        with pytest.raises(NotFoundError, match=f"no samples of that of arm {number}"):
-            _ = arms.rows
-        arms.begin(np.array([number]), {"trajectory": trajectory})
-    assert arms.rows.shape == (3, 3 * 6 + 6 * len(arms.single.look_ahead))
-
-
-def test_references_that_are_computed_have_no_samples() -> None:
-    path, sines = MinimumJerk(np.zeros((2, 1)), np.array([0.0, 0.1])), Sinusoids([0.0], [1.0], [1.0])
-    references, both = ArmReferences(2, 1, 1e-3, np.zeros(0)), np.arange(2)
-    references.put(both, [path, path])
-    assert references.rows(both, both).shape == (2, 3)
-    references.put(both, [sines, sines])
-    with pytest.raises(NotFoundError, match="no samples of that of arm 1"):
-        references.rows(both[1:], both[1:])
 
 
 def test_thousands_of_arms() -> None:

@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, checked, frozen, per_joint, positive_number, whole_count
 from adaptctl.caching import sent_as_made
-from adaptctl.compilation import Stepper, compile_step
+from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.compilation.lanes import Precision
-from adaptctl.control.controller import Controller, Reference
+from adaptctl.compilation.stepper import Source
+from adaptctl.control.controller import GAINS, Controller, Reference
 from adaptctl.control.memory import leaves, like
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 from adaptctl.simulation.closed_loop import ClosedLoop, Driven, not_compiled
-from adaptctl.simulation.herd import GainsOfMany, Herd, Noise, checked_seeds, require_single
+from adaptctl.simulation.members import Noise, Seeds, arms_of, checked_seeds, differing, gains_of, require_single
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.references import REFERENCE, ReferenceForm, ReferencesOfMany, warn_of_derivatives
 from adaptctl.simulation.summaries import (
     SETTLED,
     ErrorSums,
+    first_rise,
     judged_by,
     rise_sizes,
     risen,
@@ -35,8 +38,9 @@ from adaptctl.simulation.summaries import (
     watched,
 )
 
-HERD = 512
-"""Arms that take a stretch of time together, one herd after the other: what they read and write fits the caches."""
+HERD, STRETCH, MEMORY = 512, 2000, 2**23
+"""Arms and control periods, at most, and bytes that one native call reads and writes, so that these fit the caches: one
+herd of arms takes a stretch of time after the other. In between progress is reported, and Ctrl-C handled."""
 RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estimate")
 
 
@@ -155,10 +159,10 @@ def simulate_many(
     `NotFoundError` for an unknown name in `gains` and what a new controller raises for theirs, and `SingularityError`
     where loops cannot be followed to `p`.
     """
-    tuned = GainsOfMany.of(controller, gains or {})
-    run = _Runs(ClosedLoop(plant, tuned.controller), reference, duration, every, threads, precision)
+    law, differ = differing(controller, gains or {})
+    run = _Runs(ClosedLoop(plant, law), reference, duration, every, threads, precision)
     bounds = {"within": per_joint(within, plant.dof, "within"), "beyond": per_joint(beyond, plant.dof, "beyond")}
-    run.begin(members, seed, memory, tuned, bounds, parameters=parameters, p=p, v=v)
+    run.begin(members, checked_seeds(seed), memory, differ, bounds, {"parameters": parameters, "p": p, "v": v})
     return run.result(*run.drive(progress))
 
 
@@ -186,6 +190,16 @@ def _compiled(loop: ClosedLoop, form: ReferenceForm, precision: Precision) -> St
         name=type(loop.controller).__name__,
         precision=precision,
     )
+
+
+class _Herd(NamedTuple):
+    """Arms that take a stretch of time together: which of all they are, the native code's copies of them, their
+    references and the source of their noise."""
+
+    members: slice
+    arms: Ensemble
+    references: ReferencesOfMany
+    noise: Noise
 
 
 class _Runs(Driven):
@@ -223,39 +237,62 @@ class _Runs(Driven):
     def begin(
         self,
         members: int | None,
-        seed: int | Sequence[int] | None,
+        seeds: Seeds,
         memory: Any,
-        tuned: GainsOfMany,
+        differ: Mapping[str, Array],
         bounds: Mapping[str, Array],
-        **given: ArrayLike | None,
+        given: Mapping[str, ArrayLike | None],
     ) -> None:
         """Put every arm where it starts: at `parameters`, `p` and `v`, those of the mechanism and on the reference
         unless given."""
         loop, start = self.loop, self.references.start()
         own = {"parameters": loop.plant.mechanism.inertial_parameters, "p": start[0], "v": start[1]}
-        chosen = own | {name: x for name, x in given.items() if x is not None}
-        rows = {name: checked(x, own[name].shape[-1], name) for name, x in chosen.items()}
+        rows = {name: checked(_given(given[name], x), x.shape[-1], name) for name, x in own.items()}
         if members is not None:
             whole_count(members, "members", 1)
         remembered = [] if memory is None else self._remembered(memory)
-        seeds = checked_seeds(seed)
-        seeded = {"seed": seeds.shape} if isinstance(seeds, np.ndarray) else {}
-        named_rows = rows | {f"memory {k}": np.asarray(part) for k, part in enumerate(remembered)}
-        axes = {k: x.shape[:-1] for k, x in named_rows.items()} | tuned.arms | seeded
-        count = _members(members, {"reference": self.references.arms} | axes)
+        axes = {"reference": self.references.arms} | {name: x.shape[:-1] for name, x in rows.items()}
+        axes |= {f"memory {k}": np.shape(part)[:-1] for k, part in enumerate(remembered)}
+        axes |= {f"gains {name}": arms for name, arms in arms_of(loop.controller, differ).items()}
+        count = _members(members, axes | {"seed": np.shape(seeds) if isinstance(seeds, np.ndarray) else ()})
         self.parameters, p, v = (np.broadcast_to(x, (count, x.shape[-1])) for x in rows.values())
-        self.beyond = bounds["beyond"]
-        noise = Noise.of(seeds, count, HERD, loop.noise["noise"])
-        self.herds, stepper = [], _compiled(loop, self.references.form, self.precision)
-        for k, first in enumerate(range(0, count, HERD)):
-            arms = slice(first, min(first + HERD, count))
-            herd = Herd(loop, stepper, self.references.of_arms(arms), self.parameters[arms], noise[k], arms)
-            own_memory = memory if memory is None else _of_arms(memory, arms)
-            herd.begin(p[arms], v[arms], own_memory, tuned, bounds, self.final)
+        self.beyond, gains = bounds["beyond"], gains_of(loop.controller, differ, count)
+        stepper = _compiled(loop, self.references.form, self.precision)
+        self.herds, sources = [], Noise.of(seeds, count, HERD, loop.noise["noise"])
+        for first, noise in zip(range(0, count, HERD), sources, strict=True):
+            arms = slice(first, first + noise.members)
+            herd = _Herd(arms, stepper.ensemble(noise.members), self.references.of_arms(arms), noise)
+            chosen = {name: x[arms] for name, x in gains.items()}
+            self._start(herd, p[arms], v[arms], _of_arms(memory, arms), chosen, bounds)
             self.herds.append(herd)
-        shapes = self.herds[0].arms.stepper.outputs
-        self.records = tuple(np.empty((self._samples(self.steps), count, *shape)) for shape in shapes)
+        self.records = tuple(np.empty((self._samples(self.steps), count, *shape)) for shape in stepper.outputs)
+        self.longest = self._longest(stepper)
         self._done = 0, self._sums(), self._rises()
+
+    def _start(
+        self, herd: _Herd, p: Array, v: Array, memory: Any, gains: dict[str, Array], bounds: Mapping[str, Array]
+    ) -> None:
+        """Put a herd at time zero, with a new memory if it has none."""
+        loop, arms, own = self.loop, herd.arms, self.parameters[herd.members]
+        state = loop.plant.init(p, v, loop.plant.parameters(own, 0.0), herd.noise.drawn(1)[0])
+        new = loop.controller.init(state.measured_p, state.measured_v, gains) if memory is None else memory
+        loop.begin(arms, state, new)
+        rise, true = first_rise(watched(loop, self.precision), own, gains)
+        largest = float(np.finfo(arms.stepper.dtype).max)
+        held: dict[str, Any] = {"parameters": own, **herd.references.held, "final": float(self.final), **true}
+        held |= {name: np.minimum(bound, largest) for name, bound in bounds.items()}
+        if gains:
+            held[GAINS] = np.concatenate([x.reshape(len(x), -1) for x in gains.values()], axis=1)
+        for columns, values in ((arms.state, rise), (arms.held, held)):
+            for name, each in values.items():
+                columns[name] = each
+
+    def _longest(self, stepper: Stepper) -> int:
+        """The number of control periods in one native call, at most: as many as keep what it reads and writes, besides
+        the arms' states, within the caches."""
+        numbers = sum(stepper.columns[Source.DRIVEN].values())
+        numbers += sum(map(math.prod, stepper.outputs)) if self.every == 1 else 0
+        return max(1, min(STRETCH, MEMORY // (8 * min(HERD, len(self.parameters)) * max(1, numbers))))
 
     def _remembered(self, memory: Any) -> list[Any]:
         """The parts of a memory of this controller."""
@@ -270,26 +307,28 @@ class _Runs(Driven):
     def advance(self) -> None:
         """A stretch of time: as far as memory allows, and where not all samples are kept, up to the next one that is.
         It counts when all arms have done it."""
-        first, every = self.count, self.every
+        first, every, plant = self.count, self.every, self.loop.plant
         end = self.steps if every in (None, 1) else min(first + -first % (every or 1) + 1, self.steps)
-        time = self.ahead(min(end - first, *(herd.longest(record=every == 1) for herd in self.herds)))
-        last = first + len(time)
-        kept = slice(self._samples(first), self._samples(last))
-        for herd in self.herds:
-            outputs = herd.taken(time, record=every == 1, threads=self.threads)
+        time = self.ahead(min(end - first, self.longest))
+        kept = slice(self._samples(first), self._samples(first + len(time)))
+        for members, arms, references, noise in self.herds:
+            if plant.loads:
+                arms.held["parameters"] = plant.parameters(self.parameters[members], time[0])
+            signals = {**references.signals(time), "noise": noise.drawn(len(time))}
+            outputs = arms.run(len(time), signals, record=every == 1, threads=self.threads)
             for record, part in zip(self.records if every is not None else (), outputs, strict=False):
-                record[kept, herd.members] = part
-        self._done = last, self._sums(), self._rises()
+                record[kept, members] = part
+        self._done = first + len(time), self._sums(), self._rises()
 
     def _sums(self) -> ErrorSums:
         """Sums of errors of all arms so far."""
-        parts = [[herd.arms.state[name] for name in ErrorSums._fields] for herd in self.herds]
-        return ErrorSums(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        parts = (np.concatenate([herd.arms.state[name] for herd in self.herds]) for name in ErrorSums._fields)
+        return ErrorSums(*parts)
 
     def _rises(self) -> Array:
         """The largest rises of V so far (M,)."""
-        parts = [np.asarray(herd.arms.state["lyapunov_rise"]) for herd in self.herds]
-        return np.concatenate([part[:, 0] if part.shape[1] else np.full(len(part), np.nan) for part in parts])
+        rises = np.concatenate([herd.arms.state["lyapunov_rise"] for herd in self.herds])
+        return np.asarray(rises[:, 0]) if rises.shape[1] else np.full(len(rises), np.nan)
 
     def _samples(self, count: int) -> int:
         """Number of samples kept of `count` control periods."""
@@ -315,8 +354,14 @@ class _Runs(Driven):
 
 
 def _of_arms(memory: Any, arms: slice) -> Any:
-    """The memory of some of the arms, where there is one for each."""
+    """The memory of some of the arms, where there is one for each; None where there is none."""
+    if memory is None:
+        return None
     return like(memory, (part[arms] if np.ndim(part) > 1 else part for part in leaves(memory)))
+
+
+def _given(values: ArrayLike | None, own: Array) -> ArrayLike:
+    return own if values is None else values
 
 
 def _require_compilable(loop: ClosedLoop) -> None:

@@ -17,7 +17,7 @@ from adaptctl.caching import sent_as_made
 from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.compilation.lanes import Precision
 from adaptctl.envs.built_in import Puma560TrackingEnv, SemiDirectDriveTrackingEnv
-from adaptctl.envs.many.arms import Arms, Flags, StepResult
+from adaptctl.envs.many.arms import Arms, Flags, Told, put
 from adaptctl.envs.task import known_options
 from adaptctl.envs.tracking import OPTIONS, TrackingEnv
 from adaptctl.errors import InputError, NonFiniteError
@@ -147,7 +147,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         for flags in (self._all, self._none):
             flags.flags.writeable = False
         self._over = self._none
-        self._latest: StepResult | None = None
+        self._latest: Told | None = None
         """the last results, in arrays of their own"""
         self._renderer: Renderer | None = None
 
@@ -182,10 +182,10 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         if self._latest is None or chosen.size == self.num_envs:
             self._latest = begun
         else:
-            self._latest.put(chosen, begun)
+            put(self._latest, chosen, begun)
         self._over = self._over & ~mask
-        result = self._latest.copy()
-        return result.observation, self._info(result, mask)
+        result = _copied(self._latest)
+        return result["observation"], self._info(result, mask)
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
         """Observations (N, n), n = 5r + r L, rewards (N,), unitless, `terminated` and `truncated`, bools (N,), and
@@ -213,16 +213,16 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         moving = np.flatnonzero(~again) if again.any() else self._arms.all
         result = self._arms.advance(self._torques(actions, again), moving)
         self._begin(result, again)
-        reward, terminated, truncated = result.reward, result.terminated, result.truncated
+        reward, terminated, truncated = (result[name] for name in ("reward", "terminated", "truncated"))
         self._over = terminated | truncated
         ended: dict[str, Any] = {}
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._over.any():
-            ended, over, result = self._final(result), self._over, result.copy()
+            ended, over, result = self._final(result), self._over, _copied(result)
             self._begin(result, over)
             self._over = self._none
         if self.autoreset_mode is AutoresetMode.DISABLED:
-            self._latest = result.copy()
-        return result.observation, reward, terminated, truncated, ended | self._info(result, self._all)
+            self._latest = _copied(result)
+        return result["observation"], reward, terminated, truncated, ended | self._info(result, self._all)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Tuple of RGB images (480, 640, 3), uint8, one an arm, each of the arm now and a translucent ghost of it on
@@ -236,42 +236,37 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
             from adaptctl.envs.rendering.render import Renderer
 
             self._renderer = Renderer(self.single.mechanism)
-        goals = self._arms.rows[:, : self.single.plant.dof]
+        goals = self._arms.rows(self._arms.all)[:, : self.single.plant.dof]
         times = self.control_period * self._arms.steps
         arms = zip(self._arms.positions, goals, times.tolist(), strict=True)
         return tuple(self._renderer.image(p, goal, time) for p, goal, time in arms)
 
-    def _begin(self, result: StepResult, chosen: Flags) -> None:
+    def _begin(self, result: Told, chosen: Flags) -> None:
         """Begin an episode of some arms, and put its beginning into the result."""
         if chosen.any():
             arms = np.flatnonzero(chosen)
-            result.put(arms, self._arms.begin(arms, self.reset_options))
+            put(result, arms, self._arms.begin(arms, self.reset_options))
 
-    def _final(self, result: StepResult) -> dict[str, Any]:
+    def _final(self, result: Told) -> dict[str, Any]:
         """Gymnasium's entries on episodes that end in this step."""
         observations = np.full(self.num_envs, None, dtype=object)
         for arm in np.flatnonzero(self._over).tolist():
-            observations[arm] = result.observation[arm].copy()
+            observations[arm] = result["observation"][arm].copy()
         return masked({"final_obs": observations}, self._over) | {
             "final_info": self._info(result, self._over),
             "_final_info": self._over.copy(),
         }
 
-    def _info(self, result: StepResult, mask: Flags) -> dict[str, Any]:
+    def _info(self, result: Told, mask: Flags) -> dict[str, Any]:
         """The `info` of the arms in the mask; others have zeros."""
-        info: dict[str, Any] = {
-            "time": result.time,
-            "parameters": self._arms.parameters,
-            "applied_torque": result.torque,
-            "energy": result.energy,
-            "clipped": result.clipped,
-        }
+        info = {name: result[name] for name in ("time", "energy", "clipped")}
+        info |= {"parameters": self._arms.parameters, "applied_torque": result["torque"]}
         plant = self.single.plant
         if plant.effects:
-            marks = dict(zip(plant.marks, result.marks.T, strict=True))
+            marks = dict(zip(plant.marks, result["marks"].T, strict=True))
             if plant.loads:
                 marks["payload"] = self._arms.payload.copy()
-            info |= {"p": result.p, "v": result.v, "marks": masked(marks, mask)}
+            info |= {"p": result["p"], "v": result["v"], "marks": masked(marks, mask)}
         return masked(info, mask)
 
     def _torques(self, actions: ArrayLike, ignored: Flags) -> Array:
@@ -355,6 +350,10 @@ class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
     file."""
 
     kind = SemiDirectDriveTrackingEnv
+
+
+def _copied(result: Told) -> Told:
+    return {name: values.copy() for name, values in result.items()}
 
 
 def masked(values: Mapping[str, Any], mask: Flags) -> dict[str, Any]:
