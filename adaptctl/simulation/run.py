@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import base64
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,78 +36,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def logged_run(
-    p: ArrayLike,
-    torque: ArrayLike,
-    reference_p: ArrayLike,
-    control_period: float,
-    given: Mapping[str, ArrayLike | None],
-    estimate: ArrayLike | None,
-    time: ArrayLike | None,
-    complete: bool,
-) -> dict[str, Any]:
-    """The fields, by name, of the `Rollout` of a run of r joints that was logged elsewhere: T samples, at least 2, one
-    a `control_period` (s), as read-only copies, with what follows from them.
-
-    (T, r): positions `p` and `reference_p`, rad (m if prismatic), and `torque`, the one commanded, N m (N). `given`
-    maps "v", "reference_v", "reference_a" (SI units) and "applied" (N m, N), the torques at the joints, to arrays (T,
-    r) or None: a derivative that is None is computed by differences of the positions or velocities, central but at both
-    ends, and an `applied` that is None is `torque`. `estimate` (T, k), SI units, has k parameter estimates, None for k
-    = 0; `time` (T,), s, counts periods from zero where None; `complete` is False for a run that was cut off. Energies
-    are NaN, rewards and wall time 0, and "clipped" is 1 where a sample's `applied` is not `torque`.
-
-    Raises `InputError` for shapes that do not fit, arrays of no numbers, a period that is not positive and finite, and
-    times that do not increase, `NonFiniteError` for NaN and infinity.
-    """
-    period = positive_number(control_period, "control_period: expected a positive time in s")
-    p = numbers(p, "p")
-    shape = p.shape
-    if len(shape) != 2 or shape[0] < 2 or shape[1] < 1:
-        raise InputError(f"p: expected shape (T, r) with T of at least 2, got {shape}")
-    arrays = {"p": p, "torque": torque, "reference_p": reference_p}
-    arrays |= {name: values for name, values in given.items() if values is not None}
-    known = {name: _table(values, name, shape) for name, values in arrays.items()}
-    known.setdefault("v", _rates(known["p"], period))
-    known.setdefault("reference_v", _rates(known["reference_p"], period))
-    known.setdefault("reference_a", _rates(known["reference_v"], period))
-    known.setdefault("applied", known["torque"])
-    count = shape[0]
-    estimates = np.empty((count, 0)) if estimate is None else numbers(estimate, "estimate")
-    if estimates.ndim != 2:
-        raise InputError(f"estimate: expected shape ({count}, k), got {estimates.shape}")
-    estimates = _table(estimates, "estimate", (count, estimates.shape[1]))
-    kept = {name: frozen(values.copy()) for name, values in known.items()}
-    return kept | {
-        "time": frozen(_times(time, count, period)),
-        "clipped": frozen((known["applied"] != known["torque"]).any(axis=1).astype(np.float64)),
-        "energy": frozen(np.full(count, np.nan)),
-        "reward": frozen(np.zeros(count)),
-        "estimate": frozen(estimates.copy()),
-        "control_period": period,
-        "wall_time": 0.0,
-        "complete": complete,
-    }
-
-
-def _table(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Array:
-    array = checked(np.atleast_2d(numbers(values, name)), shape[-1], name)
-    if array.shape != shape:
-        raise InputError(f"{name}: expected shape {shape}, got {array.shape}")
-    return np.asarray(array, dtype=np.float64)
-
-
-def _rates(values: Array, period: float) -> Array:
-    """Central differences, one-sided at the ends."""
-    return np.asarray(np.gradient(values, period, axis=0), dtype=np.float64)
-
-
-def _times(time: ArrayLike | None, count: int, period: float) -> Array:
-    if time is None:
-        return np.asarray(period * np.arange(count), dtype=np.float64)
-    times = np.asarray(checked(time, count, "time"), dtype=np.float64)
-    if times.shape != (count,) or np.any(np.diff(times) <= 0.0):
-        raise InputError(f"time: expected {count} increasing numbers, s")
-    return times
+MOST_SAMPLES = 4000
+"""as many a curve are drawn at most"""
+LAST = 2.0
+"""s at the end over which an error is averaged"""
 
 
 @sent_as_made
@@ -226,16 +160,42 @@ class Rollout:
         mm), applied torques (N m or N), and parameter estimates (SI units) if there are any. `joints` (r,) names the
         curves of the r joints, None for joint1, joint2, ... Raises `InputError` for other than r different names,
         `MissingExtraError` without matplotlib."""
-        from adaptctl.simulation.run_plot import run_figure
-
-        return run_figure(self, joints)
+        return self._figure(joints)
 
     @needed("the figure of a Rollout")
     def _repr_html_(self) -> str:
         """Notebook's view of the run: its figure, with the numbers that matter."""
-        from adaptctl.simulation.run_plot import run_html
+        last = self.error[self.time >= self.time[-1] - LAST] if len(self.time) else self.error
+        rms = 1e3 * float(np.sqrt(np.mean(last**2))) if last.size else float("nan")
+        end = "stopped by an error" if self.terminated else "to the end" if self.complete else "cut off"
+        text = f"{len(self.time):,} control periods of {self.control_period:g} s, {self.p.shape[1]} joints; {end}; "
+        head = f"<p><b>Rollout</b> {text}RMS error over the last {LAST:g} s: {rms:.3g} mrad (mm)</p>"
+        if not len(self.time):
+            return head
+        buffer, about = io.BytesIO(), "positions, errors, torques and estimates over time"
+        self._figure().savefig(buffer, format="png", dpi=80)
+        return f'{head}<img alt="{about}" src="data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"/>'
 
-        return run_html(self)
+    def _figure(self, joints: Sequence[str] | None = None) -> Figure:
+        from matplotlib.figure import Figure
+
+        names = joint_names(self.p.shape[1], joints)
+        panels = [(self.p, "position [rad or m]"), (1e3 * self.error, "error [mrad or mm]")]
+        panels += [(self.applied, "torque [N m or N]")]
+        panels += [(self.estimate, "estimates")] if self.estimate.shape[1] else []
+        figure = Figure(figsize=(8.0, 1.9 * len(panels)), layout="constrained")
+        every = slice(None, None, max(1, -(-len(self.time) // MOST_SAMPLES)))
+        for axes, (values, label) in zip(figure.subplots(len(panels), 1, sharex=True), panels, strict=True):
+            axes.plot(self.time[every], values[every], linewidth=1.2)
+            axes.set_ylabel(label, size=8)
+            axes.grid(alpha=0.3)
+            axes.tick_params(labelsize=8)
+        figure.axes[0].set_prop_cycle(None)
+        figure.axes[0].plot(self.time[every], self.reference_p[every], linestyle=":", linewidth=1.0)
+        figure.axes[0].set_title("positions, and dotted the reference", size=9)
+        figure.axes[-1].set_xlabel("time [s]")
+        figure.legend(figure.axes[1].lines, names, loc="outside right upper", fontsize=8)
+        return figure
 
     @classmethod
     def from_arrays(
@@ -268,11 +228,32 @@ class Rollout:
         do not fit, a period that is not positive, times that do not increase or other than r of these units,
         `NonFiniteError` on NaN and infinity.
         """
-        from adaptctl.simulation.run import logged_run
-
-        given = {"v": v, "reference_v": reference_v, "reference_a": reference_a, "applied": applied}
-        known = logged_run(p, torque, reference_p, control_period, given, estimate, time, complete)
-        return cls(**known, position_units=stated_units(known["p"].shape[1], position_units))
+        period = positive_number(control_period, "control_period: expected a positive time in s")
+        p = numbers(p, "p")
+        shape = p.shape
+        if len(shape) != 2 or shape[0] < 2 or shape[1] < 1:
+            raise InputError(f"p: expected shape (T, r) with T of at least 2, got {shape}")
+        given = {"p": p, "torque": torque, "reference_p": reference_p, "v": v, "reference_v": reference_v}
+        given |= {"reference_a": reference_a, "applied": applied}
+        known = {name: _table(values, name, shape) for name, values in given.items() if values is not None}
+        for name, integral in (("v", "p"), ("reference_v", "reference_p"), ("reference_a", "reference_v")):
+            if name not in known:
+                known[name] = np.asarray(np.gradient(known[integral], period, axis=0), dtype=np.float64)
+        known.setdefault("applied", known["torque"])
+        count = shape[0]
+        estimates = np.empty((count, 0)) if estimate is None else numbers(estimate, "estimate")
+        if estimates.ndim != 2:
+            raise InputError(f"estimate: expected shape ({count}, k), got {estimates.shape}")
+        known["estimate"] = _table(estimates, "estimate", (count, estimates.shape[1]))
+        known["clipped"] = (known["applied"] != known["torque"]).any(axis=1).astype(np.float64)
+        known |= {"time": _times(time, count, period), "energy": np.full(count, np.nan), "reward": np.zeros(count)}
+        return cls(
+            **{name: frozen(values.copy()) for name, values in known.items()},
+            control_period=period,
+            wall_time=0.0,
+            complete=complete,
+            position_units=stated_units(shape[1], position_units),
+        )
 
     @classmethod
     @needed("Rollout.load")
@@ -286,3 +267,19 @@ class Rollout:
             return cls(**columns, marks=marks, **whole, position_units=units)
         except (KeyError, TypeError, ValueError) as error:
             raise FileError(f"{path}: {type(error).__name__}: {error}; it is not whole") from error
+
+
+def _table(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Array:
+    array = checked(np.atleast_2d(numbers(values, name)), shape[-1], name)
+    if array.shape != shape:
+        raise InputError(f"{name}: expected shape {shape}, got {array.shape}")
+    return np.asarray(array, dtype=np.float64)
+
+
+def _times(time: ArrayLike | None, count: int, period: float) -> Array:
+    if time is None:
+        return np.asarray(period * np.arange(count), dtype=np.float64)
+    times = np.asarray(checked(time, count, "time"), dtype=np.float64)
+    if times.shape != (count,) or np.any(np.diff(times) <= 0.0):
+        raise InputError(f"time: expected {count} increasing numbers, s")
+    return times

@@ -258,8 +258,9 @@ class Arms:
         """The plant's state after a control period; the observation; `Facts` and marks; the true p, v and torque."""
         plant = self.single.plant
         row, after = self._row(**columns), plant.equation(columns)
-        p, wanted = plant.primary(after.q), (Column(row.of[k * plant.dof : (k + 1) * plant.dof]) for k in range(2))
-        judged = self.single.judgement.equation(p, after.v, *wanted, after.applied)
+        p, wanted_p = plant.primary(after.q), Column(row.of[: plant.dof])
+        wanted_v = Column(row.of[plant.dof : 2 * plant.dof])
+        judged = self.single.judgement.equation(p, after.v, wanted_p, wanted_v, after.applied)
         facts = Facts(
             judged.reward,
             where(after.q @ after.q + after.v @ after.v < LARGEST, 1.0, 0.0),
@@ -337,7 +338,7 @@ class Arms:
         """State of the arms for copies in other processes, native code left out, and their columns."""
         parts = () if self._lanes is None else (self._lanes.state, self._lanes.held)
         kept, read_only = without_caches(self)
-        made = {"_lanes": None, "_steppers": {}, "_kernels": {}}
+        made: dict[str, Any] = {"_lanes": None, "_steppers": {}, "_kernels": {}}
         return (kept | made, read_only), [{name: part[name] for name in part.columns} for part in parts]
 
     def __setstate__(self, given: tuple[State, list[dict[str, Array]]]) -> None:
