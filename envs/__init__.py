@@ -4,6 +4,7 @@ from gymnasium.envs.registration import register
 
 from adaptctl.envs.baselines import baselines
 from adaptctl.envs.built_in import Puma560TrackingEnv, SemiDirectDriveTrackingEnv
+from adaptctl.envs.controlled import ResidualEnv, ResidualVectorEnv
 from adaptctl.envs.gain_tuning import TuningEnv, TuningVectorEnv
 from adaptctl.envs.learning import LearningEnv, LearningVectorEnv
 from adaptctl.envs.live import LiveView
@@ -14,7 +15,6 @@ from adaptctl.envs.many.vector_tracking import (
 )
 from adaptctl.envs.mujoco_tracking import MuJoCoTrackingEnv
 from adaptctl.envs.random_reference import random_sinusoids
-from adaptctl.envs.residual import ResidualEnv, ResidualVectorEnv
 from adaptctl.envs.task import RewardWeights
 from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.simulation.effects import Payload

@@ -10,10 +10,9 @@ import gymnasium
 import numpy as np
 
 from adaptctl.arrays import Array, positive_number
-from adaptctl.control.controller import Controller, ReferencePoint
-from adaptctl.envs.many.controlled import ControlledVectorEnv, finite_actions, require_controller
+from adaptctl.control.controller import Controller
+from adaptctl.envs.controlled import ControlledEnv, ControlledVectorEnv, require_controller
 from adaptctl.envs.many.vector_tracking import VectorTrackingEnv, masked
-from adaptctl.envs.residual import parts_of
 from adaptctl.errors import GainError, InputError, NotFoundError
 
 HALVINGS = 12
@@ -106,7 +105,7 @@ class GainRange:
         return True
 
 
-class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.RecordConstructorArgs):
+class TuningEnv(ControlledEnv):
     """
     ## Description
 
@@ -148,56 +147,17 @@ class TuningEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.R
     ) -> None:
         gains = names_of(gains)
         gymnasium.utils.RecordConstructorArgs.__init__(self, controller=controller, gains=gains, span=span)
-        gymnasium.Wrapper.__init__(self, env)
-        self._parts = parts_of(env, controller)
-        self.controller, self.range = controller, GainRange.of(controller, gains, span)
-        self.action_space = self.range.space  # type: ignore[assignment]
-        self._memory: Any = None
-        self._seen: tuple[Array, Array, ReferencePoint]
+        self.range = GainRange.of(controller, gains, span)
+        super().__init__(env, controller, self.range.space)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """First observation (n,), n = 5r + r L for a `TrackingEnv` of r joints with L look-ahead times, and `info` of a
-        new episode, which this call begins with a new initial state of the controller. The observation is the wrapped
-        environment's, such as positions, velocities and the reference's positions, velocities and accelerations, then
-        its positions at each time ahead, in rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic); `info` has besides the
-        environment's keys the unscaled `gains`, a mapping from names to the h numbers (h,) of each in its own unit.
-
-        `seed` is that of the random numbers, None to go on with them. `options`, None for none, are those of
-        `TrackingEnv.reset`: `payload` (a mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and
-        `inertia` (3, 3), kg m^2, about that centre, in the last link's frame), `trajectory` (a `Reference`, a seed or
-        "random"), `initial_error` (one number or (r,), rad, m if prismatic) and `parameters` (P,), the P true inertial
-        and friction ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad options
-        (its subclass `NotFoundError` for unknown ones), `SingularityError` where loops cannot be followed to the start,
-        Gymnasium's `Error` for a bad seed.
-        """
-        observation, info = self.env.reset(seed=seed, options=options)
-        self._look(observation)
-        self._memory = self.controller.init(*self._seen[:2])
-        return observation, info | {"gains": self.range.gains(np.zeros(self.range.space.shape))}
-
-    def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,), the n numbers of the wrapped environment's, reward (unitless), `terminated`, `truncated`
-        and `info` after one control period, by which this call advances the environment under the controller with its
-        gains scaled by the action (a,), unitless, clipped to [-1, 1]. The action has one number a joint for a gain of
-        one number a joint, else one a gain. Observation, in the environment's units and the order of its
-        `observation_slices`, reward and ends are the environment's; `info` has besides its keys these `gains`, a
-        mapping from names to h numbers (h,) each, in the gain's own unit.
-
-        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion diverges to
-        non-finite values, Gymnasium's `ResetNeeded` before the first reset and after the episode's end.
-        """
-        if self._memory is None:
-            raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
-        chosen = finite_actions(action, self.range.space)
-        torque, self._memory = self.controller.step_tuned(self.range.packed(chosen[None]), self._memory, *self._seen)
-        observation, reward, terminated, truncated, info = self.env.step(torque[0])
-        self._look(observation)
-        return observation, reward, terminated, truncated, info | {"gains": self.range.gains(chosen)}
+    def _torque(self, action: Array) -> tuple[Array, dict[str, Any]]:
+        gains = self.range.packed(action[None])
+        torque, self._memory = self.controller.step_tuned(gains, self._memory, *self._seen)
+        return torque[0], {"gains": self.range.gains(action)}
 
     def _look(self, observation: Array) -> None:
         """Take what is observed, as of one arm of many (1, r)."""
-        p, v, *reference = (np.asarray(observation, dtype=np.float64)[None, part] for part in self._parts)
-        self._seen = p, v, ReferencePoint(*reference)
+        super()._look(np.asarray(observation)[None])
 
 
 class TuningVectorEnv(ControlledVectorEnv):

@@ -42,7 +42,7 @@ from adaptctl.simulation.stiffness import integration
 from adaptctl.simulation.transmission import Transmission
 
 if TYPE_CHECKING:
-    from adaptctl.envs.rendering.render import Renderer
+    from adaptctl.envs.rendering import Renderer
 
 LARGEST_OBSERVATION = 1e6
 """Bound of every observation in its own unit: check_env wants a finite one, and no motion comes near it."""
@@ -278,7 +278,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
             return None
         if self._renderer is None:
-            from adaptctl.envs.rendering.render import Renderer
+            from adaptctl.envs.rendering import Renderer
 
             self._renderer = Renderer(self.mechanism)
         goal = episode.preview.row(episode.step)[: self.plant.dof]

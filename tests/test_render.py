@@ -12,8 +12,7 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.envs import Puma560TrackingEnv
-from adaptctl.envs.rendering.raycast import Camera, ConvexPart, intersect
-from adaptctl.envs.rendering.render import Renderer
+from adaptctl.envs.rendering import Camera, ConvexPart, Renderer, intersect
 from adaptctl.recording.drawing import GOAL
 from adaptctl.recording.skeleton import skeleton, tip_path
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -185,82 +184,45 @@ def _checked(point: ReferencePoint, name: str, count: int, size: int) -> Array:
 
 
 @dataclass(frozen=True)
-class SampledForm:
-    """Form of the references of a compiled step whose points come from outside as samples: positions, rad (m if
-    prismatic), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2), of `size` joints. There is one point for
-    all arms or, where `each` is True, one for each arm. The properties `held`, `shared` and `driven` name the step's
-    columns (vectors); forms that are equal share native code. Nothing is checked."""
+class ReferenceForm:
+    """Form in which a compiled step comes by its reference points: positions, rad (m if prismatic), velocities, rad/s
+    (m/s), and accelerations, rad/s^2 (m/s^2), of `size` joints. With h = `terms` sinusoids for each joint, the step
+    computes them from the numbers (amplitudes, frequencies and so on) of each arm's own `Sinusoids`; with 0, the
+    default, they come from outside as samples, one point for all arms or, where `each` is True, one for each arm.
+
+    The properties have the lengths, by name, of the step's columns (vectors): `held`, constant over a run for each arm,
+    the numbers of its sinusoids, in the order of `SinusoidNumbers`, the r numbers of the first term first; `shared`,
+    other in each control period and the same for all arms, the time (s) or the reference point; `driven`, other in each
+    period and for each arm. Forms that are equal share native code. Nothing is checked."""
 
     size: int
-    each: bool
+    terms: int = 0
+    each: bool = False
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths, by name, of the reference's columns (vectors) that are constant over a run for each arm: an empty
-        dict, for references that come as samples change in each control period."""
-        return {}
+        """Lengths, by name, of the columns that are constant over a run for each arm."""
+        wave = self.size * self.terms
+        return SinusoidNumbers(self.size, wave, wave, wave, 1)._asdict() if self.terms else {}
 
     @property
     def shared(self) -> dict[str, int]:
-        """Lengths, by name, of the reference's columns (vectors) that change in each control period and are the same
-        for all arms. Where one reference is for all arms, they are "reference_p", "reference_v" and "reference_a", one
-        number for each of the form's `size` joints; else the dict is empty."""
+        """Lengths, by name, of the columns that change in each control period and are the same for all arms."""
+        if self.terms:
+            return {"time": 1}
         return {} if self.each else dict.fromkeys(REFERENCE, self.size)
 
     @property
     def driven(self) -> dict[str, int]:
-        """Lengths, by name, of the reference's columns (vectors) that change in each control period and differ from arm
-        to arm. Where each arm has its own reference, they are "reference_p", "reference_v" and "reference_a", one
-        number for each of the form's `size` joints; else the dict is empty."""
-        return dict.fromkeys(REFERENCE, self.size) if self.each else {}
-
-    def point(self, columns: Mapping[str, Column]) -> ReferencePoint:
-        """The reference point of a control period, made of three entries of `columns`, vectors of scalars, unchanged:
-        "reference_p", positions, rad (m if prismatic), "reference_v", velocities, rad/s (m/s), and "reference_a",
-        accelerations, rad/s^2 (m/s^2), (r,) each for r joints. Raises `KeyError` where one is missing."""
-        return ReferencePoint(*(columns[name] for name in REFERENCE))
-
-
-@dataclass(frozen=True)
-class SinusoidForm:
-    """Form of the references of a compiled step that computes their points itself, from the numbers (amplitudes,
-    frequencies and so on) of each arm's own `Sinusoids`: sums of `terms` sinusoids for each of `size` joints. The
-    properties `held`, `shared` and `driven` name the step's columns (vectors); forms that are equal share native code.
-    Nothing is checked."""
-
-    size: int
-    terms: int
-
-    @property
-    def held(self) -> dict[str, int]:
-        """Lengths, by name, of the reference's columns (vectors) that are constant over a run for each arm: the numbers
-        of the arm's sums of h sinusoids for each of r joints. They are r for "center", rad (m if prismatic); h r for
-        "amplitude", rad (m), "frequency", Hz, and "phase", rad, each with the r numbers of the first term first; 1 for
-        "start_time", s."""
-        wave = self.size * self.terms
-        return SinusoidNumbers(self.size, wave, wave, wave, 1)._asdict()
-
-    @property
-    def shared(self) -> dict[str, int]:
-        """Lengths, by name, of the reference's columns (vectors) that change in each control period and are the same
-        for all arms: {"time": 1}, the time in s, of which the step computes each arm's sinusoids."""
-        return {"time": 1}
-
-    @property
-    def driven(self) -> dict[str, int]:
-        """Lengths, by name, of the reference's columns (vectors) that change in each control period and differ from arm
-        to arm: an empty dict, for only the time changes, which is the same for all arms."""
-        return {}
+        """Lengths, by name, of the columns that change in each control period and differ from arm to arm."""
+        return dict.fromkeys(REFERENCE, self.size) if self.each and not self.terms else {}
 
     def point(self, columns: Mapping[str, Column], ahead: float = 0.0) -> ReferencePoint:
-        """The reference point of an arm's sums of sinusoids for r joints, at the time in `columns` plus `ahead` (s), 0
-        by default. It has columns (r,), vectors of scalars of any kind (floats, arrays, or symbols to be compiled):
-        positions, rad (m if prismatic), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2).
-
-        `columns` has by name "time" (1,), s, and the numbers of h sinusoids a joint: "center" (r,) and "amplitude" (h
-        r,), rad (m), "frequency" (h r,), Hz, "phase" (h r,), rad, with the r numbers of the first sinusoid first, and
-        "start_time" (1,), s. Raises `KeyError` where one is missing.
-        """
+        """The reference point of a control period, made of those of the `columns`, vectors of scalars of any kind
+        (floats, arrays, or symbols to be compiled), that the properties name. It is of `ahead` s later, 0 by default,
+        where it is computed. Raises `KeyError` where a column is missing."""
+        if not self.terms:
+            return ReferencePoint(*(columns[name] for name in REFERENCE))
         numbers = SinusoidNumbers(*(columns[name] for name in SinusoidNumbers._fields))
         return sinusoids_at(columns["time"][0] + ahead, numbers)
 
@@ -276,11 +238,6 @@ class SinusoidForm:
                 known[id(one)] = _filled(one.numbers, self.terms * self.size)
         rows = [known[id(one)] for one in references]
         return SinusoidNumbers(*(np.array(values) for values in zip(*rows, strict=True)))
-
-
-ReferenceForm: TypeAlias = SampledForm | SinusoidForm
-"""The way in which a step comes by its reference points: columns that an arm keeps (`held`), of a control period
-(`shared`), of both (`driven`), and the point that they make. Equal forms share native code."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,13 +260,13 @@ class ReferencesOfMany:
         equal numbers of terms, they are kept as the numbers of these; else all are sampled. Raises `InputError` for a
         reference that is not callable, and for an empty sequence."""
         if callable(given):
-            return cls([given], SampledForm(size, each=False), size, ())
+            return cls([given], ReferenceForm(size), size, ())
         references = list(given) if isinstance(given, Sequence) else []
         if not references or not all(map(callable, references)):
             raise InputError(f"reference: expected a Reference or a sequence of them, got {given!r}")
         arms = (len(references),)
         if all(one is references[0] for one in references):
-            return cls(references[:1], SampledForm(size, each=False), size, arms)
+            return cls(references[:1], ReferenceForm(size), size, arms)
         return cls(references, _form(references, size), size, arms)
 
     def of_arms(self, arms: slice) -> ReferencesOfMany:
@@ -344,7 +301,7 @@ class ReferencesOfMany:
         "reference_v", velocities, rad/s (m/s), and "reference_a", accelerations, rad/s^2 (m/s^2): (T, M, n) for M arms,
         n numbers a point, or (T, n) where one reference is for all. Raises then `InputError` for points of another
         shape and `NonFiniteError` for NaN or infinity."""
-        if isinstance(self.form, SinusoidForm):
+        if self.form.terms:
             return {"time": time[:, None]}
         return dict(zip(REFERENCE, self._points(time), strict=True))
 
@@ -358,23 +315,21 @@ class ReferencesOfMany:
     @property
     def _is_shared(self) -> bool:
         """True if one reference is for all arms."""
-        return isinstance(self.form, SampledForm) and not self.form.each
+        return not (self.form.terms or self.form.each)
 
     @cached_property
     def _numbers(self) -> SinusoidNumbers | None:
         """Numbers (M, n) of the sinusoids, where all are sinusoids of one form; else None."""
-        if not isinstance(self.form, SinusoidForm):
-            return None
-        return self.form.numbers(self.references)
+        return self.form.numbers(self.references) if self.form.terms else None
 
 
 def _form(references: Sequence[Reference], size: int) -> ReferenceForm:
     """Sinusoids where all are sums of as many, samples else."""
     lengths = {one.amplitude.shape if isinstance(one, Sinusoids) else None for one in references}
     shape = lengths.pop()
-    if lengths or shape is None or shape[1] != size:
-        return SampledForm(size, each=True)
-    return SinusoidForm(size, shape[0])
+    if lengths or not shape or shape[1] != size or not shape[0]:
+        return ReferenceForm(size, each=True)
+    return ReferenceForm(size, shape[0])
 
 
 def _filled(numbers: SinusoidNumbers, size: int) -> SinusoidNumbers:

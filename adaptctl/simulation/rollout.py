@@ -164,14 +164,10 @@ class _SteppedRun:
         self.count, self.terminated, self.truncated = 0, False, False
         self._true = "p" in self._info and "v" in self._info
         self._marks = (*self._info.get("marks", ()), *getattr(guards(self._state), "_fields", ()))
-        self._samples = _Record(
-            self._kept_samples.room(self.steps or 1024),
-            len(self._kept),
-            p.size,
-            _estimate(self._state).size,
-            len(self._marks),
-            _told(self._state).size,
-        )
+        self._widths = {"observed": len(self._kept), "true": 2 * p.size if self._true else 0}
+        self._widths |= {"torque": p.size, "applied": p.size, "estimate": _estimate(self._state).size}
+        self._widths |= {"learning": _told(self._state).size, "scalars": 4, "marks": len(self._marks)}
+        self._samples = np.empty((self._kept_samples.room(self.steps or 1024), sum(self._widths.values())))
 
     def tick(self) -> None:
         """One control period."""
@@ -186,35 +182,32 @@ class _SteppedRun:
         self.count += 1  # last, so that an interrupted sample does not count
 
     def _keep(self, row: int, torque: Array, state: Any, reward: float, info: dict[str, Any]) -> None:
-        """Put the sample of this control period into a row."""
-        before, samples = self._info, self._samples.with_room_for(row)
-        np.take(self._observation, self._kept, out=samples.observation[row], mode="clip")
-        if self._true:
-            np.concatenate((before["p"], before["v"]), out=samples.state[row])
-        samples.torque[row] = torque
-        samples.applied[row] = info.get("applied_torque", torque)
-        samples.estimate[row], samples.learning[row] = _estimate(state), _told(state)
-        samples.scalars[row] = (
-            before.get("time", self.count * self.control_period),
-            before.get("energy", np.nan),
-            reward,
-            info.get("clipped", 0) != before.get("clipped", 0),
-        )
+        """Put the sample of this control period into a row; where there is none, memory is doubled."""
+        before = self._info
+        if row >= len(self._samples):
+            self._samples = np.concatenate((self._samples, np.empty_like(self._samples)))
+        sample = [self._observation[self._kept], *((before["p"], before["v"]) if self._true else ())]
+        sample += [torque, info.get("applied_torque", torque), _estimate(state), _told(state)]
+        time, energy = before.get("time", self.count * self.control_period), before.get("energy", np.nan)
+        sample.append((time, energy, reward, info.get("clipped", 0) != before.get("clipped", 0)))
         if self._marks:
-            samples.marks[row] = *info.get("marks", {}).values(), *(float(mark[0]) for mark in guards(state))
+            sample.append((*info.get("marks", {}).values(), *(float(mark[0]) for mark in guards(state))))
+        np.concatenate(sample, out=self._samples[row])
 
     def result(self, wall_time: float, complete: bool) -> Rollout:
         """The run so far."""
-        samples, n, dof = self._samples, self._kept_samples.order(self.count), self._samples.torque.shape[1]
-        columns = {name: samples.observation[n, i * dof : (i + 1) * dof] for i, name in enumerate(PARTS)}
+        samples, ends = self._samples[self._kept_samples.order(self.count)], np.cumsum(list(self._widths.values()))
+        parts = dict(zip(self._widths, np.split(samples, ends[:-1], axis=1), strict=True))
+        columns = dict(zip(PARTS, np.split(parts["observed"], len(PARTS), axis=1), strict=True))
         if self._true:
             columns["measured_p"], columns["measured_v"] = columns["p"], columns["v"]
-            columns["p"], columns["v"] = samples.state[n, :dof], samples.state[n, dof:]
-        columns |= {name: samples.scalars[n, i] for i, name in enumerate(("time", "energy", "reward", "clipped"))}
-        columns |= {name: getattr(samples, name)[n] for name in ("torque", "applied", "estimate", "learning")}
+            columns["p"], columns["v"] = np.split(parts["true"], 2, axis=1)
+        columns |= zip(("time", "energy", "reward", "clipped"), parts["scalars"].T, strict=True)
+        columns |= {name: parts[name] for name in ("torque", "applied", "estimate", "learning")}
+        marks = zip(self._marks, parts["marks"].T, strict=True)
         return Rollout(
             **{name: frozen(values.copy()) for name, values in columns.items()},
-            marks=MappingProxyType({name: frozen(samples.marks[n, i].copy()) for i, name in enumerate(self._marks)}),
+            marks=MappingProxyType({name: frozen(values.copy()) for name, values in marks}),
             control_period=self.control_period,
             wall_time=wall_time,
             complete=complete,
@@ -227,23 +220,6 @@ class _SteppedRun:
     def _read(self) -> tuple[Array, Array, ReferencePoint]:
         p, v, *reference = (self._observation[part] for part in self._parts)
         return p, v, ReferencePoint(*reference)
-
-
-class _Record:
-    """Memory for the samples of a run, made at once where its length is known."""
-
-    def __init__(self, capacity: int, observed: int, dof: int, estimates: int, marks: int, learning: int) -> None:
-        self.observation, self.state = np.empty((capacity, observed)), np.empty((capacity, 2 * dof))
-        self.marks, self.learning = np.empty((capacity, marks)), np.empty((capacity, learning))
-        self.torque, self.applied = np.empty((capacity, dof)), np.empty((capacity, dof))
-        self.estimate, self.scalars = np.empty((capacity, estimates)), np.empty((capacity, 4))
-
-    def with_room_for(self, k: int) -> _Record:
-        """This record, its memory doubled if sample k does not fit."""
-        if k >= len(self.scalars):
-            for name, old in vars(self).items():
-                setattr(self, name, np.concatenate((old, np.empty_like(old))))
-        return self
 
 
 def interface(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> tuple[list[slice], float]:

@@ -36,21 +36,12 @@ def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.N
     and `NonFiniteError` for NaN or infinity; of a tree of up to 100 joints an evaluation is not checked, NaN goes
     through. Raises `MissingExtraError` without python-control.
     """
-    import control
-
     r, accelerations = mechanism.dof, _accelerations(mechanism)
 
     def update(t: float, x: Array, u: Array, params: Any) -> Array:
         return np.concatenate((x[r:], accelerations(x[:r], x[r:], u)))
 
-    return control.nlsys(
-        update,
-        None,
-        inputs=_signals(("torque",), r),
-        outputs=_signals(("p", "v"), r),
-        states=_signals(("p", "v"), r),
-        name=name,
-    )
+    return _of_joints(update, r, name)
 
 
 @needed("plant_system")
@@ -65,8 +56,6 @@ def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem
     and where the motion becomes non-finite, and `SingularityError` where loops cannot be closed or are near a
     singularity.
     """
-    import control
-
     r = plant.dof
     if any(not isinstance(effect, JointEffect) for effect in plant.effects):
         raise InputError("plant_system: expected a plant whose effects are in the joints, such as Friction, alone")
@@ -75,15 +64,7 @@ def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem
         after = plant.step(plant.init(np.array(x[:r]), np.array(x[r:])), np.array(u))
         return np.concatenate((after.p, after.v))
 
-    return control.nlsys(
-        update,
-        None,
-        inputs=_signals(("torque",), r),
-        outputs=_signals(("p", "v"), r),
-        states=_signals(("p", "v"), r),
-        dt=plant.control_period,
-        name=name,
-    )
+    return _of_joints(update, r, name, dt=plant.control_period)
 
 
 @needed("controller_system")
@@ -164,6 +145,16 @@ def closed_loop_system(
         inputs=_signals(REFERENCE, controller.reference_size),
         outputs=_signals(("p", "v"), plant.dof),
         name=name,
+    )
+
+
+def _of_joints(update: Any, r: int, name: str, **timing: float) -> control.NonlinearIOSystem:
+    """A system of torques whose outputs are its states, p and v of r joints."""
+    import control
+
+    joints = _signals(("p", "v"), r)
+    return control.nlsys(
+        update, None, inputs=_signals(("torque",), r), outputs=joints, states=joints, name=name, **timing
     )
 
 

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 import adaptctl
 from adaptctl.arrays import Array
 from adaptctl.control import SlotineLi
-from adaptctl.envs.rendering.render import Renderer
+from adaptctl.envs.rendering import Renderer
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 
 DURATION, FRAMES_A_SECOND = 6.0, 10

@@ -21,7 +21,7 @@ from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, Scalar, where
 from adaptctl.simulation.plant import require_ten_a_link
-from adaptctl.simulation.references import Preview, SinusoidForm
+from adaptctl.simulation.references import Preview, ReferenceForm
 
 LARGEST = 1e300
 """Squares summed below which a motion has not run away."""
@@ -237,8 +237,8 @@ class Arms:
         return self._steppers[self._terms].ensemble(self.count)
 
     @property
-    def _form(self) -> SinusoidForm:
-        return SinusoidForm(self._dof, self._terms)
+    def _form(self) -> ReferenceForm:
+        return ReferenceForm(self._dof, self._terms)
 
     @property
     def _reference(self) -> dict[str, int]:

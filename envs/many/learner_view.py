@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, per_joint
-from adaptctl.envs.many.controlled import finite_actions
+from adaptctl.envs.controlled import finite_actions
 from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
 from adaptctl.errors import InputError
 

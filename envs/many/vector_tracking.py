@@ -23,7 +23,7 @@ from adaptctl.envs.tracking import OPTIONS, TrackingEnv
 from adaptctl.errors import InputError, NonFiniteError
 
 if TYPE_CHECKING:
-    from adaptctl.envs.rendering.render import Renderer
+    from adaptctl.envs.rendering import Renderer
 
 
 @sent_as_made
@@ -233,7 +233,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
             gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
             return None
         if self._renderer is None:
-            from adaptctl.envs.rendering.render import Renderer
+            from adaptctl.envs.rendering import Renderer
 
             self._renderer = Renderer(self.single.mechanism)
         goals = self._arms.rows(self._arms.all)[:, : self.single.plant.dof]

@@ -1,1 +1,0 @@
-"""Pictures of an arm, without a graphics driver."""
