@@ -36,9 +36,9 @@ from adaptctl.simulation import Integrator, Plant, PlantState, RungeKutta4
 from adaptctl.simulation.closed_loop import Episode
 from adaptctl.simulation.effects import Effect, Payload, PlantEffects
 from adaptctl.simulation.effects.plant_effects import listed
+from adaptctl.simulation.integrator import integration
 from adaptctl.simulation.plant import require_ten_a_link
 from adaptctl.simulation.references import Preview, warn_of_derivatives
-from adaptctl.simulation.stiffness import integration
 from adaptctl.simulation.transmission import Transmission
 
 if TYPE_CHECKING:

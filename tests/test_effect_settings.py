@@ -33,7 +33,7 @@ from adaptctl.simulation.effects import (
     TorqueLimit,
     TorqueRateLimit,
 )
-from adaptctl.simulation.stiffness import integration
+from adaptctl.simulation.integrator import integration
 from adaptctl.simulation.systems import closed_loop_system, controller_system, mechanism_system, plant_system
 from adaptctl.tuning import tune
 

@@ -36,7 +36,7 @@ from adaptctl.simulation.effects import (
     TorqueLimit,
     TorqueRateLimit,
 )
-from adaptctl.simulation.stiffness import friction_rate, integration
+from adaptctl.simulation.integrator import friction_rate, integration
 
 PERIOD = 1e-3
 

@@ -27,7 +27,7 @@ from adaptctl.simulation.effects import (
     PayloadHeld,
     PlantEffects,
 )
-from adaptctl.simulation.stiffness import MOST_FOR_SPRINGS, integration
+from adaptctl.simulation.integrator import MOST_FOR_SPRINGS, integration
 from adaptctl.simulation.transmission import Transmission
 
 PERIOD = 1e-3

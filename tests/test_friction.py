@@ -15,7 +15,7 @@ from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import column
 from adaptctl.simulation import Integrator, LinearlyImplicitEuler, Plant, RungeKutta4, simulate_many
 from adaptctl.simulation.effects import Friction
-from adaptctl.simulation.stiffness import integration
+from adaptctl.simulation.integrator import integration
 from tests.random_trees import random_tree
 from tests.robot_files import urdf
 

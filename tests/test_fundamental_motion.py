@@ -20,8 +20,8 @@ from adaptctl.errors import RankError
 from adaptctl.identifiability import essential_space, fundamental_basis
 from adaptctl.identifiability.constraints import Constraints, Relation, constrained
 from adaptctl.scalars import Column, column
-from adaptctl.simulation import held_motion as module
-from adaptctl.simulation.held_motion import LONGEST, fundamental_motion
+from adaptctl.simulation import period as module
+from adaptctl.simulation.period import LONGEST, fundamental_motion
 
 ROBOTS = (
     "puma560_friction",

@@ -17,9 +17,9 @@ from adaptctl.errors import InputError, NonFiniteError, VerdictError
 from adaptctl.files import finite_or_none
 from adaptctl.scalars import column
 from adaptctl.simulation import Episode, Plant
+from adaptctl.simulation.integrator import integration
 from adaptctl.simulation.rollout import KeptSamples
 from adaptctl.simulation.simulate import EpisodeRun, Stretch
-from adaptctl.simulation.stiffness import integration
 
 TICKS = 100
 AMPLITUDE, OFF = 0.1, 0.02

@@ -22,10 +22,8 @@ from adaptctl.errors import InputError, NonFiniteError, require_kind
 from adaptctl.scalars import Column, Scalar, Structure, Tunable, column
 from adaptctl.simulation.effects import Effect, LoadEffect, PlantEffects
 from adaptctl.simulation.effects.plant_effects import listed
-from adaptctl.simulation.held_motion import held_motion
-from adaptctl.simulation.integrator import Integrator, RungeKutta4, require_integrator
-from adaptctl.simulation.period import ControlPeriod, PlantState
-from adaptctl.simulation.stiffness import require_substeps
+from adaptctl.simulation.integrator import Integrator, RungeKutta4, require_integrator, require_substeps
+from adaptctl.simulation.period import ControlPeriod, PlantState, held_motion
 from adaptctl.simulation.transmission import Motors, Transmission
 
 _DOUBLE = np.dtype(np.float64)

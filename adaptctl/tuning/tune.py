@@ -20,7 +20,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, VerdictError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import Integrator, Plant
-from adaptctl.simulation.stiffness import MOST, integration
+from adaptctl.simulation.integrator import MOST, integration
 from adaptctl.tuning.carried_gains import SLOW, CarriedGains, limitations
 from adaptctl.tuning.default_gains import BANDWIDTH, HOLD, DefaultGains, Proposal, Shares, at_most, near_reference
 from adaptctl.tuning.verification import (

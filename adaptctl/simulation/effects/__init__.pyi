@@ -9,8 +9,8 @@ from adaptctl.simulation.effects.effect import LoadEffect as LoadEffect
 from adaptctl.simulation.effects.effect import SensorEffect as SensorEffect
 from adaptctl.simulation.effects.joints import ElasticJoints as ElasticJoints
 from adaptctl.simulation.effects.joints import Friction as Friction
-from adaptctl.simulation.effects.loads import Payload as Payload
-from adaptctl.simulation.effects.loads import PayloadHeld as PayloadHeld
+from adaptctl.simulation.effects.joints import Payload as Payload
+from adaptctl.simulation.effects.joints import PayloadHeld as PayloadHeld
 from adaptctl.simulation.effects.plant_effects import PlantEffects as PlantEffects
 from adaptctl.simulation.effects.sensors import Encoder as Encoder
 from adaptctl.simulation.effects.sensors import FilteredDifferences as FilteredDifferences
