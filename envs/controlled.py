@@ -12,10 +12,11 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from adaptctl.arrays import Array, numbers, positive_number
+from adaptctl.arrays import Array, positive_number
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.envs.many.vector_tracking import VectorTrackingEnv, masked
-from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.envs.task import finite_actions
+from adaptctl.errors import InputError
 from adaptctl.simulation.rollout import PARTS, interface
 
 
@@ -256,21 +257,6 @@ def require_controller(given: object) -> None:
     """Raise `InputError` unless `given` is a `Controller`; nothing is returned."""
     if not isinstance(given, Controller):
         raise InputError(f"controller: expected a Controller, got {given!r:.80}")
-
-
-def finite_actions(given: Any, space: gymnasium.Space[Any]) -> Array:
-    """The actions `given` as a float64 array of the shape of `space`, a Gymnasium space, in their own unit; they are
-    not clipped to its bounds. Raises `InputError` for another shape and for entries that are no numbers,
-    `NonFiniteError`, naming the index and, of many arms, the arm, on NaN and infinity."""
-    actions = numbers(given, "action", f"of shape {space.shape}")
-    if actions.shape != space.shape:
-        raise InputError(f"action: expected shape {space.shape}, got {actions.shape}")
-    if not np.isfinite(actions).all():
-        *arm, number = np.argwhere(~np.isfinite(actions))[0].tolist()
-        bad = actions[(*arm, number)]
-        whose = f" of arm {arm[0]}" if arm else ""
-        raise NonFiniteError(f"action: expected finite numbers, got {bad} for number {number}{whose}")
-    return actions
 
 
 def _share(share: object) -> float:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.envs.built_in import Puma560TrackingEnv
-from adaptctl.envs.controlled import finite_actions
 from adaptctl.envs.many.vector_tracking import Puma560VectorTrackingEnv, VectorTrackingEnv
+from adaptctl.envs.task import finite_actions
 from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.tuning.workable_reference import motion_ranges

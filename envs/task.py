@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
+import gymnasium
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, frozen_array, numbers, per_joint, positive_number, real_number
 from adaptctl.caching import cached_property, sent_as_made
@@ -157,6 +158,27 @@ def finite_numbers(given: ArrayLike, what: str) -> Array:
         place = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
         raise NonFiniteError(f"{what}: expected finite numbers, got {array[place]} at index {place}")
     return array
+
+
+def finite_actions(
+    given: Any, space: gymnasium.Space[Any], what: str = "number", ignored: NDArray[np.bool_] | None = None
+) -> Array:
+    """The actions `given` as a new float64 array of the shape of `space`, a Gymnasium space, in their own unit; they
+    are not clipped to its bounds. Those of the arms in the mask `ignored` (N,), if there is one, are zero. Raises
+    `InputError` for another shape and for entries that are no numbers, `NonFiniteError`, naming the index of `what`
+    and, of many arms, the arm, on NaN and infinity."""
+    actions = numbers(given, "action", f"of shape {space.shape}").copy()
+    if actions.shape != space.shape:
+        raise InputError(f"action: expected shape {space.shape}, got {actions.shape}")
+    if ignored is not None:
+        actions[ignored] = 0.0
+    if not np.isfinite(actions).all():
+        *arm, number = np.argwhere(~np.isfinite(actions))[0].tolist()
+        whose = f" of arm {arm[0]}" if arm else ""
+        raise NonFiniteError(
+            f"action: expected finite numbers, got {actions[(*arm, number)]} for {what} {number}{whose}"
+        )
+    return actions
 
 
 def require_reference(given: Trajectory, dof: int) -> None:

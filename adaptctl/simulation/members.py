@@ -17,8 +17,8 @@ from adaptctl.errors import InputError
 from adaptctl.scalars import Tunable
 from adaptctl.simulation.closed_loop import ClosedLoop
 
-Seeds: TypeAlias = int | Sequence[int] | NDArray[np.object_] | None
-"""One seed for all arms, one for each, or None for another noise each time."""
+Seeds: TypeAlias = int | NDArray[np.object_] | None
+"""One seed for all arms, an array of one for each, or None for another noise each time."""
 
 
 def checked_seeds(given: object) -> Seeds:
@@ -51,7 +51,7 @@ class Noise(NamedTuple):
         if isinstance(seed, np.ndarray) and size:
             each = [np.random.default_rng(int(x)) for x in seed]
             return [cls(each[k * herd : k * herd + n], n, size) for k, n in enumerate(counts)]
-        root = np.random.SeedSequence(None if seed is None or isinstance(seed, np.ndarray) else int(seed))  # type: ignore[arg-type]
+        root = np.random.SeedSequence(seed if isinstance(seed, int) else None)
         sources = [root, *root.spawn(len(counts) - 1)]
         return [cls([np.random.default_rng(x)], n, size) for x, n in zip(sources, counts, strict=True)]
 

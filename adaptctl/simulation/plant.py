@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, checked, positive_number, same_samples, stacked, vectors, whole_number
 from adaptctl.caching import cached_property
-from adaptctl.compilation import Kernel, compile_function
 from adaptctl.compilation.kernel import native_or_floats
 from adaptctl.control.gains.gains import torque_limits
 from adaptctl.dynamics import Mechanism
@@ -186,8 +185,8 @@ class Plant(Tunable):
         return float(energy)
 
     def compile(self) -> None:
-        """Compile a control period, the energy and the sensors to native code now, not at their first use."""
-        _ = self._advance, self._energy, self._sense
+        """Compile a control period and the energy to native code now, not at their first use."""
+        _ = self._advance, self._energy
 
     def positions(self, q: Array) -> Array:
         """Positions (..., r), rad (m), of the r primary (independent) joints among all n of the tree, q (..., n)."""
@@ -234,7 +233,7 @@ class Plant(Tunable):
     @cached_property
     def _advance(self) -> Callable[..., tuple[Any, ...]]:
         """A control period on arrays; equal plants share it."""
-        return _advance_of(self.structure)
+        return _shared(self.structure, "_advancing")
 
     def _advancing(self) -> Callable[..., tuple[Any, ...]]:
         """A control period on arrays; of a plant with nothing between controller and joints, the motion alone."""
@@ -252,7 +251,7 @@ class Plant(Tunable):
     @cached_property
     def _energy(self) -> Callable[..., tuple[Array]]:
         """Energy on arrays; plants of one mechanism share it."""
-        return _energy_of(self.structure)
+        return _shared(self.structure, "_measuring")
 
     def _measuring(self) -> Callable[..., tuple[Array]]:
         def energy(q: Column, v: Column, parameters: Column, drives: Column = Column(())) -> tuple[Column]:  # noqa: B008
@@ -260,18 +259,6 @@ class Plant(Tunable):
 
         kept = {"drives": self.sizes["drives"]} if self.is_elastic else {}
         return self._native(energy, "energy", {name: self.sizes[name] for name in ("q", "v")}, kept)
-
-    @cached_property
-    def _sense(self) -> Kernel | None:
-        """The sensors alone, for the first measurement."""
-        if not self._effects.sensors:
-            return None
-
-        def sense(p: Column, v: Column, noise: Column, memory: Column) -> tuple[Column, Column, Column]:
-            return self._effects.measured(p, v, noise, memory, self.control_period)
-
-        sizes = {"p": self.dof, "v": self.dof, "noise": self.noise_size, "memory": self.sizes["sensors"]}
-        return compile_function(sense, sizes, name="sensors")
 
     def _native(
         self,
@@ -286,15 +273,14 @@ class Plant(Tunable):
 
     def _measured(self, p: Array, v: Array, noise: ArrayLike, sensors: Array) -> tuple[Array, Array, Array]:
         """The first measurement of arms (..., r), and the sensors' memory after it."""
-        if self._sense is None:
+        if not self._effects.sensors:
             return p, v, sensors
         arms, noise = p.shape[:-1], checked(noise, self.noise_size, f"{self.mechanism.name}: noise")
         if same_samples(p=p, noise=noise) != arms:
             raise InputError(f"{self.mechanism.name}: noise: expected that of {arms} arms, got {noise.shape[:-1]}")
-        given = p, v, np.broadcast_to(noise, (*arms, self.noise_size)), sensors
-        rows = (x.reshape(math.prod(arms), x.shape[-1]) for x in given)
-        measured_p, measured_v, after = (x.reshape(*arms, x.shape[-1]) for x in self._sense.map(*rows))
-        return measured_p, measured_v, after
+        measured = self._effects.measured(*map(column, (p, v, noise, sensors)), self.control_period)
+        made_p, made_v, after = (stacked(part.of, arms) for part in measured)
+        return made_p, made_v, after
 
     def _holding(self, q: Array, parameters: ArrayLike) -> Array:
         """The torques (..., r) of gravity on true parameters (..., P)."""
@@ -368,16 +354,11 @@ class Plant(Tunable):
         )
 
 
-@lru_cache(maxsize=32)
-def _advance_of(structure: Structure) -> Callable[..., tuple[Any, ...]]:
-    plant: Any = structure.of
-    return plant._advancing()
-
-
-@lru_cache(maxsize=32)
-def _energy_of(structure: Structure) -> Callable[..., tuple[Array]]:
-    plant: Any = structure.of
-    return plant._measuring()
+@lru_cache(maxsize=64)
+def _shared(structure: Structure, name: str) -> Callable[..., Any]:
+    """What a method of plants of one structure returns."""
+    made: Callable[..., Any] = getattr(structure.of, name)()
+    return made
 
 
 def require_ten_a_link(mechanism: Mechanism) -> None:

@@ -339,11 +339,10 @@ class _Runs(Driven):
         count, sums, rises = self._done
         samples = self._samples(count)
         parts = (frozen(kept[:samples]) for kept in self.records)
-        summaries = summary(sums, count, min(self.final, count), self.period, self.beyond)
-        columns: dict[str, Any] = {name: frozen(values) for name, values in summaries._asdict().items()}
-        columns |= zip(RECORDED, parts, strict=True)
+        columns: dict[str, Any] = dict(zip(RECORDED, parts, strict=True))
         return Rollouts(
             **columns,
+            **summary(sums, count, min(self.final, count), self.period, self.beyond),
             lyapunov_rise=frozen(rises),
             time=frozen(np.asarray(np.arange(samples) * (self.every or 1) * self.period)),
             parameters=frozen(self.parameters.copy()),

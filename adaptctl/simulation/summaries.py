@@ -7,9 +7,8 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, frozen
 from adaptctl.compilation.lanes import Precision
 from adaptctl.control.adaptation.gradient import Descent
 from adaptctl.control.controller import GAINS, ReferencePoint
@@ -94,29 +93,10 @@ def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> Error
     )
 
 
-class ErrorSummary(NamedTuple):
-    """Summaries of the tracking errors, positions less the reference's, of M runs of r joints. Nothing is checked.
-
-    (M, r), rad (m if prismatic): `rms_error`, root mean square, and `largest_error`, largest magnitude, both, in a run
-    that diverged, of the time before, or NaN if no joint's bound for divergence was finite; `final_rms_error`, root
-    mean square over the last SETTLED (2) s, NaN in shorter runs and those that diverged before. (M,): `return_time`, s,
-    after which every error stayed within the bounds asked for, NaN where the last one did not or the run diverged;
-    `diverged_at`, s, at which an error was first not finite or beyond the bound for divergence, NaN where none was;
-    `diverged_joint`, the index from 0 of the first joint with such an error, -1 where none was.
-    """
-
-    rms_error: Array
-    largest_error: Array
-    final_rms_error: Array
-    return_time: Array
-    diverged_at: Array
-    diverged_joint: NDArray[np.int64]
-
-
-def summary(sums: ErrorSums, count: int, final: int, period: float, beyond: Array) -> ErrorSummary:
-    """The `ErrorSummary` of M runs of r joints, from their `sums`, arrays (M, r) or (M, 1), after `count` control
-    periods of `period` (s): root mean squares and largest magnitudes of tracking errors, rad (m if prismatic), and
-    times of return and divergence, s.
+def summary(sums: ErrorSums, count: int, final: int, period: float, beyond: Array) -> dict[str, Array]:
+    """Summaries of M runs of r joints by their names in `Rollouts`, from their `sums`, arrays (M, r) or (M, 1), after
+    `count` control periods of `period` (s): root mean squares and largest magnitudes of tracking errors, rad (m if
+    prismatic), times of return and divergence, s, and the joints that diverged.
 
     Errors count as final from the period of index `final` on. `beyond` (r,), rad (m), are the bounds by which runs
     diverged. In a run that diverged, `rms_error` and `largest_error` are NaN if all bounds are infinite; else they are
@@ -134,7 +114,8 @@ def summary(sums: ErrorSums, count: int, final: int, period: float, beyond: Arra
         rms[lost], largest[lost] = np.nan, np.nan
     back = np.where(lost | (sums.outside[:, 0] >= count), np.nan, sums.outside[:, 0] * period)
     gone = np.where(lost, counted * period, np.nan)
-    return ErrorSummary(rms, largest, last, back, gone, joint)
+    summaries = {"rms_error": rms, "largest_error": largest, "final_rms_error": last, "return_time": back}
+    return {name: frozen(x) for name, x in (summaries | {"diverged_at": gone, "diverged_joint": joint}).items()}
 
 
 TRUTH = "truth"

@@ -11,8 +11,8 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, per_joint
-from adaptctl.envs.controlled import finite_actions
 from adaptctl.envs.many.vector_tracking import VectorTrackingEnv
+from adaptctl.envs.task import finite_actions
 from adaptctl.errors import InputError
 
 

@@ -12,15 +12,15 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, numbers
+from adaptctl.arrays import Array
 from adaptctl.caching import sent_as_made
 from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.compilation.lanes import Precision
 from adaptctl.envs.built_in import Puma560TrackingEnv, SemiDirectDriveTrackingEnv
 from adaptctl.envs.many.arms import Arms, Flags, Told, put
-from adaptctl.envs.task import known_options
+from adaptctl.envs.task import finite_actions, known_options
 from adaptctl.envs.tracking import OPTIONS, TrackingEnv
-from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.errors import InputError
 
 if TYPE_CHECKING:
     from adaptctl.envs.rendering import Renderer
@@ -211,7 +211,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         again = self._over if self.autoreset_mode is AutoresetMode.NEXT_STEP else self._none
         self._require_running(self._over & ~again)
         moving = np.flatnonzero(~again) if again.any() else self._arms.all
-        result = self._arms.advance(self._torques(actions, again), moving)
+        result = self._arms.advance(finite_actions(actions, self.action_space, "joint", again), moving)
         self._begin(result, again)
         reward, terminated, truncated = (result[name] for name in ("reward", "terminated", "truncated"))
         self._over = terminated | truncated
@@ -268,19 +268,6 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
                 marks["payload"] = self._arms.payload.copy()
             info |= {"p": result["p"], "v": result["v"], "marks": masked(marks, mask)}
         return masked(info, mask)
-
-    def _torques(self, actions: ArrayLike, ignored: Flags) -> Array:
-        """Finite torques (N, r), zero where actions are ignored."""
-        shape = self.action_space.shape
-        torques = numbers(actions, "action", f"of shape {shape}").copy()
-        if torques.shape != shape:
-            raise InputError(f"action: expected shape {shape}, got {torques.shape}")
-        torques[ignored] = 0.0
-        if not np.isfinite(torques).all():
-            arm, joint = np.argwhere(~np.isfinite(torques))[0].tolist()
-            bad = torques[arm, joint]
-            raise NonFiniteError(f"action: expected finite numbers, got {bad} for joint {joint} of arm {arm}")
-        return torques
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[tuple[int, int]]:
         """Arms and the seeds they are given."""
