@@ -293,12 +293,15 @@ class Controller(Tunable, ABC, Generic[Memory]):
         columns[MEMORY] = self._array_of(state, arms).reshape(prod(arms), self._sizes[MEMORY])
         columns |= dict.fromkeys(self.gain_sizes, self.packed if gains is None else gains)
         torque, memory = np.empty((*arms, self.dof)), np.empty((*arms, self._sizes[MEMORY]))
+        sound = True
         try:
             self._computed(columns, [made.reshape(prod(arms), made.shape[-1]) for made in (torque, memory)])
         except NonFiniteError:
-            for what, made in (("torque", torque), ("state", memory)):
-                if not np.isfinite(made).all():
-                    self._blame(p, v, reference, made, what)
+            sound = False
+        for what, made in (("torque", torque), ("state", memory)):
+            if not np.isfinite(made).all():
+                self._blame(p, v, reference, made, what)
+        if not sound:
             self._blame(p, v, reference)
         return torque, self._remembering(frozen(memory))
 
@@ -310,8 +313,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         rows = {name: Column(np.atleast_2d(values).T) for name, values in columns.items()}
         for result, made in zip(results, self._packed_equation()(**rows), strict=True):
             result[...] = stacked(made.of, result.shape[:1])
-        given = columns.values() if self.finite is True else ()
-        if self.finite and not all(np.isfinite(part).all() for part in (*results, *given)):
+        if self.finite is True and not all(np.isfinite(given).all() for given in columns.values()):
             raise NonFiniteError(type(self).__name__)
 
     @property
