@@ -44,14 +44,6 @@ def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]
     }
 
 
-def shown_baselines(returns: dict[str, float]) -> str:
-    """Table of controllers' mean returns as text: one line for each entry of `returns`, its name and return (unitless,
-    two decimals), the least first. `returns` maps names to mean returns, as the function `baselines` returns them; an
-    empty mapping gives an empty text. Nothing is checked."""
-    rows = sorted(returns.items(), key=lambda row: row[1])
-    return "\n".join(f"{name:<28}{value:12.2f}" for name, value in rows)
-
-
 def _laws(env: TrackingEnv) -> dict[str, Controller[Any]]:
     mechanism, period = env.mechanism, env.control_period
     reference = env.trajectory if callable(env.trajectory) else None

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -233,9 +233,11 @@ class Rollout:
         shape = p.shape
         if len(shape) != 2 or shape[0] < 2 or shape[1] < 1:
             raise InputError(f"p: expected shape (T, r) with T of at least 2, got {shape}")
-        given = {"p": p, "torque": torque, "reference_p": reference_p, "v": v, "reference_v": reference_v}
-        given |= {"reference_a": reference_a, "applied": applied}
-        known = {name: _table(values, name, shape) for name, values in given.items() if values is not None}
+        given: dict[str, Any] = {"p": p, "torque": torque, "reference_p": reference_p, "v": v}
+        given |= {"reference_v": reference_v, "reference_a": reference_a, "applied": applied}
+        known: dict[str, Any] = {
+            name: _table(values, name, shape) for name, values in given.items() if values is not None
+        }
         for name, integral in (("v", "p"), ("reference_v", "reference_p"), ("reference_a", "reference_v")):
             if name not in known:
                 known[name] = np.asarray(np.gradient(known[integral], period, axis=0), dtype=np.float64)
@@ -247,8 +249,9 @@ class Rollout:
         known["estimate"] = _table(estimates, "estimate", (count, estimates.shape[1]))
         known["clipped"] = (known["applied"] != known["torque"]).any(axis=1).astype(np.float64)
         known |= {"time": _times(time, count, period), "energy": np.full(count, np.nan), "reward": np.zeros(count)}
+        kept: dict[str, Any] = {name: frozen(values.copy()) for name, values in known.items()}
         return cls(
-            **{name: frozen(values.copy()) for name, values in known.items()},
+            **kept,
             control_period=period,
             wall_time=0.0,
             complete=complete,
