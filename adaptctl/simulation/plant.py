@@ -278,7 +278,8 @@ class Plant(Tunable):
         arms, noise = p.shape[:-1], checked(noise, self.noise_size, f"{self.mechanism.name}: noise")
         if same_samples(p=p, noise=noise) != arms:
             raise InputError(f"{self.mechanism.name}: noise: expected that of {arms} arms, got {noise.shape[:-1]}")
-        measured = self._effects.measured(*map(column, (p, v, noise, sensors)), self.control_period)
+        given = column(p), column(v), column(noise), column(sensors)
+        measured = self._effects.measured(*given, self.control_period)
         made_p, made_v, after = (stacked(part.of, arms) for part in measured)
         return made_p, made_v, after
 

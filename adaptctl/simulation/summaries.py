@@ -93,7 +93,7 @@ def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> Error
     )
 
 
-def summary(sums: ErrorSums, count: int, final: int, period: float, beyond: Array) -> dict[str, Array]:
+def summary(sums: ErrorSums, count: int, final: int, period: float, beyond: Array) -> dict[str, Any]:
     """Summaries of M runs of r joints by their names in `Rollouts`, from their `sums`, arrays (M, r) or (M, 1), after
     `count` control periods of `period` (s): root mean squares and largest magnitudes of tracking errors, rad (m if
     prismatic), times of return and divergence, s, and the joints that diverged.
