@@ -30,7 +30,6 @@ class Filtered(NamedTuple):
     regressor: Any
     """rows of F[lambda H + N], as far as it is known before the next sample, without what is always zero"""
     torque: Any
-    """(r,) F[tau], N m"""
 
 
 class Prediction(NamedTuple):
@@ -43,9 +42,7 @@ class Prediction(NamedTuple):
     """
 
     rows: list[Column]
-    """W (r, k)"""
     torque: Column
-    """F[tau] (r,), N m"""
     after: Filtered
 
 

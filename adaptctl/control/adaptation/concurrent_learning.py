@@ -38,11 +38,8 @@ class Stack(NamedTuple):
     """
 
     rows: Any
-    """W of every sample kept, the newest first, without what is always zero: zero where none is kept yet"""
     torques: Any
-    """(samples r,) F[tau] of each, N m"""
     learned: Any
-    """(1,) 1 where the last period's sample was kept, else 0"""
     filtered: Filtered
 
     @property

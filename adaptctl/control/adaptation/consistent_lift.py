@@ -37,9 +37,7 @@ class LiftMemory(NamedTuple):
     Nothing is checked."""
 
     lift: Any
-    """(P,) parameters of rigid bodies whose fundamental ones are the estimate"""
     filtered: Any
-    """the torque filters', where torques are predicted"""
 
     @property
     def recorded(self) -> Any:

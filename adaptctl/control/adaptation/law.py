@@ -35,23 +35,14 @@ class Period(NamedTuple):
     """
 
     gradient: Callable[[Column], Column]
-    """Y' s (k,) for any sliding variable s (r,), linear in it; Y is the regressor at the start of the period"""
     before: Column
-    """(r,) s at the start"""
     after: Column
-    """(r,) s at the end, which is now"""
     torque: Column
-    """(r,) N m, held over the period"""
     q: Column
-    """(n,) the tree's joints now"""
     v: Column
-    """(r,) velocities now"""
     length: float
-    """T_c, s"""
     elapsed: Any
-    """T_c, or 0 where nothing is to be learned: before the first control period, and while adaptation is frozen"""
     damping: Column
-    """(r,) K, where the control law's Lyapunov function V has the derivative -s'Ks"""
 
     @property
     def share(self) -> Any:

@@ -124,7 +124,6 @@ class CovarianceMemory(NamedTuple):
     filters' internal state, a `Filtered`. Nothing is checked."""
 
     covariance: Any
-    """(k (k + 1)/2,) the upper triangle, row by row, of P in units of the initial gain: the identity at the start"""
     filtered: Filtered
 
 
@@ -258,7 +257,6 @@ class InformationMemory(NamedTuple):
     start. `filtered` is the torque filters' internal state, a `Filtered`. Nothing is checked."""
 
     information: Any
-    """(k (k + 1)/2,) the upper triangle, row by row, of S P^-1 S, S = Gamma^1/2: the identity at the start"""
     filtered: Filtered
 
 
