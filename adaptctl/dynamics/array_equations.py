@@ -132,6 +132,8 @@ class ArrayEquation:
         given = [p if self._configured is None else self._configured(p), *rest]
         if kernel is not None and samples:
             return self._mapped(kernel, given, samples, out)
+        if kernel is not None and self.call == self._generally:  # code of a single state, once there is one
+            self.call = kernel.otherwise(self._generally)
         found = self._in_python(given, samples) if kernel is None else np.asarray(kernel(*given))
         if out is None:
             return found
@@ -172,9 +174,7 @@ class ArrayEquation:
         sizes = {"q": self._links, **dict(list(self._lengths().items())[1:])}
         function = self._function
         kernel = compile_function(lambda **columns: function(*columns.values()), sizes, name=self._name, finite=True)
-        if self._configured is None:
-            self.call = kernel.otherwise(self._generally)
-        else:
+        if self._configured is not None:
             self.call = self._closing
         self._kernel = kernel
         return kernel
