@@ -20,7 +20,7 @@ from adaptctl.experiments.contest import MANY
 from adaptctl.identifiability import certificate
 from adaptctl.identification import choice
 from adaptctl.identification.identify import HELD_OUT
-from adaptctl.simulation import stiffness
+from adaptctl.simulation import integrator
 from adaptctl.tuning import carried_gains, verification, workable_reference
 from adaptctl.tuning.tune import SEARCHED
 
@@ -75,7 +75,7 @@ STATED = [
     ("tuning", f"{workable_reference.AMPLITUDE} rad. A joint that asks"),
     ("tuning", "One sinusoid a joint, {} to {} Hz".format(*workable_reference.FREQUENCIES)),
     ("tuning", f"at most {percent(workable_reference.HIGHEST)}. Where it still asks"),
-    ("tuning", f"in up to {stiffness.MOST} steps a period"),
+    ("tuning", f"in up to {integrator.MOST} steps a period"),
     ("tuning", f"are run for {SEARCHED:.0f} s each"),
     ("tuning", f"links {percent(verification.LINKS_OFF)} off, and links otherwise"),
     ("tuning", f"of runs of {verification.DURATION:.0f} s"),
