@@ -8,6 +8,7 @@ from difflib import get_close_matches
 from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from traceback import extract_tb
 from typing import TYPE_CHECKING, NamedTuple, TypeGuard
 
 from adaptctl.errors import FileError, InputError, NotFoundError
@@ -137,9 +138,5 @@ def _experiment(found: object, where: str) -> type[Experiment]:
 
 def _line(error: BaseException, file: Path) -> int | str:
     """The last line of the file that the error passed through."""
-    trace, line = error.__traceback__, getattr(error, "lineno", None) or "unknown"
-    while trace is not None:
-        if Path(trace.tb_frame.f_code.co_filename) == file:
-            line = trace.tb_lineno
-        trace = trace.tb_next
-    return line
+    passed = [frame.lineno for frame in extract_tb(error.__traceback__) if Path(frame.filename) == file]
+    return passed[-1] if passed and passed[-1] else getattr(error, "lineno", None) or "unknown"

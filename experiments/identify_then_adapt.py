@@ -81,8 +81,7 @@ class IdentifyThenAdapt(Learning):
         """Controllers to compare, Slotine and Li's law with one gain from several first estimates: identified from the
         first part of the log, the subject, and with adaptation off; from the URDF file; and zero. Raises `InputError`
         for a basis of another geometry."""
-        model = ReducedModel(mechanism, basis)
-        gains = Gains.from_bandwidth(mechanism, self.bandwidth, self.ratio)
+        model, gains = ReducedModel(mechanism, basis), Gains.from_bandwidth(mechanism, self.bandwidth, self.ratio)
         gain = self.rate * deviations(model, mechanism.inertial_parameters, self.parameter_error) ** 2
         part = _parameters(mechanism, identified_from(self.robot, self.known))
         file = _parameters(mechanism, robot_file(self.robot))

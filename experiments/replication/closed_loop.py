@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -30,6 +31,7 @@ PURPOSE = (
     "Both tips follow one path in space, and both controllers start knowing nothing, by the same distance off it. The "
     "PUMA's wrist is held straight, its tip is the flange."
 )
+TITLE = "A serial arm and one with a loop, on one task"
 LAST = "Tip error (RMS), last 2 s"
 NOTE = (
     "For the three-joint PUMA the paper prints 16. That is what energies give when they are not differenced: they "
@@ -95,78 +97,59 @@ def side_by_side(seed: int, duration: float, period: float, progress: Progress) 
         if not found:
             raise
     verdict = Verdict.together(map(judged, found.values()))
-    answers = [_answers(arm, one) for arm, one in found.items()]
-    rows = [(what, *(one[what] for one in answers)) for what in answers[0]]
-    told, words = [Fact(what, " · ".join(each)) for what, *each in rows], verdict.before(_answer(found))
-    about: dict[str, Any] = {"experiment": ArmOnPath.name, "complete": complete, "seed": seed}
-    page = Report(
-        **about,
-        title="A serial arm and one with a loop, on one task",
-        outcome=words,
-        facts=told,
-        sections=list(_sections(found, rows)),
-        about=f"seed {seed}",
-        source=f"Section 5.3 of {SHEU_WALKER}.",
-    )
     arms = {arm.name: _summary(arm, one) for arm, one in found.items()}
-    content = {
-        "schema": "adaptctl/side-by-side/1",
-        "verdict": verdict.as_builtins(),
-        "duration": duration,
-        "arms": arms,
-    }
+    answers = list(map(_answers, arms.values()))
+    rows = [(what, *(one[what] for one in answers)) for what in answers[0]]
+    told, words = [Fact(what, " · ".join(each)) for what, *each in rows], verdict.before(_answer(arms))
+    about: dict[str, Any] = {"experiment": ArmOnPath.name, "complete": complete, "seed": seed}
+    source, sections = f"Section 5.3 of {SHEU_WALKER}.", list(_sections(found, rows))
+    page = Report(
+        title=TITLE, outcome=words, facts=told, sections=sections, about=f"seed {seed}", source=source, **about
+    )
+    content = {"schema": "adaptctl/side-by-side/1", "verdict": verdict.as_builtins(), "duration": duration}
     each = {arm.name: partial(write_artifacts, comparison=one) for arm, one in found.items()}
 
     def write(folder: Path, progress: Progress) -> Path:
-        return page.write(
-            folder, {"schema": "adaptctl/side-by-side/1"} | about | content, tables=each, progress=progress
-        )
+        return page.write(folder, content | about | {"arms": arms}, tables=each, progress=progress)
 
     return Result(complete, headline(words, complete), tuple(told), verdict, write)
-
-
-def _summary(arm: ArmWithTip, comparison: Comparison) -> dict[str, Any]:
-    mechanism = comparison.mechanism
-    return comparison_summary(comparison) | {
-        "links": len(mechanism.links),
-        "joints": _joints(mechanism),
-        "actuators": mechanism.dof,
-        "inertial_parameters": len(mechanism.parameter_names),
-        "rank_printed": arm.printed_rank,
-        "regressor_flops": _regressor(comparison),
-    }
 
 
 def _told(progress: Progress, arm: str, what: str, share: float) -> None:
     progress(f"{arm}: {what}", share)
 
 
-def _joints(mechanism: Mechanism) -> int:
-    """Number of joints, with those that are cut to make a tree of loops."""
-    loops = mechanism.description.loops
-    return len(mechanism.links) + (len(loops.closures) if loops else 0)
-
-
-def _regressor(comparison: Comparison) -> dict[str, int]:
-    """Operations of the Slotine-Li regressor, on the independent parameters and on all; closing loops not counted."""
+def _summary(arm: ArmWithTip, comparison: Comparison) -> dict[str, Any]:
+    """Summary of an arm's runs, with its numbers of joints, those that are cut to make a tree of loops included, and of
+    operations of the Slotine-Li regressor, closing loops not counted."""
     mechanism, columns = comparison.mechanism, comparison.basis.columns
-    return {"reduced": equation_costs(mechanism, columns).regressor, "full": equation_costs(mechanism).regressor}
+    loops, costs = mechanism.description.loops, {"reduced": equation_costs(mechanism, columns)}
+    costs["full"] = equation_costs(mechanism)
+    return comparison_summary(comparison) | {
+        "label": arm.label,
+        "links": len(mechanism.links),
+        "joints": len(mechanism.links) + (len(loops.closures) if loops else 0),
+        "actuators": mechanism.dof,
+        "inertial_parameters": len(mechanism.parameter_names),
+        "rank_printed": arm.printed_rank,
+        "regressor_flops": {name: cost.regressor for name, cost in costs.items()},
+    }
 
 
-def _answers(arm: ArmWithTip, one: Comparison) -> dict[str, str]:
-    """Answers to what a person asks of an arm, by the questions."""
-    errors = {finding.name: f"{number(finding.value)} mm" for finding in one.findings}
-    flops, rise = _flops(one), one.subject.lyapunov_max_increase
+def _answers(arm: dict[str, Any]) -> dict[str, str]:
+    """Answers to what a person asks of an `arm`, whose summary is given, by the questions."""
+    errors = {name: f"{number(finding['value'])} mm" for name, finding in arm["findings"].items()}
+    rise = arm["lyapunov_max_increase"]
     return {
-        "Links": str(len(one.mechanism.links)),
-        "Joints": str(_joints(one.mechanism)),
-        "Actuators, which are the primary joints": str(one.mechanism.dof),
-        "Inertial parameters": str(len(one.mechanism.parameter_names)),
-        "Independent parameters": str(one.space.rank),
-        "… as the paper prints them (Table 13)": str(arm.printed_rank),
-        "Operations of the regressor, independent and all": "{reduced:,}, {full:,}".format(**_regressor(one)),
-        "Operations of an adaptive tick": f"{flops.get(ADAPTIVE, 0):,}",
-        "… with all parameters": f"{flops.get(FULL, 0):,}",
+        "Links": str(arm["links"]),
+        "Joints": str(arm["joints"]),
+        "Actuators, which are the primary joints": str(arm["actuators"]),
+        "Inertial parameters": str(arm["inertial_parameters"]),
+        "Independent parameters": str(arm["rank"]),
+        "… as the paper prints them (Table 13)": str(arm["rank_printed"]),
+        "Operations of the regressor, independent and all": "{reduced:,}, {full:,}".format(**arm["regressor_flops"]),
+        "Operations of an adaptive tick": f"{_flops(arm, ADAPTIVE):,}",
+        "… with all parameters": f"{_flops(arm, FULL):,}",
         "Tip error (RMS), first second": errors.get(f"first_tool_error.{ADAPTIVE}", "–"),
         LAST: errors.get(f"final_tool_error.{ADAPTIVE}", "–"),
         "… with all parameters, last 2 s": errors.get(f"final_tool_error.{FULL}", "–"),
@@ -175,20 +158,19 @@ def _answers(arm: ArmWithTip, one: Comparison) -> dict[str, str]:
     }
 
 
-def _flops(comparison: Comparison) -> dict[str, int]:
-    """Operations of a tick, by the run's name."""
-    return {run.name: run.cost.flops or 0 for run in comparison.runs if run.cost}
+def _flops(arm: dict[str, Any], run: str) -> int:
+    """Operations of a tick of a run, 0 where they were not counted."""
+    return ((arm["runs"].get(run) or {}).get("tick") or {}).get("flops") or 0
 
 
-def _answer(found: Compared) -> str:
-    ends = " and ".join(f"{_answers(arm, one)[LAST]} ({arm.label})" for arm, one in found.items())
+def _answer(arms: dict[str, dict[str, Any]]) -> str:
+    ends = " and ".join(f"{_answers(arm)[LAST]} ({arm['label']})" for arm in arms.values())
     text = f"From knowing nothing, the tip ends {ends} off the path that both follow."
-    ticks = [_flops(one).get(ADAPTIVE, 0) for one in found.values()]
+    ticks, ranks = ([of(arm) for arm in arms.values()] for of in (partial(_flops, run=ADAPTIVE), itemgetter("rank")))
     if len(ticks) < len(ARMS) or not all(ticks):
         return text
-    few, many = (one.space.rank for one in found.values())
     times = f"A tick of the {ARMS[1].label} takes {number(ticks[1] / ticks[0])} times the operations"
-    return f"{text} {times}, for {many} independent parameters instead of {few}."
+    return f"{text} {times}, for {ranks[1]} independent parameters instead of {ranks[0]}."
 
 
 def _sections(found: Compared, rows: Sequence[Sequence[str]]) -> Iterator[Section]:
