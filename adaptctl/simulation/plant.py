@@ -357,7 +357,7 @@ class Plant(Tunable):
 
 @lru_cache(maxsize=64)
 def _shared(structure: Structure, name: str) -> Callable[..., Any]:
-    """What a method of plants of one structure returns."""
+    """Result of a method of plants of one structure."""
     made: Callable[..., Any] = getattr(structure.of, name)()
     return made
 
