@@ -158,7 +158,7 @@ def _draw_once(canvas: FigureCanvasAgg, path: Path) -> None:
     if layout := canvas.figure.get_layout_engine():
         layout.execute(canvas.figure)
         canvas.figure.set_layout_engine("none")
-    canvas.print_png(path, metadata={"Software": "adaptctl"})
+    canvas.print_png(path, metadata={"Software": "adaptctl"})  # type: ignore[no-untyped-call]  # Matplotlib has no types
 
 
 def thinned(samples: int, most: int) -> slice:

@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from adaptctl.arrays import Array
 from adaptctl.description import GROUND, Description, Link, Pose
 from adaptctl.description.loops import Closure
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.loop_equations import LoopEquations
 from adaptctl.dynamics.loops.constraint import ClosureSide, Follower, Loop
 from adaptctl.dynamics.recursion.segment import Segment
 from adaptctl.errors import InputError
@@ -35,6 +34,9 @@ from adaptctl.identifiability.proof.joint_frames import (
     turns_of,
 )
 from adaptctl.scalars import Column, Mat, Vec, product
+
+if TYPE_CHECKING:
+    from adaptctl.dynamics.loop_equations import LoopEquations
 
 Number = Callable[[Fraction], Any]
 """Makes scalars of rational numbers: residues, or numbers of many digits."""
@@ -299,7 +301,8 @@ def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
     pairs = zip(equations.closing.loops, description.loops.closures, strict=True)
     closed = tuple(_exact_loop(loop, closure, description, geometry) for loop, closure in pairs)
     followers = tuple(_exact_follower(follower, geometry) for follower in equations.closing.followers)
-    return LoopEquations(tree, replace(equations.closing, loops=closed, followers=followers))
+    closing = replace(equations.closing, loops=closed, followers=followers)
+    return replace(equations, tree=tree, closing=closing, rules=())
 
 
 def loop_energies(equations: LoopEquations, geometry: ExactGeometry, q: Array, v: Array) -> Any:
