@@ -27,10 +27,10 @@ class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.uti
 
     `env` is a single-arm environment, `controller` the `Controller` and `space` the action space. A subclass defines
     what actions do by `_torque(action)`: from a finite action (a,) it returns the torque (r,) of the next control
-    period on r joints, N m (N if prismatic), and a dict that is added to `info`. Raises `InputError` for what is no
-    `Controller`, for an environment without the attributes `observation_slices` and `control_period` of a
-    `TrackingEnv`, for another number of joints than the controller's, and where wrappers have changed the observation
-    or the action space.
+    period on r joints, N m (N if prismatic), the controller's state after it, and a dict that is added to `info`.
+    Raises `InputError` for what is no `Controller`, for an environment without the attributes `observation_slices` and
+    `control_period` of a `TrackingEnv`, for another number of joints than the controller's, and where wrappers have
+    changed the observation or the action space.
     """
 
     def __init__(
@@ -65,9 +65,8 @@ class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.uti
         """
         observation, info = self.env.reset(seed=seed, options=options)
         self._look(observation)
-        begun = self._memory = self.controller.init(*self._seen[:2])
-        _, told = self._torque(np.zeros(self.action_space.shape or ()))
-        self._memory = begun
+        self._memory = self.controller.init(*self._seen[:2])
+        *_, told = self._torque(np.zeros(self.action_space.shape or ()))
         return observation, info | told
 
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
@@ -82,15 +81,15 @@ class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.uti
         """
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
-        torque, told = self._torque(finite_actions(action, self.action_space))
+        torque, self._memory, told = self._torque(finite_actions(action, self.action_space))
         observation, reward, terminated, truncated, info = self.env.step(torque)
         self._look(observation)
         return observation, reward, terminated, truncated, info | told
 
     @abstractmethod
-    def _torque(self, action: Array) -> tuple[Array, dict[str, Any]]:
-        """The torque (r,) of the next control period under an action (a,), and what `info` tells of it; the memory goes
-        on."""
+    def _torque(self, action: Array) -> tuple[Array, Any, dict[str, Any]]:
+        """The torque (r,) of the next control period under an action (a,), the controller's memory after it, and what
+        `info` tells of it."""
 
     def _look(self, observation: Array) -> None:
         """Take what is observed."""
@@ -105,10 +104,10 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
 
     `env` is a `VectorTrackingEnv`, without wrappers; `controller` the `Controller`; `actions` the number a of actions
     of one arm. Observations are those of `env`. A subclass defines what actions do by `_torques(actions)`: from finite
-    actions (N, a) it returns the torques (N, r) of the next control period on r joints, N m (N if prismatic), and a
-    dict that is added to `info`. It takes the controller's state from `_memory` and positions, velocities and
-    reference, (N, r) each, from `_seen`, and puts the next state into `_memory`. Raises `InputError` for another
-    environment, a `controller` that is no `Controller`, and one for another number of joints.
+    actions (N, a) it returns the torques (N, r) of the next control period on r joints, N m (N if prismatic), the
+    controller's state after it, and a dict that is added to `info`. It takes the state before from `_memory` and
+    positions, velocities and reference, (N, r) each, from `_seen`. Raises `InputError` for another environment, a
+    `controller` that is no `Controller`, and one for another number of joints.
     """
 
     def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], actions: int) -> None:
@@ -167,7 +166,7 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
         """
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
-        torques, told = self._torques(finite_actions(actions, self.action_space))
+        torques, self._memory, told = self._torques(finite_actions(actions, self.action_space))
         observations, rewards, terminated, truncated, info = self.env.step(torques)
         over = terminated | truncated
         begun = {AutoresetMode.SAME_STEP: over, AutoresetMode.NEXT_STEP: self._over}.get(self._mode, over & False)
@@ -176,9 +175,9 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
         return observations, rewards, terminated, truncated, info | told
 
     @abstractmethod
-    def _torques(self, actions: Array) -> tuple[Array, dict[str, Any]]:
-        """The torques (N, r) of the next control period under actions (N, a), and what `info` tells of it; the memory
-        goes on."""
+    def _torques(self, actions: Array) -> tuple[Array, Any, dict[str, Any]]:
+        """The torques (N, r) of the next control period under actions (N, a), the controllers' memory after it, and
+        what `info` tells of it."""
 
     def _look(self, observations: Array, begun: NDArray[np.bool_]) -> None:
         """Take what is observed, and let arms whose episode has begun forget the last one."""
@@ -226,9 +225,9 @@ class ResidualEnv(ControlledEnv):
         super().__init__(env, controller)
         self._scale = _share(share) * np.asarray(env.action_space.high)  # type: ignore[attr-defined]  # a torques' Box
 
-    def _torque(self, action: Array) -> tuple[Array, dict[str, Any]]:
-        base, self._memory = self.controller.step(self._memory, *self._seen)
-        return base + self._scale * action, {"base_torque": base}
+    def _torque(self, action: Array) -> tuple[Array, Any, dict[str, Any]]:
+        base, memory = self.controller.step(self._memory, *self._seen)
+        return base + self._scale * action, memory, {"base_torque": base}
 
 
 class ResidualVectorEnv(ControlledVectorEnv):
@@ -248,9 +247,9 @@ class ResidualVectorEnv(ControlledVectorEnv):
         super().__init__(env, controller, controller.dof)
         self._scale = _share(share) * np.asarray(env.single.plant.torque_limits)
 
-    def _torques(self, actions: Array) -> tuple[Array, dict[str, Any]]:
-        base, self._memory = self.controller.step(self._memory, *self._seen)
-        return base + self._scale * actions, masked({"base_torque": base}, np.ones(len(base), dtype=np.bool_))
+    def _torques(self, actions: Array) -> tuple[Array, Any, dict[str, Any]]:
+        base, memory = self.controller.step(self._memory, *self._seen)
+        return base + self._scale * actions, memory, masked({"base_torque": base}, np.ones(len(base), dtype=np.bool_))
 
 
 def require_controller(given: object) -> None:

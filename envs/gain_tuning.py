@@ -150,10 +150,10 @@ class TuningEnv(ControlledEnv):
         self.range = GainRange.of(controller, gains, span)
         super().__init__(env, controller, self.range.space)
 
-    def _torque(self, action: Array) -> tuple[Array, dict[str, Any]]:
+    def _torque(self, action: Array) -> tuple[Array, Any, dict[str, Any]]:
         gains = self.range.packed(action[None])
-        torque, self._memory = self.controller.step_tuned(gains, self._memory, *self._seen)
-        return torque[0], {"gains": self.range.gains(action)}
+        torque, memory = self.controller.step_tuned(gains, self._memory, *self._seen)
+        return torque[0], memory, {"gains": self.range.gains(action)}
 
     def _look(self, observation: Array) -> None:
         """Take what is observed, as of one arm of many (1, r)."""
@@ -184,10 +184,10 @@ class TuningVectorEnv(ControlledVectorEnv):
         self.range = GainRange.of(controller, gains, span)
         super().__init__(env, controller, self.range.space.shape[0])
 
-    def _torques(self, actions: Array) -> tuple[Array, dict[str, Any]]:
-        torques, self._memory = self.controller.step_tuned(self.range.packed(actions), self._memory, *self._seen)
+    def _torques(self, actions: Array) -> tuple[Array, Any, dict[str, Any]]:
+        torques, memory = self.controller.step_tuned(self.range.packed(actions), self._memory, *self._seen)
         every = np.ones(len(actions), dtype=np.bool_)
-        return torques, masked({"gains": masked(self.range.gains(actions), every)}, every)
+        return torques, memory, masked({"gains": masked(self.range.gains(actions), every)}, every)
 
 
 def names_of(gains: object) -> tuple[str, ...]:
