@@ -108,15 +108,19 @@ def design(
     )
     runs = _driven(study, seed, **given) if drive else ()
     content = as_builtins(study, detail, runs)
+    if json and out is None:
+        print_json(content)
+        return
+    shown = report(study, detail, runs)
     if out is not None:
         from adaptctl.folders import replacing_folder
 
         with replacing_folder(out, overwrite) as folder:
-            write_study(folder, study, content, detail, runs)
+            write_study(folder, study, shown, content, runs)
     if json:
         print_json(content)
     else:
-        print_sections(report(study, detail, runs).sections)
+        print_sections(shown.sections)
 
 
 def _detail(

@@ -17,6 +17,7 @@ from adaptctl.design.removals import Removal
 from adaptctl.design.study import DesignStudy
 from adaptctl.design.task import DesignTask
 from adaptctl.dynamics.joint_units import error_unit
+from adaptctl.identifiability.essential_space import percent_errors
 from adaptctl.recording.drawing import Drawing, run_color, sheet, thinned
 from adaptctl.recording.page import SHEU_WALKER, Lines, Report, Section, Table, TableLayout
 from adaptctl.recording.result import Fact, Progress, silent
@@ -45,17 +46,16 @@ EXPLAINED = 4
 def write_study(
     folder: Path,
     study: DesignStudy,
+    shown: Report,
     content: Mapping[str, Any],
-    detail: AddedMass | None = None,
     runs: Sequence[DrivenArm] = (),
     progress: Progress = silent,
 ) -> None:
     """Write the files of a design `study` into a `folder`, all or none: design.json with the `content`, in JSON's
-    types, figures as PNG in the subfolder `figures`, report.html and recording.rrd. `detail` and `runs` are as for
-    `report`; the runs' curves and the last one's motion are in the recording. `progress(what, share)` is called with
-    what is being written and the fraction done, 0 to 1. Raises `FileError` where a file cannot be written, and for
+    types, and what is `shown`, its `report`, as report.html, figures as PNG in the subfolder `figures` and
+    recording.rrd, in which are the curves of the `runs` and the last one's motion. `progress(what, share)` is called
+    with what is being written and the fraction done, 0 to 1. Raises `FileError` where a file cannot be written, and for
     numbers in `content` that are NaN or infinite, `RankError` where the mechanism's rank cannot be certified."""
-    shown = report(study, detail, runs)
     shown.write(folder, content, name="design.json", record=partial(record, study, runs, shown), progress=progress)
 
 
@@ -257,9 +257,7 @@ def _components_figure(study: DesignStudy) -> Figure:
     axes = figure.subplots()
     tasks = {"as described": study.task, "with counterweights": study.counterweights.balanced}
     for i, (label, task) in enumerate(tasks.items()):
-        squares = np.sort(np.square(task.matrix("components") @ task.parameters))
-        tails = np.append(np.cumsum(squares)[::-1], 0.0)
-        errors = 100.0 * np.sqrt(tails / tails[0])
+        errors = percent_errors(np.sort(np.abs(task.matrix("components") @ task.parameters))[::-1])
         shown = errors > 1e-8
         axes.semilogy(np.arange(len(errors))[shown], errors[shown], "o-", ms=3, color=run_color(1 - i).hex, label=label)
     axes.axhline(study.percent, linestyle=(0, (4, 3)), color=run_color(4).hex)

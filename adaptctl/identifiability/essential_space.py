@@ -334,7 +334,7 @@ def reduce(
     alpha = space.basis.T @ D
     beta = space.singular_values[: space.rank] * alpha
     order = np.argsort(-np.abs(beta), kind="stable")
-    errors = _percent_errors(beta[order])
+    errors = percent_errors(beta[order])
     count = _enough(errors, energy_error) if energy_error is not None else components
     return Reduction(
         states=space.states,
@@ -346,8 +346,10 @@ def reduce(
     )
 
 
-def _percent_errors(weights: Array) -> Array:
-    """Equation 23 for every s, summed from the smallest so that the last ones keep their digits."""
+def percent_errors(weights: Array) -> Array:
+    """Energy errors (k + 1,) in percent, when only the first 0, 1, ... k of k essential components are kept whose sizes
+    `weights` (k,), J, descend (Sheu and Walker 1991, equation 23). Raises `InputError` where all are zero."""
+    # Summed from the smallest, so that the last ones keep their digits.
     tails = np.append(np.cumsum(weights[::-1] ** 2)[::-1], 0.0)
     if tails[0] == 0.0:
         raise InputError("these parameters have no energy in any of the states, so there is nothing to reduce")
