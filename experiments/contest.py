@@ -250,16 +250,14 @@ def listed(values: Array) -> str:
 def over_time(runs: Sequence[ControllerRun], values: Mapping[str, Array], ylabel: str) -> Figure:
     """Matplotlib figure of `values` (T,) of some of the `runs`, by their names, over time, s, on a logarithmic scale
     with the label `ylabel`, each in its run's colour."""
-    from adaptctl.recording.drawing import run_color, sheet, thinned
+    from adaptctl.recording.drawing import run_style, sheet, thinned
 
     figure, places = sheet(4.2), color_places(runs)
     axes = figure.subplots()
     for run in runs:
         if (own := values.get(run.name)) is not None:
             every, place = thinned(len(own), DRAWN), places[run.name]
-            style = "-" if place < 5 else (0, (4, 2))
-            color = run_color(place).hex
-            axes.semilogy(run.rollout.time[every], own[every], color=color, linestyle=style, label=run.label)
+            axes.semilogy(run.rollout.time[every], own[every], label=run.label, **run_style(place))
     axes.set_xlabel("time [s]")
     axes.set_ylabel(ylabel)
     figure.legend(loc="outside upper left", ncols=3)

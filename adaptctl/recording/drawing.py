@@ -52,6 +52,9 @@ RUNS = _palette(
 )
 """One a controller: the adaptive one is blue, the same with adaptation off orange, the others follow in their order."""
 
+SOLID = 5
+"""runs whose curves are solid"""
+
 JOINTS = _palette("2d7deb f08228 28aa6e e14b5f 9b69e1 aa8737 23afc3 d75faf 8296b4 96be3c")
 """One a joint; bright enough for a dark screen, dark enough for paper."""
 
@@ -71,6 +74,12 @@ def run_color(index: int) -> Color:
     """The colour, in recordings and reports, of the run of zero-based `index`: blue for 0, the run that a comparison is
     about, orange for 1, that with adaptation off, then others. There are 18, which then repeat. Nothing is checked."""
     return RUNS[index % len(RUNS)]
+
+
+def run_style(index: int) -> dict[str, Any]:
+    """Colour and line style, keywords of Matplotlib's, of the curve of the run of zero-based `index`: dashed from the
+    sixth on, whose colours are harder to tell apart. Nothing is checked."""
+    return {"color": run_color(index).hex, "linestyle": "-" if index < SOLID else (0, (4, 2))}
 
 
 def joint_color(index: int) -> Color:

@@ -21,6 +21,7 @@ from adaptctl.recording.drawing import (
     Drawing,
     joint_color,
     run_color,
+    run_style,
     sheet,
     thinned,
 )
@@ -85,11 +86,10 @@ def tracking_error(comparison: Comparison) -> Figure:
         axes.semilogy(
             run.rollout.time[every],
             1e3 * run.moving_rms_error(AVERAGE)[every],
-            color=run_color(i).hex,
+            **run_style(i),
             linewidth=2.6 if foremost else 1.5,
             label=run.label,
             zorder=3 if foremost else 2,
-            linestyle="-" if i < 5 else (0, (4, 2)),
         )
     axes.set_xlabel("time [s]")
     axes.set_ylabel(f"RMS tracking error [{comparison.error_unit}]")
