@@ -59,7 +59,8 @@ def test_mechanisms_bases_and_models(arm: Mechanism) -> None:
         assert sent(arm).description == arm.description
         np.testing.assert_array_equal(sent(arm).inverse_dynamics(p, v, v), arm.inverse_dynamics(p, v, v))
         np.testing.assert_array_equal(sent(space).singular_values, space.singular_values)
-        np.testing.assert_array_equal(sent(space).null_basis, space.null_basis)
+        # A copy decomposes again, and what LAPACK adds up depends on where its arrays lie.
+        np.testing.assert_allclose(sent(space).null_basis, space.null_basis, rtol=0, atol=1e-13)
         assert sent(basis).equations() == basis.equations()
         assert not sent(basis).regrouping.flags.writeable
         np.testing.assert_array_equal(sent(model).torque_regressor(p, v, v), model.torque_regressor(p, v, v))
