@@ -221,7 +221,7 @@ def test_a_shaft_is_of_a_joint_that_there_is(joint: Any) -> None:
 def test_coulomb_friction_fades_below_the_speed_that_the_docs_name() -> None:
     """At that speed v / sqrt(v^2 + w^2) is 1/sqrt(2): with w twice as large it would be 0.45."""
     text = (Path(__file__).parent.parent / "docs" / "concepts.md").read_text(encoding="utf-8")
-    (figure,) = re.findall(r"Coulomb friction fades below ([0-9.]+) rad/s", text)
+    (figure,) = re.findall(r"Coulomb friction is smoothed below ([0-9.]+) rad/s", text)
     plain = random_tree(4, 1)
     rubbing = plain.with_drives(Drive(coulomb=1.0))
     for factor, share in ((1.0, 1.0 / np.sqrt(2.0)), (-1.0, -1.0 / np.sqrt(2.0)), (1e-3, 1e-3), (100.0, 1.0)):
