@@ -9,7 +9,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: architecture help demo test search golden bench gallery sdist figures check-stability check-export check-page check-pages check-learners mutants lint types docs format licences audit lock clean
+.PHONY: architecture help demo test test-nightly search golden bench gallery sdist figures check-stability check-export check-page check-pages check-learners mutants lint types docs format licences audit lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
@@ -21,8 +21,11 @@ demo: $(STAMP) ## an adaptive PUMA 560, from energies to a recording, in results
 test: $(STAMP) ## the tests, and every example of README.md and docs/
 	$(BIN)/python -m pytest -n 3 --dist worksteal
 
+test-nightly: $(STAMP) ## those tests that take long, and that `make test` has some of
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m nightly
+
 search: $(STAMP) ## the tests that draw their cases, on cases drawn anew each time
-	$(BIN)/python -m pytest -n 2 --dist worksteal --hypothesis-profile=search $$(grep -l '^from hypothesis import' tests/test_*.py)
+	$(BIN)/python -m pytest -n 2 --dist worksteal --hypothesis-profile=search -m '' $$(grep -l '^from hypothesis import' tests/test_*.py)
 
 golden: $(STAMP) ## what is kept in tests/golden against what is so now; ten minutes (PARTS="robots exports"; UPDATE=1 to keep it)
 	$(BIN)/python tests/golden/capture.py $(PARTS) $(if $(UPDATE),--update)
@@ -32,7 +35,7 @@ bench: $(STAMP) ## speed against its peers, in three minutes; docs/speed.md and 
 
 figures: $(STAMP) ## bounds that the project promises and the figures found today, in results/figures.json; docs/verification.md then shows them
 	@rm -rf results/.figures && mkdir -p results/.figures
-	ADAPTCTL_FIGURES=$(CURDIR)/results/.figures $(BIN)/python -m pytest -q $$(grep -l '^from figures import' tests/test_*.py)
+	ADAPTCTL_FIGURES=$(CURDIR)/results/.figures $(BIN)/python -m pytest -q -m '' $$(grep -l '^from figures import' tests/test_*.py)
 	$(BIN)/python tests/figures.py results/.figures results/figures.json
 	$(BIN)/python -m docs.making.verification results/figures.json
 

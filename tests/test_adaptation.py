@@ -9,6 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from nightly import turn_by_turn
 from sampled_loops import RANGES, arm, full, gains, loop, posture, reduced, swinging
 
 from adaptctl.arrays import Array
@@ -97,8 +98,7 @@ def second_tick(controller: SlotineLi, name: str, elapsed: float) -> tuple[list[
     return [torque, *leaves(after)], plain
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(("law", "name"), turn_by_turn(LAWS, NAMES))
 def test_native_code_and_floats_learn_alike(name: str, law: str) -> None:
     controller = on(name, LAWS[law](name), initial=np.linspace(-0.4, 0.4, len(gain(name))))
     for native, plain in zip(*second_tick(controller, name, controller.period), strict=True):

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nightly import mostly_at_night
 from random_trees import random_chain
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics import array_equations as rule
-from adaptctl.dynamics.array_equations import MOST_PAIRS
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 
@@ -59,7 +59,7 @@ def alike(one: Array, other: Array) -> None:
 
 
 @pytest.mark.parametrize("name", GIVEN)
-@pytest.mark.parametrize("samples", [1, 2, 9, 33])
+@pytest.mark.parametrize("samples", mostly_at_night([1, 2, 9, 33], 2, 33))
 def test_native_code_is_python_for_one_state_and_for_many(both: Any, name: str, samples: int) -> None:
     python, native = both
     given = list(states(python, samples)[: GIVEN[name]])
@@ -125,21 +125,23 @@ def test_a_result_that_is_not_finite_is_refused() -> None:
                 arm.forward_dynamics(np.zeros(6), np.full(6, 1e200), np.zeros(6))
 
 
-def test_the_rule() -> None:
+@pytest.mark.parametrize(("pairs", "longest"), mostly_at_night([(20, 8), (600, 49)], (20, 8)))
+def test_the_rule(pairs: int, longest: int) -> None:
     """Calls and states until then are in Python; regressors of long mechanisms are made row by row."""
     arm = load("puma560_measured")
     p = states(arm, 10_000)[0]
     assert [is_native(arm, "mass_matrix", p[0]) for _ in range(rule.CALLS)] == [False] * (rule.CALLS - 1) + [True]
     assert [is_native(arm, "inverse_dynamics", p, p, p) for _ in range(3)] == [False, False, True]
-    long = random_chain(0, 35)
-    assert sum(range(36)) > MOST_PAIRS >= sum(range(35))
+    n = next(n for n in range(50) if sum(range(n + 1)) > pairs)
+    long = random_chain(0, n)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rule, "CALLS", 1)
+        patch.setattr(rule, "MOST_PAIRS", pairs)
         zeros = np.zeros((3, long.dof))
         assert is_native(long, "inverse_dynamics", *zeros)
         assert not is_whole(long, "torque_regressor")
-        assert is_whole(random_chain(0, 34), "torque_regressor")
-        longer = random_chain(0, 49)
+        assert is_whole(random_chain(0, n - 1), "torque_regressor")
+        longer = random_chain(0, longest)
         zeros = np.zeros((3, longer.dof))
         assert is_native(longer, "forward_dynamics", *zeros)
         assert is_native(longer, "mass_matrix", zeros[0])

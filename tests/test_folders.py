@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 
 import pytest
+from nightly import mostly_at_night
 
 from adaptctl.errors import FileError
 from adaptctl.files import name_beside, replacing, write_text
@@ -177,7 +178,7 @@ def require_one_run(place: Path, old: str) -> None:
         assert whole or not said["complete"]  # it may be ended after its last run, while that is timed
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", mostly_at_night([signal.SIGKILL, signal.SIGINT, signal.SIGTERM], signal.SIGKILL))
 def test_a_run_that_is_ended_at_any_moment(tmp_path: Path, number: signal.Signals) -> None:
     """Also in its first moments, and while it writes. `AT_RANDOM=200 pytest -k any_moment` tries as many."""
     rng, place = random.Random(int(number)), tmp_path / "out"

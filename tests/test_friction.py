@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nightly import turn_by_turn
 
 from adaptctl.arrays import Array
 from adaptctl.control import ComputedTorque, Sinusoids, SlotineLi
@@ -88,8 +89,9 @@ def tracked(mechanism: Mechanism, steps: int, integrator: Integrator, effects: t
     return simulate_many(plant, law, reference, duration=1.0, p=off).p[:, 0]
 
 
-@pytest.mark.parametrize("mechanism", [load("puma560_measured"), FIVE_BAR], ids=["tree", "loop"])
-@pytest.mark.parametrize("where", ["drives", "effects"])
+@pytest.mark.parametrize(
+    ("mechanism", "where"), turn_by_turn([load("puma560_measured"), FIVE_BAR], ["drives", "effects"])
+)
 def test_four_implicit_steps_go_where_many_explicit_ones_go(mechanism: Mechanism, where: str) -> None:
     """Friction that no law compensates: the arm stops and starts, and four steps are within a milliradian."""
     heavy, coulomb = mechanism.with_drives(Drive(0.2)), 60.0

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nightly import mostly_at_night
 from random_trees import random_chain
 
 from adaptctl.cli.main import main
@@ -145,7 +146,13 @@ FOREIGN = ("ur5_robot.urdf", "kinova.urdf", "xarm7.urdf", "so101.urdf")
 
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
-@pytest.mark.parametrize("robot", [*builtin_names(), *map(str, map(urdf, FOREIGN))])
+@pytest.mark.parametrize(
+    "robot",
+    mostly_at_night(
+        [*builtin_names(), *map(str, map(urdf, FOREIGN))],
+        *("puma560", "semi_direct_drive", str(urdf("kinova.urdf")), str(urdf("xarm7.urdf"))),
+    ),
+)
 def test_the_commands_gains_and_tune_tell_one_k(capsys: pytest.CaptureFixture[str], robot: str) -> None:
     """One rule answers both, also where friction holds the arm (the xArm) and where a light wrist does (the Kinova)."""
     given = [] if robot == "puma560" else ["--bandwidth", "6"]

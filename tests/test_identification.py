@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nightly import mostly_at_night
 from random_trees import random_chain
 from scipy.optimize import minimize
 from synthetic_logs import joint_drives, known, motion
@@ -36,11 +37,13 @@ def found(seed: int, colour: float) -> tuple[Identification, np.ndarray]:
     return result, result.model.regrouping @ case.truth.inertial_parameters
 
 
-@pytest.mark.parametrize("colour", [0.0, 0.9])
-def test_the_truth_is_within_two_deviations(colour: float) -> None:
-    cases = [found(seed, colour) for seed in range(10)]
+@pytest.mark.parametrize(
+    ("colour", "count"), mostly_at_night([(0.0, 3), (0.9, 3), (0.0, 10), (0.9, 10)], (0.0, 3), (0.9, 3))
+)
+def test_the_truth_is_within_two_deviations(colour: float, count: int) -> None:
+    cases = [found(seed, colour) for seed in range(count)]
     z = np.concatenate([(result.estimate - truth) / result.deviations for result, truth in cases])
-    assert len(z) > 150
+    assert len(z) > 15 * count
     assert np.mean(np.abs(z) < 2.0) >= 0.93  # 95 %, less a deviation and a half of so many draws
     assert 0.8 < np.sqrt(np.mean(z**2)) < 1.25
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from nightly import at_night
 
 from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.recording import shown
@@ -25,7 +26,9 @@ def until(label: str) -> Callable[[str, float], None]:
     return interrupted
 
 
-@pytest.mark.parametrize("label", ["Slotine-Li on MuJoCo, steps 4 times shorter", "Slotine-Li on adaptctl's plant"])
+@pytest.mark.parametrize(
+    "label", ["Slotine-Li on MuJoCo, steps 4 times shorter", at_night("Slotine-Li on adaptctl's plant")]
+)
 def test_the_first_plant_is_kept_when_another_is_interrupted(label: str, tmp_path: Path) -> None:
     experiment = AdaptiveTracking(robot=ARM, plant="both", duration=2.0)
     comparison = experiment.compare(until(label))

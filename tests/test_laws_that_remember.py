@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nightly import at_night, turn_by_turn
 from sampled_loops import (
     RANGES,
     arm,
@@ -194,8 +195,7 @@ def test_a_direction_is_forgotten_for_itself(seed: int, share: float) -> None:
     assert np.linalg.eigvalsh(found)[0] > -1e-9 * np.abs(Q).max()
 
 
-@pytest.mark.parametrize("name", ARMS)
-@pytest.mark.parametrize("kind", [CompositeLearning, ConcurrentLearning])
+@pytest.mark.parametrize(("kind", "name"), turn_by_turn([CompositeLearning, ConcurrentLearning], ARMS))
 def test_nothing_is_remembered_of_periods_that_guards_hold_back(kind: type[AdaptationLaw], name: str) -> None:
     """As it is without guards where these never act; and neither memory nor estimate moves where they always do."""
     mechanism = arm(name)
@@ -209,7 +209,7 @@ def test_nothing_is_remembered_of_periods_that_guards_hold_back(kind: type[Adapt
     np.testing.assert_array_equal(weak.estimate, np.zeros_like(weak.estimate))
 
 
-@pytest.mark.parametrize("kind", [CompositeLearning, ConcurrentLearning])
+@pytest.mark.parametrize("kind", [at_night(CompositeLearning), ConcurrentLearning])
 def test_what_no_motion_tells_is_left_alone_among_all_parameters(kind: type[AdaptationLaw]) -> None:
     """Gamma^-1 times what was learned is in the essential space, whatever is remembered; and the arm is tracked."""
     mechanism, model = arm(SMALL), full(SMALL)

@@ -16,6 +16,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from nightly import at_night
 from rerun.chunk import RrdReader
 
 import adaptctl
@@ -149,13 +150,13 @@ Z = [0.0, 0.0]
     ("sample", "why"),
     [
         (("a", Z, Z, Z), "TypeError"),
-        ((None, Z, Z, Z), "TypeError"),
-        ((10**400, Z, Z, Z), "OverflowError"),
-        ((np.nan, Z, Z, Z), "NonFiniteError: expected finite numbers, got nan"),
+        at_night(((None, Z, Z, Z), "TypeError")),
+        at_night(((10**400, Z, Z, Z), "OverflowError")),
+        at_night(((np.nan, Z, Z, Z), "NonFiniteError: expected finite numbers, got nan")),
         ((1.0, [np.nan, 0.0], Z, Z), "NonFiniteError: expected finite numbers, got nan"),
-        ((1.0, Z, Z, [0.0, np.inf]), "NonFiniteError: expected finite numbers, got inf"),
+        at_night(((1.0, Z, Z, [0.0, np.inf]), "NonFiniteError: expected finite numbers, got inf")),
         ((1.0, [0.0] * 3, [0.0], Z), r"InputError: expected arrays of shape \(2,\), got \[\(3,\), \(1,\), \(2,\)\]"),
-        ((1.0, Z, Z, 0.0), r"InputError: expected arrays of shape \(2,\)"),
+        at_night(((1.0, Z, Z, 0.0), r"InputError: expected arrays of shape \(2,\)")),
     ],
 )
 def test_what_cannot_be_drawn_ends_the_view_and_not_the_loop(

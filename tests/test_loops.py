@@ -19,7 +19,7 @@ from adaptctl.dynamics.recursion.segment import placements
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Dual, column
 
-SEEDS = range(5)
+SEEDS = range(2)
 """As many loops of each kind as examples, so that all that is claimed is of the same ones, built and compiled once."""
 seeds = st.sampled_from(SEEDS)
 every_kind = pytest.mark.parametrize("name", sorted(RECIPES))
@@ -59,7 +59,7 @@ def floats(entries: Column) -> Array:
 
 
 @every_kind
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(seed=seeds)
 def test_closed_to_round_off_and_primary_joints_where_asked(name: str, seed: int) -> None:
     mechanism, p, q, _ = case(name, seed)
@@ -68,7 +68,7 @@ def test_closed_to_round_off_and_primary_joints_where_asked(name: str, seed: int
 
 
 @every_kind
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(seed=seeds)
 def test_following_there_and_back_ends_where_it_began(name: str, seed: int) -> None:
     mechanism, p, q, _ = case(name, seed)
@@ -89,7 +89,7 @@ def test_where_a_configuration_is_followed_from_is_checked_of_trees_too() -> Non
 
 
 @every_kind
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(seed=seeds)
 def test_the_constraints_jacobian_is_that_of_the_poses(name: str, seed: int) -> None:
     """Rows in the frame of the first link, of independent rows only: the same null space as all rows together."""
@@ -103,7 +103,7 @@ def test_the_constraints_jacobian_is_that_of_the_poses(name: str, seed: int) -> 
 
 
 @every_kind
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(seed=seeds)
 def test_velocities_are_the_slope_of_the_configuration(name: str, seed: int) -> None:
     """J v against dual numbers through Newton's steps, and against differences of U."""
@@ -129,7 +129,7 @@ def test_every_loop_that_can_be_drawn_moves(name: str, seed: int) -> None:
 
 
 @every_kind
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(seed=seeds)
 def test_bias_is_the_rate_of_the_jacobian(name: str, seed: int) -> None:
     """J_dot(v) w by dual numbers along J v, for any w; symmetric in v and w."""
@@ -150,7 +150,7 @@ def test_bias_is_the_rate_of_the_jacobian(name: str, seed: int) -> None:
 
 
 @every_kind
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(seed=seeds)
 def test_the_rate_of_energy_is_the_power_of_the_torques(name: str, seed: int) -> None:
     """For every parameter by itself: dE/dt = v' Y."""
@@ -162,7 +162,7 @@ def test_the_rate_of_energy_is_the_power_of_the_torques(name: str, seed: int) ->
 
 
 @every_kind
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(seed=seeds)
 def test_coriolis_is_symmetric_and_leaves_mass_rate_skew(name: str, seed: int) -> None:
     mechanism, p, q, (v, w, s, _) = case(name, seed)
@@ -180,7 +180,7 @@ def test_coriolis_is_symmetric_and_leaves_mass_rate_skew(name: str, seed: int) -
 
 
 @every_kind
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(seed=seeds)
 def test_kinetic_energy_mass_matrix_and_regressors_agree(name: str, seed: int) -> None:
     mechanism, p, q, (v, a, w, s) = case(name, seed)
@@ -226,7 +226,7 @@ def by_projection(mechanism: Mechanism, q: Array, v: Array, torque: Array) -> Ar
 
 
 @every_kind
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(seed=seeds)
 def test_accelerations_are_those_of_constrained_motion(name: str, seed: int) -> None:
     """To 1e-6 of the accelerations and of the velocities' squares, which is what differences allow."""
@@ -252,7 +252,7 @@ def pinocchios(mechanism: Mechanism, q: Array, u: Array, torque: Array) -> Array
 
 
 @every_closure
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(seed=seeds)
 def test_accelerations_are_pinocchios(name: str, seed: int) -> None:
     """To 1e-7: where constraints depend on each other its proximal method stops there."""
@@ -265,7 +265,7 @@ def test_accelerations_are_pinocchios(name: str, seed: int) -> None:
 
 
 @every_closure
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(seed=seeds)
 def test_pinocchios_constraints_have_the_same_jacobian(name: str, seed: int) -> None:
     mechanism, _, q, (v, *_) = case(name, seed)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nightly import turn_by_turn
 from sampled_loops import arm, full, gains, reduced, swinging
 
 from adaptctl.arrays import Array
@@ -62,9 +63,11 @@ def recorded(controller: SlotineLi, found: Rollouts, name: str, m: int) -> Array
 
 
 @pytest.mark.parametrize(
-    ("name", "kind"),
-    [(name, kind) for name in (TREE, LOOP) for kind in ("gradient", "whole gain", "projection", "subspace", "off")]
-    + [(LOOP, "natural")],  # the other's links are no rigid bodies
+    ("kind", "name"),
+    [
+        *turn_by_turn(("gradient", "whole gain", "projection", "subspace", "off"), (TREE, LOOP)),
+        ("natural", LOOP),  # the other's links are no rigid bodies
+    ],
 )
 def test_the_rise_is_that_of_the_samples(name: str, kind: str) -> None:
     model = full(name) if kind == "natural" else reduced(name)

@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from comparisons import comparison, no_progress, shown
+from nightly import at_night
 
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError
@@ -180,7 +181,7 @@ def test_a_run_that_ends_before_the_drop_says_so_and_has_no_error_after_it(tmp_p
     [
         (EndsEarly(disturbance="saturation", duration=9.0), "rms_error_after.gradient", "freeze_over_none"),
         (Laws(disturbance="noise", laws=("gradient",), duration=0.2), "true_rms_error.gradient", ""),
-        (IdentifyThenAdapt(duration=2.5), "first_error.adaptive", "zero_over_identified"),
+        at_night((IdentifyThenAdapt(duration=2.5), "first_error.adaptive", "zero_over_identified")),
     ],
 )
 def test_an_error_of_zero_is_zero(experiment: Learning, zero: str, ratio: str) -> None:

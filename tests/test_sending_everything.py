@@ -18,6 +18,7 @@ import pytest
 from comparisons import comparison
 from every_effect import EFFECTS
 from every_law import ARM, FEW, GAIN, LAWS, MODEL, of_two, slotine_li
+from nightly import turn_by_turn
 from synthetic_logs import known
 from test_tunable import POINT, ticks
 
@@ -233,8 +234,7 @@ def test_an_instance_of_every_public_class_was_among_it() -> None:
     assert missing <= NOT_SENT, f"add {sorted(missing - NOT_SENT)} to every_law.py, every_effect.py or ROOTS"
 
 
-@pytest.mark.parametrize("name", SENT)
-@pytest.mark.parametrize("sent", WAYS, ids=["copied", "pickled"])
+@pytest.mark.parametrize(("name", "sent"), turn_by_turn(SENT, WAYS))
 def test_laws_compute_the_same_before_and_after_use(name: str, sent: Callable[[Any], Any]) -> None:
     before = sent(slow := sent(SENT[name]))
     expected = ticks(slow)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import signal
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
+from nightly import mostly_at_night, turn_by_turn
 from random_trees import random_chain
 from sampled_loops import arm, gains, posture, reduced, swinging
 
@@ -75,9 +77,13 @@ def test_a_run_by_itself_is_the_same_to_the_last_bit(name: str, effects: list[Ef
             np.testing.assert_array_equal(getattr(many, part)[:, 0], getattr(run, part), err_msg=part)
 
 
-@pytest.mark.parametrize("name", [SMALL, LOOP])
-@pytest.mark.parametrize("effects", [[], REAL], ids=["ideal", "real"])
-@pytest.mark.parametrize("kind", ["sinusoids", "samples", "one"])
+@pytest.mark.parametrize(
+    ("name", "effects", "kind"),
+    mostly_at_night(
+        product([SMALL, LOOP], [[], REAL], ["sinusoids", "samples", "one"]),
+        *((SMALL, [], "samples"), (SMALL, REAL, "one"), (LOOP, REAL, "sinusoids"), (LOOP, [], "samples")),
+    ),
+)
 def test_each_arm_runs_as_it_does_alone(name: str, effects: list[Effect], kind: str) -> None:
     mechanism, members, duration = arm(name), 5, 0.3
     rng = np.random.default_rng(1)
@@ -133,8 +139,7 @@ def test_arms_of_another_loop_and_those_there_are_not_are_refused() -> None:
             own.now(arms, 0.0, wrong)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("name", [SMALL, LOOP])
-@pytest.mark.parametrize("effects", [[], REAL], ids=["ideal", "real"])
+@pytest.mark.parametrize(("name", "effects"), turn_by_turn([SMALL, LOOP], [REAL, []]))
 def test_a_period_in_lanes_is_one_on_floats(name: str, effects: list[Effect]) -> None:
     mechanism, members, rng = arm(name), 5, np.random.default_rng(3)
     loop, true = ClosedLoop(real(mechanism, effects), learning(name)), mechanism.inertial_parameters

@@ -10,6 +10,7 @@ import gymnasium
 import numpy as np
 import pytest
 from every_law import LAWS
+from nightly import at_night
 from sampled_loops import arm, gains, own_gain, reduced, swinging
 from test_export import write_scaled
 
@@ -114,7 +115,7 @@ def test_lanes_are_one_by_one_bit_for_bit(lanes: int) -> None:
     assert step.dtype == np.float32
 
 
-@pytest.mark.parametrize("kind", ["forgetting", "composite learning"])
+@pytest.mark.parametrize("kind", ["forgetting", at_night("composite learning")])
 def test_matrices_that_forget_are_refused_also_within_a_guard(kind: str) -> None:
     law: Any = LAWS[kind]
     guard = adaptctl.control.Guarded(law, np.full(law.dof, 50.0), np.full(law.dof, 1e4))

@@ -67,7 +67,7 @@ def test_arms_are_followed_as_they_are_step_by_step(name: str) -> None:
 def test_random_loops_are_followed_as_they_are_step_by_step(name: str) -> None:
     mechanism, _ = random_loop(3, RECIPES[name])
     slow, fast = continuations(mechanism)
-    p = slow._start + np.random.default_rng(1).uniform(-0.6, 0.6, (12, mechanism.dof))
+    p = slow._start + np.random.default_rng(1).uniform(-0.6, 0.6, (6, mechanism.dof))
     expected = ends(slow, p)
     assert_same(ends(fast, p), expected)
     for row, end in zip(p, expected, strict=True):

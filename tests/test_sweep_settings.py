@@ -80,7 +80,7 @@ def test_a_run_is_shown_again_with_all_its_settings(tmp_path: Path) -> None:
     assert "--snap" in words
     assert "True" not in words
     assert words[words.index("--robot") + 1] == "my arm.urdf"
-    words[words.index("my arm.urdf")] = "puma560_measured"
+    words[words.index("my arm.urdf")] = "docs/examples/two_link.toml"
     assert main([*words[1:-1], str(tmp_path / "replay")]) in (0, 1)
 
 

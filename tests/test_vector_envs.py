@@ -10,6 +10,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics, RescaleAction
+from nightly import turn_by_turn
 from random_trees import random_tree
 from sampled_loops import RANGES, arm, gains, reduced
 from vector_envs import (
@@ -45,7 +46,7 @@ def test_arms_are_as_each_alone(name: str, robot: str | None, payload: Any, sett
     settings = settings | {"robot": mechanism}
     ours, theirs = vector(name, 3, **settings), one_by_one(name, 3, **settings)
     law = ComputedTorque(mechanism, 6.0)
-    steps, options = (500 if not settings.get("effects") else 300), {"payload": payload}
+    steps, options = 120, {"payload": payload}
     told, _ = ours.reset(seed=3, options=options)
     theirs.reset(seed=3, options=options)
     state = law.init(*point(told, ours)[:2])
@@ -57,8 +58,7 @@ def test_arms_are_as_each_alone(name: str, robot: str | None, payload: Any, sett
     assert result[4]["time"] == pytest.approx(steps * 1e-3)
 
 
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("name", [PUMA, LOOP])
+@pytest.mark.parametrize(("mode", "name"), turn_by_turn(MODES, [PUMA, LOOP]))
 def test_arms_begin_again_as_gymnasiums_do(name: str, mode: AutoresetMode) -> None:
     """Random references and noise after it show that each arm's generator is where it should be."""
     settings: dict[str, Any] = {"duration": 0.09, "error_bound": 0.101, "effects": effects()}

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from nightly import turn_by_turn
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
@@ -100,8 +101,7 @@ def test_a_run_that_diverged_out_of_numbers_is_told_in_words(run: int, hole: flo
     assert words in report(lost).html({})
 
 
-@pytest.mark.parametrize("run", [0, 1])
-@pytest.mark.parametrize("hole", [np.nan, np.inf])
+@pytest.mark.parametrize(("run", "hole"), turn_by_turn([0, 1], [np.nan, np.inf]))
 def test_a_run_that_diverged_out_of_numbers_is_written_and_recorded_until_then(
     run: int, hole: float, tmp_path: Path
 ) -> None:
