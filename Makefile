@@ -19,10 +19,10 @@ demo: $(STAMP) ## an adaptive PUMA 560, from energies to a recording, in results
 	@echo '(rerun is $(BIN)/rerun)'
 
 test: $(STAMP) ## the tests, and every example of README.md and docs/
-	$(BIN)/python -m pytest -n 3 --dist worksteal
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 test-nightly: $(STAMP) ## those tests that take long, and that `make test` has some of
-	$(BIN)/python -m pytest -n 3 --dist worksteal -m nightly
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m nightly
 
 search: $(STAMP) ## the tests that draw their cases, on cases drawn anew each time
 	$(BIN)/python -m pytest -n 2 --dist worksteal --hypothesis-profile=search -m '' $$(grep -l '^from hypothesis import' tests/test_*.py)

@@ -7,16 +7,20 @@ import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 # One worker runs on each core. A second thread of OpenBLAS would wait there in a loop, and products of small matrices
 # take up to a hundred times as long. NumPy reads this when it is first imported, in processes begun here too.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # `make test` draws the same cases each time, so that a red run is a change's own; `make search` draws others each time.
-settings.register_profile("same", deadline=None, derandomize=True, database=None)
+settings.register_profile("same", deadline=None, derandomize=True, database=None, max_examples=40)
 settings.register_profile("search", deadline=None, print_blob=True)
 settings.load_profile("same")
 
@@ -28,6 +32,22 @@ def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     os.chdir(tmp_path_factory.mktemp("mujoco"))
     yield
     os.chdir(here)
+
+
+def sketch(canvas: FigureCanvasAgg, path: Path) -> None:
+    """A figure as PNG, coarse and not laid out."""
+    canvas.figure.set_layout_engine("none")
+    canvas.figure.set_dpi(20)
+    canvas.print_png(path, metadata={"Software": "adaptctl"})  # type: ignore[no-untyped-call]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _sketched(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Figures are sketches, but in modules marked `drawn`: to lay them out takes longer than to run an experiment."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not request.node.get_closest_marker("drawn"):
+            patch.setattr("adaptctl.recording.drawing._draw_once", sketch)
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)

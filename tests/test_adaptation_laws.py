@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nightly import at_night
 
 from adaptctl.cli.main import main
 from adaptctl.description.inertia import is_physically_consistent
@@ -19,6 +20,8 @@ from adaptctl.experiments.laws import Laws
 from adaptctl.experiments.laws_controllers import deviations
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.tuning.verification import scaled_links
+
+pytestmark = pytest.mark.drawn
 
 COMMAND = ("experiment", "run", "laws")
 SMALL = "docs/examples/two_link.toml"
@@ -133,11 +136,12 @@ def five_bar(folder: Path) -> str:
     return str(path)
 
 
-def test_every_law_runs_through_a_loop(tmp_path: Path) -> None:
+@pytest.mark.parametrize("laws", [("gradient", "composite", "natural"), at_night((LAWS,))])
+def test_every_law_runs_through_a_loop(laws: tuple[str, ...], tmp_path: Path) -> None:
     """All laws, on reduced and on full parameters of a closed chain."""
-    asked = Laws(robot=five_bar(tmp_path), amplitude=0.12, duration=2.0)
+    asked = Laws(robot=five_bar(tmp_path), laws=laws, amplitude=0.12, duration=2.0)
     said = asked.compare(lambda what, share: None)
-    assert [run.name for run in said.runs] == [*LAWS, "adaptation-off"]
+    assert [run.name for run in said.runs] == [*laws, "adaptation-off"]
     assert not any(run.rollout.terminated for run in said.runs)
     off = said.runs[-1].rms_error()
     assert all(run.rms_error() < 0.3 * off for run in said.runs if run.name in LAWS[:-2])

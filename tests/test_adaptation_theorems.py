@@ -85,7 +85,7 @@ def prediction_errors(run: Loop, controller: AdaptiveController, true: Array) ->
     return np.einsum("tij,tj->ti", rows, run.estimate - true)
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(
     name=st.sampled_from(ARMS),
     bandwidth=st.floats(4.0, 12.0),
@@ -122,7 +122,7 @@ def test_subspace(name: str, count: int, seed: int) -> None:
     assert imbalance(V, dissipated(run, law.damping)) < 5e-2
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(
     name=st.sampled_from(ARMS),
     weight=st.floats(1e-3, 10.0),
@@ -152,7 +152,7 @@ LEAST_SQUARES = {
 }
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(**LEAST_SQUARES, bound=st.floats(1.0, 10.0))
 def test_bounded_gain_forgetting(
     name: str, weight: float, forgetting: float, mass: float, seed: int, bound: float
@@ -163,7 +163,7 @@ def test_bounded_gain_forgetting(
     assert np.trace(relative, axis1=1, axis2=2).max() <= bound * relative.shape[1] * (1.0 + 1e-12)
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(**LEAST_SQUARES)
 def test_cushioned_floor(name: str, weight: float, forgetting: float, mass: float, seed: int) -> None:
     """The same, and no direction's gain rises above the first."""

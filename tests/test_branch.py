@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from nightly import at_night, mostly_at_night
 from random_loops import RECIPES, gaps, random_loop
 
 from adaptctl.description import Condition, Limits
@@ -23,9 +24,10 @@ WIDE = dict.fromkeys(RECIPES, 1) | {
     "two spatial loops": 5,
 }
 """Seeds of loops that move far enough for each parameter to tell in energies."""
+QUICK = [name for name in sorted(RECIPES) if name not in ("spatial weld", "two spatial loops")]
 
 
-@pytest.mark.parametrize("name", sorted(RECIPES))
+@pytest.mark.parametrize("name", mostly_at_night(sorted(RECIPES), *QUICK))
 def test_ranks_of_random_loops_are_certified_and_do_not_depend_on_the_samples(name: str) -> None:
     mechanism, _ = random_loop(WIDE[name], RECIPES[name])
     one, other = (essential_space(mechanism, seed=seed) for seed in (0, 7))
@@ -40,7 +42,7 @@ def test_a_loop_that_hardly_moves_has_no_certified_rank() -> None:
         essential_space(mechanism)
 
 
-@pytest.mark.parametrize("name", sorted(RECIPES))
+@pytest.mark.parametrize("name", mostly_at_night(sorted(RECIPES), *QUICK))
 def test_random_states_are_regular_and_spread(name: str) -> None:
     mechanism, q = random_loop(2, RECIPES[name])
     states = random_states(mechanism, 200, np.random.default_rng(0))
@@ -52,12 +54,13 @@ def test_random_states_are_regular_and_spread(name: str) -> None:
     assert states.origin == "random states on the reference's branch"
 
 
-def test_every_random_state_is_reached_though_loops_turn_fast_on_the_way() -> None:
+@pytest.mark.parametrize("proven", [False, at_night(True)])
+def test_every_random_state_is_reached_though_loops_turn_fast_on_the_way(proven: bool) -> None:
     """Dependent joints run ten times as fast as primary ones: from 0.05 rad away Newton's steps leave 4e-8 open."""
     mechanism, _ = random_loop(9, RECIPES["two spatial loops"])
     states = random_states(mechanism, 400, np.random.default_rng(0))
     assert np.abs(gaps(mechanism.description, mechanism.configuration(states.p)[127])).max() < 1e-12
-    assert essential_space(mechanism, prove=True).certificate.rank_exact is not None
+    assert not proven or essential_space(mechanism, prove=True).certificate.rank_exact is not None
 
 
 def test_joints_outside_loops_go_all_around_and_those_in_loops_keep_their_condition() -> None:

@@ -39,7 +39,7 @@ def two_ticks(controller: SlotineLi) -> tuple[Array, Array, Array]:
     return first, state.estimate, after.estimate
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(joint=st.integers(0, 2), share=st.floats(0.01, 1.99))
 def test_a_period_teaches_unless_some_joint_was_beyond_its_limit(joint: int, share: float) -> None:
     asked, before, learned = two_ticks(law())

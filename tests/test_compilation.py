@@ -51,7 +51,7 @@ def operations() -> Kernel:
 
 
 @given(st.floats(), st.floats())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_operations_are_numpys(operations: Kernel, x: float, y: float) -> None:
     with np.errstate(all="ignore"):
         expected = [np.ravel(f(np.array([x]), np.array([y])))[0] for f in OPERATIONS.values()]
@@ -90,7 +90,7 @@ def test_folding_loses_the_sign_of_zero_and_an_undefined_factor_of_zero() -> Non
 
 
 @given(trees, triples)
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_random_equations_agree_with_floats_and_arrays(tree: Tree, x: tuple[float, float, float]) -> None:
     kernel = compile_function(lambda x: evaluated(tree, x), {"x": 3})
     expected, tolerance = float(evaluated(tree, x)), 1e-12 * size(tree, x)

@@ -91,7 +91,7 @@ def test_the_papers_puma_is_5_9_percent_from_realisable(measured: ReducedModel) 
     np.testing.assert_allclose(paper.regrouping @ lift.parameters, lift.fundamental)
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(seed=st.integers(0, 2**31 - 1), size=st.floats(0.5, 3.0))
 def test_bodies_nearest_to_what_none_have_are_consistent(five_bar: ReducedModel, seed: int, size: float) -> None:
     """Clarabel ends without a solution in one of some ten, and outside the cone by its accuracy in others."""

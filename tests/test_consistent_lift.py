@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nightly import at_night
 from sampled_loops import Loop, arm, dissipated, full, gains, kinetic, loaded, loop, reduced, swinging
 
 from adaptctl.arrays import Array
@@ -54,7 +55,7 @@ def test_the_lift_of_fundamental_parameters_is_natural_adaptation(name: str) -> 
     assert controller.kernel.operations.flops == pytest.approx(natural.kernel.operations.flops, rel=0.02)
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(
     name=st.sampled_from(BODIES),
     rate=st.floats(0.002, 0.05),
@@ -94,7 +95,7 @@ def test_prediction_is_solved_implicitly_however_heavy() -> None:
     assert left[1e6] < left[1.0]
 
 
-@pytest.mark.parametrize("weight", [None, 1.0])
+@pytest.mark.parametrize("weight", [None, at_night(1.0)])
 def test_whatever_disturbs_the_estimate_is_some_rigid_bodies(weight: float | None) -> None:
     """40 N m of disturbance and noise: the gradient's leaves the set within the second."""
     name = "puma560_geared"

@@ -87,7 +87,7 @@ def random_inertia(rng: np.random.Generator) -> np.ndarray:
     return sum(from_center_of_mass(m, c, np.zeros((3, 3))) for m, *c in rng.uniform(0.1, 1, (5, 4)))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(steps=chains, seed=st.integers(0, 10**6), standard=st.booleans())
 def test_frames_are_the_products_of_the_textbooks(
     tmp_path_factory: pytest.TempPathFactory, steps: list[dict[str, Any]], seed: int, standard: bool
@@ -104,7 +104,7 @@ def test_frames_are_the_products_of_the_textbooks(
         np.testing.assert_allclose(frame, world, atol=1e-12)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(steps=chains, seed=st.integers(0, 10**6))
 def test_both_conventions_give_the_same_arm(
     tmp_path_factory: pytest.TempPathFactory, steps: list[dict[str, Any]], seed: int
@@ -124,7 +124,7 @@ def test_both_conventions_give_the_same_arm(
     assert np.abs(one - other).max() <= 1e-12 * max(1.0, np.abs(one).max())
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 10**6), turns=st.tuples(*[st.sampled_from([-180, -90, 0, 90, 180, 30])] * 3))
 def test_inertia_about_the_centre_or_the_origin(
     tmp_path_factory: pytest.TempPathFactory, seed: int, turns: tuple[int, int, int]
@@ -147,7 +147,7 @@ def test_inertia_about_the_centre_or_the_origin(
     np.testing.assert_allclose(ten[:4], [mass, *(mass * center)], rtol=1e-15)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(turns=st.lists(st.integers(-8, 8), min_size=3, max_size=3))
 def test_right_angles_in_degrees_are_exact(tmp_path_factory: pytest.TempPathFactory, turns: list[int]) -> None:
     steps = [{"alpha_deg": 90 * k, "theta_deg": 90 * k, "a": 0.3, "d": 0.2} for k in turns]

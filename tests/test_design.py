@@ -7,6 +7,7 @@ import pytest
 from designs import ARMS, best_on_grid, direct_cost, task
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nightly import turn_by_turn
 
 import adaptctl
 from adaptctl.control import Sinusoids
@@ -138,8 +139,7 @@ def test_solids_have_their_moments() -> None:
         assert slopes[:, i] == pytest.approx(change, abs=1e-8)
 
 
-@pytest.mark.parametrize("arm", ARMS)
-@pytest.mark.parametrize("objective", OBJECTIVES)
+@pytest.mark.parametrize(("objective", "arm"), turn_by_turn(OBJECTIVES, ARMS))
 def test_counterweights_are_within_one_percent_of_brute_force(arm: str, objective: str) -> None:
     """Every pair of a grid of masses and places on shoulder and elbow, 7^8 designs."""
     T = task(arm)

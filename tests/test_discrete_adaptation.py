@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from nightly import mostly_at_night
 
 from adaptctl.arrays import Array, stacked
 from adaptctl.control import Gradient, ReleasedGradient
@@ -107,14 +108,14 @@ def constant(a: float) -> Callable[[Any], Array]:
     return lambda rng: np.full(PROBLEMS, a)
 
 
-@pytest.mark.parametrize("h", [0.1, 0.8, 1.5, 1.9])
+@pytest.mark.parametrize("h", mostly_at_night([0.1, 0.8, 1.5, 1.9], 0.8, 1.9))
 def test_the_backward_rule_lets_v_fall_while_a_plus_h_is_below_two(h: float) -> None:
     backward = Gradient(GAMMA, cap=0.0)
     assert largest_rise(lambda loop: backward, V, h, lambda rng: rng.uniform(0.0, 0.999 * (2.0 - h), PROBLEMS)) < 1e-12
     assert largest_rise(lambda loop: backward, V, h, constant(2.5 * (2.0 - h))) > 1e-3
 
 
-@pytest.mark.parametrize("h", [0.1, 1.0, 1.99])
+@pytest.mark.parametrize("h", mostly_at_night([0.1, 1.0, 1.99], 1.99))
 def test_the_trapezium_lets_its_function_fall_while_a_is_below_two(h: float) -> None:
     trapezium = Gradient(GAMMA, 0.5, 0.0)
     assert largest_rise(lambda loop: trapezium, W, h, lambda rng: rng.uniform(0.0, 1.999, PROBLEMS)) < 1e-12
@@ -135,7 +136,7 @@ def any_gain(rng: Any) -> Array:
     return np.asarray(10.0 ** rng.uniform(-2.0, 4.0, PROBLEMS))
 
 
-@pytest.mark.parametrize("h", [0.1, 1.0, 1.8])
+@pytest.mark.parametrize("h", mostly_at_night([0.1, 1.0, 1.8], 1.8))
 def test_the_released_normaliser_lets_its_function_fall_for_every_a(h: float) -> None:
     def within(loop: Loop) -> ReleasedGradient:
         return ReleasedGradient(GAMMA, 0.5 * (2.0 - h) * decays(loop), 2.0 / (2.0 - h))

@@ -84,7 +84,7 @@ def test_torques_energies_and_accelerations_are_pinocchios(name: str) -> None:
     assert (errors / conditions).max() < 1e-12
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seeds, st.integers(1, 8))
 def test_every_tree_agrees_with_pinocchio(seed: int, links: int) -> None:
     mechanism = random_tree(seed, links)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import gymnasium
 import numpy as np
 import pytest
+from nightly import at_night
 from random_trees import random_chain
 from scipy.integrate import solve_ivp
 
@@ -194,7 +195,7 @@ def test_encoders_on_motors_tell_of_motors(puma: Mechanism) -> None:
     assert 0.0 < np.abs(coarse.measured_p - coarse.drives[:6]).max() <= 0.5e-3 + 1e-12
 
 
-@pytest.mark.parametrize("encoders", ["link", "motor"])
+@pytest.mark.parametrize("encoders", [at_night("link"), "motor"])
 def test_every_way_to_run_is_one_motion(puma: Mechanism, encoders: str) -> None:
     """Step by step, natively as a whole, and in lanes; with what else plants have."""
     effects = (ElasticJoints(2e3, 2.0, encoders=encoders), ActuatorLag(2e-3), ControlDelay(1), PayloadHeld(1.0, 0.01))

@@ -39,7 +39,7 @@ def robot_of(kind: str) -> Mechanism:
     return random_tree(5, 6) if kind == "tree" else load(urdf(kind) if kind.endswith(".urdf") else kind)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["puma560_measured", "ur5_robot.urdf", "tree"]))
 def test_random_references_keep_the_limits(seed: int, robot: str) -> None:
     mechanism = robot_of(robot)

@@ -50,7 +50,7 @@ def test_no_parameter_causes_more_than_its_number() -> None:
 
 
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10**6), whole=st.booleans(), kinetic=st.sampled_from([0.0, 3.0]))
 def test_no_estimate_within_v_adds_more_than_its_bound(seed: int, whole: bool, kinetic: float) -> None:
     """Of all errors with error' Gamma^-1 error/2 <= V_0: a random one on the ellipsoid, and the worst for the bound."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import nightly
 from synthetic_logs import Known, known, motion
 
 from adaptctl.cli.main import main
@@ -155,6 +156,7 @@ def test_the_comparison_shows_it_on_a_real_log(tmp_path: Path) -> None:
     assert "energy differences" in (tmp_path / "report.html").read_text()
 
 
+@nightly
 def test_the_command_tells_of_energy_differences(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     line = ["identify", "tx40", "--energy-differences", "0.1", "--out", str(tmp_path / "out")]
     assert main([*line, "--json"]) == 0
@@ -162,6 +164,9 @@ def test_the_command_tells_of_energy_differences(tmp_path: Path, capsys: pytest.
     assert told[-1]["energy"] > 10.0 * told[-1]["momentum"]
     assert (tmp_path / "out" / "energy-differences" / "report.html").is_file()
     assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_windows_that_are_too_long_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["identify", "tx40", "--energy-differences", "9", "--out", str(tmp_path / "two")]) == 2
     assert "expected windows of 0.01 to 2 s, got 9" in capsys.readouterr().err
     assert not (tmp_path / "two").exists()

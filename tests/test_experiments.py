@@ -17,6 +17,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from comparisons import no_progress, shown
+from nightly import at_night
 from robot_files import urdf
 from signals import signalled
 
@@ -218,7 +219,7 @@ def test_an_interruption_in_a_class_that_an_import_defines_is_one_still(
     assert sys.modules.pop("interrupted_module").DEFINED
 
 
-@pytest.mark.parametrize("robot", ["puma560_measured", "ur5_robot.urdf"])
+@pytest.mark.parametrize("robot", [at_night("puma560_measured"), "ur5_robot.urdf"])
 def test_any_arm_learns_with_gains_from_its_own_inertia_and_limits(robot: str) -> None:
     source = str(urdf(robot)) if robot.endswith("urdf") else robot
     said = shown(AdaptiveTracking(robot=source, duration=6.0))

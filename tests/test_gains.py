@@ -25,7 +25,7 @@ def held_loop_radius(inertia: float, damping: float, period: float) -> float:
     return abs(1.0 - period * damping / inertia)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.floats(0.01, 10.0))
 def test_sampled_gain_is_two_at_the_limit_of_stability(ratio: float) -> None:
     mechanism = pendulum()

@@ -66,7 +66,7 @@ def test_guards_that_never_act_change_nothing(law: SlotineLi) -> None:
     assert all(mark[0] == 0.0 for state in guarded for mark in state.marks)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_torques_are_the_nearest_within_limits_and_reach(law: SlotineLi, held: Guarded, seed: int) -> None:
     torques, states = ticks(held, smooth(seed))

@@ -77,7 +77,7 @@ def own(place: Placement, u: Vec) -> Vec:
     return u if place.turn is None else place.turn @ u
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(seeds, st.integers(1, 8))
 def test_held_placements_are_the_placements(seed: int, links: int) -> None:
     axes = held(tree(seed, links))
@@ -94,7 +94,7 @@ def test_held_placements_are_the_placements(seed: int, links: int) -> None:
         np.testing.assert_allclose(numbers(near), numbers(theirs.near), atol=1e-14)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(seeds, st.integers(1, 7))
 def test_torques_are_the_motion_of_the_energies(seed: int, links: int) -> None:
     """By Lagrange's equations: of energies, which are found in the links' own axes."""
@@ -117,7 +117,7 @@ def test_torques_are_the_motion_of_the_energies(seed: int, links: int) -> None:
     np.testing.assert_allclose(torque, expected, atol=1e-5 * (1.0 + np.abs(torque).max()))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seeds, st.integers(1, 8))
 def test_nothing_but_operations_depends_on_the_axes(seed: int, links: int) -> None:
     mechanism, rng = tree(seed, links), np.random.default_rng(seed)

@@ -61,7 +61,7 @@ def test_random_configurations_alone_accept_what_is_unstable() -> None:
         require_hold(arm, damping, 1e-3)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 1000), size=st.integers(2, 5))
 def test_the_number_rises_with_every_damping_and_bandwidth(seed: int, size: int) -> None:
     """At every position: so what is below accepted gains needs no search of its own."""

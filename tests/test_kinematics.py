@@ -40,7 +40,7 @@ def se3(pose: Pose) -> pinocchio.SE3:
     return pinocchio.SE3(pose.rotation, pose.translation)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 7))
 def test_link_poses_are_pinocchios(seed: int, links: int) -> None:
     rng, tree = np.random.default_rng(seed), random_tree(seed, links)
@@ -53,7 +53,7 @@ def test_link_poses_are_pinocchios(seed: int, links: int) -> None:
             np.testing.assert_allclose(poses.translations[k, i], placement.translation, atol=1e-13)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 7))
 def test_moving_one_joint_turns_or_shifts_its_link_about_its_axis(seed: int, links: int) -> None:
     rng, tree = np.random.default_rng(seed), random_tree(seed, links)
@@ -70,7 +70,7 @@ def test_moving_one_joint_turns_or_shifts_its_link_about_its_axis(seed: int, lin
         np.testing.assert_allclose(after.translations[i], origin + angle * axis, atol=1e-13)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 7))
 def test_a_points_jacobian_is_the_rate_of_its_position(seed: int, links: int) -> None:
     rng, tree = np.random.default_rng(seed), random_tree(seed, links)

@@ -65,7 +65,7 @@ def quadratic(error: Array, matrices: Array) -> Array:
     return np.asarray(np.einsum("ti,tij,tj->t", error, matrices, error))
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(
     name=st.sampled_from(ARMS),
     weight=st.floats(1e-3, 1.0),
@@ -95,7 +95,7 @@ def test_composite_learning(
     np.testing.assert_allclose(known, Q @ beta, atol=2e-2 * np.abs(known).max())
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(
     name=st.sampled_from(ARMS),
     weight=st.floats(1e-3, 1.0),
@@ -175,7 +175,7 @@ def test_directions_that_are_not_seen_are_kept_and_those_seen_forgotten() -> Non
     assert left[CushionedFloor] < 0.85
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10**6), share=st.floats(0.0, 1.0))
 def test_a_direction_is_forgotten_for_itself(seed: int, share: float) -> None:
     """Q - share Q w w'Q/(w'Q w): what is known across w, in Q's sense, stays; along w a share is gone."""

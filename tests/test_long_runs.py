@@ -77,7 +77,7 @@ def test_the_gymnasium_loop_keeps_the_same(every: int, last: float | None) -> No
     require_samples(native, slice(None), python, 1e-9)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(every=st.integers(1, 9), most=st.none() | st.integers(1, 12), stretches=st.lists(st.integers(1, 30), max_size=6))
 def test_rows_in_order_are_the_last_of_every_nth(every: int, most: int | None, stretches: list[int]) -> None:
     kept, steps = KeptSamples(every, most), sum(stretches)

@@ -30,7 +30,7 @@ REFERENCES["faded in"] = FadedIn(REFERENCES["from the start"], np.array([1.5, -1
 
 
 @pytest.mark.parametrize("name", REFERENCES)
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(t=st.floats(-1.0, 6.0))
 def test_at_one_time_a_reference_is_what_it_is_at_many(name: str, t: float) -> None:
     reference: Any = REFERENCES[name]

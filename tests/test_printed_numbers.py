@@ -20,7 +20,7 @@ def test_a_rounded_number_meets_all_its_digits(size: float, sign: float, decimal
 
 
 @given(st.floats(0.01, 1e3), st.sampled_from([-1.0, 1.0]))
-@settings(max_examples=50)
+@settings(max_examples=25)
 def test_digits_are_lost_by_tens(value: float, direction: float) -> None:
     number = Number.of(f"{value:.4f}")
     for lost in range(5):

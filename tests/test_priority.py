@@ -44,7 +44,7 @@ def test_the_default_goes_kind_by_kind_and_link_by_link(seed: int, links: int) -
     assert names == ordered(Priority(), mechanism)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.permutations(range(60)), st.integers(0, 60), st.integers(0, 60))
 def test_what_is_not_named_follows_in_the_default_order(permutation: list[int], a: int, b: int) -> None:
     mechanism = load("puma560_measured")

@@ -98,7 +98,7 @@ def test_turns_keep_the_zeros_of_rotations(turns: list[tuple[int, float]]) -> No
     assert all(entries[i] == 0.0 for i in np.flatnonzero(np.abs(rotation) < 1e-12))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seeds, st.integers(1, 9), st.integers(1, 9), st.integers(0, 9))
 def test_ranks_and_first_columns_of_known_matrices(seed: int, m: int, n: int, rank: int) -> None:
     rng, rank = np.random.default_rng(seed), min(rank, m, n)
@@ -162,7 +162,7 @@ def test_the_built_in_arms(name: str, rank: int, method: str) -> None:
     assert fundamental_basis(space, prove=True).columns == fundamental_basis(space).columns
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seeds, st.integers(1, 7), st.booleans(), st.booleans())
 @example(834, 6, True, True)  # an axis of a skew link frame lies across the common normal of two joints
 @example(976, 6, False, True)  # the same, with joints that slide
@@ -185,7 +185,7 @@ def test_trees_against_the_oracle(seed: int, links: int, branched: bool, shuffle
         assert found.passed_over or found.kept == kept
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(seeds)
 def test_five_bars_against_the_oracle(seed: int) -> None:
     case = five_bar(np.random.default_rng(seed))
@@ -196,7 +196,7 @@ def test_five_bars_against_the_oracle(seed: int) -> None:
     assert exact.keeps(tuple(sorted(independent(H, order[::-1]))), order)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(seeds)
 def test_what_is_nearly_special_is_right_or_refused(seed: int) -> None:
     rng = np.random.default_rng(seed)

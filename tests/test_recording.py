@@ -268,17 +268,6 @@ def test_units_and_kinds_of_parameters_are_not_mixed() -> None:
     )
 
 
-def test_figures_are_pictures_of_a_readable_size(folder: Path) -> None:
-    figures = list((folder / "figures").iterdir())
-    assert len(figures) > 3
-    for path in figures:
-        data = path.read_bytes()
-        assert data.startswith(b"\x89PNG\r\n")
-        width = int.from_bytes(data[16:20])
-        assert 1300 < width < 1700
-        assert len(data) > 10_000
-
-
 def test_estimates_of_friction_are_shown_with_the_others(tmp_path: Path) -> None:
     """Energies say nothing of friction, so that the basis does not hold it; controllers estimate it all the same."""
     arm = load(TWO_LINK).description

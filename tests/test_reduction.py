@@ -51,7 +51,7 @@ def test_all_components_are_the_essential_parameters(puma: Mechanism, space: Ess
     assert sorted(reduction.order) == list(range(36))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.floats(0.0, 150.0))
 def test_the_fewest_components_that_suffice(energy_error: float) -> None:
     puma = load("puma560_measured")

@@ -36,7 +36,7 @@ faded = st.builds(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(faded, st.floats(0.0, 5.0))
 def test_a_reference_fades_in_from_rest_where_the_arm_stands(reference: FadedIn, t: float) -> None:
     for time in (-1.0, 0.0):
@@ -51,7 +51,7 @@ def test_a_reference_fades_in_from_rest_where_the_arm_stands(reference: FadedIn,
     assert np.all(np.abs(own.v) <= 1.875 / reference.over * way + np.abs(other.v) + 1e-12)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.one_of(sinusoids, jerks, faded), st.floats(0.0, 5.0))
 def test_velocity_and_acceleration_are_derivatives(reference: Reference, t: float) -> None:
     h = 1e-4

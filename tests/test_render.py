@@ -42,7 +42,7 @@ def depth_in(solid: ConvexPart, points: Array) -> Array:
     return np.minimum(solid.radius - off_axis, np.minimum(along, length - along))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.booleans())
 def test_rays_meet_solids_first_at_their_surface(seed: int, flat: bool) -> None:
     rng = np.random.default_rng(seed)
@@ -74,7 +74,7 @@ def test_a_ball_is_a_capsule_of_no_length() -> None:
     np.testing.assert_allclose(hits.normal[0], [1.0, 0.0, 0.0])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_a_window_covers_all_pixels_that_see_the_solid(seed: int) -> None:
     rng = np.random.default_rng(seed)

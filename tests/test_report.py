@@ -17,6 +17,8 @@ from adaptctl.recording.judgement import outcome_words
 from adaptctl.recording.report import report
 from docs.making.gallery import PAGE, PICTURES, SHOWN, outcome_of
 
+pytestmark = pytest.mark.drawn
+
 
 @pytest.fixture(scope="module")
 def shown() -> Comparison:
@@ -48,6 +50,17 @@ class Page(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         self.text += data
+
+
+def test_figures_are_pictures_of_a_readable_size(folder: Path) -> None:
+    figures = list((folder / "figures").iterdir())
+    assert len(figures) > 3
+    for path in figures:
+        data = path.read_bytes()
+        assert data.startswith(b"\x89PNG\r\n")
+        width = int.from_bytes(data[16:20])
+        assert 1300 < width < 1700
+        assert len(data) > 10_000
 
 
 def test_report_needs_nothing_but_itself(folder: Path) -> None:

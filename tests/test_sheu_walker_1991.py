@@ -25,7 +25,10 @@ from adaptctl.experiments.replication.semi_direct_drive import Decoupling
 from adaptctl.experiments.sheu_walker_1991 import ITEMS, SheuWalker1991, chosen
 from adaptctl.identifiability import fundamental_basis
 
-pytestmark = pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning"),
+    pytest.mark.drawn,
+]
 
 COMMAND = ("experiment", "run", "sheu-walker-1991")
 

@@ -12,6 +12,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.wrappers import RescaleAction, TimeLimit
+from nightly import at_night
 from random_trees import random_chain
 from sampled_loops import RANGES, arm, full, gains, reduced, swinging
 
@@ -158,7 +159,7 @@ def test_every_effect_acts_as_in_the_gymnasium_loop(effects: str) -> None:
     assert all(run.marks[name].any() for name in run.marks if name != "clipped")
 
 
-@pytest.mark.parametrize("law", ["gradient", "computed torque", "task space"])
+@pytest.mark.parametrize("law", ["gradient", at_night("computed torque"), at_night("task space")])
 def test_loops_run_as_in_the_gymnasium_loop(law: str) -> None:
     both(environment(LOOP), CONTROLLERS[law](LOOP))
 

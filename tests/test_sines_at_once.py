@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
+from nightly import at_night
 
 from adaptctl.compilation import compile_function, compile_step, outlined
 from adaptctl.scalars import Column, cos, sin
@@ -75,13 +76,14 @@ CASES: Mapping[Equation, tuple[int, int]] = {
 }
 
 
+@pytest.mark.parametrize("widths", [(1, 8), at_night(((2, 4),))])
 @pytest.mark.parametrize("equation", CASES, ids=lambda equation: equation.__name__)
-def test_native_code_finds_what_floats_do(equation: Equation) -> None:
+def test_native_code_finds_what_floats_do(equation: Equation, widths: tuple[int, int]) -> None:
     n, m = CASES[equation]
     rng = np.random.default_rng(0)
     q, v = rng.uniform(-2.0, 2.0, (9, n)), rng.uniform(-2.0, 2.0, (9, m))
     expected = [equation(Column(a), Column(b)).of for a, b in zip(q.tolist(), v.tolist(), strict=True)]
-    for lanes in (1, 2, 4, 8):
+    for lanes in widths:
         arms = compile_step(lambda q, v: (equation(q, v),), state={}, held={"v": m}, driven={"q": n}, lanes=lanes)
         members = arms.ensemble(9)
         members.held["v"] = v

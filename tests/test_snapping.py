@@ -59,7 +59,7 @@ def test_what_is_exact_stays(name: str) -> None:
     assert snapped(read(name)) == read(name)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 6))
 def test_ordinary_angles_stay(seed: int, links: int) -> None:
     tree = random_tree(seed, links).description
@@ -67,7 +67,7 @@ def test_ordinary_angles_stay(seed: int, links: int) -> None:
     assert snapped(tree, 1e-9) == tree
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(1e-8, 9e-4), st.integers(0, 3))
 def test_a_joint_turned_a_little_off_is_turned_back(seed: int, miss: float, quarter: int) -> None:
     """In frames that are nowhere near right angles themselves."""

@@ -165,7 +165,7 @@ triples = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
 
 @given(trees, st.lists(triples, min_size=1, max_size=9), st.sampled_from((2, 4, 8)))
 @example(("sin", ("sin", ("neg", 0))), [(0.5, 0.0, 0.0)], 2)  # the sine of a sine
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_random_equations_agree_in_lanes(tree: Tree, x: list[tuple[float, float, float]], lanes: int) -> None:
     stepper = compile_step(lambda x: (evaluated(tree, x),), state={}, held={"x": 3}, lanes=lanes)
     ensemble = stepper.ensemble(len(x))

@@ -20,7 +20,7 @@ from adaptctl.sweeps.search import BestSettings, write_settings
 from adaptctl.sweeps.study import SweepStudy, as_span, parsed
 
 FIELDS = {entry.name: entry for entry in fields(AdaptiveTracking)}
-SHORT = {"robot": "puma560_measured", "duration": "0.02"}
+SHORT = {"robot": "docs/examples/two_link.toml", "duration": "0.02"}
 
 
 def study(**settings: str) -> SweepStudy:

@@ -17,8 +17,9 @@ from pathlib import Path
 import psutil
 import pyarrow.parquet as pq
 import pytest
+from nightly import nightly
 
-RUNS = 12
+RUNS = 6
 DURATION = "10"
 """s a run: on any machine some are left when a worker is found."""
 TRIALS = int(os.environ.get("AT_RANDOM", "1"))
@@ -88,6 +89,7 @@ def test_a_worker_is_killed(tmp_path: Path, trial: random.Random) -> None:
     require_whole(tmp_path / "out")
 
 
+@nightly
 def test_the_disk_is_full(tmp_path: Path, trial: random.Random) -> None:
     """No file may grow beyond some size: the sweep says so in a line, and goes on when there is room."""
     room = int(10.0 ** trial.uniform(2.0, 3.9))

@@ -84,7 +84,7 @@ def both(mechanism: Mechanism) -> tuple[EssentialSpace, EssentialSpace]:
     return essential_space(mechanism, method="svd"), essential_space(mechanism, method="transfers")
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(seeds, st.integers(1, 8))
 def test_the_null_space_is_that_of_singular_values(seed: int, links: int) -> None:
     by_svd, by_transfers = both(varied(seed, links))
@@ -94,7 +94,7 @@ def test_the_null_space_is_that_of_singular_values(seed: int, links: int) -> Non
     assert by_transfers.certificate.null_residual < 1e-12
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(seeds, st.integers(1, 6), st.booleans())
 def test_the_same_parameters_are_kept(seed: int, links: int, shuffled: bool) -> None:
     """Walking null vectors' rows by priority, all at once, and link by link from the leaves."""

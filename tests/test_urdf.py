@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 import pytest
+from nightly import mostly_at_night
 from robot_files import urdf
 
 from adaptctl.description import Description, JointKind, Limits, from_pinocchio, read_urdf, to_pinocchio
@@ -58,7 +59,9 @@ def same_torques(description: Description, model: pinocchio.Model) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
-@pytest.mark.parametrize("path", MOVING, ids=lambda path: f"{path.parent.parent.name}/{path.stem}")
+@pytest.mark.parametrize(
+    "path", mostly_at_night(MOVING, *MOVING[::3]), ids=lambda path: f"{path.parent.parent.name}/{path.stem}"
+)
 def test_real_robots_have_pinocchios_torques(path: Path) -> None:
     model, description = pinocchio.buildModelFromUrdf(str(path)), read_urdf(path)
     same_torques(description, model)
