@@ -31,8 +31,8 @@ from adaptctl.dynamics.loops.single_precision import require_single_precision
 from adaptctl.errors import FileError, InputError
 
 ALL = [*LAWS, *REDUCED]
-LONG = ("composite learning", "drives", "loop composite", "loop tool", "loop computed torque")
-"""Laws with a text as long as another's: of the floor, on the loop."""
+LONG = ("forgetting", "composite learning", "drives", "loop composite", "loop tool", "loop computed torque")
+"""Laws whose text is as long as another's: the floor's, the loop's"""
 FILES = {"a.h", "a.c", "a.hpp", "CMakeLists.txt", "test_a.c", "vectors.h", "example.c", "README.md", "manifest.json"}
 
 

@@ -3,6 +3,7 @@ Lagrange multipliers and closed forms, on random loops of every kind."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,7 @@ import pinocchio
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nightly import at_night
 from random_loops import RECIPES, equations, gap_rates, gaps, random_loop
 
 from adaptctl.arrays import Array
@@ -22,8 +24,16 @@ from adaptctl.scalars import Column, Dual, column
 SEEDS = range(2)
 """As many loops of each kind as examples, so that all that is claimed is of the same ones, built and compiled once."""
 seeds = st.sampled_from(SEEDS)
-every_kind = pytest.mark.parametrize("name", sorted(RECIPES))
-every_closure = pytest.mark.parametrize("name", [name for name, recipe in RECIPES.items() if not recipe.gears])
+LONG = ("spatial weld", "two spatial loops")
+"""Kinds that take half the time, of which there is a plane one and one of one loop"""
+
+
+def kinds(names: Iterable[str]) -> pytest.MarkDecorator:
+    return pytest.mark.parametrize("name", [at_night(name) if name in LONG else name for name in names])
+
+
+every_kind = kinds(sorted(RECIPES))
+every_closure = kinds(name for name, recipe in RECIPES.items() if not recipe.gears)
 
 
 def moved(mechanism: Mechanism, q: Array, rng: np.random.Generator) -> Array:

@@ -324,9 +324,9 @@ def test_another_process_gets_the_same_code(folder: Path) -> None:
 
 
 def test_processes_that_compile_at_once(folder: Path) -> None:
-    processes = [start("print([long(k).tolist() for k in range(3)])") for _ in range(3)]
+    processes = [start("print([long(k).tolist() for k in range(3)])") for _ in range(2)]
     outputs = [process.communicate(timeout=60) for process in processes]
-    assert [process.returncode for process in processes] == [0, 0, 0], outputs
+    assert [process.returncode for process in processes] == [0, 0], outputs
     assert len({output for output, _ in outputs}) == 1
     assert len(kept(folder)) == 3
     assert all(path.name[0] != "." for path in kept(folder))

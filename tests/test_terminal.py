@@ -11,6 +11,7 @@ import numpy
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nightly import nightly
 from rich.console import Console
 
 from adaptctl.cli.doctor import examined
@@ -66,6 +67,7 @@ def test_gains_are_whole_at_any_width(
     assert max(map(len, text.splitlines())) <= max(int(columns), 80)
 
 
+@nightly
 def test_gains_are_whole_into_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
     found = told(capsys, "gains", ARM, "--json")
     command = [sys.executable, "-m", "adaptctl", "gains", ARM]
