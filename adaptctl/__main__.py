@@ -54,7 +54,7 @@ def _exit_at_once() -> NoReturn:
 def _main() -> Callable[[], int]:
     """The command line, which needs packages that a robot's computer may not have."""
     from adaptctl.errors import MissingExtraError
-    from adaptctl.packages import needed
+    from adaptctl.optional_packages import needed
 
     try:
         with needed("the command line"):

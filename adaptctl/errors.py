@@ -33,7 +33,7 @@ def printable(text: str, most: int = 80) -> str:
     return text
 
 
-def require_kind(given: object, kind: type, what: str, made: str) -> None:
+def validate_kind(given: object, kind: type, what: str, made: str) -> None:
     """Raise `InputError` unless `given` is an object of the class `kind`. `what` begins its message, and `made` says
     there how such an object is made, as in "plant: expected a Mechanism, as load(...) gives one, got 'puma560'".
     Nothing is returned."""
@@ -86,7 +86,7 @@ class RankError(AdaptctlError):
 
 class GainError(InputError):
     """Error of feedback gains that are too large for the control period: the sampled loop could ring (oscillate) or be
-    unstable. Torque laws raise it, for example, where the hold number T_c lambda_max(M^-1 K), no unit, is above 1.5,
+    unstable. Torque laws raise it, for example, where the sampling ratio T_c lambda_max(M^-1 K), no unit, is above 1.5,
     with the period T_c (s), the joints' mass matrix M, its inverse M^-1, the velocity gains K and lambda_max, the
     largest eigenvalue, or where M is not positive definite. The message says what is allowed."""
 
@@ -100,7 +100,7 @@ class PhysicalConsistencyWarning(UserWarning):
 class StabilityWarning(UserWarning):
     """Warning that parameter estimates, while they adapt, may make an adaptive control loop ring (oscillate) whose
     gains alone would not. Laws such as `SlotineLi` give it at construction where estimates within the law's `prior`
-    (their greatest distances from the initial estimate) could bring the hold number to 2 or more: the control period
+    (their greatest distances from the initial estimate) could bring the sampling ratio to 2 or more: the control period
     times the largest eigenvalue of M^-1 K, no unit, with the mass matrix M and the velocity feedback K."""
 
 
@@ -155,11 +155,15 @@ class LiveViewWarning(UserWarning):
     control loop that it shows goes on."""
 
 
-def nearest_name(name: str, known: Iterable[str], least: float = 0.6) -> str:
+def suggested_name(name: str, known: Iterable[str], least: float = 0.6) -> str:
     """Hint for an error message, such as " (did you mean 'puma560'?)", with the one of the `known` names that is
     nearest to the unknown `name`; the empty text where none is near. A name is near from a similarity of `least` on,
     0.6 by default, as `difflib` measures it, from 0 to 1. Nothing is checked."""
     from difflib import get_close_matches  # here, since only errors need it
 
-    close = get_close_matches(name, list(known), n=1, cutoff=least)
+    from adaptctl.renamed import new_name
+
+    names = list(known)
+    renamed = new_name(name, frozenset(names))
+    close = [renamed] if renamed else get_close_matches(name, names, n=1, cutoff=least)
     return f" (did you mean {close[0]!r}?)" if close else ""

@@ -24,6 +24,8 @@ MAX_TOML_BYTES = 2**20
 """Likewise of TOML files, which people write and which take longest to read."""
 LONGEST_KEY = 16
 """Parts that a key of a TOML file may have: time and memory go with their square."""
+RENAMED_PAGE = "docs/renamed.md"
+"""Page that lists former names, and what changed in the schemas of files."""
 LARGEST = 1e30
 """Magnitude of the numbers that TOML files may hold: products of five of them are doubles still."""
 
@@ -41,11 +43,11 @@ def replacing(path: str | Path) -> Iterator[Path]:
     disk and takes the place of `path` or, where that is a link, of the file behind it, at one stroke.
 
     When the block fails, `path` stays as it was, and nothing is left behind. The temporary path has the same suffix, so
-    that writers which go by suffix work. Raises `FileError` where `require_place` does, and where writing fails; other
+    that writers which go by suffix work. Raises `FileError` where `validate_place` does, and where writing fails; other
     errors of the block pass.
     """
-    target = require_place(path)
-    cleaned_of_the_dead(target.parent, target.name)
+    target = validate_place(path)
+    remove_stale_temporaries(target.parent, target.name)
     beside = name_beside(target)
     try:
         yield beside
@@ -61,7 +63,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
         flush(target.parent)
 
 
-def require_place(path: str | Path, overwrite: bool = True) -> Path:
+def validate_place(path: str | Path, overwrite: bool = True) -> Path:
     """The real path, symbolic links followed, of the file at `path` that is to be written. Raises `FileError` where no
     file can be written there: its folder does not exist or cannot be written, or the path is a folder, a device, a
     pipe, a socket or a link that leads out of its folder, which are never replaced; and, without `overwrite`, where a
@@ -96,7 +98,7 @@ def name_beside(target: Path) -> Path:
     return target.with_name(f".{target.stem}.{_HERE}-{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
 
 
-def cleaned_of_the_dead(folder: Path, name: str) -> list[Path]:
+def remove_stale_temporaries(folder: Path, name: str) -> list[Path]:
     """Delete the temporary files and folders of ended processes of this computer, and return the paths of those whose
     writers may still be at work: of the entries of `folder` that `name_beside` named for the file name `name`. A folder
     that cannot be read, or a file that cannot be deleted, ends the cleaning without an error."""
@@ -105,7 +107,7 @@ def cleaned_of_the_dead(folder: Path, name: str) -> list[Path]:
     alive: list[Path] = []
     with suppress(OSError):
         for entry in [entry for entry in folder.iterdir() if pattern.fullmatch(entry.name)]:
-            if not is_of_the_dead(entry.name):
+            if not is_stale_temporary(entry.name):
                 alive.append(entry)
             elif entry.is_dir():
                 from shutil import rmtree  # which takes longer to import than most files to write
@@ -116,7 +118,7 @@ def cleaned_of_the_dead(folder: Path, name: str) -> list[Path]:
     return alive
 
 
-def is_of_the_dead(name: str) -> bool:
+def is_stale_temporary(name: str) -> bool:
     """True where `name` is a temporary file's name, as `name_beside` makes it of this computer's name, a process's
     number and random digits, and that process has ended. False for other names, for other computers' and where the
     process still runs. Nothing is raised."""
@@ -154,7 +156,7 @@ def write_json(path: str | Path, value: object) -> None:
         plain = msgspec.to_builtins(value, str_keys=True, enc_hook=_plain)
     except TypeError as error:
         raise FileError(f"{path}: {error}") from error
-    _require_finite(path, plain)
+    _validate_finite(path, plain)
     write_text(path, json.dumps(plain, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
 
 
@@ -270,14 +272,14 @@ def toml_line(text: str, element: str) -> int:
 
 
 def _typed(path: str | Path, plain: object, kind: type[Content], largest: float = math.inf) -> Content:
-    _require_finite(path, plain, largest)
+    _validate_finite(path, plain, largest)
     try:
         return msgspec.convert(plain, kind)
     except (msgspec.ValidationError, OverflowError, RecursionError) as error:
         raise FileError(f"{path}: {error}{_remedy(kind, str(error))}") from error
 
 
-def _require_finite(path: str | Path, content: object, largest: float = math.inf) -> None:
+def _validate_finite(path: str | Path, content: object, largest: float = math.inf) -> None:
     """Refuse numbers that are not finite; from outside, with a `largest`, also those beyond it, and control characters,
     which a terminal would obey."""
     pending = [("$", content)]
@@ -304,6 +306,12 @@ def _unrepeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return content
 
 
+def earlier_schema(told: str, expected: str) -> str:
+    """Hint at the page of renamed names where a schema is `told` of another number than the one `expected`."""
+    kind, _, number = expected.rpartition("/")
+    return f". {RENAMED_PAGE} tells what {kind}/{number} renames" if re.search(rf"{kind}/\d+", told) else ""
+
+
 def _remedy(kind: Any, message: str) -> str:
     """The choices allowed at the element that msgspec's message names, which the message does not list; else
     nothing."""
@@ -312,7 +320,8 @@ def _remedy(kind: Any, message: str) -> str:
     place = re.search(r" - at `\$(.*)`$", message)
     steps = re.findall(r"\[(?:\.\.\.|\d+)\]|[^.\[\]]+", place.group(1)) if place else []
     choices = _choices(msgspec.inspect.type_info(kind), steps)
-    return f"; expected one of {', '.join(choices)}" if choices else ""
+    listed = f"; expected one of {', '.join(choices)}" if choices else ""
+    return listed + (earlier_schema(message, choices[0].strip("'")) if steps[-1:] == ["schema"] and choices else "")
 
 
 def _choices(info: Any, steps: list[str]) -> list[str]:

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from adaptctl.errors import FileError
-from adaptctl.files import cleaned_of_the_dead, flush, is_of_the_dead, name_beside, real_place, reason
+from adaptctl.files import flush, is_stale_temporary, name_beside, real_place, reason, remove_stale_temporaries
 
 RESULTS = (".rrd", ".json", ".parquet", ".html", ".png", ".toml", ".csv", ".urdf", ".yaml")
 """Suffixes of what a run leaves in its folder and in the folder of its figures: the next run replaces all of it."""
@@ -36,8 +36,8 @@ def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path
     folder, cannot be written, or another run is writing it.
     """
     target = real_place(path)
-    _require_place(path, target, overwrite)
-    _require_alone(path, target)
+    _validate_place(path, target, overwrite)
+    _validate_alone(path, target)
     beside = _staged(path, target)
     try:
         yield beside
@@ -61,7 +61,7 @@ def made_folder(path: Path) -> Path:
     return path
 
 
-def _require_place(path: str | Path, target: Path, overwrite: bool) -> None:
+def _validate_place(path: str | Path, target: Path, overwrite: bool) -> None:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         occupied = target.exists() and any(target.iterdir())
@@ -80,7 +80,7 @@ def _require_place(path: str | Path, target: Path, overwrite: bool) -> None:
 
 def _of_no_run(folder: Path) -> list[str]:
     """Names of what a run would replace in a folder that no run has written, or been killed in while it wrote."""
-    if any((folder / mark).is_file() for mark in MARKS) or any(is_of_the_dead(e.name) for e in folder.iterdir()):
+    if any((folder / mark).is_file() for mark in MARKS) or any(is_stale_temporary(e.name) for e in folder.iterdir()):
         return []
     return [entry.name for entry in _files(folder) if _is_result(entry, folder)]
 
@@ -90,12 +90,12 @@ def _files(folder: Path) -> list[Path]:
     return sorted(inner for inner in folder.rglob("*") if inner.is_symlink() or not inner.is_dir())
 
 
-def _require_alone(path: str | Path, target: Path) -> None:
+def _validate_alone(path: str | Path, target: Path) -> None:
     """Clear away what killed runs left, and refuse where another one is at work."""
     for folder in (target.parent, target):
         if not folder.is_dir():
             continue
-        for left in cleaned_of_the_dead(folder, target.name):
+        for left in remove_stale_temporaries(folder, target.name):
             raise FileError(f"{path}: another run is writing it ({left.name}); wait for it, or choose another folder")
 
 
@@ -151,7 +151,7 @@ def _is_result(entry: Path, folder: Path) -> bool:
     """True where a run in this folder may have left this entry: a file of its own, or one of a killed run."""
     *above, _ = parts = entry.relative_to(folder).parts
     regular = entry.is_symlink() or entry.is_file()
-    return regular and (any(map(is_of_the_dead, parts)) or (above in ([], [FIGURES]) and entry.suffix in RESULTS))
+    return regular and (any(map(is_stale_temporary, parts)) or (above in ([], [FIGURES]) and entry.suffix in RESULTS))
 
 
 def _move_in(beside: Path, target: Path) -> None:

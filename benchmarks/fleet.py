@@ -63,7 +63,7 @@ class Fleet:
 
         loop = self.loop
         shared = loop.reference | loop.noise
-        return compile_step(period, state=loop.state, held=loop.held, shared=shared, lanes=self.lanes)
+        return compile_step(period, state=loop.state, constants=loop.held, inputs=shared, lanes=self.lanes)
 
     def course(self, steps: int) -> Course:
         """A course of `steps` control periods from the start."""

@@ -21,7 +21,7 @@ ARM_STEPS = 1 << 23
 """Arms times control periods of a run: all runs do the same amount of work."""
 
 
-def herd(arms: int) -> Callable[[], object]:
+def batch(arms: int) -> Callable[[], object]:
     """The run of so many arms."""
     task = puma()
     plant = adaptctl.Plant(task.arm, PERIOD, integrator=RungeKutta4())
@@ -38,7 +38,7 @@ def herd(arms: int) -> Callable[[], object]:
             parameters=parameters,
             p=p,
             v=v,
-            every=None,
+            record_every=None,
         )
 
     return run
@@ -46,7 +46,7 @@ def herd(arms: int) -> Callable[[], object]:
 
 def main(rounds: int) -> None:
     """Print a line for each number of arms, and how it compares with the best."""
-    raced = race({str(arms): Statement(herd(arms), work=ARM_STEPS) for arms in ARMS}, Effort(rounds, 0.0))
+    raced = race({str(arms): Statement(batch(arms), work=ARM_STEPS) for arms in ARMS}, Effort(rounds, 0.0))
     best = min((raced.time(str(arms)).median, str(arms)) for arms in ARMS)[1]
     for arms in ARMS:
         time, ratio = raced.time(str(arms)), raced.ratio(str(arms), best)

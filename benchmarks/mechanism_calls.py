@@ -54,7 +54,7 @@ def measure(effort: Effort) -> Iterator[Finding]:
 def _states(arm: adaptctl.Mechanism, *samples: int) -> Array:
     """Positions, velocities and accelerations, or torques."""
     drawn = np.random.default_rng(0).uniform(-0.5, 0.5, (3, *samples, arm.dof))
-    drawn[0] += arm.home
+    drawn[0] += arm.neutral_configuration
     return drawn
 
 

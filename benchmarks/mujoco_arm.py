@@ -49,9 +49,9 @@ def mujoco_model(mechanism: Mechanism, step: float, integrator: str, solver: str
 
 def _add_body(parent: mujoco.MjsBody, link: Link) -> mujoco.MjsBody:
     """A link: its frame is the body's, its joint stands where the link's far end begins."""
-    pose, back, mass = link.near @ link.far, link.far.inverse, float(link.inertia[0])
+    pose, back, mass = link.parent_to_joint @ link.joint_to_link, link.joint_to_link.inverse, float(link.inertia[0])
     body = parent.add_body(name=link.name, pos=pose.translation, quat=_quaternion(pose.rotation))
-    kind = mujoco.mjtJoint.mjJNT_HINGE if link.joint.kind.turns else mujoco.mjtJoint.mjJNT_SLIDE
+    kind = mujoco.mjtJoint.mjJNT_HINGE if link.joint.kind.is_revolute else mujoco.mjtJoint.mjJNT_SLIDE
     axis = back.rotation @ link.joint.axis
     body.add_joint(name=link.joint.name, type=kind, axis=axis, pos=back.translation)
     center = link.inertia[1:4] / mass

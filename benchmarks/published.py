@@ -38,8 +38,8 @@ def publish(found: Sequence[Finding]) -> None:
 
 
 def inserted(page: str, text: str, command: str = BENCH) -> str:
-    """The page with the text in place of what stands between the marks of a command. Raises ValueError where the page
-    has no such marks."""
+    """The page with the text in place of what stands between the flags of a command. Raises ValueError where the page
+    has no such flags."""
     begin, end = (f"<!-- {what}: written by {command} -->\n" for what in ("begin", "end"))
     before, _, rest = page.partition(begin)
     _, mark, after = rest.partition(end)

@@ -66,7 +66,7 @@ def reason(error: RankError, mechanism: Mechanism, method: str, rank: int) -> st
     if "as the geometry stands" not in str(error):
         return "uncertain"
     try:
-        found = essential_space(mechanism, method=method, near="as_is").rank  # type: ignore[arg-type]
+        found = essential_space(mechanism, method=method, near_singular="as_is").rank  # type: ignore[arg-type]
     except RankError:
         return "two ranks are possible; as it is: uncertain"
     return f"two ranks are possible; as it is: {'right' if found == rank else 'WRONG'}"
@@ -84,7 +84,7 @@ def kept(space: EssentialSpace, H: Array, order: list[int] | None, what: str, se
         yield f"{what} refused"
         return
     exact = tuple(sorted(independent(H, indices[::-1])))
-    if basis.passed_over:
+    if basis.kept_despite_priority:
         yield f"{what} named a choice"
     else:
         if basis.columns != exact:

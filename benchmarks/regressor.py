@@ -64,7 +64,7 @@ def _kernel() -> Kernel:
 
 def _loop(lanes: int | None) -> Ensemble:
     """An ensemble of as many arms as there are lanes, at one state each."""
-    stepper = compile_step(lambda **given: (regressor(**given),), state={}, held=ARGUMENTS, lanes=lanes)
+    stepper = compile_step(lambda **given: (regressor(**given),), state={}, constants=ARGUMENTS, lanes=lanes)
     ensemble = stepper.ensemble(stepper.lanes)
     for name, values in zip(ARGUMENTS, _states(stepper.lanes), strict=True):
         ensemble.held[name] = values

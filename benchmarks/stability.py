@@ -24,11 +24,11 @@ from adaptctl.control import (
     ReferencePoint,
     SlotineLi,
     adaptation_gain,
-    estimate_hold,
-    hold_number,
+    estimate_sampling_ratio,
+    sampling_ratio,
     typical_inertia,
 )
-from adaptctl.control.gains.hold import LARGEST_SAMPLED_GAIN
+from adaptctl.control.gains.sampling_ratio import MAX_SAMPLING_RATIO
 from adaptctl.control.gains.workspace import Workspace, everywhere
 from adaptctl.control.ringing import Ringing, correlation
 from adaptctl.description import Description, Joint, JointKind, Link, Pose
@@ -49,8 +49,8 @@ RINGS = -0.9
 class Listened(NamedTuple):
     """The memory of a law that is listened to; what is recorded as its estimate is how it rings."""
 
-    of: Any
-    heard: Ringing
+    inner: Any
+    ringing: Ringing
     estimate: Any
 
 
@@ -60,22 +60,22 @@ class Listening(Controller[Listened]):
 
     tunable = ()
 
-    of: SlotineLi
+    inner: SlotineLi
 
     @property
     def dof(self) -> int:
         """Number of joints r."""
-        return self.of.dof
+        return self.inner.dof
 
-    def start(self, p: Array, v: Array) -> Listened:
+    def initial_state(self, p: Array, v: Array) -> Listened:
         """The memory before the first tick."""
-        return Listened(self.of.start(p, v), Ringing.silent(self.dof), np.zeros(self.dof))
+        return Listened(self.inner.initial_state(p, v), Ringing.zero(self.dof), np.zeros(self.dof))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Listened) -> tuple[Column, Listened]:
         """One tick of the law."""
-        torque, after = self.of.law(p, v, reference, memory.of)
-        heard = memory.heard.heard(after.s)
-        return torque, Listened(after, heard, correlation(heard.product, heard.square))
+        torque, after = self.inner.law(p, v, reference, memory.inner)
+        ringing = memory.ringing.updated(after.s)
+        return torque, Listened(after, ringing, correlation(ringing.lag_product, ringing.power))
 
 
 class LoopSettings(NamedTuple):
@@ -122,7 +122,7 @@ class LoopDraws:
 
 
 class Accepted(NamedTuple):
-    """Gains that are accepted, their hold number, and the reference and workspace that they are for."""
+    """Gains that are accepted, their sampling ratio, and the reference and workspace that they are for."""
 
     gains: Gains
     hold: float
@@ -140,8 +140,8 @@ def drawn(model: ReducedModel, rng: np.random.Generator, count: int) -> LoopDraw
         return None
     for k in range(count):
         gains, wanted, reference, workspace = _accepted(model.mechanism, rng) if k % 5 else offered
-        within: dict[str, Any] = {"period": PERIOD, "workspace": workspace}
-        gain = adaptation_gain(model, rate=0.6 * 10.0 ** rng.uniform(-3.0, 1.0), gains=gains, **within)
+        within: dict[str, Any] = {"control_period": PERIOD, "workspace": workspace}
+        gain = adaptation_gain(model, gain_scale=0.6 * 10.0 ** rng.uniform(-3.0, 1.0), gains=gains, **within)
         prior = adaptation_gain(model)
         prior *= numbers(model, gains, gain, reference) / numbers(model, gains, prior, reference)
         loaded = own.copy()
@@ -152,7 +152,7 @@ def drawn(model: ReducedModel, rng: np.random.Generator, count: int) -> LoopDraw
         initial, bound = np.zeros(len(by_link)), np.abs(by_link.sum(axis=1))
         if k % 4 == 3:
             initial, bound = _identified(by_link, rng, 10.0 ** rng.uniform(-2.5, -0.5))
-        held = wanted + estimate_hold(model, gain, bound, gains.bandwidth, **within)
+        held = wanted + estimate_sampling_ratio(model, gain, bound, gains.bandwidth, **within)
         rows.append((gains.bandwidth, gains.damping, gain, initial, prior, held < 2.0, reference, loaded))
     columns = list(zip(*rows, strict=True))
     settings, (before, certified) = LoopSettings(*map(np.array, columns[:4])), map(np.array, columns[4:6])
@@ -167,11 +167,11 @@ def _identified(by_link: Array, rng: np.random.Generator, share: float) -> tuple
 
 
 def _accepted(mechanism: Mechanism, rng: np.random.Generator) -> Accepted:
-    """Gains with a hold number up to the limit, wherever the arm may be."""
+    """Gains with a sampling ratio up to the limit, wherever the arm may be."""
     r, bandwidth = mechanism.dof, np.full(mechanism.dof, rng.uniform(4.0, 12.0))
     shape = typical_inertia(mechanism) * 10.0 ** rng.uniform(-0.7, 0.7, r)
-    wanted = float(rng.uniform(0.3, LARGEST_SAMPLED_GAIN))
-    gains = Gains(bandwidth, shape * (wanted - PERIOD * bandwidth[0]) / hold_number(mechanism, shape, PERIOD).value)
+    wanted = float(rng.uniform(0.3, MAX_SAMPLING_RATIO))
+    gains = Gains(bandwidth, shape * (wanted - PERIOD * bandwidth[0]) / sampling_ratio(mechanism, shape, PERIOD).value)
     reference = adaptctl.Sinusoids(
         rng.uniform(-1.5, 1.5, r), rng.uniform(0.2, 0.6, r), rng.uniform(0.1, 0.4, r), rng.uniform(-3.0, 3.0, r)
     )
@@ -180,9 +180,9 @@ def _accepted(mechanism: Mechanism, rng: np.random.Generator) -> Accepted:
 
 def _offered(mechanism: Mechanism, seed: int) -> Accepted:
     """The gains that `tune` offers, on its reference. Raises `InputError` where it offers none."""
-    found = tune(mechanism, period=PERIOD, seed=seed)
+    found = tune(mechanism, control_period=PERIOD, seed=seed)
     gains, workspace = found.gains, found.workspace
-    held = hold_number(mechanism, gains.damping, PERIOD, gains.bandwidth, workspace=workspace)
+    held = sampling_ratio(mechanism, gains.damping, PERIOD, gains.bandwidth, workspace=workspace)
     return Accepted(gains, held.value, found.reference, workspace)
 
 
@@ -196,12 +196,14 @@ def numbers(model: ReducedModel, gains: Gains, gain: Array, reference: adaptctl.
 def outcome(model: ReducedModel, draws: LoopDraws, law: Gradient, gain: Array, duration: float) -> tuple[Array, Array]:
     """Loops (n,) that stay finite, and those that ring in the end."""
     few = np.full(model.mechanism.dof, 1e-6)
-    bare = Listening(SlotineLi(model, few, few, law, draws.settings.initial[0], period=PERIOD))
+    bare = Listening(SlotineLi(model, few, few, law, draws.settings.initial[0], control_period=PERIOD))
     rows = zip(*draws.settings._replace(gain=gain), strict=True)
-    names = "of.bandwidth", "of.damping", "of.adaptation.gain", "of.initial"
+    names = "inner.bandwidth", "inner.damping", "inner.adaptation.gain", "inner.initial"
     laws = [bare.having(bare.numbers | dict(zip(names, row, strict=True))) for row in rows]  # judged when drawn
     plant = adaptctl.Plant(model.mechanism, PERIOD, integrator=SemiImplicitEuler())
-    run = simulate_many(plant, laws, draws.references, duration=duration, parameters=draws.parameters, every=1000)
+    run = simulate_many(
+        plant, laws, draws.references, duration=duration, parameters=draws.parameters, record_every=1000
+    )
     with np.errstate(invalid="ignore"):
         rings = (run.estimate[-10:] < RINGS).any(axis=(0, 2))
     return run.finite, run.finite & rings

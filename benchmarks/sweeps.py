@@ -35,7 +35,7 @@ WORKERS = 2
 
 def study(runs: int, precision: Precision = "double") -> SweepStudy:
     """The study of so many runs, drawn evenly, in a precision."""
-    ranges = {"bandwidth": "4..10", "rate": "0.2..1.5", "payload": "0..3", "duration": "10"}
+    ranges = {"bandwidth": "4..10", "gain_scale": "0.2..1.5", "payload": "0..3", "duration": "10"}
     options: dict[str, Any] = {
         "controllers": (CONTROLLER,),
         "sampling": "latin-hypercube",

@@ -34,7 +34,9 @@ class Task:
     @cached_property
     def controller(self) -> adaptctl.SlotineLi:
         """Slotine and Li's, with the gradient law."""
-        return adaptctl.SlotineLi(self.model, np.full(self.arm.dof, BANDWIDTH), self.damping, self.gain, period=PERIOD)
+        return adaptctl.SlotineLi(
+            self.model, np.full(self.arm.dof, BANDWIDTH), self.damping, self.gain, control_period=PERIOD
+        )
 
     def references(self, steps: int) -> ReferencePoint:
         """The reference (steps, r) at each tick."""
@@ -79,4 +81,6 @@ _PUMA_REFERENCE = adaptctl.Sinusoids(
 def _task(arm: adaptctl.Mechanism, damping: Array, rate: float, reference: adaptctl.Sinusoids) -> Task:
     model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
     gains = Gains(np.full(arm.dof, BANDWIDTH), damping)
-    return Task(model, damping, adaptctl.adaptation_gain(model, rate=rate, gains=gains, period=PERIOD), reference)
+    return Task(
+        model, damping, adaptctl.adaptation_gain(model, gain_scale=rate, gains=gains, control_period=PERIOD), reference
+    )

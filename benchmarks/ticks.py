@@ -20,7 +20,7 @@ import numpy as np
 from adaptctl import control
 from adaptctl.compilation import Ensemble, compile_step
 from adaptctl.control import Controller, ReferencePoint
-from adaptctl.control.memory import leaves, like
+from adaptctl.control.pytree import leaves, like
 from adaptctl.dynamics import load
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.scalars import Column
@@ -72,8 +72,8 @@ def adaptations(model: ReducedModel) -> Iterator[tuple[str, Any, ReducedModel]]:
     for learning in (control.CompositeLearning, control.ConcurrentLearning):
         yield learning.__name__, learning(gain), model
     first = np.asarray(model.mechanism.inertial_parameters)
-    yield "ConsistentLift", control.ConsistentLift(0.01, first), model
-    yield "ConsistentLift, predicting", control.ConsistentLift(0.01, first, 1.0), model
+    yield "ConsistentAdaptation", control.ConsistentAdaptation(0.01, first), model
+    yield "ConsistentAdaptation, predicting", control.ConsistentAdaptation(0.01, first, 1.0), model
     yield "Natural, 60", control.Natural(0.01), ReducedModel.full(model.mechanism)
 
 
@@ -114,7 +114,7 @@ def _ensemble(controller: Controller[Any], first: Any, given: list[Any], lanes: 
         return (*leaves(after), torque)
 
     state, held = {name: sizes[name] for name in names[5:]}, {name: sizes[name] for name in names[:5]}
-    ensemble = compile_step(step, state=state, held=held, lanes=lanes).ensemble(ARMS)
+    ensemble = compile_step(step, state=state, constants=held, lanes=lanes).ensemble(ARMS)
     for name, values in zip(names, given, strict=True):
         (ensemble.state if name in state else ensemble.held)[name] = values
     return ensemble

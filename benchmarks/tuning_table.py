@@ -28,7 +28,7 @@ from benchmarks.real_robots import robots as urdfs
 PAGE = Path(__file__).parent.parent / "docs" / "tuning.md"
 COMMAND = "python -m benchmarks.tuning_table"
 CASES = ("as described", "torque late", "links off", "both")
-FIELDS = ("first", "last", "off", "largest", "limited")
+FIELDS = ("first", "last", "parameter_error", "largest", "limited")
 
 
 def files() -> Iterator[tuple[str, Path]]:
@@ -81,7 +81,7 @@ def _as_builtins(tuning: Tuning) -> dict[str, Any]:
 def _numbers(run: Verification) -> dict[str, Any]:
     values = {name: getattr(run, name) for name in FIELDS}
     finite: dict[str, Any] = {name: x if np.isfinite(x) else None for name, x in values.items()}
-    return finite | {"learns": run.learns}
+    return finite | {"is_learning": run.is_learning}
 
 
 def rows(found: Path) -> list[dict[str, Any]]:
@@ -116,8 +116,8 @@ def _of_joints(seconds: list[tuple[float, int]], dof: int) -> list[tuple[float, 
 def _counts(who: str, found: list[dict[str, Any]], count: int) -> str:
     """Counts of robots that learn, by how well they do."""
     runs = [one["as described"] for one in found]
-    learning = {name: sum(one[name]["learns"] for one in found) for name in CASES}
-    tenth = sum(run["learns"] and run["last"] <= 0.1 * run["first"] for run in runs)
+    learning = {name: sum(one[name]["is_learning"] for one in found) for name in CASES}
+    tenth = sum(run["is_learning"] and run["last"] <= 0.1 * run["first"] for run in runs)
     median = float(np.median([np.inf if run["last"] is None else run["last"] for run in runs]))
     return (
         f"{who}: {learning['as described']} of {count} learn as described, {tenth} of them to a tenth of the first "
@@ -129,8 +129,8 @@ def _counts(who: str, found: list[dict[str, Any]], count: int) -> str:
 def _line(entry: dict[str, Any]) -> tuple[str, ...]:
     """Cells of a row; errors of runs that do not learn are in brackets."""
     runs = [entry["rule"][name] for name in CASES]
-    first, off = _mrad(runs[0]["first"]), _mrad(runs[0]["off"])
-    last = [_mrad(run["last"]) if run["learns"] else f"({_mrad(run['last'])})" for run in runs]
+    first, off = _mrad(runs[0]["first"]), _mrad(runs[0]["parameter_error"])
+    last = [_mrad(run["last"]) if run["is_learning"] else f"({_mrad(run['last'])})" for run in runs]
     return entry["name"], str(entry["dof"]), first, last[0], off, *last[1:]
 
 

@@ -16,7 +16,7 @@ from adaptctl.simulation.rollout import rollout
 from adaptctl.tuning import tune
 
 BANDWIDTH, HOLD = 8.0, 1.0
-"""1/s, and the hold number of the damping: stiff, with which all four track as well as they can at 20 ms."""
+"""1/s, and the sampling ratio of the damping: stiff, with which all four track as well as they can at 20 ms."""
 
 
 def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]:
@@ -48,7 +48,14 @@ def _laws(env: TrackingEnv) -> dict[str, Controller[Any]]:
     mechanism, period = env.mechanism, env.control_period
     reference = env.trajectory if callable(env.trajectory) else None
     off = env.initial_error if np.any(env.initial_error) else None
-    tuning = tune(mechanism, period=period, reference=reference, initial_error=off, bandwidth=BANDWIDTH, hold=HOLD)
+    tuning = tune(
+        mechanism,
+        control_period=period,
+        reference=reference,
+        initial_error=off,
+        bandwidth=BANDWIDTH,
+        sampling_ratio=HOLD,
+    )
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
     damping = tuning.gains.damping
     stiffness, nothing = tuning.gains.bandwidth * damping, np.zeros_like(mechanism.inertial_parameters)

@@ -37,7 +37,7 @@ class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.uti
         self, env: gymnasium.Env[Any, Any], controller: Controller[Any], space: gymnasium.Space[Any] | None = None
     ) -> None:
         gymnasium.Wrapper.__init__(self, env)
-        require_controller(controller)
+        validate_controller(controller)
         self._parts, _ = interface(env, controller)
         inner = env.unwrapped
         if (env.observation_space, env.action_space) != (inner.observation_space, inner.action_space):
@@ -113,7 +113,7 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
     def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], actions: int) -> None:
         if not isinstance(env, VectorTrackingEnv):
             raise InputError(f"{env}: expected a vector environment of adaptctl, such as make_vec makes")
-        require_controller(controller)
+        validate_controller(controller)
         if controller.dof != env.single.plant.dof:
             raise InputError(f"{env}: observes {env.single.plant.dof} joints, the controller is for {controller.dof}")
         super().__init__(env)
@@ -144,9 +144,9 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
         before the first reset of all.
         """
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours takes more
-        begun = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_)))
-        self._over = self._over & ~begun
-        self._look(observations, begun)
+        started = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_)))
+        self._over = self._over & ~started
+        self._look(observations, started)
         return observations, info
 
     def step(self, actions: Any) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
@@ -169,9 +169,9 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
         torques, self._memory, told = self._torques(finite_actions(actions, self.action_space))
         observations, rewards, terminated, truncated, info = self.env.step(torques)
         over = terminated | truncated
-        begun = {AutoresetMode.SAME_STEP: over, AutoresetMode.NEXT_STEP: self._over}.get(self._mode, over & False)
+        started = {AutoresetMode.SAME_STEP: over, AutoresetMode.NEXT_STEP: self._over}.get(self._mode, over & False)
         self._over = over
-        self._look(observations, begun)
+        self._look(observations, started)
         return observations, rewards, terminated, truncated, info | told
 
     @abstractmethod
@@ -179,14 +179,14 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
         """The torques (N, r) of the next control period under actions (N, a), the controllers' memory after it, and
         what `info` tells of it."""
 
-    def _look(self, observations: Array, begun: NDArray[np.bool_]) -> None:
-        """Take what is observed, and let arms whose episode has begun forget the last one."""
+    def _look(self, observations: Array, started: NDArray[np.bool_]) -> None:
+        """Take what is observed, and let arms whose episode has started forget the last one."""
         p, v, *reference = (observations[:, part] for part in self._parts)
         self._seen = p, v, ReferencePoint(*reference)
         if self._memory is None:
             self._memory = self.controller.init(p, v)
         else:
-            self._memory = self.controller.restart(self._memory, begun, p, v)
+            self._memory = self.controller.reset(self._memory, started, p, v)
 
 
 class ResidualEnv(ControlledEnv):
@@ -198,7 +198,7 @@ class ResidualEnv(ControlledEnv):
     alone.
 
     ```python
-    env = ResidualEnv(gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", ...), controller, share=0.2)
+    env = ResidualEnv(gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", ...), controller, residual_scale=0.2)
     ```
 
     ## Action space
@@ -220,10 +220,10 @@ class ResidualEnv(ControlledEnv):
     observations or actions a wrapper has changed, and a `share` that is not above 0 and at most 1.
     """
 
-    def __init__(self, env: gymnasium.Env[Any, Any], controller: Controller[Any], share: float = 0.2) -> None:
-        gymnasium.utils.RecordConstructorArgs.__init__(self, controller=controller, share=share)
+    def __init__(self, env: gymnasium.Env[Any, Any], controller: Controller[Any], residual_scale: float = 0.2) -> None:
+        gymnasium.utils.RecordConstructorArgs.__init__(self, controller=controller, residual_scale=residual_scale)
         super().__init__(env, controller)
-        self._scale = _share(share) * np.asarray(env.action_space.high)  # type: ignore[attr-defined]  # a torques' Box
+        self._scale = _share(residual_scale) * np.asarray(env.action_space.high)  # type: ignore[attr-defined]  # a torques' Box
 
     def _torque(self, action: Array) -> tuple[Array, Any, dict[str, Any]]:
         base, memory = self.controller.step(self._memory, *self._seen)
@@ -242,23 +242,23 @@ class ResidualVectorEnv(ControlledVectorEnv):
     `Controller` or of another number of joints, and a `share` that is not above 0 and at most 1.
     """
 
-    def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], share: float = 0.2) -> None:
-        require_controller(controller)
+    def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], residual_scale: float = 0.2) -> None:
+        validate_controller(controller)
         super().__init__(env, controller, controller.dof)
-        self._scale = _share(share) * np.asarray(env.single.plant.torque_limits)
+        self._scale = _share(residual_scale) * np.asarray(env.single.plant.torque_limits)
 
     def _torques(self, actions: Array) -> tuple[Array, Any, dict[str, Any]]:
         base, memory = self.controller.step(self._memory, *self._seen)
         return base + self._scale * actions, memory, masked({"base_torque": base}, np.ones(len(base), dtype=np.bool_))
 
 
-def require_controller(given: object) -> None:
+def validate_controller(given: object) -> None:
     """Raise `InputError` unless `given` is a `Controller`; nothing is returned."""
     if not isinstance(given, Controller):
         raise InputError(f"controller: expected a Controller, got {given!r:.80}")
 
 
 def _share(share: object) -> float:
-    if not 0.0 < (given := positive_number(share, "share: expected a number above 0, at most 1")) <= 1.0:
-        raise InputError(f"share: expected a number above 0, at most 1, got {share}")
+    if not 0.0 < (given := positive_number(share, "residual_scale: expected a number above 0, at most 1")) <= 1.0:
+        raise InputError(f"residual_scale: expected a number above 0, at most 1, got {share}")
     return given

@@ -11,7 +11,7 @@ import numpy as np
 
 from adaptctl.arrays import Array, positive_number
 from adaptctl.control.controller import Controller
-from adaptctl.envs.controlled import ControlledEnv, ControlledVectorEnv, require_controller
+from adaptctl.envs.controlled import ControlledEnv, ControlledVectorEnv, validate_controller
 from adaptctl.envs.many.vector_tracking import VectorTrackingEnv, masked
 from adaptctl.errors import GainError, InputError, NotFoundError
 
@@ -47,7 +47,7 @@ class GainRange:
         `controller` that is no `Controller`, names that are no text and a `span` that is not a finite number above 1;
         `NotFoundError` for a name that is not among the tunable gains, and for no names.
         """
-        require_controller(controller)
+        validate_controller(controller)
         chosen = names_of(names)
         controller.tuned({name: controller.numbers.get(name, 0.0) for name in chosen})
         if not chosen:

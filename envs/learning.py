@@ -18,7 +18,7 @@ from adaptctl.envs.many.vector_tracking import Puma560VectorTrackingEnv, VectorT
 from adaptctl.envs.task import finite_actions
 from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.errors import InputError
-from adaptctl.tuning.workable_reference import motion_ranges
+from adaptctl.tuning.feasible_reference import motion_ranges
 
 Observation = NDArray[np.float32]
 PRECISION = 0.1

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from adaptctl.control.gains.gains import torque_limits as own_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs.random_reference import Trajectory
-from adaptctl.envs.task import RewardWeights, control_period_of, require_reference
+from adaptctl.envs.task import RewardWeights, control_period_of, validate_reference
 from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco, warn_of_contacts
 
@@ -81,7 +81,7 @@ class MuJoCoTrackingEnv(TrackingEnv):
         mechanism = robot if isinstance(robot, Mechanism) else Mechanism.from_mujoco(model, body)
         limits = own_limits(mechanism, torque_limits, finite=True)
         plant = MuJoCoPlant(mechanism, period, torque_limits=limits, model=model, body=body, servos_off=servos_off)
-        require_reference(reference, mechanism.dof)
+        validate_reference(reference, mechanism.dof)
         if callable(reference):
             warn_of_contacts(plant, reference)
         self._set_task(plant, reference, duration, look_ahead, error_bound, reward_weights, initial_error, render_mode)

@@ -13,7 +13,7 @@ from adaptctl.control.controller import Reference
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.tuning.workable_reference import START_TIME, motion_ranges, random_swing
+from adaptctl.tuning.feasible_reference import START_TIME, motion_ranges, random_swing
 
 Trajectory: TypeAlias = Reference | int | str | None
 """A reference, the seed of a random one, or "random" or None for a new one each time."""
@@ -49,7 +49,7 @@ def all_drawn(
     sources: dict[Hashable, np.random.Generator] = {}
     keys: list[Hashable] = []
     for k, given in enumerate(trajectories):
-        require_trajectory(given)
+        validate_trajectory(given)
         if given is None or (isinstance(given, str) and given == "random"):
             keys.append(("new", k))
             sources["new", k] = generator(k)
@@ -62,7 +62,7 @@ def all_drawn(
     return [given if callable(given) else random[key] for given, key in zip(trajectories, keys, strict=True)]
 
 
-def require_trajectory(given: object, what: str = "trajectory") -> None:
+def validate_trajectory(given: object, what: str = "trajectory") -> None:
     """Raise `InputError` unless `given` stands for a reference: a callable, as a `Reference` is, a seed (a whole number
     of at least 0, no boolean), "random" or None. Nothing is returned. `what` is the argument's name in the message,
     "trajectory" by default. The callable is not called."""
@@ -108,7 +108,7 @@ def _where_loops_allow(mechanism: Mechanism, references: list[Sinusoids]) -> lis
 
     The box of centre and amplitude is tried at its corners and inside.
     """
-    home, found = mechanism.home, dict[int, Sinusoids]()
+    home, found = mechanism.neutral_configuration, dict[int, Sinusoids]()
     box = np.random.default_rng(0).uniform(-1.0, 1.0, (BOX_SAMPLES, mechanism.dof))
     box[: BOX_SAMPLES // 2] = np.sign(box[: BOX_SAMPLES // 2])
     for share in SHARE ** np.arange(30):

@@ -38,7 +38,7 @@ class Renderer:
     def __init__(self, mechanism: Mechanism, width: int = 640, height: int = 480) -> None:
         self._mechanism, self._parts = mechanism, skeleton(mechanism)
         reach, sun = self._parts.reach, SUN / np.linalg.norm(SUN)
-        feet = np.array([link.near.translation for link in mechanism.links if link.parent == GROUND])
+        feet = np.array([link.parent_to_joint.translation for link in mechanism.links if link.parent == GROUND])
         self._floor, self._sun = _floor_height(feet, reach), sun
         self._pedestals = _pedestals(feet, self._floor, 1.15 * ROOT_RADIUS * reach)
         self.camera = _camera(feet, self._floor, reach, (width, height))

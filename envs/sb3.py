@@ -58,7 +58,7 @@ class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need no
         that `step_async` stored. Observations have n numbers an arm, in the order and the units of the wrapped
         environment.
 
-        An arm whose episode has ended has begun the next, whose first observation this is; its info has
+        An arm whose episode has ended has started the next, whose first observation this is; its info has
         `terminal_observation` (n,), the last one of the old episode, and `TimeLimit.truncated`, True if it ended by its
         duration alone. Other infos are empty. Raises `InputError` on a wrong shape of the actions, `NonFiniteError` on
         NaN and infinity and where a motion diverges to non-finite values, Gymnasium's `ResetNeeded` before the first

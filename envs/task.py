@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from adaptctl.arrays import Array, frozen_array, numbers, per_joint, positive_number, real_number
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.compilation import Kernel, compile_function
-from adaptctl.envs.random_reference import Trajectory, require_trajectory
+from adaptctl.envs.random_reference import Trajectory, validate_trajectory
 from adaptctl.errors import InputError, NonFiniteError, NotFoundError
 from adaptctl.scalars import Column, Scalar, absolute, where
 from adaptctl.simulation.period import PlantState
-from adaptctl.simulation.references import Preview, require_point
+from adaptctl.simulation.references import Preview, validate_point
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ def finite_actions(
     return actions
 
 
-def require_reference(given: Trajectory, dof: int) -> None:
+def validate_reference(given: Trajectory, dof: int) -> None:
     """Raise `InputError` unless `given` stands for a reference of `dof` joints: a callable (a `Reference`), a seed (a
     whole number of at least 0), "random" or None. A callable is called with the time 0 s as an array (1,), and must
     return positions, velocities and accelerations, (1, `dof`) each, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if
@@ -189,9 +189,9 @@ def require_reference(given: Trajectory, dof: int) -> None:
     many arms, passes here and is checked at a reset."""
     if isinstance(given, list | tuple | np.ndarray):
         return
-    require_trajectory(given, "reference")
+    validate_trajectory(given, "reference")
     if callable(given):
-        require_point(point := given(np.zeros(1)))
+        validate_point(point := given(np.zeros(1)))
         if any((shape := np.shape(part)) != (1, dof) for part in (point.p, point.v, point.a)):
             raise InputError(
                 f"reference: expected {dof} joints, p, v and a (n, {dof}) at times (n,), got {shape} for n = 1"

@@ -26,9 +26,9 @@ from adaptctl.envs.task import (
     finite_numbers,
     initial_error_of,
     known_options,
-    require_reference,
     steps_of,
     times_ahead_of,
+    validate_reference,
     weights_of,
 )
 from adaptctl.errors import InputError, NotFoundError
@@ -37,7 +37,7 @@ from adaptctl.simulation.closed_loop import Episode
 from adaptctl.simulation.effects import Effect, Payload, PlantEffects
 from adaptctl.simulation.effects.plant_effects import listed
 from adaptctl.simulation.integrator import integration
-from adaptctl.simulation.plant import require_ten_a_link
+from adaptctl.simulation.plant import validate_ten_a_link
 from adaptctl.simulation.references import Preview, warn_of_derivatives
 from adaptctl.simulation.transmission import Transmission
 
@@ -110,7 +110,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     | `energy`         | kinetic plus potential energy in J                                         |
     | `clipped`        | how many steps since the reset had an action clipped                       |
     | `p`, `v`         | with effects: (r,) true positions, rad (m), and velocities, rad/s (m/s)    |
-    | `marks`          | with effects: what happened in the last step, by name: `payload` (kg held), `torque_limited`, `rate_limited` (1 or 0) |
+    | `flags`          | with effects: what happened in the last step, by name: `payload` (kg held), `torque_limited`, `rate_limited` (1 or 0) |
 
     ## Arguments
 
@@ -172,7 +172,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         mechanism = robot if isinstance(robot, Mechanism) else load(robot)
         limits, period = own_limits(mechanism, torque_limits, finite=True), control_period_of(control_period)
         placed = PlantEffects.of(effects := listed(effects))
-        placed.require(mechanism.dof, mechanism.description.body_names, period)
+        placed.validate(mechanism.dof, mechanism.description.body_names, period)
         springs = None if placed.elastic is None else Transmission.of(mechanism, placed.elastic)
         if substeps is None:
             substeps, integrator = integration(mechanism, placed.joints, period, integrator, springs)
@@ -197,7 +197,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self.error_bound = positive_per_joint(error_bound, self.mechanism.dof, "error_bound", infinite=True)
         self.reward_weights = weights_of(reward_weights)
         self.initial_error = initial_error_of(initial_error, self.mechanism.dof)
-        require_reference(reference, self.mechanism.dof)
+        validate_reference(reference, self.mechanism.dof)
         self.trajectory = reference
         if callable(reference):
             warn_of_derivatives(reference, [joint.name for joint in self.mechanism.primary_joints], duration, 4)
@@ -216,7 +216,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """First observation (5r + r L,) and `info` of a new episode, which this call begins. `info` has `time` (0 s),
         true `parameters` (P,), `applied_torque` (r,), 0 yet, `energy` (kinetic plus potential, J) and `clipped` (0);
-        with effects also `p`, `v` and `marks`. For r joints the observation has positions, velocities and the
+        with effects also `p`, `v` and `flags`. For r joints the observation has positions, velocities and the
         reference's positions, velocities and accelerations, then its positions at L times ahead; rad, rad/s, rad/s^2
         (m, m/s, m/s^2 if prismatic). `seed` is that of the random numbers, None to go on with them; `options`, None for
         none, are `payload` (a mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and `inertia`
@@ -225,11 +225,11 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         friction ones, SI, in the order of `Mechanism.parameter_names`. Raises `InputError` for a bad option (its
         subclasses `NotFoundError` for an unknown one, `NonFiniteError` for one that is not finite), `SingularityError`
         where loops cannot be followed to the start, Gymnasium's `Error` for a bad seed."""
-        begun = self._begun(seed, options)
+        started = self._started(seed, options)
         self.plant.compile()
-        return self._observation(begun), self._info(begun.parameters, begun.state, 0, 0)
+        return self._observation(started), self._info(started.parameters, started.state, 0, 0)
 
-    def _begun(self, seed: int | None, options: dict[str, Any] | None) -> RunningEpisode:
+    def _started(self, seed: int | None, options: dict[str, Any] | None) -> RunningEpisode:
         """The episode that now begins."""
         super().reset(seed=seed)
         given, r = known_options(options, OPTIONS), self.plant.dof
@@ -254,7 +254,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         the robot's file states, `truncated` where the duration is over. `info` has `time` (s), `parameters` (P,), the
         true inertial and friction ones (SI, in the order of `Mechanism.parameter_names`), `applied_torque` (r,), N m
         (N), `energy` (J) and `clipped`, the number of actions clipped so far; with effects also the true `p` and `v`
-        (r,) and `marks`, a dict of events. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN, infinity and
+        (r,) and `flags`, a dict of events. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN, infinity and
         for a motion that diverges to non-finite values, Gymnasium's `ResetNeeded` before a reset."""
         episode = self._running("step")
         if episode.over:
@@ -292,19 +292,19 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         if type(self).step is not TrackingEnv.step:
             raise NotImplementedError(f"{type(self).__name__} has a step of its own")
         if type(self).reset is TrackingEnv.reset:
-            begun = self._begun(seed, options)  # what a step needs is not compiled
+            started = self._started(seed, options)  # what a step needs is not compiled
         else:
             self.reset(seed=seed, options=options)
-            begun = self._running("episode")
-        begun.over, reference = True, begun.preview.reference
+            started = self._running("episode")
+        started.over, reference = True, started.preview.reference
         told = self._judged, self._info
-        return Episode(self.plant, begun.state, begun.parameters, reference, self.np_random, self.steps, *told)
+        return Episode(self.plant, started.state, started.parameters, reference, self.np_random, self.steps, *told)
 
     def _judged(self, q: Array, v: Array, reference: ReferencePoint, applied: Array) -> tuple[Array, NDArray[np.bool_]]:
         """The rewards (...) of states reached (...), one or (m,) of them, and whether the episode ends there."""
         judged = self.judgement.kernel if q.ndim == 1 else self.judgement.kernel.map
         reward, lost = judged(self.plant.positions(q), v, reference.p, reference.v, applied)
-        terminated = ~self.plant.may_work(q) | (np.asarray(lost) > 0.0)
+        terminated = ~self.plant.is_valid_configuration(q) | (np.asarray(lost) > 0.0)
         return reward - self.reward_weights.termination * terminated, terminated
 
     @cached_property
@@ -333,10 +333,10 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             "clipped": clipped,
         }
         if self.plant.effects:
-            marks = dict(zip(self.plant.marks, state.marks.tolist(), strict=True))
+            flags = dict(zip(self.plant.flags, state.flags.tolist(), strict=True))
             if self.plant.loads:
-                marks["payload"] = self.plant.payload(time)
-            info |= {"p": state.p.copy(), "v": state.v.copy(), "marks": marks}
+                flags["payload"] = self.plant.payload(time)
+            info |= {"p": state.p.copy(), "v": state.v.copy(), "flags": flags}
         return info
 
     def _now(self, parameters: Array, step: int) -> Array:
@@ -366,7 +366,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         own = finite_numbers(options.get("parameters", self.mechanism.inertial_parameters), "parameters")
         parameters = frozen_array(own, self.mechanism.inertial_parameters.shape, "parameters")
         if "payload" in options:
-            require_ten_a_link(self.mechanism)
+            validate_ten_a_link(self.mechanism)
             return Payload.of(options["payload"]).added_to(parameters, len(self.mechanism.description.bodies) - 1)
         return parameters
 

@@ -32,8 +32,8 @@ from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Finding, Setting
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco, clear_of_contacts
 from adaptctl.tuning import Tuning, tune
-from adaptctl.tuning.carried_gains import LARGEST_ERROR
-from adaptctl.tuning.workable_reference import motion_ranges
+from adaptctl.tuning.feasible_gains import LARGEST_ERROR
+from adaptctl.tuning.feasible_reference import motion_ranges
 
 if TYPE_CHECKING:
     import gymnasium
@@ -60,8 +60,12 @@ class AdaptiveTracking(Learning):
     robot: str = setting("puma560_measured", "a built-in robot or a file (.urdf, .xml, .toml)")
     floating_base: bool = setting(False, "a URDF file's root link floats instead of being fixed")
     bandwidth: float = setting(4.0, "how fast errors decay, at most, 1/s", symbol="Λ", low=0.1, high=100.0)
-    hold: float = setting(0.5, "K is as large as this T_c λ_max((M + T_c B)⁻¹K) allows", symbol="K", low=0.01, high=1.0)
-    rate: float = setting(0.5, "Γ is as large as this T_c λ_max(K⁻¹ Y Γ Y') allows", symbol="Γ", low=1e-4, high=1.0)
+    sampling_ratio: float = setting(
+        0.5, "K is as large as this T_c λ_max((M + T_c B)⁻¹K) allows", symbol="K", low=0.01, high=1.0
+    )
+    adaptation_ratio: float = setting(
+        0.5, "Γ is as large as this T_c λ_max(K⁻¹ Y Γ Y') allows", symbol="Γ", low=1e-4, high=1.0
+    )
     initial_error: float = setting(LARGEST_ERROR, "rad or m; 0.1: what torques bring back", low=-1.0, high=1.0)
     parameter_error: float = setting(0.3, "share by which links of the wrong model are off", low=0.0, high=1.0)
     plant: str = setting("adaptctl", "what moves the arm: adaptctl, mujoco with all of the scene, or both, compared")
@@ -185,7 +189,7 @@ class AdaptiveTracking(Learning):
         """Iterator over what the report says was chosen: tuned gains, what limits each, the drawn reference, notes."""
         tuning = self.tuning(mechanism)
         rule = "as the prior ranges of typical inertias and reach, up to an adaptation number of"
-        gain = f"{rule} {tuning.adaptation_number:.3g}, mapped"
+        gain = f"{rule} {tuning.adaptation_ratio:.3g}, mapped"
         yield from chosen_gains(tuning.gains, gain, "adaptation gain: rate × (prior range)²")
         env.reset(seed=self.seed)
         drawn = env.unwrapped.reference  # type: ignore[attr-defined]
@@ -232,11 +236,11 @@ def _tuned(experiment: AdaptiveTracking, mechanism: Mechanism) -> Tuning:
     asked, (lower, upper) = experiment.initial_error, motion_ranges(mechanism)
     error = np.sign(asked) * np.minimum(abs(asked), 0.1 * (upper - lower))
     chosen: dict[str, Any] = {
-        "period": experiment.control_period,
+        "control_period": experiment.control_period,
         "initial_error": None if asked == LARGEST_ERROR else error,
         "bandwidth": experiment.bandwidth,
-        "hold": experiment.hold,
-        "adaptation": experiment.rate,
+        "sampling_ratio": experiment.sampling_ratio,
+        "adaptation_ratio": experiment.adaptation_ratio,
         "search": experiment.search,
         "seed": experiment.seed,
     }

@@ -88,7 +88,7 @@ class Contender:
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """Outcome of a contest: the `mechanism` that was driven; `runs`, a `ControllerRun` a controller in their order; and
-    `complete`, False where it was interrupted: `runs` are then those that had begun."""
+    `complete`, False where it was interrupted: `runs` are then those that had started."""
 
     mechanism: Mechanism
     runs: tuple[ControllerRun, ...]
@@ -174,7 +174,7 @@ class Learning(ClosedLoopExperiment):
 
     def run(self, progress: Progress) -> Result:
         """Result of comparing all controllers. `progress(label, share)` is called with what is done and the fraction
-        of it, 0 to 1. Ctrl-C keeps the runs begun; where there are none, `KeyboardInterrupt` is raised. Raises
+        of it, 0 to 1. Ctrl-C keeps the runs started; where there are none, `KeyboardInterrupt` is raised. Raises
         `RankError` where the number of base parameters cannot be certified, `GainError` for gains too large for the
         control period, and what the experiment's methods raise."""
         return shown(self.compare(progress))
@@ -217,7 +217,7 @@ class FromRanges(Learning):
     """Abstract base class of experiments whose adaptation gain comes from prior ranges of the parameters."""
 
     bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=100.0)
-    rate: float = setting(0.6, "the gain is it times each prior range squared", symbol="Γ", low=1e-6, high=1e3)
+    gain_scale: float = setting(0.6, "the gain is it times each prior range squared", symbol="Γ", low=1e-6, high=1e3)
     mass_range: float = setting(10.0, "prior range of masses, kg", low=1e-3, high=1e3)
     first_moment_range: float = setting(4.0, "prior range of first moments, kg m", low=1e-3, high=1e3)
     inertia_range: float = setting(1.0, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
@@ -229,7 +229,7 @@ class FromRanges(Learning):
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Diagonal (k,) of the adaptation gain for a `model`'s k parameters: `rate` times the squared prior ranges."""
-        return adaptation_gain(model, self.ranges, self.rate)
+        return adaptation_gain(model, self.ranges, self.gain_scale)
 
 
 def chosen_gains(gains: Gains, adaptation: str = "", rule: str = "", first: str = "0") -> Iterator[Setting]:
@@ -280,8 +280,8 @@ def contest(
     controllers are made before anything runs; their ticks are `timed` only where asked. Where all runs together have
     more than 600 000 control periods, at most about 30 000 of them, evenly spaced, are recorded. Raises `InputError`
     for an environment that a controller cannot drive, `NonFiniteError` where a motion diverges to non-finite values.
-    Ctrl-C ends the contest: the runs that had begun are returned, as not complete; `KeyboardInterrupt` is raised where
-    there are none."""
+    Ctrl-C ends the contest: the runs that had started are returned, as not complete; `KeyboardInterrupt` is raised
+    where there are none."""
     for contender in contenders:
         _ = contender.controller  # what cannot be made is told before anything runs
     runs, complete = list[ControllerRun](), False
@@ -291,7 +291,7 @@ def contest(
             progress(one.label, 0.0)
             own, told = one.env() if one.env else env, partial(progress, one.label)
             result = _driven(
-                own, mechanism, one.controller, every=every, seed=seed, options=dict(options), progress=told
+                own, mechanism, one.controller, record_every=every, seed=seed, options=dict(options), progress=told
             )
             if len(result.time):
                 runs.append(ControllerRun(one.name, one.label, one.knows, result))
@@ -355,9 +355,9 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
         return None
     if controller.model.regrouping.shape[1] != len(mechanism.parameter_names):
         return None  # its model knows less of the arm, friction for one
-    if run.marks.get("payload", run.time[:1] * 0.0).any():
+    if run.flags.get("payload", run.time[:1] * 0.0).any():
         return None  # the truth changes in mid-motion, and no function of it falls across that
-    if controller.adaptation_law.distance(controller.model, run.estimate[:1], run.estimate[0]) is None:
+    if controller.adaptation_law.lyapunov_distance(controller.model, run.estimate[:1], run.estimate[0]) is None:
         return None
     return lyapunov(controller, run, mechanism)
 

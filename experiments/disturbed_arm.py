@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control import Gains, Halted, Reference, Sinusoids, exciting_reference, typical_inertia
+from adaptctl.control import Gains, Reference, Sinusoids, StoppedReference, excitation_trajectory, typical_inertia
 from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, NotFoundError
+from adaptctl.errors import InputError, NotFoundError, suggested_name
 from adaptctl.experiments.contest import Learning, chosen_gains, listed
 from adaptctl.experiments.experiment import FAR, setting
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
@@ -63,7 +63,7 @@ class DisturbedArm(Learning):
     robot: str = setting("puma560_geared", "a built-in robot or a file whose links rigid bodies are")
     duration: float = setting(20.0, "length of every run, s", low=0.01, high=1000.0)
     bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=2000.0)
-    rate: float = setting(5.0, "the gain is it times squared deviations", symbol="Γ", low=1e-6, high=1e6)
+    gain_scale: float = setting(5.0, "the gain is it times squared deviations", symbol="Γ", low=1e-6, high=1e6)
     parameter_error: float = setting(0.5, "share by which links of the rough model are off", low=0.01, high=0.9)
     initial_error: float = setting(0.0, "initial error of every joint, rad or m", low=-1.0, high=1.0)
 
@@ -73,35 +73,47 @@ class DisturbedArm(Learning):
         f"limits; {SINGLES}: one sinusoid a joint, of six joints; {REST}: none",
     )
     amplitude: float = setting(0.25, f"of each joint's {RANDOM} term at 0.2 Hz, rad", low=0.0, high=2.0)
-    halt: float = setting(0.0, "when the motion comes to rest, s; 0 for never", low=0.0, high=300.0)
+    reference_stop: float = setting(0.0, "when the motion comes to rest, s; 0 for never", low=0.0, high=300.0)
 
     payload: float = setting(0.0, "mass that is picked up and dropped, kg", low=0.0, high=1e3)
-    size: float = setting(0.1, "edge of the payload, a cube, m", low=0.0, high=10.0)
-    lever: float = setting(0.05, "its centre before the flange, m", low=-10.0, high=10.0)
-    start: float = setting(10.0, "when it is picked up, s", low=0.0, high=300.0)
-    stop: float = setting(25.0, "when it is dropped, s", low=0.0, high=300.0)
-    times: int = setting(1, "how often it is picked up and dropped, in equal parts of the run", low=1, high=100)
+    payload_size: float = setting(0.1, "edge of the payload, a cube, m", low=0.0, high=10.0)
+    payload_offset: float = setting(0.05, "its centre before the flange, m", low=-10.0, high=10.0)
+    payload_start: float = setting(10.0, "when it is picked up, s", low=0.0, high=300.0)
+    payload_stop: float = setting(25.0, "when it is dropped, s", low=0.0, high=300.0)
+    payload_cycles: int = setting(
+        1, "how often it is picked up and dropped, in equal parts of the run", low=1, high=100
+    )
 
-    strength: float = setting(1.0, "the motors have this share of their torque limits", low=0.01, high=1.0)
-    rate_limit: float = setting(0.0, "torques change by at most this, N m/s; 0 for no limit", low=0.0, high=1e9)
-    resolution: float = setting(0.0, "of the encoders at the joints, rad", low=0.0, high=0.1)
-    noise: float = setting(0.0, "deviation of positions before they are counted, rad", low=0.0, high=0.1)
+    torque_limit_scale: float = setting(1.0, "the motors have this share of their torque limits", low=0.01, high=1.0)
+    torque_rate_limit: float = setting(0.0, "torques change by at most this, N m/s; 0 for no limit", low=0.0, high=1e9)
+    encoder_resolution: float = setting(0.0, "of the encoders at the joints, rad", low=0.0, high=0.1)
+    position_noise: float = setting(0.0, "deviation of positions before they are counted, rad", low=0.0, high=0.1)
     velocity_noise: float = setting(0.0, "deviation of what is measured of velocities, rad/s", low=0.0, high=1.0)
-    filter: float = setting(0.0, "cutoff of the differences that velocities are, Hz; 0: measured", low=0.0, high=1e4)
+    velocity_cutoff: float = setting(
+        0.0, "cutoff of the differences that velocities are, Hz; 0: measured", low=0.0, high=1e4
+    )
     delay: int = setting(0, "control periods from measurement to torque", low=0, high=64)
-    lag: float = setting(0.0, "time constant of the drives, s; 0 for none", low=0.0, high=1.0)
+    drive_time_constant: float = setting(0.0, "time constant of the drives, s; 0 for none", low=0.0, high=1.0)
     stribeck: float = setting(0.0, "static friction exceeds Coulomb friction by this share of it", low=0.0, high=10.0)
-    stiffness: tuple[float, ...] = setting((0.0,), "of every joint's spring, N m/rad; 0 for none", low=0.0, high=1e9)
-    encoders: str = setting("link", "where encoders sit: behind the spring, on the link, or before it, on the motor")
-    trial: float = setting(3.0, "length of a run that tells a stable bandwidth on springs, s", low=0.05, high=60.0)
+    joint_stiffness: tuple[float, ...] = setting(
+        (0.0,), "of every joint's spring, N m/rad; 0 for none", low=0.0, high=1e9
+    )
+    encoder_side: str = setting(
+        "link", "where encoders sit: behind the spring, on the link, or before it, on the motor"
+    )
+    trial_duration: float = setting(
+        3.0, "length of a run that tells a stable bandwidth on springs, s", low=0.05, high=60.0
+    )
 
     leakage: float = setting(0.05, "sigma-modification's leak to the rough model, 1/s", symbol="σ", low=1e-6, high=10.0)
     dead_zone: float = setting(0.02, "width of the dead zone of s, rad/s", low=1e-6, high=10.0)
-    prediction: float = setting(1e3, "weight of torque errors in parts of limits, N m/s", low=1e-6, high=1e9)
+    prediction_weight: float = setting(1e3, "weight of torque errors in parts of limits, N m/s", low=1e-6, high=1e9)
     forgetting: float = setting(2.0, "of least squares, 1/s", low=0.0, high=100.0)
-    excitation: float = setting(5.0, "least of an equation that composite learning remembers, 1/s", low=0.0, high=1e9)
-    samples: int = setting(24, "of concurrent learning's stack", low=1, high=64)
-    novelty: float = setting(100.0, "of a sample that concurrent learning keeps, 1/s", low=1e-9, high=1e9)
+    excitation_threshold: float = setting(
+        5.0, "least of an equation that composite learning remembers, 1/s", low=0.0, high=1e9
+    )
+    stack_size: int = setting(24, "of concurrent learning's stack", low=1, high=64)
+    novelty_threshold: float = setting(100.0, "of a sample that concurrent learning keeps, 1/s", low=1e-9, high=1e9)
     acceleration_gain: float = setting(1.0, "share of the gain of adaptive computed torque", low=1e-6, high=1.0)
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -114,7 +126,8 @@ class DisturbedArm(Learning):
             raise NotFoundError(f"disturbance: expected one of {', '.join(DISTURBANCES)}, got {asked!r}")
         chosen = {entry.name: entry.default for entry in fields(self)} | DISTURBANCES[asked] | given
         if unknown := chosen.keys() - {entry.name for entry in fields(self)}:
-            raise TypeError(f"{type(self).__name__} has no setting {min(unknown)!r}")
+            guess = suggested_name(min(unknown), chosen.keys() - unknown)
+            raise TypeError(f"{type(self).__name__} has no setting {min(unknown)!r}{guess}")
         for name, value in chosen.items():
             object.__setattr__(self, name, value)
         self.__post_init__()
@@ -128,30 +141,32 @@ class DisturbedArm(Learning):
                 raise NotFoundError(f"laws: unknown law {name!r}; laws: {', '.join((*LAWS, *OTHERS))}")
         if len(set(self.laws)) < len(self.laws):
             raise InputError(f"laws: expected each at most once, got {', '.join(self.laws)}")
-        if 0.0 in self.stiffness and len(self.stiffness) > 1:
-            raise InputError("stiffness: expected positive numbers, or 0 alone for no springs")
+        if 0.0 in self.joint_stiffness and len(self.joint_stiffness) > 1:
+            raise InputError("joint_stiffness: expected positive numbers, or 0 alone for no springs")
         before = WINDOW if self.recovers else 0.0
-        if self.payload and not before <= self.start < self.stop <= self.turn:
-            part = "" if self.times == 1 else f"each of {self.times} parts of "
+        if self.payload and not before <= self.payload_start < self.payload_stop <= self.turn:
+            part = "" if self.payload_cycles == 1 else f"each of {self.payload_cycles} parts of "
             raise InputError(
-                f"start, stop: expected {before:g} s before the payload is picked up, and that it is dropped after "
-                f"that and within {part}the {self.duration:g} s of the run, got {self.start:g} and {self.stop:g}"
+                f"payload_start, payload_stop: expected {before:g} s before the payload is picked up, and that it is "
+                f"dropped after "
+                f"that and within {part}the {self.duration:g} s of the run, got {self.payload_start:g} and "
+                f"{self.payload_stop:g}"
             )
 
     @property
     def turn(self) -> float:
         """Length (s) of a part of the run, in which the payload is picked up and dropped once."""
-        return self.duration / self.times
+        return self.duration / self.payload_cycles
 
     @property
     def has_springs(self) -> bool:
         """True where motors turn the links through springs."""
-        return self.stiffness != (0.0,)
+        return self.joint_stiffness != (0.0,)
 
     @property
     def is_weak(self) -> bool:
         """True where motors are held back, so that all laws are guarded."""
-        return self.strength < 1.0 or self.rate_limit > 0.0
+        return self.torque_limit_scale < 1.0 or self.torque_rate_limit > 0.0
 
     @property
     def recovers(self) -> bool:
@@ -163,7 +178,7 @@ class DisturbedArm(Learning):
         """Failures of the first law that the disturbance is to show, and why."""
         if self.has_springs:
             return dict.fromkeys(Failure, "springs ring")
-        weak = {Failure.SATURATED: "its motors are weak"} if self.strength < 1.0 else {}
+        weak = {Failure.SATURATED: "its motors are weak"} if self.torque_limit_scale < 1.0 else {}
         return weak | ({Failure.NO_BETTER: "nothing excites the arm"} if self.motion == REST else {})
 
     @property
@@ -175,7 +190,7 @@ class DisturbedArm(Learning):
     def environment(self, mechanism: Mechanism) -> Any:
         """Gymnasium tracking environment of a `mechanism` on the reference, its plant with the disturbances. Raises
         `InputError` for a motion that the mechanism cannot follow, and for friction or springs on joints without."""
-        return self.plant_env(mechanism, self.followed(mechanism), max(self.stiffness))
+        return self.plant_env(mechanism, self.followed(mechanism), max(self.joint_stiffness))
 
     def plant_env(self, mechanism: Mechanism, reference: Reference, stiffness: float) -> Any:
         """Environment of a `mechanism` on a `reference`, with springs of a `stiffness`, N m/rad, none for 0."""
@@ -195,7 +210,7 @@ class DisturbedArm(Learning):
 
     def motors(self, mechanism: Mechanism) -> Array:
         """Torque limits (r,) of a `mechanism`'s motors, N m (N if prismatic): finite ones, times their strength."""
-        return self.strength * finite_torque_limits(mechanism)
+        return self.torque_limit_scale * finite_torque_limits(mechanism)
 
     def effects(self, mechanism: Mechanism, stiffness: float) -> Iterator[Effect]:
         """Iterator over the effects of the plant that no controller knows of, with springs of the `stiffness` given,
@@ -205,27 +220,29 @@ class DisturbedArm(Learning):
         if stiffness:
             yield self._elastic(mechanism, stiffness)
         if self.payload:
-            for k in range(self.times):
-                yield effects.PayloadHeld(self.body(), self.start + k * self.turn, self.stop + k * self.turn)
-        if self.rate_limit:
-            yield effects.TorqueRateLimit(self.rate_limit)
+            for k in range(self.payload_cycles):
+                yield effects.PayloadHeld(
+                    self.body(), self.payload_start + k * self.turn, self.payload_stop + k * self.turn
+                )
+        if self.torque_rate_limit:
+            yield effects.TorqueRateLimit(self.torque_rate_limit)
         if self.stribeck:
             yield self._friction(mechanism)
-        if self.resolution or self.noise or self.velocity_noise:
-            yield effects.Encoder(self.resolution, self.noise, self.velocity_noise)
-        if self.filter:
-            yield effects.FilteredDifferences(self.filter)
+        if self.encoder_resolution or self.position_noise or self.velocity_noise:
+            yield effects.Encoder(self.encoder_resolution, self.position_noise, self.velocity_noise)
+        if self.velocity_cutoff:
+            yield effects.FilteredDifferences(self.velocity_cutoff)
         if self.delay:
             yield effects.ControlDelay(self.delay)
-        if self.lag:
-            yield effects.ActuatorLag(self.lag)
+        if self.drive_time_constant:
+            yield effects.ActuatorLag(self.drive_time_constant)
 
     def body(self, share: float = 1.0) -> Payload:
         """The payload, a cube before the flange, or one of a share of its mass."""
         from adaptctl.simulation.effects import Payload
 
         mass = share * self.payload
-        return Payload(mass, np.array([0.0, 0.0, self.lever]), mass * self.size**2 / 6.0 * np.eye(3))
+        return Payload(mass, np.array([0.0, 0.0, self.payload_offset]), mass * self.payload_size**2 / 6.0 * np.eye(3))
 
     def _friction(self, mechanism: Mechanism) -> Effect:
         from adaptctl.simulation.effects import Friction
@@ -251,7 +268,7 @@ class DisturbedArm(Learning):
             )
         rotors = mechanism.inertial_parameters[[known.index(name) for name in names]]
         together = np.maximum(inertia - rotors, 1e-3 * inertia) * rotors / inertia
-        return ElasticJoints(stiffness, 2.0 * DAMPING_RATIO * np.sqrt(stiffness * together), encoders=self.encoders)
+        return ElasticJoints(stiffness, 2.0 * DAMPING_RATIO * np.sqrt(stiffness * together), encoders=self.encoder_side)
 
     def reference(self, mechanism: Mechanism, amplitude: float | None = None) -> Sinusoids:
         """Motion of a `mechanism`'s r joints before any halt, with another `amplitude` than the setting's where given.
@@ -269,14 +286,14 @@ class DisturbedArm(Learning):
         rng, shape = np.random.default_rng(self.seed), (len(FREQUENCIES), dof)
         frequency = np.array(FREQUENCIES)[:, None] * rng.uniform(0.8, 1.25, shape)
         phase = rng.uniform(-np.pi, np.pi, shape)
-        center = mechanism.home if loops else np.array(CENTER[:dof])
+        center = mechanism.neutral_configuration if loops else np.array(CENTER[:dof])
         return Sinusoids(center, amplitude / np.sqrt(frequency / 0.2), frequency, phase)
 
     def followed(self, mechanism: Mechanism) -> Reference:
         """Motion to follow, the reference with its halt. Raises `InputError` as `reference` does, and for a motion that
         a mechanism's loops do not allow."""
         moving = self.reference(mechanism)
-        reference = Halted(moving, self.halt) if self.halt else moving
+        reference = StoppedReference(moving, self.reference_stop) if self.reference_stop else moving
         p = reference(np.linspace(0.0, self.duration, SAMPLES)).p
         apart = mechanism.continuation is not None and not mechanism.continuation.reachable(p).all()
         if apart or not mechanism.description.within_conditions(p).all():
@@ -291,7 +308,7 @@ class DisturbedArm(Learning):
         share = f"{100 * self.parameter_error:.0f} %"
         rough = f"a rough model: every link off by {share}, up or down by seed; of friction, zero"
         rule = f"deviation: {share} of each link's and drive's size"
-        yield from chosen_gains(self.gains(mechanism), f"{self.rate:g} × (deviation)²", rule, rough)
+        yield from chosen_gains(self.gains(mechanism), f"{self.gain_scale:g} × (deviation)²", rule, rough)
         if self.motion == RANDOM:
             yield Setting("reference frequencies", listed(np.array(FREQUENCIES)), "Hz, ±20 % by joint and seed")
 
@@ -310,4 +327,4 @@ def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
     if mechanism.description.loops is not None:
         raise InputError(f"motion: {EXCITING} is for arms without loops, and {mechanism.name} has some")
     basis = fundamental_basis(essential_space(mechanism, seed=seed))
-    return exciting_reference(ReducedModel(mechanism, basis), seed=seed).reference
+    return excitation_trajectory(ReducedModel(mechanism, basis), seed=seed).reference

@@ -86,7 +86,7 @@ class ClosedLoopExperiment(Experiment):
             )
 
 
-def require_count(experiment: Experiment, names: Iterable[str], count: int, meaning: str) -> None:
+def validate_count(experiment: Experiment, names: Iterable[str], count: int, meaning: str) -> None:
     """Raise `InputError` unless each setting of the `experiment` that is named in `names`, a tuple, has `count`
     entries. `meaning` says in the message what the entries are, such as "one a joint". Nothing is returned. Raises
     `AttributeError` for a name that is no setting."""
@@ -130,10 +130,10 @@ def _require(entry: Field[Any], value: object) -> None:
     if isinstance(value, tuple) is not many or not values:
         raise InputError(f"{entry.name}: expected {_expected(entry)}, got {value!r}")
     for one in values:
-        _require_one(entry, type(default[0]) if many and default else float if many else type(default), one)
+        _validate_one(entry, type(default[0]) if many and default else float if many else type(default), one)
 
 
-def _require_one(entry: Field[Any], kind: type, value: object) -> None:
+def _validate_one(entry: Field[Any], kind: type, value: object) -> None:
     if kind in (str, bool) and isinstance(value, kind):
         return
     wrong_kind = kind in (str, bool) or isinstance(value, bool) or not isinstance(value, int | float)

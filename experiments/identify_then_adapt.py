@@ -14,7 +14,7 @@ from adaptctl.control import Gains, Sinusoids, SlotineLi
 from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.contest import ADAPTATION_OFF, ADAPTIVE, Contender, Learning, Outcome, Told, chosen_gains
-from adaptctl.experiments.experiment import FAR, require_count, setting
+from adaptctl.experiments.experiment import FAR, setting, validate_count
 from adaptctl.experiments.laws_controllers import deviations
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import Finding, Setting, wording
@@ -38,11 +38,13 @@ class IdentifyThenAdapt(Learning):
     title: ClassVar[str] = "{robot}: adaptation from an identified estimate"
 
     robot: str = setting("tx40", "an example that comes with a real log")
-    known: float = setting(0.6, "share of the log that the first estimate is identified from", low=0.3, high=1.0)
+    training_share: float = setting(
+        0.6, "share of the log that the first estimate is identified from", low=0.3, high=1.0
+    )
     duration: float = setting(10.0, "length of every run, s", low=2.5, high=300.0)
     bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=100.0)
-    ratio: float = setting(2.0, "damping over Λ times typical inertia", symbol="K", low=0.1, high=100.0)
-    rate: float = setting(50.0, "the gain is it times squared deviations", symbol="Γ", low=1e-6, high=1e6)
+    damping_scale: float = setting(2.0, "damping over Λ times typical inertia", symbol="K", low=0.1, high=100.0)
+    gain_scale: float = setting(50.0, "the gain is it times squared deviations", symbol="Γ", low=1e-6, high=1e6)
     parameter_error: float = setting(0.9, "share of its size by which each link is off", low=0.01, high=0.9)
     initial_error: float = setting(0.0, "initial error of every joint, rad or m", low=-1.0, high=1.0)
     center: tuple[float, ...] = setting((0.0, 0.3, 1.0, 0.0, 0.6, 0.0), "sinusoids' centre, rad", low=-10.0, high=10.0)
@@ -51,7 +53,7 @@ class IdentifyThenAdapt(Learning):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_count(self, ("center", "amplitude", "frequency"), 6, "one a joint")
+        validate_count(self, ("center", "amplitude", "frequency"), 6, "one a joint")
 
     @property
     def purpose(self) -> str:
@@ -59,7 +61,8 @@ class IdentifyThenAdapt(Learning):
         return (
             "What is a real log worth as a first estimate? The simulated arm has what the whole log shows, rotors, "
             "friction and the wrist's coupling included. Slotine and Li's controller adapts on it with one gain, from "
-            f"zero, from the links of its URDF file, and from what the first {self.known:.0%} of the log shows."
+            f"zero, from the links of its URDF file, and from what the first {self.training_share:.0%} of the log "
+            f"shows."
         )
 
     def mechanism(self) -> Mechanism:
@@ -81,11 +84,14 @@ class IdentifyThenAdapt(Learning):
         """Controllers to compare, Slotine and Li's law with one gain from several first estimates: identified from the
         first part of the log, the subject, and with adaptation off; from the URDF file; and zero. Raises `InputError`
         for a basis of another geometry."""
-        model, gains = ReducedModel(mechanism, basis), Gains.from_bandwidth(mechanism, self.bandwidth, self.ratio)
-        gain = self.rate * deviations(model, mechanism.inertial_parameters, self.parameter_error) ** 2
-        part = _parameters(mechanism, identified_from(self.robot, self.known))
+        model, gains = (
+            ReducedModel(mechanism, basis),
+            Gains.from_bandwidth(mechanism, self.bandwidth, self.damping_scale),
+        )
+        gain = self.gain_scale * deviations(model, mechanism.inertial_parameters, self.parameter_error) ** 2
+        part = _parameters(mechanism, identified_from(self.robot, self.training_share))
         file = _parameters(mechanism, robot_file(self.robot))
-        share = f"{self.known:.0%} of the log"
+        share = f"{self.training_share:.0%} of the log"
 
         def law(first: Array, adaptation: Array | None = gain) -> SlotineLi:
             start = model.regrouping @ first
@@ -100,10 +106,10 @@ class IdentifyThenAdapt(Learning):
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """Iterator over what the report says was chosen: gains and the first estimate."""
-        gains = Gains.from_bandwidth(mechanism, self.bandwidth, self.ratio)
+        gains = Gains.from_bandwidth(mechanism, self.bandwidth, self.damping_scale)
         rule = f"deviation: {100 * self.parameter_error:.0f} % of each link's and drive's size"
         first = "identified from the first part of the log"
-        yield from chosen_gains(gains, f"{self.rate:g} × (deviation)²", rule, first)
+        yield from chosen_gains(gains, f"{self.gain_scale:g} × (deviation)²", rule, first)
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
         """Findings, an answer and figures on the `outcome`: errors of the first two seconds, by first estimate."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control import ConsistentLift, Controller, ErrorFeedback, Natural, margins, typical_inertia
+from adaptctl.control import ConsistentAdaptation, Controller, ErrorFeedback, Natural, margins, typical_inertia
 from adaptctl.control.adaptation.natural import pseudos
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import error_unit, position_unit
@@ -149,18 +149,24 @@ def _learned(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Tol
     return Told(findings, " ".join(said) or None, (drawing,) if curves else ())
 
 
+def _threshold(adapting: object) -> float | None:
+    """The excitation, 1/s, that an adaptation law asks of what it remembers; None for a law without memory."""
+    names = ("excitation_threshold", "novelty_threshold")
+    return next((getattr(adapting, name) for name in names if hasattr(adapting, name)), None)
+
+
 def memory_findings(law: Controller[Any], run: ControllerRun, mechanism: Mechanism) -> Iterator[Finding]:
     """Iterator over findings on what a controller's adaptation `law` remembered or kept in a `run`: for laws with a
-    threshold of excitation the share of samples in which it was passed; for natural adaptation and the consistent lift
-    the least eigenvalue of any link's estimated pseudo-inertia."""
-    adapting, learning = getattr(getattr(law, "of", law), "adaptation_law", None), run.rollout.learning
-    if isinstance(adapting, Natural | ConsistentLift):
+    threshold of excitation the share of samples in which it was passed; for natural adaptation and the consistent
+    adaptation the least eigenvalue of any link's estimated pseudo-inertia."""
+    adapting, learning = getattr(getattr(law, "inner", law), "adaptation_law", None), run.rollout.logged_state
+    if isinstance(adapting, Natural | ConsistentAdaptation):
         bodies = len(mechanism.description.bodies)
         kept = run.rollout.estimate if isinstance(adapting, Natural) else learning
         value = float(np.linalg.eigvalsh(pseudos(kept[:, : 10 * bodies].reshape(-1, bodies, 10)))[..., 0].min())
         meaning = "smallest eigenvalue of any link's pseudo-inertia, of the run's samples"
         yield from each([run], "smallest_eigenvalue", "SI", meaning, lambda _: value)
-    elif learning.size and (threshold := getattr(adapting, "threshold", None)) is not None:
+    elif learning.size and (threshold := _threshold(adapting)) is not None:
         share = float(np.mean(learning > 0.0))
         meaning = f"share of periods whose excitation passed its threshold of {threshold:g} 1/s"
         yield from each([run], "remembered", "1", meaning + ": nothing was remembered" * (not share), lambda _: share)
@@ -182,7 +188,7 @@ class Recovery(NamedTuple):
         """The recovery from an `event` at `begin` until the next one at `end`, s."""
         end = min(end, run.duration)
         last = run.rms_error(max(begin, end - WINDOW), end)
-        coming = run.moving_rms_error(WINDOW)[round(WINDOW / run.rollout.spacing) - 1 :]
+        coming = run.moving_rms_error(WINDOW)[round(WINDOW / run.rollout.sample_time) - 1 :]
         times = run.rollout.time[: len(coming)]
         back = np.flatnonzero((times >= begin) & (times <= end - WINDOW) & (coming < TWICE * earlier))
         returned = float(times[back[0]]) - begin if back.size else None
@@ -204,7 +210,7 @@ def _recovered(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> T
     findings, unit = [finding for one in found for finding in one.findings], error_unit(outcome.mechanism)
 
     def earlier(run: ControllerRun) -> float | None:
-        error = run.rms_error(of.start - WINDOW, of.start)
+        error = run.rms_error(of.payload_start - WINDOW, of.payload_start)
         return None if error is None else 1e3 * error
 
     meaning = f"RMS error in the {WINDOW:g} s before the pickup"
@@ -223,12 +229,18 @@ def _recovered(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> T
 
 def _recoveries(of: DisturbedArm, outcome: Outcome) -> Iterator[Recovery]:
     """Recoveries of all laws from the first pickup and drop, and from the last ones where there are several."""
-    late = (of.times - 1) * of.turn
-    events = [("pickup", of.start, of.stop), ("drop", of.stop, of.turn + of.start if late else of.turn)]
+    late = (of.payload_cycles - 1) * of.turn
+    events = [
+        ("pickup", of.payload_start, of.payload_stop),
+        ("drop", of.payload_stop, of.turn + of.payload_start if late else of.turn),
+    ]
     if late:
-        events += [("last pickup", of.start + late, of.stop + late), ("last drop", of.stop + late, of.turn + late)]
+        events += [
+            ("last pickup", of.payload_start + late, of.payload_stop + late),
+            ("last drop", of.payload_stop + late, of.turn + late),
+        ]
     for run in outcome.runs:
-        earlier = run.rms_error(of.start - WINDOW, of.start)
+        earlier = run.rms_error(of.payload_start - WINDOW, of.payload_start)
         for event, begin, end in events:
             if earlier and run.duration > begin:
                 yield Recovery.of(run, event, earlier, begin, end)
@@ -249,7 +261,11 @@ def _drifted(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Tol
     gains, period = of.gains(mechanism), of.control_period
     rates = zip(gains.bandwidth, gains.damping / typical_inertia(mechanism), strict=True)
     least = min(margins(ErrorFeedback(a * b, a + b, period).loop()).delay for a, b in set(rates))
-    late = (of.delay + 0.5) * period + of.lag + (1.0 / (2.0 * np.pi * of.filter) if of.filter else 0.0)
+    late = (
+        (of.delay + 0.5) * period
+        + of.drive_time_constant
+        + (1.0 / (2.0 * np.pi * of.velocity_cutoff) if of.velocity_cutoff else 0.0)
+    )
     findings += [
         Finding("delay_margin", least, "s", "what the tracking loop tolerates of delay, at typical inertia"),
         Finding("delay", float(late), "s", "of computing, drives and velocity filter together, to first order"),
@@ -266,7 +282,9 @@ def _saturated(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> T
     findings += each(outcome.runs, "largest_estimate", "SI", "of any parameter", lambda run: largest[run.name])
     if of.payload:
         unit, meaning = position_unit(outcome.mechanism), "RMS error of all joints from the drop on"
-        findings += each(outcome.runs, "rms_error_after", unit, meaning, lambda run: run.rms_error(start=of.stop))
+        findings += each(
+            outcome.runs, "rms_error_after", unit, meaning, lambda run: run.rms_error(start=of.payload_stop)
+        )
     if not {"gradient", "never-frozen"} <= set(runs):
         return Told(findings)
     frozen, never = (runs[name].rms_error() for name in ("gradient", "never-frozen"))
@@ -280,7 +298,7 @@ def _saturated(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> T
 
 def held_back(run: ControllerRun) -> float:
     """Share of the samples of a `run` at which a limit of a torque or of its rate held a torque back."""
-    marks = [run.rollout.marks[name] for name in ("torque_limited", "rate_limited") if name in run.rollout.marks]
+    marks = [run.rollout.flags[name] for name in ("torque_limited", "rate_limited") if name in run.rollout.flags]
     return float(np.mean(np.max([run.rollout.clipped, *marks], axis=0)))
 
 
@@ -339,7 +357,7 @@ def friction_curves(mechanism: Mechanism, learned: Mapping[str, float], v: Array
 def _carried(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told:
     mechanism, names, findings = outcome.mechanism, (*of.laws, ADAPTATION_OFF), list[Finding]()
     reference, model = of.reference(mechanism), ReducedModel(mechanism, basis)
-    springs = {f"{stiffness:g}": stiffness for stiffness in sorted(of.stiffness)} | {"rigid": 0.0}
+    springs = {f"{stiffness:g}": stiffness for stiffness in sorted(of.joint_stiffness)} | {"rigid": 0.0}
     largest: dict[str, list[float]] = {name: [] for name in names}
     for key, stiffness in springs.items():
         plant = of.plant_env(mechanism, reference, stiffness).unwrapped.plant
@@ -351,7 +369,8 @@ def _carried(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Tol
     soft, stiff, rigid = (number(largest[of.laws[0]][place]) for place in (0, -2, -1))
     answer = (
         f"{outcome.runs[0].label} is stable up to {rigid} 1/s on the rigid arm, {stiff} 1/s with springs of "
-        f"{max(of.stiffness):,.6g} N·m/rad in its joints and {soft} 1/s with springs of {min(of.stiffness):,.6g}."
+        f"{max(of.joint_stiffness):,.6g} N·m/rad in its joints and {soft} 1/s with springs of "
+        f"{min(of.joint_stiffness):,.6g}."
     )
     return Told(findings, answer)
 
@@ -372,7 +391,7 @@ def _is_stable(of: DisturbedArm, plant: Plant, model: ReducedModel, name: str) -
         law = controller(of, name, model)
     except GainError:
         return False
-    run = simulate_many(plant, law, of.reference(model.mechanism), duration=of.trial, seed=of.seed)
+    run = simulate_many(plant, law, of.reference(model.mechanism), duration=of.trial_duration, seed=of.seed)
     last = slice(2 * len(run.time) // 3, None)
     apart, torque = run.v[last] - run.reference_v[last], np.abs(run.torque[last])
     if not np.isfinite(apart).all():

@@ -72,12 +72,12 @@ class Draft:
     @cached_property
     def gain(self) -> Array:
         """Adaptation gain (k,) of all laws that have one."""
-        return np.asarray(self.of.rate * self.unknown**2)
+        return np.asarray(self.of.gain_scale * self.unknown**2)
 
     @property
     def predicting(self) -> tuple[Array, Array, float]:
         """Gain, weight (r,) of torque prediction errors, 1/(N m s), and cutoff of the torque filter, rad/s."""
-        return self.gain, self.of.prediction / finite_torque_limits(self.mechanism) ** 2, CUTOFF
+        return self.gain, self.of.prediction_weight / finite_torque_limits(self.mechanism) ** 2, CUTOFF
 
     def slotine_li(self, law: Any = None, first: Array | None = None) -> SlotineLi:
         """Slotine and Li's control law with an adaptation `law`, None for none, from the `first` estimate."""
@@ -93,13 +93,15 @@ class Draft:
         """Natural adaptation and its first bodies (P,): the rough model's, with half a payload in the hand, whose rate
         is the greater, the less is known of it."""
         of, rough = self.of, self.of.rough(self.mechanism)
-        rate = of.rate * of.parameter_error**2
+        rate = of.gain_scale * of.parameter_error**2
         if not of.recovers:
             return control.Natural(rate), rough
         last = len(self.mechanism.description.bodies) - 1
         first = of.body(0.5).added_to(rough, last)
         rates = np.full(len(first) - 9 * (last + 1), float(rate))
-        rates[last] = of.rate * (np.hypot(of.parameter_error * rough[10 * last], of.payload) / first[10 * last]) ** 2
+        rates[last] = (
+            of.gain_scale * (np.hypot(of.parameter_error * rough[10 * last], of.payload) / first[10 * last]) ** 2
+        )
         return control.Natural(rates), first
 
 
@@ -110,10 +112,10 @@ def controller(of: DisturbedArm, name: str, model: ReducedModel) -> Controller[A
     found = _control_law(draft, name) or draft.slotine_li(_adaptation_law(draft, name))
     if not of.is_weak:
         return found
-    return control.Guarded(
+    return control.SafetyFilter(
         replace(found, torque_limits=np.inf) if isinstance(found, SlotineLi) else found,
         of.motors(model.mechanism),
-        of.rate_limit or np.inf,
+        of.torque_rate_limit or np.inf,
         stop_damping=draft.gains.damping,
         freeze=name != "never-frozen",
     )
@@ -140,9 +142,9 @@ def _adaptation_law(draft: Draft, name: str) -> Any:
         case "cushioned-floor":
             return control.CushionedFloor(*predicting, of.forgetting)
         case "composite-learning":
-            return control.CompositeLearning(*predicting, of.forgetting, RECALL, of.excitation, ALARM)
+            return control.CompositeLearning(*predicting, of.forgetting, RECALL, of.excitation_threshold, ALARM)
         case "concurrent-learning":
-            return control.ConcurrentLearning(*predicting, of.samples, of.novelty)
+            return control.ConcurrentLearning(*predicting, of.stack_size, of.novelty_threshold)
     return None if name == ADAPTATION_OFF else Gradient(gain)
 
 
@@ -153,9 +155,9 @@ def _control_law(draft: Draft, name: str) -> Controller[Any] | None:
     match name:
         case "natural":
             return replace(draft, model=ReducedModel.full(mechanism)).slotine_li(*draft.natural())
-        case "consistent-lift":
+        case "consistent-adaptation":
             natural, bodies = draft.natural()
-            lift = control.ConsistentLift(natural.rate, bodies, *draft.predicting[1:])
+            lift = control.ConsistentAdaptation(natural.gain, bodies, *draft.predicting[1:])
             return draft.slotine_li(lift, model.regrouping @ bodies)
         case "no-friction-columns":
             smooth = without_friction(mechanism)
@@ -173,7 +175,7 @@ def _control_law(draft: Draft, name: str) -> Controller[Any] | None:
             return control.PassivityIntegral(model, bandwidth, damping, draft.gain, first, of.control_period)
         case "adaptive-computed-torque":
             law = draft.projected(of.acceleration_gain)
-            return control.AdaptiveComputedTorque(model, bandwidth, first, law, period=of.control_period)
+            return control.AdaptiveComputedTorque(model, bandwidth, first, law, control_period=of.control_period)
     return None
 
 

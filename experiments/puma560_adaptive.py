@@ -32,7 +32,7 @@ from adaptctl.experiments.contest import (
     Told,
     chosen_gains,
 )
-from adaptctl.experiments.experiment import require_count, setting
+from adaptctl.experiments.experiment import setting, validate_count
 from adaptctl.identifiability import (
     FundamentalBasis,
     ReducedModel,
@@ -97,7 +97,7 @@ class Puma560Adaptive(FromRanges):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_count(self, ("damping", "center", "amplitude", "frequency"), self.joints, "one a joint")
+        validate_count(self, ("damping", "center", "amplitude", "frequency"), self.joints, "one a joint")
         if len(set(self.components)) < len(self.components) or (0 in self.components and len(self.components) > 1):
             raise InputError("components: expected each at most once, or 0 alone")
 
@@ -165,10 +165,10 @@ class Puma560Adaptive(FromRanges):
                 ),
             ]
         reduction, essential = self._reduction(mechanism)
-        self._require_components(mechanism, model, len(reduction.weights))
+        self._validate_components(mechanism, model, len(reduction.weights))
         ordered = essential[:, reduction.order]
         directions = model.regrouping @ ordered
-        gains = self.rate * (ordered.T**2 @ self.ranges.of(mechanism.parameter_names) ** 2)
+        gains = self.gain_scale * (ordered.T**2 @ self.ranges.of(mechanism.parameter_names) ** 2)
         found = []
         for s in self.components:
             some = Subspace(gains[:s], directions[:, :s])
@@ -184,8 +184,8 @@ class Puma560Adaptive(FromRanges):
         space = essential_space(mechanism, seed=self.seed, states=states)
         return reduce(space, mechanism, components=space.rank), space.basis
 
-    def _require_components(self, mechanism: Mechanism, model: ReducedModel, rank: int) -> None:
-        if model.regrouping.shape[1] != mechanism.energetic:
+    def _validate_components(self, mechanism: Mechanism, model: ReducedModel, rank: int) -> None:
+        if model.regrouping.shape[1] != mechanism.num_energy_parameters:
             raise InputError(f"robot: {mechanism.name} has friction, which carries no energy: use an arm without")
         for s in self.components:
             if s > rank:
@@ -194,7 +194,7 @@ class Puma560Adaptive(FromRanges):
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """Iterator over what the report says was chosen: gains, the first estimate and the reference's formula."""
         ranges = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
-        rule = "; ".join(f"{self.rate:g}·({value:g} {unit})²" for value, unit in ranges)
+        rule = "; ".join(f"{self.gain_scale:g}·({value:g} {unit})²" for value, unit in ranges)
         yield from chosen_gains(self.gains(mechanism), rule, "adaptation gain: rate × (prior range)²")
         law, fade = "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)", f"{self.start_time:g} s"
         yield Setting("reference", law, f"fade is a quintic from rest over {fade}")

@@ -23,7 +23,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import ADAPTATION_OFF, Contender, FromRanges, Outcome, Told, chosen_gains, over_time
-from adaptctl.experiments.experiment import require_count, setting
+from adaptctl.experiments.experiment import setting, validate_count
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import Finding, Leading, Setting, wording
 
@@ -74,9 +74,9 @@ class TaskSpaceTracking(FromRanges):
     title: ClassVar[str] = "{robot}: a tool on a path in the world"
 
     robot: str = setting("puma560_arm3", "puma560_arm3, or semi_direct_drive, whose tool moves through a closed loop")
-    stiffness: float = setting(3.0, "damping over Λ times typical inertia", symbol="K/(Λ I)", low=0.1, high=100.0)
+    damping_scale: float = setting(3.0, "damping over Λ times typical inertia", symbol="K/(Λ I)", low=0.1, high=100.0)
     singularity: float = setting(0.1, "damping of the damped Jacobian, m", symbol="μ", low=0.0, high=10.0)
-    prediction: float = setting(100.0, "weight of torque errors in parts of limits, N m/s", low=1e-6, high=1e9)
+    prediction_weight: float = setting(100.0, "weight of torque errors in parts of limits, N m/s", low=1e-6, high=1e9)
     center: tuple[float, ...] = setting((0.55, 0.0, 0.47), "centre of the tool's path, m", low=-10.0, high=10.0)
     amplitude: tuple[float, ...] = setting((0.1, 0.25, 0.15), "amplitude of the tool's path, m", low=0.0, high=10.0)
     frequency: tuple[float, ...] = setting((0.4, 0.2, 0.2), "frequency of the tool's path, Hz", low=0.0, high=5.0)
@@ -85,7 +85,7 @@ class TaskSpaceTracking(FromRanges):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_count(self, ("center", "amplitude", "frequency", "phase"), 3, "x, y and z")
+        validate_count(self, ("center", "amplitude", "frequency", "phase"), 3, "x, y and z")
 
     @property
     def purpose(self) -> str:
@@ -118,7 +118,7 @@ class TaskSpaceTracking(FromRanges):
     def gains(self, mechanism: Mechanism) -> Gains:
         """Gains of the tracking loop for the joints of a `mechanism`, from its typical inertia. Raises `InputError`
         where that is not positive."""
-        return Gains.from_bandwidth(mechanism, self.bandwidth, self.stiffness)
+        return Gains.from_bandwidth(mechanism, self.bandwidth, self.damping_scale)
 
     @property
     def arm(self) -> ArmWithTip:
@@ -140,7 +140,7 @@ class TaskSpaceTracking(FromRanges):
         true model. Raises `InputError` for a basis of another geometry."""
         model, gains, tool = ReducedModel(mechanism, basis), self.gains(mechanism), np.array(self.arm.tip)
         gain = self.adaptation(model)
-        composite = Composite(gain, self.prediction / finite_torque_limits(mechanism) ** 2)
+        composite = Composite(gain, self.prediction_weight / finite_torque_limits(mechanism) ** 2)
 
         def task_space(law: Any, singularity: float = 0.0) -> TaskSpaceSlotineLi:
             return TaskSpaceSlotineLi(
@@ -148,7 +148,7 @@ class TaskSpaceTracking(FromRanges):
                 gains.bandwidth,
                 gains.damping,
                 law,
-                period=self.control_period,
+                control_period=self.control_period,
                 link=self.arm.link,
                 tool=tool,
                 singularity=singularity,

@@ -21,22 +21,22 @@ ALIKE = {
     "adaptctl/control/adaptation/composite_learning.py::_remember row @ along + TINY -> row @ along - TINY": (
         "where it is no larger than TINY, what it divides is zero"
     ),
-    "adaptctl/control/excitation/exciting_reference.py::_gram 1 -> 2": "at least two samples a product instead of one",
-    "adaptctl/control/excitation/exciting_reference.py::_gram 1 -> 2 (again 1)": "NumPy takes -2 for -1 in a shape",
-    "adaptctl/control/excitation/exciting_reference.py::_gram 1 -> 2 (again 2)": "NumPy takes -2 for -1 in a shape",
-    "adaptctl/control/excitation/exciting_reference.py::_gram "
+    "adaptctl/control/excitation/excitation_trajectory.py::_gram 1 -> 2": "two samples per product",
+    "adaptctl/control/excitation/excitation_trajectory.py::_gram 1 -> 2 (again 1)": "NumPy takes -2 for -1 in a shape",
+    "adaptctl/control/excitation/excitation_trajectory.py::_gram 1 -> 2 (again 2)": "NumPy takes -2 for -1 in a shape",
+    "adaptctl/control/excitation/excitation_trajectory.py::_gram "
     "SMALL_PRODUCT // (rows * k * k) -> SMALL_PRODUCT * (rows * k * k)": "one product instead of many: slower alone",
     "adaptctl/control/adaptation/prior_ranges.py::PriorRanges._range -1 -> +1": (
         "a name has a dot, and of the two parts about its last dot the last is the second"
     ),
-    "adaptctl/control/guards.py::Guarded.law stopped > 0.5 -> stopped >= 0.5": "a mark is 0 or 1",
+    "adaptctl/control/guards.py::SafetyFilter.law stopped > 0.5 -> stopped >= 0.5": "a mark is 0 or 1",
     "adaptctl/control/controller.py::_columns 1 -> 2": "NumPy takes -2 for -1 in a shape",
     "adaptctl/control/gains/workspace.py::position_range 1 -> 2": "NumPy takes -2 for -1 in a shape",
     "adaptctl/dynamics/loops/continuation.py::Continuation.surely_regular "
     "side * determinant(block) > 0.0 -> side * determinant(block) >= 0.0": (
         "where the determinant is zero no inverse is within any bound"
     ),
-    "adaptctl/identifiability/certification.py::leftovers 1e-300 -> 2e-300": (
+    "adaptctl/identifiability/certification.py::residual_singular_values 1e-300 -> 2e-300": (
         "a spectrum of zeros is divided by anything but zero"
     ),
     "adaptctl/identifiability/proof/digits.py::<module> 26 -> 27": "one more term of the series is below the last bit",

@@ -62,7 +62,7 @@ def fused_off(package: Package, trial: Trial) -> tuple[float, float]:
     """The largest difference of torques (N m) of two closed loops, one driven by a build that fuses, one by Python; and
     the largest torque."""
     code, law, plant, points = package.library(FUSING), trial.law, trial.plant, trial.points()
-    start = trial.begun(points)
+    start = trial.started(points)
     ours = theirs = plant.init(start, np.zeros(law.dof))
     state, worst, largest = law.init(start, np.zeros(law.dof)), 0.0, 0.0
     code.begin(pointer(start))

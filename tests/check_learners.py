@@ -95,7 +95,7 @@ def checked_environments() -> None:
     from adaptctl.envs import LearningEnv, ResidualEnv, TuningEnv
 
     arm = adaptctl.load(EXAMPLES / "two_link.toml")
-    law = adaptctl.tune(arm, period=0.02).controller(adaptctl.ReducedModel.full(arm))
+    law = adaptctl.tune(arm, control_period=0.02).controller(adaptctl.ReducedModel.full(arm))
     inner = gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", robot=arm, control_period=0.02, duration=1.0)
     wrapped = [inner, ResidualEnv(inner, law), TuningEnv(inner, law, ["damping"])]
     for env in (gymnasium.make("adaptctl/Puma560Learning-v0"), *map(LearningEnv, wrapped)):

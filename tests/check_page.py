@@ -63,7 +63,7 @@ process.stdout.write(JSON.stringify({ torque, taken }));
 """
 
 
-def begun(task: Task) -> tuple[Plant, Any, Array]:
+def started(task: Task) -> tuple[Plant, Any, Array]:
     """A plant, and where its arm begins."""
     plant = Plant(task.arm, PERIOD)
     p = task.reference(0.0).p + 0.05
@@ -72,7 +72,7 @@ def begun(task: Task) -> tuple[Plant, Any, Array]:
 
 def in_python(task: Task) -> Array:
     """Torques (T, r) of the closed loop in native code here."""
-    plant, state, parameters = begun(task)
+    plant, state, parameters = started(task)
     loop, points = ClosedLoop(plant, task.controller), task.references(PERIODS)
     arms = loop.compiled().ensemble(1)
     loop.begin(arms, state, task.controller.init(state.p, state.v))
@@ -128,7 +128,7 @@ def in_browser(browser: str, live: LiveArm, label: str, count: int) -> tuple[dic
 
 
 def processor_time() -> float:
-    """Seconds that processes begun here, and ended, have taken."""
+    """Seconds that processes started here, and ended, have taken."""
     spent = resource.getrusage(resource.RUSAGE_CHILDREN)
     return spent.ru_utime + spent.ru_stime
 
@@ -143,7 +143,7 @@ def report() -> Iterator[str]:
             yield f"missing: {name}: nothing is checked in it"
     failed = False
     for name, task in {"puma": puma(), "semi_direct_drive": semi_direct_drive()}.items():
-        plant, state, parameters = begun(task)
+        plant, state, parameters = started(task)
         live = live_arm(plant, task.controller, task.reference, state, parameters)
         if isinstance(live, str):
             raise SystemExit(f"check-page: {name}: {live}")

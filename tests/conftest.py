@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 # One worker runs on each core. A second thread of OpenBLAS would wait there in a loop, and products of small matrices
-# take up to a hundred times as long. NumPy reads this when it is first imported, in processes begun here too.
+# take up to a hundred times as long. NumPy reads this when it is first imported, in processes started here too.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # `make test` draws the same cases each time, so that a red run is a change's own; `make search` draws others each time.

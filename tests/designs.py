@@ -12,7 +12,7 @@ from robot_files import urdf
 import adaptctl
 from adaptctl.arrays import Array
 from adaptctl.description.inertia import from_center_of_mass
-from adaptctl.design import DesignTask, PlaceBounds
+from adaptctl.design import DesignTask, MountingBounds
 
 ARMS = {
     "puma560_measured": ("link2", "link3"),
@@ -47,7 +47,7 @@ def direct_cost(task: DesignTask, objective: str, parameters: Array) -> float:
     return float(np.sqrt(np.mean(M[:, above[0], above[1]] ** 2)))
 
 
-def grid_of(places: PlaceBounds, each: int) -> tuple[Array, Array]:
+def grid_of(places: MountingBounds, each: int) -> tuple[Array, Array]:
     """Designs (each^4, 4), mass and place, on a grid of a link's bounds, and the balls' tens."""
     axes = [
         np.linspace(0.0, places.mass, each),
@@ -58,7 +58,7 @@ def grid_of(places: PlaceBounds, each: int) -> tuple[Array, Array]:
 
 
 def best_on_grid(
-    task: DesignTask, objective: str, first: PlaceBounds, second: PlaceBounds, each: int
+    task: DesignTask, objective: str, first: MountingBounds, second: MountingBounds, each: int
 ) -> tuple[float, Array]:
     """The least cost over all pairs of grid points on two links, and the parameters of that pair.
 

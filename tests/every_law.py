@@ -16,19 +16,19 @@ from adaptctl.control import (
     CompositeLearning,
     ComputedTorque,
     ConcurrentLearning,
-    ConsistentLift,
+    ConsistentAdaptation,
     Controller,
     CushionedFloor,
     DeadZone,
     EModification,
     Gradient,
-    Guarded,
     LinearController,
     Natural,
     PassivityIntegral,
     PDGravity,
     Projection,
     ReleasedGradient,
+    SafetyFilter,
     SigmaModification,
     SlotineLi,
     Subspace,
@@ -66,10 +66,10 @@ def of_two(adaptation: Any) -> SlotineLi:
     return on(PAIR, adaptation)
 
 
-def guarded(law: Controller[Any], torque: float = 50.0, rates: float = 1e4, **more: Any) -> Guarded:
+def guarded(law: Controller[Any], torque: float = 50.0, rates: float = 1e4, **more: Any) -> SafetyFilter:
     r = law.dof
     wide = (np.full(r, -6.0), np.full(r, 6.0))
-    return Guarded(
+    return SafetyFilter(
         law, np.full(r, torque), np.full(r, rates), position_limits=wide, velocity_limits=np.full(r, 30.0), **more
     )
 
@@ -106,8 +106,8 @@ def laws_on(model: ReducedModel, pair: ReducedModel) -> dict[str, Controller[Any
         "composite learning": on(pair, CompositeLearning(few, 0.3, 15.0, 1.5, 2.0, 1e-9, 1.0)),
         "concurrent learning": on(model, ConcurrentLearning(gain, 0.3, 15.0, 3, 1e-9)),
         "natural": on(model, Natural(0.2)),
-        "lift": on(pair, ConsistentLift(0.2, 0.9 * few_true, 0.3, 15.0)),
-        "lift without prediction": on(model, ConsistentLift(0.2, 0.9 * true)),
+        "lift": on(pair, ConsistentAdaptation(0.2, 0.9 * few_true, 0.3, 15.0)),
+        "lift without prediction": on(model, ConsistentAdaptation(0.2, 0.9 * true)),
         "projection": on(model, Projection(Gradient(gain), -wide, wide)),
         "projected composite": on(model, Projection(Composite(gain, 0.3, 15.0), -wide, wide)),
         "subspace": on(model, Subspace(gain[:4], np.eye(len(true))[:, :4])),
@@ -119,7 +119,7 @@ def laws_on(model: ReducedModel, pair: ReducedModel) -> dict[str, Controller[Any
         "gravity": PDGravity(arm, 200.0 * each, 30.0 * each),
         "linear": linear(arm),
         "guarded": guarded(on(model, gain), estimate_bounds=(-wide, wide)),
-        "guarded lift": guarded(on(pair, ConsistentLift(0.2, 0.9 * few_true, 0.3, 15.0)), rates=2e3),
+        "guarded lift": guarded(on(pair, ConsistentAdaptation(0.2, 0.9 * few_true, 0.3, 15.0)), rates=2e3),
     }
 
 

@@ -9,12 +9,12 @@ import numpy as np
 from every_law import ARM
 
 from adaptctl.arrays import Array
+from adaptctl.codegen.closed_loop_check import default_reference
 from adaptctl.codegen.interface import Interface
-from adaptctl.codegen.vouching import default_reference
 from adaptctl.compilation import compile_step
 from adaptctl.compilation.native import Processor
 from adaptctl.control import Controller, ReferencePoint
-from adaptctl.control.memory import leaves
+from adaptctl.control.pytree import leaves
 from adaptctl.simulation import Plant
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
 from adaptctl.simulation.references import REFERENCE
@@ -48,20 +48,20 @@ class Trial:
     @property
     def plant(self) -> Plant:
         """The arm that it drives."""
-        return Plant(self.interface.mechanism or ARM, self.interface.period)
+        return Plant(self.interface.mechanism or ARM, self.interface.control_period)
 
     def points(self, ticks: int = TICKS) -> ReferencePoint:
         """The default reference's points (T, m)."""
-        return default_reference(self.interface)(self.interface.period * np.arange(ticks))
+        return default_reference(self.interface)(self.interface.control_period * np.arange(ticks))
 
-    def begun(self, points: ReferencePoint) -> Array:
+    def started(self, points: ReferencePoint) -> Array:
         """Where the arm begins (r,)."""
-        return np.asarray(points.p[0] if self.interface.follows_joints else self.law.home) + 0.0
+        return np.asarray(points.p[0] if self.interface.follows_joints else self.law.neutral_configuration) + 0.0
 
     def recorded(self, ticks: int = TICKS) -> Ticks:
         """A closed loop of the law on its own arm, repeated without fused operations."""
         law, plant, points = self.law, self.plant, self.points(ticks)
-        loop, start, rest = ClosedLoop(plant, law), self.begun(points), np.zeros(law.dof)
+        loop, start, rest = ClosedLoop(plant, law), self.started(points), np.zeros(law.dof)
         arms = loop.compiled().ensemble(1)
         loop.begin(arms, plant.init(start, rest), law.init(start, rest))
         arms.held["parameters"] = plant.mechanism.inertial_parameters
@@ -99,8 +99,8 @@ class Trial:
         return compile_step(
             step,
             state={_plain(name): size for name, size in law._memory_sizes.items()},
-            held=law.gain_sizes,
-            shared={f"given_{name}": size for name, size in law._given_sizes.items()},
+            constants=law.gain_sizes,
+            inputs={f"given_{name}": size for name, size in law._given_sizes.items()},
             lanes=1,
             name="law",
             processor=processor,

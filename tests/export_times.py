@@ -85,7 +85,7 @@ def _casadi(package: Package, trial: Trial, ticks: Ticks, answers: Array) -> Ite
         return
     (folder / "driver.c").write_text(casadi_driver())
     sizes = np.array(list(law._memory_sizes.values()), dtype=np.int32)
-    begun = np.concatenate([np.ravel(x) for x in trial.first(ticks.given).values()])
+    started = np.concatenate([np.ravel(x) for x in trial.first(ticks.given).values()])
     for label, more in {"-O2 -march=native": NATIVE, "-O2": GNU}.items():
         out = folder / f"casadi{len(more)}.so"
         run(["gcc", "-O2", *more, "-shared", "-fPIC", str(source), str(folder / "driver.c"), "-lm", "-o", str(out)])
@@ -95,8 +95,8 @@ def _casadi(package: Package, trial: Trial, ticks: Ticks, answers: Array) -> Ite
             given = pointer(ticks.given[k : k + BLOCK]), pointer(answers), BLOCK
             code.casadi_run(*given, law.dof, law.reference_size, len(sizes), pointer(sizes), pointer(gains))
 
-        code.casadi_begin(pointer(begun), len(begun))
+        code.casadi_begin(pointer(started), len(started))
         call(0)
         assert np.abs(answers - ticks.torque[:BLOCK]).max() < 1e-9 * np.abs(ticks.torque).max()
-        code.casadi_begin(pointer(begun), len(begun))
+        code.casadi_begin(pointer(started), len(started))
         yield f"CasADi, gcc {label}", call

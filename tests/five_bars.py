@@ -46,8 +46,8 @@ def five_bar(lengths: Array, near: bool = False) -> Mechanism:
     l2, l3, l4, l5 = lengths
     arm = read("semi_direct_drive")
     assert arm.loops is not None
-    nears = [link.near for link in arm.links[:3]] + [_ahead(l3), _ahead(l4)]
-    links = tuple(replace(link, near=pose) for link, pose in zip(arm.links, nears, strict=True))
+    nears = [link.parent_to_joint for link in arm.links[:3]] + [_ahead(l3), _ahead(l4)]
+    links = tuple(replace(link, parent_to_joint=pose) for link, pose in zip(arm.links, nears, strict=True))
     closure = replace(arm.loops.closures[0], first_frame=_ahead(l2), second_frame=_ahead(l5))
     reference = {**arm.loops.reference, **assembly(lengths, near)}
     loops = replace(arm.loops, closures=(closure,), reference=reference)

@@ -155,13 +155,13 @@ def fuzz(count: int, seed: int, folder: Path) -> Report:
 def _outcome(path: Path, kind: str, chain: Mechanism) -> tuple[Outcome, str]:
     try:
         if kind == ".c.toml":
-            _require_sound(constrained(chain, Constraints.read(path)))
+            _validate_sound(constrained(chain, Constraints.read(path)))
         elif kind == ".p.toml":
             Priority.read(path, chain)
         elif kind == ".json":
             ReducedModel(chain, FundamentalBasis.load(path))
         else:
-            _require_sound(load(path))
+            _validate_sound(load(path))
     except AdaptctlError as error:
         plain = all(c.isprintable() or c == "\n" for c in str(error))
         return (Outcome.REFUSED, "") if plain else (Outcome.FAILED, f"control characters in {str(error)!r}")
@@ -170,11 +170,11 @@ def _outcome(path: Path, kind: str, chain: Mechanism) -> tuple[Outcome, str]:
     return Outcome.READ, ""
 
 
-def _require_sound(arm: Mechanism) -> None:
+def _validate_sound(arm: Mechanism) -> None:
     """Raise ValueError for a mechanism that should have been refused."""
     names = [*arm.parameter_names, *(link.joint.name for link in arm.links), arm.name]
     masses = [v for v, name in zip(arm.inertial_parameters, arm.parameter_names, strict=True) if name.endswith(".m")]
-    p, v = arm.home, np.linspace(0.1, 0.3, arm.dof)
+    p, v = arm.neutral_configuration, np.linspace(0.1, 0.3, arm.dof)
     energy, torque = arm.energy_regressor(p, v), arm.inverse_dynamics(p, v, -v)
     for what, sound in (
         ("numbers", np.isfinite(arm.inertial_parameters).all()),

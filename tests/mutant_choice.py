@@ -99,11 +99,11 @@ class Recorder:
         if time.process_time() > self._limit:
             pytest.exit("enough is recorded", returncode=0)
         self._entered.clear()
-        begun = time.process_time()
+        started = time.process_time()
         try:
             return (yield)
         finally:
-            seconds = time.process_time() - begun
+            seconds = time.process_time() - started
             self._write({"test": item.nodeid, "seconds": seconds, "entered": sorted(self._entered)})
 
     def _write(self, row: object) -> None:

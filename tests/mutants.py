@@ -105,11 +105,11 @@ def main() -> None:
     for number, mutant in enumerate(sample):
         if (asked.only is not None and number not in asked.only) or (asked.only is None and mutant.key in known):
             continue
-        begun, spent = time.monotonic(), sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+        started, spent = time.monotonic(), sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
         met = chosen(mutant, files, asked.budget)
         known[mutant.key], by = verdict(mutant, met)
         cost = sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2]) - spent
-        took = f"{time.monotonic() - begun:.0f} s, {cost:.1f} s of the processor, {len(met)} test files"
+        took = f"{time.monotonic() - started:.0f} s, {cost:.1f} s of the processor, {len(met)} test files"
         print(f"{number} {known[mutant.key]} {by} ({took}) line {mutant.line} {mutant.key}", flush=True)
         results.write_text(json.dumps(known, indent=1))
     print(summary(sample, known))

@@ -38,9 +38,9 @@ def world_poses(description: Description, q: Array) -> dict[str | None, Pose]:
     for link, x in zip(description.links, q, strict=True):
         parent = None if link.parent == GROUND else description.links[link.parent].name
         axis = link.joint.axis
-        turn = link.joint.kind.turns
+        turn = link.joint.kind.is_revolute
         moved = Pose(rotation_about(axis, x), np.zeros(3)) if turn else Pose(np.eye(3), x * axis)
-        poses[link.name] = poses[parent] @ link.near @ moved @ link.far
+        poses[link.name] = poses[parent] @ link.parent_to_joint @ moved @ link.joint_to_link
     return poses
 
 
@@ -52,7 +52,7 @@ def homogeneous(pose: Pose) -> Array:
 def motion(joint: Joint, x: Array) -> Array:
     """Matrices (..., 4, 4) of a joint's motions by x (...), a rotation's by Rodrigues' formula."""
     moved = np.zeros((*x.shape, 4, 4)) + np.eye(4)
-    if joint.kind.turns:
+    if joint.kind.is_revolute:
         across = np.cross(joint.axis, np.eye(3)).T
         moved[..., :3, :3] += np.multiply.outer(np.sin(x), across) + np.multiply.outer(1.0 - np.cos(x), across @ across)
     else:
@@ -65,7 +65,9 @@ def world_matrices(description: Description, q: Array) -> dict[str | None, Array
     poses: dict[str | None, Array] = {None: np.eye(4)}
     for link, x in zip(description.links, np.moveaxis(q, -1, 0), strict=True):
         parent = None if link.parent == GROUND else description.links[link.parent].name
-        poses[link.name] = poses[parent] @ homogeneous(link.near) @ motion(link.joint, x) @ homogeneous(link.far)
+        poses[link.name] = (
+            poses[parent] @ homogeneous(link.parent_to_joint) @ motion(link.joint, x) @ homogeneous(link.joint_to_link)
+        )
     return poses
 
 
@@ -187,7 +189,7 @@ def every_loop_moves(description: Description, shape: Shape, q: Array) -> bool:
     only slide, the Jacobian stays the same."""
     _, values, directions = np.linalg.svd(gap_rates(description, q))
     free = directions[int((values > 1e-6).sum()) :]
-    turning = [(i, link.joint.name) for i, link in enumerate(description.links) if link.joint.kind.turns]
+    turning = [(i, link.joint.name) for i, link in enumerate(description.links) if link.joint.kind.is_revolute]
     return all(np.linalg.norm(free[:, [i for i, name in turning if name in loop]]) > 0.3 for loop in shape.loops)
 
 

@@ -72,7 +72,7 @@ def plant(mechanism: Mechanism, period: float) -> Plant:
 
 
 def posture(mechanism: Mechanism) -> Array:
-    return mechanism.home if mechanism.description.loops is not None else ELBOW[: mechanism.dof]
+    return mechanism.neutral_configuration if mechanism.description.loops is not None else ELBOW[: mechanism.dof]
 
 
 def swinging(mechanism: Mechanism, seed: int = 0, amplitude: float = 0.3) -> Sinusoids:
@@ -153,7 +153,7 @@ def kinetic(mechanism: Mechanism, run: Loop) -> Array:
 def distance(controller: AdaptiveController, run: Loop, parameters: Array) -> Array:
     """The parameters' term of V (T,)."""
     law, model = controller.adaptation_law, controller.model
-    found = None if law is None else law.distance(model, run.estimate, model.regrouping @ parameters)
+    found = None if law is None else law.lyapunov_distance(model, run.estimate, model.regrouping @ parameters)
     assert found is not None
     return found
 

@@ -38,7 +38,7 @@ from adaptctl.control import (
 from adaptctl.control.adaptation.composite import Filtered, TorqueFilter
 from adaptctl.control.adaptation.law import NoMemory
 from adaptctl.control.adaptation.natural import moved_body
-from adaptctl.control.memory import leaves
+from adaptctl.control.pytree import leaves
 from adaptctl.description.inertia import from_pseudo_inertia, pseudo_inertia
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability import ReducedModel
@@ -68,8 +68,8 @@ LAWS: dict[str, Callable[[str], AdaptationLaw]] = {
     "subspace": lambda name: Subspace(np.ones(4), np.eye(len(gain(name)))[:, 1:5]),
     "bounded-gain forgetting": lambda name: BoundedGainForgetting(gain(name), 0.1),
     "cushioned floor": lambda name: CushionedFloor(gain(name), 0.1),
-    "composite learning": lambda name: CompositeLearning(gain(name), 0.1, alarm=1.0),
-    "concurrent learning": lambda name: ConcurrentLearning(gain(name), 0.1, samples=3, threshold=1e-3),
+    "composite learning": lambda name: CompositeLearning(gain(name), 0.1, reset_power=1.0),
+    "concurrent learning": lambda name: ConcurrentLearning(gain(name), 0.1, stack_size=3, novelty_threshold=1e-3),
 }
 
 
@@ -92,9 +92,9 @@ def second_tick(controller: SlotineLi, name: str, elapsed: float) -> tuple[list[
     p, v = posture(arm(name)) + 0.1, np.linspace(-1.0, 1.0, r)
     point = ReferencePoint(posture(arm(name)), np.full(r, 0.3), np.full(r, -0.5))
     _, state = controller.step(controller.init(p, v), p, v, point)
-    state = state._replace(elapsed=np.array([elapsed]))
+    state = state._replace(dt=np.array([elapsed]))
     torque, after = controller.step(state, p + 1e-3 * v, 0.99 * v, point)
-    plain = controller.on_floats(p + 1e-3 * v, 0.99 * v, *point, *leaves(state))
+    plain = controller.python_step(p + 1e-3 * v, 0.99 * v, *point, *leaves(state))
     return [torque, *leaves(after)], plain
 
 
@@ -103,13 +103,13 @@ def second_tick(controller: SlotineLi, name: str, elapsed: float) -> tuple[list[
 )
 def test_native_code_and_floats_learn_alike(name: str, law: str) -> None:
     controller = on(name, LAWS[law](name), initial=np.linspace(-0.4, 0.4, len(gain(name))))
-    for native, plain in zip(*second_tick(controller, name, controller.period), strict=True):
+    for native, plain in zip(*second_tick(controller, name, controller.control_period), strict=True):
         np.testing.assert_allclose(native, plain, rtol=0, atol=1e-11 * max(np.abs(plain).max(initial=0.0), 1.0))
 
 
 def test_natural_adaptation_is_the_same_natively() -> None:
     controller = natural("semi_direct_drive")
-    for native, plain in zip(*second_tick(controller, "semi_direct_drive", controller.period), strict=True):
+    for native, plain in zip(*second_tick(controller, "semi_direct_drive", controller.control_period), strict=True):
         np.testing.assert_allclose(native, plain, rtol=0, atol=1e-11 * max(np.abs(plain).max(initial=0.0), 1.0))
 
 
@@ -118,7 +118,7 @@ def test_nothing_is_learned_from_a_period_that_does_not_count(law: str) -> None:
     name = "puma560_arm3"
     initial = np.linspace(-0.4, 0.4, len(gain(name)))
     controller = on(name, LAWS[law](name), initial=initial)
-    frozen, counted = (second_tick(controller, name, elapsed)[0][1] for elapsed in (0.0, controller.period))
+    frozen, counted = (second_tick(controller, name, elapsed)[0][1] for elapsed in (0.0, controller.control_period))
     np.testing.assert_array_equal(frozen, initial)
     assert np.abs(counted - initial).max() > 1e-6
 
@@ -149,7 +149,7 @@ def test_least_squares_go_on_forgetting_where_others_stop() -> None:
     for law in (BoundedGainForgetting(gain(name), 1.0), CushionedFloor(gain(name), 1.0)):
         run = loop(on(name, law), mechanism, reference, 8.0)
         scale = np.sqrt(np.outer(law.gain, law.gain))
-        found = [np.linalg.eigvalsh(law.covariance(run.states[k].learning) / scale)[0] for k in (3999, 7999)]
+        found = [np.linalg.eigvalsh(law.covariance(run.states[k].law_state) / scale)[0] for k in (3999, 7999)]
         lowest[type(law)] = found[1] / found[0]
     assert lowest[BoundedGainForgetting] < 0.7
     assert lowest[CushionedFloor] > 0.9
@@ -174,7 +174,7 @@ def test_composite_solves_its_prediction_error_implicitly(period: float, weight:
     name, rng = "puma560_arm3", np.random.default_rng(3)
     model, law = reduced(name), Composite(gain(name), weight, 15.0)  # type: ignore[arg-type]
     q, estimate = posture(arm(name)), rng.normal(size=K)
-    memory = law.start(model, estimate, q + 0.3, rng.normal(size=3), period)
+    memory = law.initial_state(model, estimate, q + 0.3, rng.normal(size=3), period)
     memory = Filtered(*(column(part) for part in memory))
     now = silent(period, q=q, v=rng.normal(size=3), torque=rng.normal(size=3))
     after, _ = law.law(model, column(estimate), now, memory)
@@ -299,10 +299,10 @@ def test_the_truth_is_at_no_distance_and_everything_else_at_some() -> None:
     model, true = full(name), arm(name).inertial_parameters
     law = Natural(0.1)
     estimates = np.array([true, 1.1 * true, 2.0 * true])
-    found = law.distance(model, estimates, true)
+    found = law.lyapunov_distance(model, estimates, true)
     assert found[0] == pytest.approx(0.0, abs=1e-9)
     assert 0.0 < found[1] < found[2]
-    assert np.isinf(law.distance(model, true, -true))
+    assert np.isinf(law.lyapunov_distance(model, true, -true))
 
 
 @pytest.mark.parametrize(
@@ -398,4 +398,4 @@ def test_a_function_v_that_a_run_cannot_tell_is_refused() -> None:
 def test_a_projection_is_projected_again() -> None:
     """Its own function is still a sum over single parameters, so tighter bounds may be laid around it."""
     inner = Projection(Gradient(np.ones(3)), -2.0 * np.ones(3), 2.0 * np.ones(3))
-    assert Projection(inner, -np.ones(3), np.ones(3)).of is inner
+    assert Projection(inner, -np.ones(3), np.ones(3)).inner is inner

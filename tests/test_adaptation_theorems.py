@@ -76,7 +76,7 @@ def prediction_errors(run: Loop, controller: AdaptiveController, true: Array) ->
     old = (1.0 - keep) / rate - keep
     found = momentum_terms(mechanism.equations, column(mechanism.configuration(run.p)), column(run.v), model.columns)
     momentum, forces = (stacked_rows(rows, run.p.shape[:-1]) for rows in found)
-    memories = [s.learning if isinstance(law, Composite) else s.learning.filtered for s in run.states]
+    memories = [s.law_state if isinstance(law, Composite) else s.law_state.filtered for s in run.states]
     joints, places = np.array([(i, j) for i, row in enumerate(momentum_columns(model)) for j in row]).T
     ahead = np.zeros(momentum.shape)
     ahead[:, joints, places] = [memory.regressor for memory in memories]
@@ -177,7 +177,7 @@ def least_squares_hold(law: SlotineLi, true: Array, seed: int) -> Array:
     mechanism, adaptation, beta = law.model.mechanism, law.adaptation_law, law.model.regrouping @ true
     assert isinstance(adaptation, BoundedGainForgetting | CushionedFloor)
     run = loop(law, mechanism, swinging(mechanism, seed), 0.4, parameters=true)
-    covariances = np.array([adaptation.covariance(state.learning) for state in run.states])
+    covariances = np.array([adaptation.covariance(state.law_state) for state in run.states])
     relative = covariances / np.sqrt(adaptation.gain) / np.sqrt(adaptation.gain)[:, None]
     assert np.linalg.eigvalsh(relative)[:, 0].min() > 0.0
     error = run.estimate - beta
@@ -185,7 +185,7 @@ def least_squares_hold(law: SlotineLi, true: Array, seed: int) -> Array:
         "ti,ti->t", error, np.linalg.solve(covariances, error[..., None])[..., 0]
     )
     missed = prediction_errors(run, law, beta)
-    weights = np.asarray(adaptation.weight)
+    weights = np.asarray(adaptation.prediction_weight)
     lost = dissipated(run, law.damping) + integral(run, 0.5 * (weights * missed**2).sum(axis=1))
     assert rise(V) < 1e-5
     assert V[-1] - V[0] < -0.9 * lost[-1]
@@ -224,7 +224,7 @@ def laws_on(name: str) -> dict[str, tuple[AdaptiveController, float]]:
     found = {}
     for period in (1e-3, 2.5e-4):
         damping, initial = gains(name).damping, 1.5 * arm(name).inertial_parameters
-        free = {"period": period, "torque_limits": np.inf}
+        free = {"control_period": period, "torque_limits": np.inf}
         found[f"gradient {period}"] = SlotineLi(reduced(name), 8.0, damping, own_gain(name), **free), period
         found[f"natural {period}"] = SlotineLi(full(name), 8.0, damping, Natural(0.02), initial, **free), period
     return found  # type: ignore[return-value]
@@ -300,7 +300,7 @@ def test_e_modification_leaves_the_truth_in_peace(name: str) -> None:
     mechanism, true = arm(name), reduced(name).fundamental_parameters
     moved = {}
     for law in (EModification, SigmaModification):
-        controller = slotine_li(name, law(own_gain(name), rate=0.5), initial=true)
+        controller = slotine_li(name, law(own_gain(name), leakage=0.5), initial=true)
         run = loop(controller, mechanism, swinging(mechanism), 2.0, off=0.0)
         moved[law] = np.abs(run.estimate - true).max()
     assert moved[EModification] < 0.05 * moved[SigmaModification]
@@ -378,7 +378,7 @@ def test_noise_makes_the_gradient_drift_and_robust_laws_stay() -> None:
     }
     half, end = {}, {}
     for law, adaptation in laws.items():
-        controller = slotine_li(name, adaptation, initial=first, period=2e-3)
+        controller = slotine_li(name, adaptation, initial=first, control_period=2e-3)
         run = loop(controller, mechanism, swinging(mechanism, amplitude=0.05), 24.0, 2e-3, noise=0.5)
         errors = np.linalg.norm(run.estimate - beta, axis=1)
         half[law], end[law] = errors[len(errors) // 2], errors[-1]

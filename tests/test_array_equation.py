@@ -44,7 +44,7 @@ def both(request: pytest.FixtureRequest) -> tuple[Mechanism, Mechanism]:
 
 def states(mechanism: Mechanism, samples: int) -> Array:
     values = np.random.default_rng(samples).normal(scale=0.3, size=(4, samples, mechanism.dof))
-    values[0] = mechanism.home + 0.3 * values[0]
+    values[0] = mechanism.neutral_configuration + 0.3 * values[0]
     return values
 
 
@@ -163,7 +163,10 @@ def is_native(mechanism: Mechanism, name: str, *arguments: Array) -> bool:
 def test_columns_are_whole_numbers(wrong: object) -> None:
     """A regressor that was made for a column 1.0 would be found for column 1 again."""
     arm, p = load("puma560_measured"), np.ones(6)
-    for ask in (lambda c: arm.torque_regressor(p, p, p, columns=c), lambda c: arm.on_columns("torque_regressor", c)):
+    for ask in (
+        lambda c: arm.torque_regressor(p, p, p, columns=c),
+        lambda c: arm.column_regressor("torque_regressor", c),
+    ):
         with pytest.raises(InputError, match=r"puma560_measured: columns: expected whole numbers from 0 to 59, got "):
             ask([1, wrong])
     both = arm.torque_regressor(p, p, p)[:, [12, 12, 3]]

@@ -12,5 +12,5 @@ def test_trees_are_tried_anywhere_and_loops_where_following_them_is_short() -> N
     tree, loop = load("puma560_measured"), load("semi_direct_drive")
     anywhere, about = _few_states(tree), _few_states(loop)
     assert len(anywhere) == len(about) == SAMPLES
-    assert np.abs(anywhere.p - tree.home).max() > 2.0 > NEAR
-    assert 0.5 * NEAR < np.abs(about.p - loop.home).max() <= NEAR
+    assert np.abs(anywhere.p - tree.neutral_configuration).max() > 2.0 > NEAR
+    assert 0.5 * NEAR < np.abs(about.p - loop.neutral_configuration).max() <= NEAR

@@ -77,12 +77,17 @@ def test_joints_outside_loops_go_all_around_and_those_in_loops_keep_their_condit
 def test_ways_are_gone_to_the_last_point_that_keeps_a_condition() -> None:
     """Of 65 points on each way: all before it keep it, and the next one breaks it, unless it is the end."""
     mechanism = load("semi_direct_drive")
-    wanted = mechanism.home + np.random.default_rng(0).uniform(-3.0, 3.0, (200, mechanism.dof))
-    found = _within_conditions(mechanism, mechanism.home, wanted)
+    wanted = mechanism.neutral_configuration + np.random.default_rng(0).uniform(-3.0, 3.0, (200, mechanism.dof))
+    found = _within_conditions(mechanism, mechanism.neutral_configuration, wanted)
     shares = np.linspace(0.0, 1.0, 65)
     for share, to in zip(found, wanted, strict=True):
         kept = [
-            bool(mechanism.description.within_conditions(mechanism.home + x * (to - mechanism.home))) for x in shares
+            bool(
+                mechanism.description.within_conditions(
+                    mechanism.neutral_configuration + x * (to - mechanism.neutral_configuration)
+                )
+            )
+            for x in shares
         ]
         first = kept.index(False) if False in kept else len(kept)
         assert share == shares[first - 1]
@@ -146,7 +151,7 @@ def test_a_way_to_no_position_is_not_gone(wrong: float) -> None:
     """Warnings are errors here."""
     arm = load("semi_direct_drive")
     assert arm.continuation is not None
-    p = np.tile(arm.home, (3, 1))
+    p = np.tile(arm.neutral_configuration, (3, 1))
     p[1, 1] = wrong
     assert arm.continuation.progress(p).tolist() == [1.0, 0.0, 1.0]
     assert arm.continuation.reachable(p).tolist() == [True, False, True]

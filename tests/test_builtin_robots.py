@@ -88,10 +88,10 @@ def test_geometry_and_limits_of_the_puma_560(name: str) -> None:
     twists, efforts = (-1, 0, 1, -1, 1, 0), (97.6, 186.4, 89.4, 24.2, 20.1, 21.3)
     for i, link in enumerate(quietly(name).links):
         s = twists[i]
-        np.testing.assert_array_equal(link.near.rotation, np.eye(3))
-        np.testing.assert_array_equal(link.near.translation, np.zeros(3))
-        np.testing.assert_array_equal(link.far.translation, [a[i], 0, d[i]])
-        np.testing.assert_array_equal(link.far.rotation, [[1, 0, 0], [0, 1 - abs(s), -s], [0, s, 1 - abs(s)]])
+        np.testing.assert_array_equal(link.parent_to_joint.rotation, np.eye(3))
+        np.testing.assert_array_equal(link.parent_to_joint.translation, np.zeros(3))
+        np.testing.assert_array_equal(link.joint_to_link.translation, [a[i], 0, d[i]])
+        np.testing.assert_array_equal(link.joint_to_link.rotation, [[1, 0, 0], [0, 1 - abs(s), -s], [0, s, 1 - abs(s)]])
         limits = link.joint.limits
         assert (limits.lower, limits.upper, limits.velocity) == TABLE_1[i]
         assert limits.effort == efforts[i]
@@ -106,7 +106,11 @@ def test_puma560_has_table_6() -> None:
 def test_puma560_arm3_is_the_first_three_joints() -> None:
     for ours, whole in zip(quietly("puma560_arm3").links, quietly("puma560").links[:3], strict=True):
         np.testing.assert_array_equal(ours.inertia, whole.inertia)
-        assert (ours.near, ours.far, ours.joint.limits) == (whole.near, whole.far, whole.joint.limits)
+        assert (ours.parent_to_joint, ours.joint_to_link, ours.joint.limits) == (
+            whole.parent_to_joint,
+            whole.joint_to_link,
+            whole.joint.limits,
+        )
 
 
 def measured_in_modified_frames(folder: Path) -> Description:

@@ -115,7 +115,7 @@ print("loaded", [name for name in {HEAVY!r} if name in sys.modules])
         ((*RUN, "5"), "Unused Tokens: ['5']"),
         ((*RUN, "--no-overwrite"), "Unknown option: --no-overwrite."),
         (("basis",), 'Command "basis" parameter ROBOT requires an argument. See adaptctl basis --help'),
-        ((*RUN, "--rate", "-1"), "rate: expected a number from 1e-06 to 1000, got -1"),
+        ((*RUN, "--gain-scale", "-1"), "gain_scale: expected a number from 1e-06 to 1000, got -1"),
     ],
 )
 def test_wrong_command_lines_are_refused_in_a_line(

@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from random_trees import random_chain
 
 from adaptctl.arrays import Array
-from adaptctl.control import CushionedFloor, Guarded, ReferencePoint, SlotineLi
-from adaptctl.control.memory import leaves
+from adaptctl.control import CushionedFloor, ReferencePoint, SafetyFilter, SlotineLi
+from adaptctl.control.pytree import leaves
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.identifiability import ReducedModel
 
 ARM = random_chain(3, 3)
 MODEL = ReducedModel.full(ARM)
 TRUE, K = np.asarray(ARM.inertial_parameters), len(MODEL.columns)
-BASE: dict[str, Any] = {"bandwidth": 6.0, "damping": [3.0, 4.0, 2.0], "initial": 0.9 * TRUE, "period": 1e-3}
+BASE: dict[str, Any] = {"bandwidth": 6.0, "damping": [3.0, 4.0, 2.0], "initial": 0.9 * TRUE, "control_period": 1e-3}
 GOAL = ReferencePoint(np.array([0.1, -0.5, 0.4]), np.array([0.2, -0.1, 0.3]), np.array([1.0, 0.5, -1.0]))
 P, V = np.array([0.2, -0.4, 0.3]), np.array([0.1, 0.2, -0.3])
 PAIR = ReducedModel.full(random_chain(3, 2))
@@ -60,7 +60,7 @@ def test_what_is_remembered_is_the_torque_that_was_let_through() -> None:
     controller = law(0.5)
     asked, state = controller.step(controller.init(P, V), P, V, GOAL)
     np.testing.assert_array_equal(state.torque, np.clip(asked, -0.5, 0.5))
-    np.testing.assert_array_equal(state.elapsed, [0.0])
+    np.testing.assert_array_equal(state.dt, [0.0])
 
 
 def test_limits_are_the_mechanisms_own_unless_given() -> None:
@@ -79,8 +79,8 @@ def floor() -> SlotineLi:
 
 
 @cache
-def guarded_floor() -> Guarded:
-    return Guarded(floor(), 50.0)
+def guarded_floor() -> SafetyFilter:
+    return SafetyFilter(floor(), 50.0)
 
 
 @pytest.mark.parametrize("size", [1e100, 1e155, 1e300])
@@ -122,6 +122,6 @@ def test_a_guarded_arm_that_overflows_is_braked_and_the_others_learn_on(size: fl
         torque, state = controller.step(state, p, speed, TWO_GOAL)
         _, alone = controller.step(alone, p, v, TWO_GOAL)
         assert all(np.isfinite(part).all() for part in (torque, *leaves(state)))
-    np.testing.assert_array_equal(state.marks.stopped[:, 0], [0.0, 0.0, 1.0, 0.0])
+    np.testing.assert_array_equal(state.flags.stopped[:, 0], [0.0, 0.0, 1.0, 0.0])
     for here, there in zip(leaves(state), leaves(alone), strict=True):
         np.testing.assert_array_equal(np.delete(here, 2, axis=0), np.delete(there, 2, axis=0))

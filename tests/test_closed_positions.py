@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from adaptctl.arrays import Array
-from adaptctl.control import Controller, Guarded, ReferencePoint, Sinusoids, SlotineLi
-from adaptctl.control.memory import leaves, like
+from adaptctl.control import Controller, ReferencePoint, SafetyFilter, Sinusoids, SlotineLi
+from adaptctl.control.pytree import leaves, like
 from adaptctl.description import Pose
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
@@ -30,7 +30,9 @@ def longer(arm: Mechanism) -> Mechanism:
     """The same with one bar 1 % longer."""
     tree = arm.description
     links = tuple(
-        replace(link, near=Pose(link.near.rotation, 1.01 * link.near.translation)) if i == 4 else link
+        replace(link, parent_to_joint=Pose(link.parent_to_joint.rotation, 1.01 * link.parent_to_joint.translation))
+        if i == 4
+        else link
         for i, link in enumerate(tree.links)
     )
     return Mechanism(replace(tree, links=links))
@@ -80,7 +82,7 @@ class Seeing(Controller[tuple[()]]):
     def __init__(self) -> None:
         self.seen: list[Column] = []
 
-    def start(self, p: Array, v: Array) -> tuple[()]:
+    def initial_state(self, p: Array, v: Array) -> tuple[()]:
         return ()
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: tuple[()]) -> tuple[Column, tuple[()]]:
@@ -90,8 +92,8 @@ class Seeing(Controller[tuple[()]]):
 
 def test_guards_pass_the_configuration_on(arm: Mechanism) -> None:
     law, q = Seeing(), column(arm.configuration([0.1, -1.5, -3.0]))
-    guarded, nothing = Guarded(law, stop_damping=1.0), Column.zeros(3)
-    blank = guarded.start(np.zeros(3), np.zeros(3))
+    guarded, nothing = SafetyFilter(law, stop_damping=1.0), Column.zeros(3)
+    blank = guarded.initial_state(np.zeros(3), np.zeros(3))
     memory = like(blank, map(column, leaves(blank)))
     reference = ReferencePoint(nothing, nothing, nothing)
     law.seen.clear()
@@ -104,7 +106,7 @@ def test_guards_pass_the_configuration_on(arm: Mechanism) -> None:
     _, after = guarded.law(ClosedPositions(Column(bad.of[:3]), bad, arm.equations), nothing, reference, memory)
     assert isinstance(law.seen[1], ClosedPositions)
     assert law.seen[1].configuration.of == (0.0, *q.of[1:])
-    assert after.marks.stopped[0] == 1.0
+    assert after.flags.stopped[0] == 1.0
     guarded.law(Column(p.of), nothing, reference, memory)
     assert type(law.seen[2]) is Column
 
@@ -112,7 +114,7 @@ def test_guards_pass_the_configuration_on(arm: Mechanism) -> None:
 def test_guards_that_never_act_leave_a_run_on_loops_as_it_is(arm: Mechanism) -> None:
     reference = Sinusoids(np.array([0.0, -1.57, -3.14]), np.full(3, 0.2), np.full(3, 0.3))
     env, law = TrackingEnv(arm, reference, duration=0.2), SlotineLi(ReducedModel.full(arm), 4.0, np.full(3, 60.0))
-    bare, guarded = (simulate(env, own, seed=1) for own in (law, Guarded(law, torque_limits=1e9)))
+    bare, guarded = (simulate(env, own, seed=1) for own in (law, SafetyFilter(law, torque_limits=1e9)))
     np.testing.assert_array_equal(guarded.torque, bare.torque)
     np.testing.assert_array_equal(guarded.p, bare.p)
 

@@ -291,7 +291,7 @@ def test_constants_are_written_once_and_many_zeros_at_once(
     text, _ = program(trace(sparse, {"x": 12}), kind)
     assert text.count("@llvm.memset") == 1
     assert [text.count(f"store {kind.value} {kind.constant(x)},") for x in (0.0, 2.0, 3.0)] == [1, 11, 1]
-    ensemble = compile_step(sparse, state={}, held={"x": 12}, lanes=lanes).ensemble(lanes)
+    ensemble = compile_step(sparse, state={}, constants={"x": 12}, lanes=lanes).ensemble(lanes)
     ensemble.held["x"] = x = np.arange(1.0, 12.0 * lanes + 1.0).reshape(lanes, 12)
     matrix, few = ensemble.run()
     expected = np.array([np.diag(row**2) + 2.0 * np.eye(12, k=-1) for row in x])
@@ -312,7 +312,7 @@ def test_pieces_make_up_the_whole(length: int, lanes: int, monkeypatch: pytest.M
         return again, Column(where(a < b, c, 2.0) for a, b, c in zip(first, y, again, strict=True)), dot, x, 3.0
 
     def values() -> list[Any]:
-        stepper = compile_step(equation, state={}, held={"x": 3, "y": 3}, lanes=lanes)
+        stepper = compile_step(equation, state={}, constants={"x": 3, "y": 3}, lanes=lanes)
         ensemble = stepper.ensemble(2 * lanes - 1)
         shape = (ensemble.members, 3)
         ensemble.held["x"], ensemble.held["y"] = np.random.default_rng(0).uniform(-2.0, 2.0, (2, *shape))

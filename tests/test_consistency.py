@@ -58,7 +58,7 @@ def test_what_rigid_bodies_have_is_found_again(five_bar: ReducedModel, seed: int
     true = five_bar.mechanism.inertial_parameters
     prior = perturbed(true, seed, size)
     lift = nearest_consistent(five_bar, five_bar.fundamental_parameters, prior)
-    assert lift.realisable
+    assert lift.is_feasible
     assert all_consistent(lift.parameters)
     # The true bodies have these fundamental parameters too, so the nearest are no farther from the prior.
     assert divergence(lift.parameters, prior) <= divergence(true, prior) + 1e-6
@@ -85,7 +85,7 @@ def test_the_papers_puma_is_5_9_percent_from_realisable(measured: ReducedModel) 
     with pytest.warns(PhysicalConsistencyWarning):
         paper = reduced(load("puma560"))
     lift = nearest_consistent(paper, paper.fundamental_parameters, measured.mechanism.inertial_parameters)
-    assert not lift.realisable
+    assert not lift.is_feasible
     assert lift.distance == pytest.approx(0.059, abs=5e-4)
     assert all_consistent(lift.parameters)
     np.testing.assert_allclose(paper.regrouping @ lift.parameters, lift.fundamental)

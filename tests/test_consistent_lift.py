@@ -12,7 +12,7 @@ from nightly import at_night
 from sampled_loops import Loop, arm, dissipated, full, gains, kinetic, loaded, loop, reduced, swinging
 
 from adaptctl.arrays import Array
-from adaptctl.control import AdaptationLaw, ConsistentLift, Gradient, Natural, SlotineLi, adaptation_gain
+from adaptctl.control import AdaptationLaw, ConsistentAdaptation, Gradient, Natural, SlotineLi, adaptation_gain
 from adaptctl.control.adaptation.natural import pseudos
 from adaptctl.errors import InputError
 from adaptctl.identifiability import Constraints, ReducedModel, constrained, nearest_consistent
@@ -22,14 +22,14 @@ BODIES = ["puma560_geared", "semi_direct_drive"]
 
 
 def lifted(name: str, first: Array, rate: float | Array = 0.05, **options: object) -> SlotineLi:
-    law = ConsistentLift(rate, first, **options)  # type: ignore[arg-type]
+    law = ConsistentAdaptation(rate, first, **options)  # type: ignore[arg-type]
     return SlotineLi(
         reduced(name), 8.0, gains(name).damping, law, reduced(name).regrouping @ first, torque_limits=np.inf
     )
 
 
 def lifts(run: Loop) -> Array:
-    return np.array([state.learning.lift for state in run.states])
+    return np.array([state.law_state.lift for state in run.states])
 
 
 def smallest_eigenvalue(name: str, parameters: Array) -> float:
@@ -69,9 +69,9 @@ def test_v_falls(name: str, rate: float, weight: float | None, mass: float, wron
     mechanism, true = arm(name), loaded(arm(name), mass)
     count = len(true) - 9 * len(mechanism.description.bodies)
     rates = rate * np.random.default_rng(seed).uniform(0.3, 1.0, count)
-    controller = lifted(name, wrong * mechanism.inertial_parameters, rates, weight=weight)
+    controller = lifted(name, wrong * mechanism.inertial_parameters, rates, prediction_weight=weight)
     run = loop(controller, mechanism, swinging(mechanism, seed), 0.4, parameters=true)
-    apart = Natural(rates).distance(full(name), lifts(run), true)
+    apart = Natural(rates).lyapunov_distance(full(name), lifts(run), true)
     V = kinetic(mechanism.with_parameters(true), run) + apart
     assert np.diff(V).max() < 1e-5 * V[0]
     lost = dissipated(run, controller.damping)[-1]
@@ -87,8 +87,8 @@ def test_prediction_is_solved_implicitly_however_heavy() -> None:
     mechanism, true = arm(name), arm(name).inertial_parameters
     left = {}
     for weight in (None, 1.0, 1e6):
-        run = loop(lifted(name, 1.5 * true, 0.05, weight=weight), mechanism, swinging(mechanism), 1.0)
-        V = kinetic(mechanism, run) + Natural(0.05).distance(full(name), lifts(run), true)
+        run = loop(lifted(name, 1.5 * true, 0.05, prediction_weight=weight), mechanism, swinging(mechanism), 1.0)
+        V = kinetic(mechanism, run) + Natural(0.05).lyapunov_distance(full(name), lifts(run), true)
         assert np.diff(V).max() < 1e-4 * V[0]
         left[weight] = float(V[-1] / V[0])
     assert left[1.0] < 0.8 * left[None]
@@ -114,17 +114,17 @@ def test_whatever_disturbs_the_estimate_is_some_rigid_bodies(weight: float | Non
             disturbance=lambda t: size * np.sin(20.0 * t + np.arange(6)),
         )
 
-    run = shaken(lifted(name, first, 0.05, weight=weight))
+    run = shaken(lifted(name, first, 0.05, prediction_weight=weight))
     assert smallest_eigenvalue(name, lifts(run)[::10]) > 0.0
     assert lifts(run)[:, 60:].min() > 0.0
     assert np.abs(run.estimate[-1] - run.estimate[0]).max() > 0.1
     np.testing.assert_allclose(run.estimate, lifts(run) @ model.regrouping.T, atol=1e-9)
     gradient = SlotineLi(
-        model, 8.0, gains(name).damping, Gradient(adaptation_gain(model, rate=1.0)), model.regrouping @ first
+        model, 8.0, gains(name).damping, Gradient(adaptation_gain(model, gain_scale=1.0)), model.regrouping @ first
     )
     if weight is None:
-        assert nearest_consistent(model, run.estimate[-1]).realisable
-        assert not nearest_consistent(model, shaken(gradient).estimate[-1]).realisable
+        assert nearest_consistent(model, run.estimate[-1]).is_feasible
+        assert not nearest_consistent(model, shaken(gradient).estimate[-1]).is_feasible
 
 
 NAME = "semi_direct_drive"
@@ -145,22 +145,25 @@ def on(law: AdaptationLaw, initial: Array | None) -> SlotineLi:
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: lifted(NAME, outside()), "consistent lift: no rigid body has the lift of link2: its pseudo-inertia"),
         (
-            lambda: on(ConsistentLift(0.1, TRUE), None),
+            lambda: lifted(NAME, outside()),
+            "consistent adaptation: no rigid body has the lift of link2: its pseudo-inertia",
+        ),
+        (
+            lambda: on(ConsistentAdaptation(0.1, TRUE), None),
             "the first estimate is not the lift's: .* initial=model.regrouping",
         ),
-        (lambda: on(ConsistentLift(0.1, TRUE), 1.1 * reduced(NAME).fundamental_parameters), "not the lift's"),
+        (lambda: on(ConsistentAdaptation(0.1, TRUE), 1.1 * reduced(NAME).fundamental_parameters), "not the lift's"),
         (
-            lambda: on(ConsistentLift(0.1, TRUE[:30]), reduced(NAME).fundamental_parameters),
-            "consistent lift: lift: expected all 50 parameters, got 30",
+            lambda: on(ConsistentAdaptation(0.1, TRUE[:30]), reduced(NAME).fundamental_parameters),
+            "consistent adaptation: lift: expected all 50 parameters, got 30",
         ),
-        (lambda: ConsistentLift(0.0, TRUE), "rate: expected positive numbers"),
+        (lambda: ConsistentAdaptation(0.0, TRUE), "rate: expected positive numbers"),
         (lambda: lifted(NAME, TRUE, np.ones(3)), "natural adaptation: rate: expected a number, or"),
-        (lambda: ConsistentLift(0.1, TRUE, -1.0), "consistent lift: weight"),
-        (lambda: lifted(NAME, TRUE, weight=np.ones(99)), "consistent lift: weight"),
-        (lambda: ConsistentLift(0.1, np.full(50, np.nan)), "consistent lift: lift"),
-        (lambda: lifted(NAME, TRUE, weight=1.0, cutoff=2000.0), "use at most 1000 rad/s"),
+        (lambda: ConsistentAdaptation(0.1, TRUE, -1.0), "consistent adaptation: weight"),
+        (lambda: lifted(NAME, TRUE, prediction_weight=np.ones(99)), "consistent adaptation: weight"),
+        (lambda: ConsistentAdaptation(0.1, np.full(50, np.nan)), "consistent adaptation: lift"),
+        (lambda: lifted(NAME, TRUE, prediction_weight=1.0, cutoff=2000.0), "use at most 1000 rad/s"),
     ],
 )
 def test_what_cannot_be_is_refused(make: object, says: str) -> None:
@@ -171,8 +174,8 @@ def test_what_cannot_be_is_refused(make: object, says: str) -> None:
 @pytest.mark.parametrize(
     ("fixed", "weight", "says"),
     [
-        ("link2.mc_z", None, "^consistent lift: moves .* take away link2.mc_z: leave"),
-        ("joint1.rotor_inertia", 0.1, r"^consistent lift: .* fix .*: joint1.rotor_inertia \(0\.5\): leave"),
+        ("link2.mc_z", None, "^consistent adaptation: moves .* take away link2.mc_z: leave"),
+        ("joint1.rotor_inertia", 0.1, r"^consistent adaptation: .* fix .*: joint1.rotor_inertia \(0\.5\): leave"),
         ("joint1.rotor_inertia", None, ""),
     ],
 )
@@ -182,4 +185,4 @@ def test_a_lift_needs_whole_links_and_with_prediction_no_known_values(
     model = ReducedModel.full(constrained(arm("puma560_geared"), Constraints({fixed: 0.5})))
     lift = model.mechanism.inertial_parameters
     with pytest.raises(InputError, match=says) if says else nullcontext():
-        ConsistentLift(0.1, lift, weight).require(model, model.regrouping @ lift, 1e-3)
+        ConsistentAdaptation(0.1, lift, weight).validate(model, model.regrouping @ lift, 1e-3)

@@ -29,7 +29,7 @@ def test_constraints_stay_with_other_drives(seed: int, links: int, driven: bool)
     assert found.geometry_sha256 == expected.geometry_sha256
     np.testing.assert_allclose(found.inertial_parameters, expected.inertial_parameters)
     p, v, a = np.random.default_rng(seed).normal(size=(3, links))
-    torque = found.torque_regressor(p, v, a) @ found.inertial_parameters + found.known_torque(p, v, a)
+    torque = found.torque_regressor(p, v, a) @ found.inertial_parameters + found.constraint_bias_torque(p, v, a)
     np.testing.assert_allclose(found.inverse_dynamics(p, v, a), torque, atol=1e-9)
     assert type(found.with_drives(Drive()).unconstrained) is Mechanism
 

@@ -138,7 +138,7 @@ def test_the_same_motion_on_three_parameters_less(seed: int, links: int) -> None
     scale = max(1.0, np.abs(expected).max())
     np.testing.assert_allclose(left.inverse_dynamics(p, v, a), expected, rtol=0, atol=1e-9 * scale)
     np.testing.assert_allclose(left.energy(p, v), mechanism.energy(p, v), rtol=0, atol=1e-9 * scale)
-    known = left.known_torque(p, v, a)
+    known = left.constraint_bias_torque(p, v, a)
     by_regressor = left.torque_regressor(p, v, a) @ left.inertial_parameters + known
     np.testing.assert_allclose(by_regressor, expected, rtol=0, atol=1e-9 * scale)
     np.testing.assert_allclose(left.mass_matrix(p), mechanism.mass_matrix(p), rtol=0, atol=1e-9 * scale)
@@ -161,12 +161,12 @@ def test_regressors_are_derivatives_by_what_is_left(seed: int, links: int) -> No
     scale = max(1.0, np.abs(one).max(), np.abs(Y).max() * np.abs(way).max())
     np.testing.assert_allclose(Y @ way, one - other, rtol=0, atol=1e-10 * scale)
     motion = e.motion(*columns)
-    powers = motion.powers(column(s), range(len(z)))
+    powers = motion.regressor_transpose_product(column(s), range(len(z)))
     np.testing.assert_allclose(motion.torque(column(z)).of, other, rtol=0, atol=1e-10 * scale)
     np.testing.assert_allclose(powers.of, Y.T @ s, rtol=0, atol=1e-10 * scale * max(1.0, np.abs(s).max()))
     again = e.remembered(motion.numbers)
     assert len(motion.numbers) == len(e.motion_memory.sources)
-    assert again.powers(column(s), range(len(z))).of == powers.of
+    assert again.regressor_transpose_product(column(s), range(len(z))).of == powers.of
     asked = sorted(rng.permutation(len(z))[:4].tolist())
     np.testing.assert_array_equal(left.slotine_li_regressor(p, v, v_r, a, asked), Y[:, asked])
     moved = left.with_parameters(z + way)
@@ -298,17 +298,17 @@ def test_a_law_that_predicts_torques_names_the_values_that_it_cannot_know(
     """Filtered torques have no column for what constraints fix at another value than zero."""
     zero, known = (constrained_at("link2.mc_z", value) for value in (0.0, 0.5))
     law, none = kind(np.ones(len(zero.columns))), np.zeros(len(zero.columns))
-    law.require(zero, none, 1e-3)
+    law.validate(zero, none, 1e-3)
     with pytest.raises(InputError, match=rf"^{called}: puma560_geared: constraints fix .*: link2.mc_z \(0\.5\): leave"):
-        law.require(known, none, 1e-3)
+        law.validate(known, none, 1e-3)
 
 
 def test_natural_adaptation_needs_all_ten_parameters_of_every_link() -> None:
     model = constrained_at("link2.mc_z", 0.0)
     with pytest.raises(InputError, match=r"^natural adaptation: moves .* take away link2\.mc_z: leave"):
-        Natural(0.1).require(model, model.mechanism.inertial_parameters, 1e-3)
+        Natural(0.1).validate(model, model.mechanism.inertial_parameters, 1e-3)
     model = constrained_at("joint1.rotor_inertia", 0.2)
-    Natural(0.1).require(model, model.mechanism.inertial_parameters, 1e-3)
+    Natural(0.1).validate(model, model.mechanism.inertial_parameters, 1e-3)
 
 
 def reading(folder: Path, text: str) -> Constraints:
@@ -376,10 +376,10 @@ def test_wrong_constraints() -> None:
 def test_a_relation_is_with_zero_unless_a_value_is_given() -> None:
     """Nothing is known then, and no torque stems from it."""
     mechanism, weights = arm("semi_direct_drive"), {"link2.mc_x": 1.0, "link3.mc_x": -2.0}
-    p, v, a = mechanism.home, np.zeros(3), np.ones(3)
+    p, v, a = mechanism.neutral_configuration, np.zeros(3), np.ones(3)
     for relation, known in ((Relation(weights), False), (Relation(weights, value=1.0), True)):
         left = constrained(mechanism, Constraints(relations=(relation,)))
-        assert left.known_torque(p, v, a).any() == known
+        assert left.constraint_bias_torque(p, v, a).any() == known
 
 
 def test_a_dict_of_known_values_is_no_constraints() -> None:

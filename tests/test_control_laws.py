@@ -42,7 +42,7 @@ from adaptctl.control import (
     TaskSpaceSlotineLi,
     lyapunov,
 )
-from adaptctl.control.memory import leaves
+from adaptctl.control.pytree import leaves
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.errors import GainError, InputError
@@ -94,7 +94,7 @@ def test_native_code_and_floats_act_alike(name: str, law: str) -> None:
     point = ReferencePoint(posture(arm(name)), np.full(r, 0.3), np.full(r, -0.5))
     _, state = controller.step(controller.init(p, v), p, v, point)
     torque, after = controller.step(state, p + 1e-3 * v, 0.99 * v, point)
-    plain = controller.on_floats(p + 1e-3 * v, 0.99 * v, *point, *leaves(state))
+    plain = controller.python_step(p + 1e-3 * v, 0.99 * v, *point, *leaves(state))
     for native, floats in zip([torque, *leaves(after)], plain, strict=True):
         np.testing.assert_allclose(native, floats, rtol=0, atol=1e-10 * max(np.abs(floats).max(initial=0.0), 1.0))
 
@@ -133,7 +133,7 @@ def test_adaptive_computed_torque(name: str, bandwidth: float, mass: float, seed
     law = AdaptiveComputedTorque(reduced(name), bandwidth, rough(name), gain(name, 0.02), torque_limits=np.inf)
     true = loaded(mechanism, mass)
     run = loop(law, mechanism, swinging(mechanism, seed), 0.5, parameters=true)
-    weight = np.asarray(law.weight)
+    weight = np.asarray(law.prediction_weight)
     V = 0.5 * (run.s**2 * weight).sum(axis=1) + distance(law, run, true)
     assert rise(V) < 1e-5
     assert imbalance(V, integral(run, (run.s**2 * weight * law.bandwidth).sum(axis=1))) < 1e-2
@@ -144,7 +144,7 @@ def test_adaptive_computed_torque_keeps_an_invertible_model_on_rigid_bodies() ->
     mechanism, model = arm(name), full("puma560_geared")
     law = AdaptiveComputedTorque(model, 8.0, 1.5 * mechanism.inertial_parameters, Natural(0.05))
     run = loop(law, mechanism, swinging(mechanism), 1.0, parameters=loaded(mechanism, 2.0))
-    V = 0.5 * (run.s**2 * np.asarray(law.weight)).sum(axis=1) + distance(law, run, loaded(mechanism, 2.0))
+    V = 0.5 * (run.s**2 * np.asarray(law.prediction_weight)).sum(axis=1) + distance(law, run, loaded(mechanism, 2.0))
     assert rise(V) < 1e-5
     smallest = [
         np.linalg.eigvalsh(mechanism.with_parameters(D).mass_matrix(p))[0]
@@ -185,11 +185,11 @@ def test_the_integral_of_the_error_is_of_second_order() -> None:
     rest = np.zeros(mechanism.dof)
     aim = ReferencePoint(rest, rest, rest)
     for period in (0.02, 0.01):
-        law = PassivityIntegral(reduced(SMALL), 5.0, 1e-2, period=period)
+        law = PassivityIntegral(reduced(SMALL), 5.0, 1e-2, control_period=period)
         state = law.init(rest, rest)
         for t in np.arange(round(1.0 / period) + 1) * period:
             _, state = law.step(state, np.full(3, np.sin(2.0 * t)), rest, aim)
-        missed.append(state.more.integral - 0.5 * (1.0 - np.cos(2.0)))
+        missed.append(state.controller_state.integral - 0.5 * (1.0 - np.cos(2.0)))
     np.testing.assert_allclose(missed[0] / missed[1], 4.0, rtol=1e-2)
     assert np.abs(missed[1]).max() < 1e-4
 
@@ -206,7 +206,7 @@ def tool_path(name: str, time: Array) -> ReferencePoint:
 def test_the_tool_follows_its_path_in_the_world(name: str) -> None:
     """With true parameters the tool's error falls at the bandwidth, whichever way the path is told."""
     mechanism, true, off = arm(name), reduced(name).fundamental_parameters, 0.05
-    options: dict[str, Any] = {"initial": true, "period": 1e-3}
+    options: dict[str, Any] = {"initial": true, "control_period": 1e-3}
     world = TaskSpaceSlotineLi(reduced(name), 8.0, gains(name).damping, **options)
     joints = TaskSpaceSlotineLi(reduced(name), 8.0, gains(name).damping, **options, reference_in_joints=True)
 
@@ -292,8 +292,11 @@ SMALL = "puma560_arm3"
         (lambda: ComputedTorque.on(reduced(SMALL), 8.0, parameters=np.ones(30)), r"shape \(\.\.\., 15\), got \(30,\)"),
         (lambda: AdaptiveComputedTorque(reduced(SMALL), 8.0, None), "positive definite everywhere"),
         (lambda: AdaptiveComputedTorque(reduced(SMALL), 8.0, -rough(SMALL)), "use SlotineLi"),
-        (lambda: AdaptiveComputedTorque(reduced(SMALL), 8.0, rough(SMALL), weight=-1.0), "weight: expected positive"),
-        (lambda: PassivityIntegral(reduced(SMALL), 8.0, 50.0, period=np.nan), "control period"),
+        (
+            lambda: AdaptiveComputedTorque(reduced(SMALL), 8.0, rough(SMALL), prediction_weight=-1.0),
+            "weight: expected positive",
+        ),
+        (lambda: PassivityIntegral(reduced(SMALL), 8.0, 50.0, control_period=np.nan), "control period"),
         (lambda: TaskSpaceSlotineLi(reduced(SMALL), 8.0, 50.0, axes=(0, 3)), "axes: expected some of 0, 1, 2"),
         (lambda: TaskSpaceSlotineLi(reduced(SMALL), np.ones(2), 50.0), "bandwidth: expected a number or 3 of them"),
         (lambda: TaskSpaceSlotineLi(reduced(SMALL), 8.0, 50.0, link="hand"), "no link 'hand'; links: link1, link2"),
@@ -347,7 +350,7 @@ def test_the_undamped_task_space_law_passes_a_singularity() -> None:
     for bend in (0.0, 1e-12, 1e-6, 1e-3, 0.1, 1.0):
         p, v = np.array([0.3, bend]), np.array([0.5, -0.7])
         point = ReferencePoint(*map(column, aim))
-        v_r, a_r, _ = law.reference_velocity(column(p), column(p), column(v), point, law.start(p, v))
+        v_r, a_r, _ = law.reference_velocity(column(p), column(p), column(v), point, law.initial_state(p, v))
         assert np.abs(v_r.of).max() < 300.0
         assert np.isfinite(a_r.of).all()
 
@@ -358,7 +361,7 @@ def test_the_guard_leaves_regular_places_alone() -> None:
     law = TaskSpaceSlotineLi(ReducedModel.full(mechanism), 5.0, own_damping(mechanism), axes=(0, 2))
     p, aim = np.array([0.3, 1.0]), ReferencePoint(np.array([0.1, 0.2]), np.array([0.1, -0.2]), np.zeros(2))
     v_r, _, _ = law.reference_velocity(
-        column(p), column(p), column(np.zeros(2)), ReferencePoint(*map(column, aim)), law.start(p, p)
+        column(p), column(p), column(np.zeros(2)), ReferencePoint(*map(column, aim)), law.initial_state(p, p)
     )
     x, rows = law.point(column(p))
     asked = aim.v - 5.0 * (np.array(x.of) - aim.p)

@@ -11,7 +11,7 @@ from adaptctl.compilation import LaneArray, Stepper, compile_step
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 
-COLUMNS = {"state": {"q": 2}, "driven": {"push": 2}}
+COLUMNS = {"state": {"q": 2}, "per_member_inputs": {"push": 2}}
 PUSH = {"push": 1.0}
 NO_COUNTS: tuple[Any, ...] = (-1, 1.5, 2.0, np.float64(2.0), np.nan, np.inf, "2", None, True, np.True_, [2])
 
@@ -37,11 +37,11 @@ def test_what_is_no_count_is_refused(stepper: Stepper, wrong: Any) -> None:
     with pytest.raises(InputError, match=f"^threads: {refused} 1"):
         three.run(1, PUSH, threads=wrong)
     with pytest.raises(InputError, match=f"^steps: {refused} 0"):
-        three.room(wrong)
+        three.allocate_outputs(wrong)
     with pytest.raises(InputError, match=f"^record: first: {refused} 0"):
-        three.record_into(three.room(5), wrong, 2, PUSH)
+        three.record_into(three.allocate_outputs(5), wrong, 2, PUSH)
     with pytest.raises(InputError, match=f"^record: steps: {refused} 0"):
-        three.record_into(three.room(5), 0, wrong, PUSH)
+        three.record_into(three.allocate_outputs(5), 0, wrong, PUSH)
     np.testing.assert_array_equal(three.state["q"], 0.0)
 
 
@@ -64,7 +64,7 @@ def test_whole_numbers_of_numpy_are_counts(stepper: Stepper, count: Any) -> None
     two = stepper.ensemble(count)
     (positions,) = two.run(count, PUSH, record=True, threads=count)
     np.testing.assert_array_equal(positions, np.broadcast_to([[[0.0]], [[1.0]]], (2, 2, 2)))
-    room = two.room(count)
+    room = two.allocate_outputs(count)
     two.record_into(room, np.int64(1), np.int64(1), PUSH)
     np.testing.assert_array_equal(room["0"][1], np.full((2, 2), 2.0))
 

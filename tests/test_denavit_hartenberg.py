@@ -64,8 +64,8 @@ def placed(description: Description, q: np.ndarray) -> list[np.ndarray]:
     """Link frames in the world, (4, 4) each, of a serial chain."""
     world, frames = np.eye(4), []
     for link, x in zip(description.links, q, strict=True):
-        moved = screw(2, x, 0.0) if link.joint.kind.turns else screw(2, 0.0, x)
-        world = world @ homogeneous(link.near) @ moved @ homogeneous(link.far)
+        moved = screw(2, x, 0.0) if link.joint.kind.is_revolute else screw(2, 0.0, x)
+        world = world @ homogeneous(link.parent_to_joint) @ moved @ homogeneous(link.joint_to_link)
         frames.append(world)
     return frames
 
@@ -152,7 +152,7 @@ def test_inertia_about_the_centre_or_the_origin(
 def test_right_angles_in_degrees_are_exact(tmp_path_factory: pytest.TempPathFactory, turns: list[int]) -> None:
     steps = [{"alpha_deg": 90 * k, "theta_deg": 90 * k, "a": 0.3, "d": 0.2} for k in turns]
     for link in chain(tmp_path_factory.mktemp("dh"), "modified", steps).links:
-        assert set(np.abs(link.near.rotation).ravel()) == {0.0, 1.0}
+        assert set(np.abs(link.parent_to_joint.rotation).ravel()) == {0.0, 1.0}
 
 
 def test_a_twist_truly_off_is_kept() -> None:
@@ -191,8 +191,8 @@ def test_everything_a_file_can_say(tmp_path: Path) -> None:
     assert turn.joint.limits.upper == turn.joint.limits.velocity == turn.joint.limits.effort == math.inf
     assert (description.name, description.source) == ("gantry", "by hand")
     np.testing.assert_array_equal(description.gravity, [0, 9.81, 0])
-    np.testing.assert_array_equal(slide.near.rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    np.testing.assert_array_equal(slide.near.translation, [1, 2, 3])
+    np.testing.assert_array_equal(slide.parent_to_joint.rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    np.testing.assert_array_equal(slide.parent_to_joint.translation, [1, 2, 3])
     assert (slide.joint.drive, turn.joint.drive) == (Drive(), Drive(rotor_inertia=0.5, coulomb=0.0))
     np.testing.assert_array_equal(description.inertial_parameters, [*np.zeros(20), 0.5, 0.0])
 

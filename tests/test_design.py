@@ -1,4 +1,5 @@
-"""Where mass may be added: costs against what arms do, counterweights against brute force, removals against ranks."""
+"""Where mass may be added: costs against what arms do, counterweights against brute force, simplifications against
+ranks."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from adaptctl.description.inertia import from_center_of_mass, is_physically_cons
 from adaptctl.description.pose import Pose
 from adaptctl.design import (
     DesignTask,
-    PlaceBounds,
+    MountingBounds,
     added_mass,
     box,
     camera,
@@ -27,12 +28,12 @@ from adaptctl.design import (
     motor,
     optimal_counterweights,
     point,
-    removals,
+    simplifications,
     sphere,
 )
 from adaptctl.design.bodies import ball_tens, ball_tens_slopes
-from adaptctl.design.places import bounds
-from adaptctl.design.removals import by_symmetry, operations_saved
+from adaptctl.design.mounting_bounds import bounds
+from adaptctl.design.simplifications import by_symmetry, operations_saved
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import AdaptctlError, InputError
 from adaptctl.identifiability import Constraints, Reduction, constrained, essential_space, reduce
@@ -92,11 +93,11 @@ def test_a_parameter_becomes_essential() -> None:
     """The published PUMA's last link has its centre of mass on its axis: a camera beside it needs what was zero."""
     mechanism = adaptctl.load("puma560")
     T = DesignTask.within_limits(mechanism, 200)
-    assert "link6.mc_x" not in T.carried()
+    assert "link6.mc_x" not in T.nonzero_parameters()
     found = added_mass(T, "link6", camera((0.05, 0.0, 0.0)))
-    assert "link6.mc_x" in found.becomes_essential
+    assert "link6.mc_x" in found.newly_identifiable
     assert dict(found.changed)["link6.mc_x"] == pytest.approx(0.2 * 0.05)
-    assert added_mass(T, "link6", gripper((0.0, 0.0, 0.1))).becomes_essential == ()
+    assert added_mass(T, "link6", gripper((0.0, 0.0, 0.1))).newly_identifiable == ()
 
 
 @pytest.mark.parametrize("arm", ARMS)
@@ -104,7 +105,9 @@ def test_components_are_those_of_the_reduction(arm: str) -> None:
     T = task(arm)
     for percent in (0.0, 0.1, 1.0, 10.0):
         kept: Reduction = reduce(T.space, T.mechanism, energy_error=percent)
-        assert T.components(percent) == kept.kept or kept.percent_errors[kept.kept] == pytest.approx(percent, abs=1e-9)
+        assert T.components(percent) == kept.num_components or kept.percent_errors[
+            kept.num_components
+        ] == pytest.approx(percent, abs=1e-9)
 
 
 def test_pairs_of_states_have_twice_the_square() -> None:
@@ -172,18 +175,20 @@ def test_counterweights_make_components_fewer(arm: str) -> None:
 @pytest.mark.parametrize("arm", ARMS)
 def test_counterweights_stay_within_bounds_and_leave_links_real(arm: str) -> None:
     T = task(arm)
-    within = bounds(T.mechanism, ARMS[arm], share=0.1)
+    within = bounds(T.mechanism, ARMS[arm], mass_ratio=0.1)
     found = optimal_counterweights(T, within)
     own = {places.link: places for places in within}
     for weight in found.weights:
         assert 0.0 < weight.mass <= own[weight.link].mass
-        own[weight.link].require(weight.place)
+        own[weight.link].validate(weight.place)
         added = added_mass(T, weight.link, weight.body).change
         assert is_physically_consistent(added.reshape(-1, 10)[T.link(weight.link)])
     assert found.inconsistent == ()
-    assert found.saved >= 0.0
-    assert found.balanced.cost("energy") == pytest.approx(found.cost_after)
-    assert found.cost_after <= optimal_counterweights(T, bounds(T.mechanism, ARMS[arm], share=0.05)).cost_after + 1e-9
+    assert found.relative_reduction >= 0.0
+    assert found.balanced_task.cost("energy") == pytest.approx(found.cost_after)
+    assert (
+        found.cost_after <= optimal_counterweights(T, bounds(T.mechanism, ARMS[arm], mass_ratio=0.05)).cost_after + 1e-9
+    )
 
 
 def test_a_parallelogram_is_decoupled_by_bodies_and_a_generic_five_bar_is_not() -> None:
@@ -192,7 +197,7 @@ def test_a_parallelogram_is_decoupled_by_bodies_and_a_generic_five_bar_is_not() 
     for name in ("semi_direct_drive_parallelogram", "semi_direct_drive"):
         T = task(name)
         found = optimal_counterweights(T, bounds(T.mechanism, ("link2", "link3", "link4", "link5"), 1.0), "coupling")
-        left[name] = 1.0 - found.saved
+        left[name] = 1.0 - found.relative_reduction
         assert found.inconsistent == ()
     assert left["semi_direct_drive_parallelogram"] < 1e-6
     assert left["semi_direct_drive"] > 0.2
@@ -202,50 +207,50 @@ def test_a_parallelogram_is_decoupled_by_bodies_and_a_generic_five_bar_is_not() 
 def test_removals_leave_the_rank_of_the_constrained_mechanism(arm: str) -> None:
     T = task(arm)
     links = T.mechanism.description.body_names[-2:]
-    found = [r for r in removals(T, bounds(T.mechanism, links)) if r.way == "symmetry"]
+    found = [r for r in simplifications(T, bounds(T.mechanism, links)) if r.kind == "symmetry"]
     assert found
     for removal in found[::4]:
         relations = Constraints(known=dict.fromkeys(removal.known, 0.0))
         assert essential_space(constrained(T.mechanism, relations)).rank == removal.rank
         D = np.random.default_rng(0).normal(size=len(T.parameters))
         D[[T.space.parameter_names.index(name) for name in removal.known]] = 0.0
-        Y = T.mechanism.torque_regressor(T.p[:5], T.v[:5], T.a[:5], range(T.mechanism.energetic))
+        Y = T.mechanism.torque_regressor(T.p[:5], T.v[:5], T.a[:5], range(T.mechanism.num_energy_parameters))
         left = Y[..., list(removal.columns)] @ (removal.regrouping @ D)
         assert left == pytest.approx(Y @ D, rel=1e-9, abs=1e-9)
-        assert set(removal.zero) <= set(removal.gone)
+        assert set(removal.zero) <= set(removal.eliminated)
 
 
 @pytest.mark.parametrize("arm", ARMS)
 def test_balanced_and_relocated_parameters_are_zero(arm: str) -> None:
     T = task(arm)
-    found = [r for r in removals(T, bounds(T.mechanism, ARMS[arm])) if r.way != "symmetry"]
-    assert {r.way for r in found} == {"balance", "relocation"}
+    found = [r for r in simplifications(T, bounds(T.mechanism, ARMS[arm])) if r.kind != "symmetry"]
+    assert {r.kind for r in found} == {"balance", "relocation"}
     for removal in found:
         D, first = np.array(T.parameters), 10 * T.link(removal.link)
         own = T.parameters[first : first + 10]
         D[first : first + 10] += ball_tens(removal.mass, removal.place, 7850.0)
-        if removal.way == "relocation":
+        if removal.kind == "relocation":
             D[first : first + 10] -= ball_tens(removal.mass, own[1:4] / own[0])
         assert is_physically_consistent(D[first : first + 10])
-        row = T.basis.names.index(removal.gone[0])
+        row = T.basis.names.index(removal.eliminated[0])
         scale = np.abs(T.basis.regrouping[row] * T.parameters).max()
         assert abs(T.basis.regrouping[row] @ D) < 1e-9 * scale
         assert removal.rank == T.basis.rank - 1
-        assert removal.after == (f"{removal.gone[0]}* = 0",)
+        assert removal.after == (f"{removal.eliminated[0]}* = 0",)
         assert removal.before == (T.basis.equations()[row],)
 
 
 def test_removals_save_operations() -> None:
     T = task("puma560_measured")
-    best = removals(T, bounds(T.mechanism, ["link6"]))[0]
-    assert best.words == "link6 is its own mirror image along x and y already"
-    assert best.gone == ("link6.mc_x", "link6.mc_y", "link6.I_xy", "link6.I_xz", "link6.I_yz")
+    best = simplifications(T, bounds(T.mechanism, ["link6"]))[0]
+    assert best.description == "link6 is its own mirror image along x and y already"
+    assert best.eliminated == ("link6.mc_x", "link6.mc_y", "link6.I_xy", "link6.I_xz", "link6.I_yz")
     assert operations_saved(T, best) > 50
     assert by_symmetry(T, ("link1.mc_x",)) is None
-    together = removals(T, bounds(T.mechanism, T.mechanism.description.body_names))[0]
-    assert together.holds
+    together = simplifications(T, bounds(T.mechanism, T.mechanism.description.body_names))[0]
+    assert together.condition
     assert together.rank < best.rank
-    assert together.words == "rely on every symmetry that links have already"
+    assert together.description == "rely on every symmetry that links have already"
     assert operations_saved(T, together) > operations_saved(T, best)
 
 
@@ -265,7 +270,7 @@ def test_a_task_without_energy_is_refused() -> None:
         lambda: cost_map(T),
         lambda: design_study(T),
         T.weights,
-        T.carried,
+        T.nonzero_parameters,
     ):
         with pytest.raises(InputError, match="its energy is the same in all states of the task"):
             call()
@@ -296,11 +301,11 @@ def _wrong() -> dict[str, tuple[object, str]]:
         "axis": (lambda: cylinder(1.0, 0.1, 0.1, axis=(0.0, 0.0, 0.0)), "axis: expected a number above 0"),
         "nan": (lambda: added_mass(T, "link2", 1.0, (0.0, np.nan, 0.0)), "place: expected finite numbers"),
         "shape": (lambda: added_mass(T, "link2", 1.0, (0.0, 1.0)), "place: expected shape"),
-        "outside": (lambda: within[0].require((9.0, 0.0, 0.0)), "is outside the bounds"),
-        "bounds": (lambda: PlaceBounds("link2", np.ones(3), np.zeros(3), 1.0), "expected lower <= upper"),
-        "heavy": (lambda: PlaceBounds("link2", np.zeros(3), np.ones(3), -1.0), "expected a mass of at least 0 kg"),
-        "share": (lambda: PlaceBounds.of(arm, "link2", -0.2), "expected shares of at least 0"),
-        "places": (lambda: PlaceBounds.of(arm, "hand"), "there is no link 'hand'"),
+        "outside": (lambda: within[0].validate((9.0, 0.0, 0.0)), "is outside the bounds"),
+        "bounds": (lambda: MountingBounds("link2", np.ones(3), np.zeros(3), 1.0), "expected lower <= upper"),
+        "heavy": (lambda: MountingBounds("link2", np.zeros(3), np.ones(3), -1.0), "expected a mass of at least 0 kg"),
+        "share": (lambda: MountingBounds.of(arm, "link2", -0.2), "expected shares of at least 0"),
+        "places": (lambda: MountingBounds.of(arm, "hand"), "there is no link 'hand'"),
         "none": (lambda: bounds(arm, []), "expected at least one, each once, got none"),
         "twice": (lambda: bounds(arm, ["link2", "link2"]), "expected at least one, each once"),
         "nothing": (lambda: optimal_counterweights(T, ()), "expected places on at least one link"),

@@ -27,18 +27,20 @@ def said(capsys: pytest.CaptureFixture[str], *line: str) -> dict[str, Any]:
 
 
 def test_json_tells_what_the_api_does(capsys: pytest.CaptureFixture[str]) -> None:
-    content = said(capsys, "puma560_measured", *QUICK, "--body", "gripper", "--link", "link6", "--at", "0", "0", "0.05")
+    content = said(
+        capsys, "puma560_measured", *QUICK, "--body", "gripper", "--link", "link6", "--mount", "0", "0", "0.05"
+    )
     task = DesignTask.within_limits(load("puma560_measured"), 100)
     found = added_mass(task, "link6", gripper(), (0.0, 0.0, 0.05))
-    assert content["schema"] == "adaptctl/design/1"
+    assert content["schema"] == "adaptctl/design/2"
     assert content["before"]["rank"] == 36
     assert content["added"]["energy_change"] == pytest.approx(found.energy_change)
-    assert content["added"]["becomes_essential"] == list(found.becomes_essential)
+    assert content["added"]["newly_identifiable"] == list(found.newly_identifiable)
     assert content["counterweights"]["after"]["energy"] < content["before"]["energy"]
-    ways = {removal["way"] for removal in content["removals"]}
+    ways = {removal["kind"] for removal in content["simplifications"]}
     assert ways == {"symmetry", "balance", "relocation"} or ways == {"symmetry", "balance"}
-    assert all(removal["rank"] < 36 and removal["operations_saved"] > 0 for removal in content["removals"])
-    assert all(removal["before"] and removal["after"] for removal in content["removals"])
+    assert all(removal["rank"] < 36 and removal["operations_saved"] > 0 for removal in content["simplifications"])
+    assert all(removal["before"] and removal["after"] for removal in content["simplifications"])
     assert [link["link"] for link in content["links"]] == [f"link{i}" for i in range(1, 7)]
 
 
@@ -54,7 +56,7 @@ def test_a_folder_is_written_whole(tmp_path: Path) -> None:
     assert main(["design", "semi_direct_drive", *QUICK, "--objective", "coupling", "--out", str(out)]) == 0
     content = json.loads((out / "design.json").read_text())
     assert content["counterweights"]["objective"] == "coupling"
-    assert content["counterweights"]["saved"] > 0.3
+    assert content["counterweights"]["relative_reduction"] > 0.3
     page = (out / "report.html").read_text()
     assert "Parameters that can go" in page
     assert page.count("<img") == 2
@@ -75,9 +77,9 @@ def test_a_folder_is_written_whole(tmp_path: Path) -> None:
         (("--mass", "nan"), "expected a mass of at least 0 kg, got nan"),
         (("--body", "anvil"), "there is no body 'anvil'; bodies: gripper, camera, motor"),
         (("--body", "gripper", "--mass", "2"), "--mass is of a point, and --body has its own: give one of them"),
-        (("--at", "0", "0", "0"), "--at says where on a link: give --link too"),
-        (("--link", "link6", "--at", "9", "0", "0"), "the place [9.0, 0.0, 0.0] is outside the bounds"),
-        (("--share", "-0.1"), "expected shares of at least 0"),
+        (("--mount", "0", "0", "0"), "--mount says where on a link: give --link too"),
+        (("--link", "link6", "--mount", "9", "0", "0"), "the place [9.0, 0.0, 0.0] is outside the bounds"),
+        (("--mass-ratio", "-0.1"), "expected shares of at least 0"),
         (("--objective", "beauty"), "objective: expected one of energy, torque, coupling, components, got 'beauty'"),
         (("--energy-error", "-1"), "expected a percentage of at least 0"),
         (("--samples", "1"), "samples: expected a whole number from 2 to 100000"),

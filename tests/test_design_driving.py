@@ -27,7 +27,7 @@ SECONDS = 2.5
 
 @pytest.fixture(scope="module")
 def study() -> DesignStudy:
-    return design_study(DesignTask.within_limits(load(ARM), 100), links=("upper", "lower"), share=1.0)
+    return design_study(DesignTask.within_limits(load(ARM), 100), links=("upper", "lower"), mass_ratio=1.0)
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_each_arm_is_driven_by_three_controllers(runs: dict[str, DrivenArm]) -> 
 
 @pytest.mark.parametrize("when", ["before", "after"])
 def test_a_run_is_that_of_the_environment(study: DesignStudy, runs: dict[str, DrivenArm], when: str) -> None:
-    task, tuning = study.task if when == "before" else study.counterweights.balanced, tune(study.task.mechanism)
+    task, tuning = study.task if when == "before" else study.counterweights.balanced_task, tune(study.task.mechanism)
     env = TrackingEnv(
         task.mechanism,
         tuning.reference,
@@ -81,7 +81,7 @@ def test_what_cannot_be_driven_is_refused() -> None:
         (("--components", "3"), "--components is of runs in closed loop"),
         (("--drive", "--components", "7"), "components of two_link: expected a whole number from 1 to 6, got 7"),
         (("--drive", "--duration", "-1"), "duration: expected a positive number of s"),
-        (("--drive", "--period", "1"), "period: expected a number above 0 and at most 0.1"),
+        (("--drive", "--control-period", "1"), "period: expected a number above 0 and at most 0.1"),
     ],
 )
 def test_wrong_flags_are_one_line(more: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,7 +19,7 @@ from adaptctl.design import (
     CostMap,
     Counterweight,
     DesignTask,
-    PlaceBounds,
+    MountingBounds,
     added_mass,
     box,
     cost_map,
@@ -27,7 +27,7 @@ from adaptctl.design import (
     design_study,
     optimal_counterweights,
     point,
-    removals,
+    simplifications,
     sphere,
 )
 from adaptctl.dynamics import Mechanism
@@ -54,8 +54,8 @@ def single() -> DesignTask:
 
 
 @cache
-def third() -> PlaceBounds:
-    return PlaceBounds.of(task().mechanism, "link3")
+def third() -> MountingBounds:
+    return MountingBounds.of(task().mechanism, "link3")
 
 
 def several() -> Array:
@@ -97,14 +97,17 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "wide": (lambda: cylinder(1.0, 1e200, 1.0), "radius: expected a number above 0, from 1e-100 to 1e+100"),
     "long": (lambda: cylinder(1.0, 1.0, 1e200), "length: expected a number above 0, from 1e-100 to 1e+100"),
     "bounds' mass": (
-        lambda: PlaceBounds("link3", np.zeros(3), np.ones(3), OTHER),
+        lambda: MountingBounds("link3", np.zeros(3), np.ones(3), OTHER),
         "link3: mass: expected a number, got 'a'",
     ),
-    "share": (lambda: PlaceBounds.of(task().mechanism, "link3", OTHER), "places: share: expected a number, got 'a'"),
-    "beyond": (lambda: PlaceBounds.of(task().mechanism, "link3", 0.2, OTHER), "places: beyond: expected a number"),
-    "twice": (lambda: removals(task(), [third(), third()]), "expected places on links, each once, got link3, link3"),
+    "share": (lambda: MountingBounds.of(task().mechanism, "link3", OTHER), "places: share: expected a number, got 'a'"),
+    "beyond": (lambda: MountingBounds.of(task().mechanism, "link3", 0.2, OTHER), "places: beyond: expected a number"),
+    "twice": (
+        lambda: simplifications(task(), [third(), third()]),
+        "expected places on links, each once, got link3, link3",
+    ),
     "link": (
-        lambda: removals(task(), [PlaceBounds("x", np.zeros(3), np.ones(3), 1.0)]),
+        lambda: simplifications(task(), [MountingBounds("x", np.zeros(3), np.ones(3), 1.0)]),
         "there is no link 'x' with inertia; links: link1, link2, link3",
     ),
     "ball's mass": (lambda: Counterweight("x", -1.0, np.zeros(3), 7850.0), "mass: expected a number of at least 0 kg"),

@@ -20,7 +20,7 @@ GAMMA = np.array([0.1, 0.5, 1.0, 3.0, 10.0])
 
 
 class Loop(NamedTuple):
-    """Linear error equations M (s+ - s) = -T (K s - Y b) of many problems, with the hold number h each."""
+    """Linear error equations M (s+ - s) = -T (K s - Y b) of many problems, with the sampling ratio h each."""
 
     M: Array
     damping: Array
@@ -32,7 +32,7 @@ class Loop(NamedTuple):
 
 
 def loops(rng: np.random.Generator, h: float) -> Loop:
-    """Random mass matrices, their damping scaled to the hold number."""
+    """Random mass matrices, their damping scaled to the sampling ratio."""
     A = rng.normal(size=(PROBLEMS, R, R))
     M = A @ np.swapaxes(A, 1, 2) + 0.05 * np.eye(R)
     damping = rng.uniform(0.2, 5.0, (PROBLEMS, R))
@@ -77,7 +77,7 @@ def largest_rise(
     rng = np.random.default_rng(0)
     loop = loops(rng, h)
     adaptation = law(loop)
-    memory: Any = adaptation.start(None, np.zeros(K), np.zeros(R), np.zeros(R), T)  # type: ignore[arg-type]
+    memory: Any = adaptation.initial_state(None, np.zeros(K), np.zeros(R), np.zeros(R), T)  # type: ignore[arg-type]
     s, b, worst = rng.normal(size=(PROBLEMS, R)), rng.normal(size=(PROBLEMS, K)) * np.sqrt(GAMMA), 0.0
     s *= np.exp(rng.uniform(-6.0, 6.0, (PROBLEMS, 1)))
     for _ in range(ticks):
@@ -180,7 +180,7 @@ def test_nothing_is_learned_at_rest_and_while_frozen() -> None:
     for s, elapsed in ((rest, T), (one, 0.0)):
         period = Period(lambda x: Column([float(sum(x.of))] * K), s, s, rest, rest, rest, T, elapsed, one)
         for law in (Gradient(GAMMA), ReleasedGradient(GAMMA)):
-            memory: Any = law.start(None, np.zeros(K), np.zeros(R), np.zeros(R), T)  # type: ignore[arg-type]
+            memory: Any = law.initial_state(None, np.zeros(K), np.zeros(R), np.zeros(R), T)  # type: ignore[arg-type]
             moved, _ = law.law(None, Column.zeros(K), period, memory)  # type: ignore[arg-type]
             np.testing.assert_array_equal(moved.of, 0.0)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from adaptctl.codegen import exporting, live_arm
 from adaptctl.compilation import kernel, llvm, object_cache, sine
 from adaptctl.control import ringing
-from adaptctl.control.gains import hold
+from adaptctl.control.gains import sampling_ratio
 from adaptctl.description import pose, transforms
 from adaptctl.description.readers import entries, xml_elements
 from adaptctl.dynamics.loops import continuation, single_precision
@@ -19,7 +19,7 @@ from adaptctl.identifiability import certificate
 from adaptctl.identification import choice
 from adaptctl.identification.identify import HELD_OUT
 from adaptctl.simulation import integrator
-from adaptctl.tuning import carried_gains, verification, workable_reference
+from adaptctl.tuning import feasible_gains, feasible_reference, verification
 from adaptctl.tuning.tune import SEARCHED
 
 ROOT = Path(__file__).parent.parent
@@ -41,9 +41,9 @@ STATED = [
     ("concepts", f"smoothed below {drive.SLOW} rad/s"),
     ("concepts", f"this gap is at least {power(certificate.SMALLEST_GAP)}"),
     ("concepts", f"at least {power(certificate.SMALLEST_SINGULAR_VALUE)}, and if"),
-    ("concepts", f"close to round-off, below {power(certificate.LARGEST_LEFTOVER)} of $"),
+    ("concepts", f"close to round-off, below {power(certificate.MAX_RESIDUAL_SINGULAR_VALUE)} of $"),
     ("concepts", f"within round-off of such a value ({power(certificate.EXACT)} rad"),
-    ("concepts", f"A value above {hold.LARGEST_SAMPLED_GAIN} is refused"),
+    ("concepts", f"A value above {sampling_ratio.MAX_SAMPLING_RATIO} is refused"),
     ("concepts", f"in steps of at most {continuation.LARGEST_STEP} rad"),
     ("concepts", f"Mechanisms of more than {kernel.LARGEST_COMPILED} links run the same equations in Python"),
     ("compilation", f"Routines of more than {llvm.LONGEST:,} operations are compiled in pieces"),
@@ -67,12 +67,12 @@ STATED = [
     ("identification", f"at most {percent(choice.ALLOWED_MISFIT - 1.0)} over that of least squares"),
     ("identification", f"the last {percent(HELD_OUT)} of the others"),
     ("identification", f"the same filter of {choice.JUDGED_AT:.0f} Hz"),
-    ("tuning", f"initial error $e_j$ ({carried_gains.LARGEST_ERROR} rad or m"),
-    ("tuning", rf"${carried_gains.ACCELERATION_SHARE}\,\tau_j / M_{{jj}}$"),
-    ("tuning", rf"$K_j \le {carried_gains.FIRST_SHARE}\,\tau_j"),
-    ("tuning", f"{workable_reference.AMPLITUDE} rad. If a joint needs"),
-    ("tuning", "One sinusoid per joint, {} to {} Hz".format(*workable_reference.FREQUENCIES)),
-    ("tuning", f"at most {percent(workable_reference.HIGHEST)}. If it still needs"),
+    ("tuning", f"initial error $e_j$ ({feasible_gains.LARGEST_ERROR} rad or m"),
+    ("tuning", rf"${feasible_gains.ACCELERATION_SHARE}\,\tau_j / M_{{jj}}$"),
+    ("tuning", rf"$K_j \le {feasible_gains.FIRST_SHARE}\,\tau_j"),
+    ("tuning", f"{feasible_reference.AMPLITUDE} rad. If a joint needs"),
+    ("tuning", "One sinusoid per joint, {} to {} Hz".format(*feasible_reference.FREQUENCIES)),
+    ("tuning", f"at most {percent(feasible_reference.HIGHEST)}. If it still needs"),
     ("tuning", f"up to {integrator.MOST} steps per period"),
     ("tuning", f"are run for {SEARCHED:.0f} s each"),
     ("tuning", f"link errors of {percent(verification.LINKS_OFF)}, and other link errors"),

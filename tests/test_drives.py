@@ -45,7 +45,7 @@ def test_names_and_values_follow_the_links() -> None:
         "joint3.coulomb",
     )
     np.testing.assert_array_equal(mechanism.inertial_parameters[40:], [0.5, 0.2, 2.0, 1.0, 3.0, 4.0])
-    assert mechanism.description.energetic == 42
+    assert mechanism.description.num_energy_parameters == 42
 
 
 @settings(max_examples=20, deadline=None)
@@ -78,11 +78,16 @@ def test_columns_and_the_tick_know_the_drives(seed: int, links: int, data: st.Da
     np.testing.assert_array_equal(mechanism.slotine_li_regressor(p, v, v_r, a_r, columns), Y[:, columns])
     D = mechanism.inertial_parameters
     motion = mechanism.equations.motion(*map(column, (p, v, v_r, a_r)))
-    np.testing.assert_allclose(motion.powers(column(s), columns).of, Y[:, columns].T @ s, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        motion.regressor_transpose_product(column(s), columns).of, Y[:, columns].T @ s, rtol=1e-9, atol=1e-9
+    )
     np.testing.assert_allclose(motion.torque(column(D)).of, Y @ D, rtol=1e-9, atol=1e-9)
     again = mechanism.equations.remembered(motion.numbers)
     assert len(motion.numbers) == len(mechanism.equations.motion_memory.sources)
-    assert again.powers(column(s), columns).of == motion.powers(column(s), columns).of
+    assert (
+        again.regressor_transpose_product(column(s), columns).of
+        == motion.regressor_transpose_product(column(s), columns).of
+    )
 
 
 def test_other_parameters_reach_the_drives() -> None:
@@ -99,8 +104,8 @@ def test_friction_is_always_kept_and_rotors_are_found_from_energies() -> None:
     space = essential_space(mechanism)
     basis = fundamental_basis(space)
     model = ReducedModel(mechanism, basis)
-    assert len(space.parameter_names) == mechanism.description.energetic
-    assert set(mechanism.parameter_names[mechanism.description.energetic :]) <= set(model.names)
+    assert len(space.parameter_names) == mechanism.description.num_energy_parameters
+    assert set(mechanism.parameter_names[mechanism.description.num_energy_parameters :]) <= set(model.names)
     p, v, _, a = states(4)
     np.testing.assert_allclose(model.inverse_dynamics(p, v, a), mechanism.inverse_dynamics(p, v, a), rtol=1e-9)
     assert essential_space(plain).rank <= space.rank
@@ -168,7 +173,7 @@ def test_a_shaft_that_turns_with_two_joints(seed: int, links: int) -> None:
     s, columns = v_r, range(len(D))
     motion = mechanism.equations.motion(*map(column, (p, v, v, a)))
     Y = mechanism.torque_regressor(p, v, a)
-    np.testing.assert_allclose(motion.powers(column(s), columns).of, Y.T @ s, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(motion.regressor_transpose_product(column(s), columns).of, Y.T @ s, rtol=1e-9, atol=1e-9)
 
 
 def test_a_shaft_that_turns_with_two_joints_of_a_long_chain() -> None:
@@ -214,8 +219,8 @@ def test_shafts_speak_of_other_joints_once() -> None:
 def test_a_shaft_is_of_a_joint_that_there_is(joint: Any) -> None:
     description = random_tree(2, 3).description
     with pytest.raises(InputError, match=f"joint: expected a whole number from 0 to 2, got {joint!r}"):
-        description.shaft(joint)
-    assert description.shaft(2) == ((2, 1.0),)
+        description.drive_coupling(joint)
+    assert description.drive_coupling(2) == ((2, 1.0),)
 
 
 def test_coulomb_friction_fades_below_the_speed_that_the_docs_name() -> None:

@@ -56,8 +56,8 @@ def turned_in_space(mechanism: Mechanism, seed: int) -> Mechanism:
     def turned(link: Link) -> Link:
         parent = None if link.parent == GROUND else old.links[link.parent].name
         joint = replace(link.joint, axis=signs[link.joint.name] * link.joint.axis)
-        far = Pose(link.far.rotation @ ways[link.name], link.far.translation)
-        return replace(link, joint=joint, near=seen(parent, link.near), far=far)
+        far = Pose(link.joint_to_link.rotation @ ways[link.name], link.joint_to_link.translation)
+        return replace(link, joint=joint, parent_to_joint=seen(parent, link.parent_to_joint), joint_to_link=far)
 
     assert old.loops is not None
     closures = tuple(
@@ -74,7 +74,9 @@ def along_x(mechanism: Mechanism) -> Mechanism:
     cycled = np.roll(np.eye(3), 1, axis=0)
     links = mechanism.description.links
     placed = (
-        replace(one, near=Pose(cycled @ one.near.rotation, cycled @ one.near.translation))
+        replace(
+            one, parent_to_joint=Pose(cycled @ one.parent_to_joint.rotation, cycled @ one.parent_to_joint.translation)
+        )
         if one.parent == GROUND
         else one
         for one in links

@@ -115,8 +115,8 @@ def with_square_links(mechanism: Mechanism) -> Mechanism:
     """The same with joints along coordinate axes, each third one's link frame at its joint, where zeros are known."""
     turned, links = np.eye(3)[[1, 2, 0]], []
     for i, link in enumerate(mechanism.description.links):
-        far = Pose.identity() if i % 3 == 0 else Pose(turned, link.far.translation)
-        links.append(replace(link, joint=replace(link.joint, axis=np.eye(3)[i % 3]), far=far))
+        far = Pose.identity() if i % 3 == 0 else Pose(turned, link.joint_to_link.translation)
+        links.append(replace(link, joint=replace(link.joint, axis=np.eye(3)[i % 3]), joint_to_link=far))
     return Mechanism(replace(mechanism.description, links=tuple(links)))
 
 
@@ -221,7 +221,7 @@ def test_torques_and_powers_are_the_regressor_never_formed(seed: int, links: int
     Y, D = mechanism.slotine_li_regressor(p, v, v_r, a_r), mechanism.inertial_parameters
     motion = mechanism.equations.motion(*map(column, (p, v, v_r, a_r)))
     scale = max(np.abs(Y).max(), 1.0)
-    torque, powers = motion.torque(column(D)), motion.powers(column(s), range(10 * links))
+    torque, powers = motion.torque(column(D)), motion.regressor_transpose_product(column(s), range(10 * links))
     np.testing.assert_allclose(torque.of, Y @ D, rtol=0, atol=1e-12 * np.abs(Y @ D).max())
     np.testing.assert_allclose(powers.of, Y.T @ s, rtol=0, atol=1e-12 * scale * np.abs(s).max())
 
@@ -260,7 +260,7 @@ def test_a_number_is_no_vector_of_one(given: float | Array) -> None:
         (pendulum.torque_regressor, 3),
         (pendulum.inverse_dynamics, 3),
         (pendulum.forward_dynamics, 3),
-        (pendulum.known_torque, 3),
+        (pendulum.constraint_bias_torque, 3),
         (pendulum.slotine_li_regressor, 4),
     ]
     for method, count in asked:

@@ -12,7 +12,7 @@ import pytest
 from every_law import ARM, GAIN, MODEL, TRUE, K, slotine_li
 from test_loops_in_closed_form import four_bar
 
-from adaptctl.control import BoundedGainForgetting, GainDesign, Guarded, MinimumJerk, ReleasedGradient
+from adaptctl.control import BoundedGainForgetting, GainDesign, MinimumJerk, ReleasedGradient, SafetyFilter
 from adaptctl.control.adaptation.gradient import _is_positive_definite
 from adaptctl.control.gains.error_feedback import ErrorFeedback, _lag
 from adaptctl.errors import GainError, InputError, SingularityError
@@ -35,9 +35,9 @@ def test_the_worst_of_many_configurations_is_named() -> None:
     assert bars.continuation is not None
     fine = bars.configuration([[1.4], [1.6]])
     crossed = np.array([1.51, -2.610195, -2.432009])
-    bars.continuation.require_regular(fine)
+    bars.continuation.validate_regular(fine)
     with pytest.raises(SingularityError, match=r"near a singularity at p = \[1\.51\]"):
-        bars.continuation.require_regular(np.stack([fine[0], crossed, fine[1], fine[0]])[None])
+        bars.continuation.validate_regular(np.stack([fine[0], crossed, fine[1], fine[0]])[None])
 
 
 @pytest.mark.parametrize(("stiffness", "rate"), [(0.0, 10.0), (10.0, 0.0)])
@@ -95,7 +95,7 @@ def test_very_many_values_are_listed_about_the_gap(count: int, rank: int) -> Non
 def test_an_estimate_may_begin_on_its_bounds() -> None:
     first = 0.9 * TRUE
     for bounds in ((first, first + 1.0), (first - 1.0, first)):
-        Guarded(slotine_li(GAIN), estimate_bounds=bounds)
+        SafetyFilter(slotine_li(GAIN), estimate_bounds=bounds)
 
 
 def test_small_gains_are_as_symmetric_as_large_ones() -> None:
@@ -105,7 +105,7 @@ def test_small_gains_are_as_symmetric_as_large_ones() -> None:
 
 
 def test_a_theorem_is_not_given_where_the_hold_is_too_long() -> None:
-    with pytest.raises(GainError, match=r"the hold number is .*, and there is a theorem below 2 only"):
+    with pytest.raises(GainError, match=r"the sampling ratio is .*, and there is a theorem below 2 only"):
         ReleasedGradient.certified(MODEL, GAIN, 500.0, 1.0)
     assert ReleasedGradient.certified(MODEL, GAIN, 0.1, 1e-4).share < 1.1
 

@@ -42,7 +42,7 @@ UR5 = urdf("ur5_robot.urdf")
 
 
 def fitted(effect: Any) -> None:
-    effect.require(3, ("link1", "link2", "link3"), 1e-3)
+    effect.validate(3, ("link1", "link2", "link3"), 1e-3)
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_effects_that_cannot_be_are_refused(make: Callable[[], object], says: st
 
 
 def test_a_delay_is_a_whole_number_of_any_kind() -> None:
-    assert ControlDelay(cast(Any, np.int64(2))).start(np.zeros(3), 1e-3).shape == (6,)
+    assert ControlDelay(cast(Any, np.int64(2))).initial_state(np.zeros(3), 1e-3).shape == (6,)
 
 
 def test_a_payload_without_a_mass_is_no_unknown_name() -> None:
@@ -102,14 +102,14 @@ def test_a_payload_is_added_to_a_link_that_there_is() -> None:
     ("settings", "says"),
     [
         ({"logs": []}, "logs: expected at least one log, got none"),
-        ({"rate": 0.0}, "rate: expected a positive number of Hz, got 0.0"),
-        ({"rate": -250.0}, "rate: expected a positive number of Hz, got -250.0"),
-        ({"rate": NAN}, "rate: expected a positive number of Hz, got nan"),
-        ({"rate": TEXT}, "rate: expected a positive number of Hz, got 'a'"),
+        ({"sample_rate": 0.0}, "sample_rate: expected a positive number of Hz, got 0.0"),
+        ({"sample_rate": -250.0}, "sample_rate: expected a positive number of Hz, got -250.0"),
+        ({"sample_rate": NAN}, "sample_rate: expected a positive number of Hz, got nan"),
+        ({"sample_rate": TEXT}, "sample_rate: expected a positive number of Hz, got 'a'"),
         ({"cutoff": 0.0}, "cutoff: expected a positive number of Hz, got 0.0"),
         ({"cutoff": TEXT}, "cutoff: expected a positive number of Hz, got 'a'"),
-        ({"weight": 0.0}, "weight: expected a positive number, got 0.0"),
-        ({"weight": -1.0}, "weight: expected a positive number, got -1.0"),
+        ({"prior_weight": 0.0}, "prior_weight: expected a positive number, got 0.0"),
+        ({"prior_weight": -1.0}, "prior_weight: expected a positive number, got -1.0"),
         ({"drives": "d.toml", "columns": {"time": "t"}}, "columns, units: expected none, as the drives name theirs"),
         ({"drives": "d.toml", "units": {"time": "s"}}, "columns, units: expected none, as the drives name theirs"),
     ],
@@ -125,7 +125,7 @@ def test_identifications_that_cannot_be_are_refused(settings: dict[str, Any], sa
         ({"cutoff": 0.0}, "cutoff: expected a positive number of Hz"),
         ({"cutoff": 1e3}, "cutoff: expected between .* and .* Hz for these logs, got 1000"),
         ({"cutoff": 1e-9}, "cutoff: expected between .* and .* Hz for these logs, got 1e-09"),
-        ({"weight": 0.0}, "weight: expected a positive number, got 0.0"),
+        ({"prior_weight": 0.0}, "prior_weight: expected a positive number, got 0.0"),
     ],
 )
 def test_what_the_logs_do_not_allow_is_refused(settings: dict[str, float], says: str) -> None:
@@ -137,7 +137,7 @@ def test_what_the_logs_do_not_allow_is_refused(settings: dict[str, float], says:
 def test_a_given_zero_is_not_the_default() -> None:
     case = known(0)
     evidence, _, _ = gathered(case.guess, case.drives, [case.log])
-    with pytest.raises(InputError, match=r"weight: expected a positive number, got 0\.0"):
+    with pytest.raises(InputError, match=r"prior_weight: expected a positive number, got 0\.0"):
         choose(evidence, weight=0.0)
     with pytest.raises(InputError, match=r"cutoff: expected one of 12\.5, .* Hz, got 0\.0"):
         choose(evidence, cutoff=0.0)

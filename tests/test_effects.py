@@ -48,9 +48,9 @@ def puma() -> Mechanism:
 
 def acted(effect: ActuatorEffect, commands: Array, held: Array) -> Array:
     """What comes out of an effect, a control period a row, over floats."""
-    memory, out = Column(effect.start(held, PERIOD).tolist()), []
+    memory, out = Column(effect.initial_state(held, PERIOD).tolist()), []
     for command in commands:
-        torque, memory = effect.act(Column(command.tolist()), memory, PERIOD)
+        torque, memory = effect.apply(Column(command.tolist()), memory, PERIOD)
         out.append(torque.of)
     return np.array(out, dtype=np.float64)
 
@@ -123,7 +123,7 @@ def test_noise_has_the_deviation_asked_for(puma: Mechanism) -> None:
 @given(st.floats(1.0, 400.0), st.floats(-5.0, 5.0))
 def test_filtered_differences_of_a_ramp_are_its_slope(cutoff: float, slope: float) -> None:
     effect, p = FilteredDifferences(cutoff), np.array([0.3])
-    memory = Column(effect.start(p, np.array([slope]), PERIOD).tolist())
+    memory = Column(effect.initial_state(p, np.array([slope]), PERIOD).tolist())
     for k in range(20):
         at = Column((0.3 + slope * k * PERIOD,))
         same, v, memory = effect.measure(at, Column((99.0,)), Column.zeros(2), memory, PERIOD)
@@ -137,7 +137,7 @@ def test_filtered_differences_have_the_gain_and_the_delay_of_their_transfer_func
     a = math.exp(-2.0 * math.pi * cutoff * PERIOD)
     expected = (1.0 - a) / (1.0 - a / z) * (1.0 - 1.0 / z) / PERIOD
     effect, out = FilteredDifferences(cutoff), []
-    memory = Column(effect.start(np.zeros(1), np.zeros(1), PERIOD).tolist())
+    memory = Column(effect.initial_state(np.zeros(1), np.zeros(1), PERIOD).tolist())
     for k in range(2000):
         at = Column((float((z**k).imag),))
         _, v, memory = effect.measure(at, at, Column.zeros(2), memory, PERIOD)
@@ -152,7 +152,7 @@ def test_friction_takes_energy_out_and_is_odd(viscous: float, coulomb: float, st
     torque = friction.torque(Column((v,)))[0]
     assert torque * v >= 0.0
     assert friction.torque(Column((-v,)))[0] == -torque
-    assert abs(torque) <= friction.steepest(1)[0] * abs(v) * (1.0 + 1e-12) + 1e-300
+    assert abs(torque) <= friction.max_slope(1)[0] * abs(v) * (1.0 + 1e-12) + 1e-300
 
 
 def test_friction_falls_from_static_to_coulomb_and_rises_again() -> None:
@@ -235,7 +235,7 @@ def test_a_payload_is_picked_up_and_dropped(puma: Mechanism) -> None:
     for k in range(100):
         held = 20 <= k < 60
         np.testing.assert_array_equal(info["parameters"], loaded if held else own)
-        assert info["marks"] == {"payload": 2.0 if held else 0.0}
+        assert info["flags"] == {"payload": 2.0 if held else 0.0}
         state = plant.step(state, torque, loaded if held else own)
         observation, *_, info = env.step(torque)
         np.testing.assert_array_equal(observation[:6], state.p)
@@ -271,8 +271,8 @@ def test_many_arms_step_as_one_does(puma: Mechanism, effects: Sequence[Effect]) 
     stepper = compile_step(
         lambda **columns: tuple(plant.equation(columns)),
         state=plant.sizes,
-        held={"parameters": len(true)},
-        driven={"torque": 6, "noise": plant.noise_size},
+        constants={"parameters": len(true)},
+        per_member_inputs={"torque": 6, "noise": plant.noise_size},
         lanes=2,
     )
     arms = stepper.ensemble(members)
@@ -286,7 +286,7 @@ def test_many_arms_step_as_one_does(puma: Mechanism, effects: Sequence[Effect]) 
         outputs = arms.run(1, {"torque": torque[None], "noise": noise[None]})
         states = [plant.step(states[k], torque[k], true, noise[k]) for k in range(members)]
         for k, state in enumerate(states):
-            expected = (state.measured_p, state.measured_v, state.applied, [state.clipped], state.marks)
+            expected = (state.measured_p, state.measured_v, state.applied, [state.clipped], state.flags)
             for got, wanted in zip(outputs, expected, strict=True):
                 np.testing.assert_allclose(got[k], wanted, rtol=1e-11, atol=1e-11)
             np.testing.assert_allclose(arms.state["q"][k], state.q, rtol=1e-11)
@@ -331,17 +331,17 @@ def test_everything_at_once_is_repeatable_whatever_the_order(puma: Mechanism) ->
     for name in ("p", "measured_p", "measured_v", "torque", "applied"):
         assert getattr(first, name).tobytes() == getattr(again, name).tobytes()
         assert not np.array_equal(getattr(first, name), getattr(other, name))
-    assert tuple(first.marks) == ("torque_limited", "rate_limited", "payload")
-    np.testing.assert_array_equal(first.marks["payload"][[0, 30, 99]], [0.0, 1.5, 0.0])
-    assert first.marks["rate_limited"].max() == 1.0
+    assert tuple(first.flags) == ("torque_limited", "rate_limited", "payload")
+    np.testing.assert_array_equal(first.flags["payload"][[0, 30, 99]], [0.0, 1.5, 0.0])
+    assert first.flags["rate_limited"].max() == 1.0
     assert np.abs(first.applied).max() <= 60.0
-    assert set(first.marks["torque_limited"]) <= {0.0, 1.0}
+    assert set(first.flags["torque_limited"]) <= {0.0, 1.0}
     with pytest.raises(ValueError, match="read-only"):
-        first.marks["payload"][0] = 1.0
+        first.flags["payload"][0] = 1.0
 
 
 def test_without_effects_what_is_measured_is_true(puma: Mechanism) -> None:
     run = rollout(TrackingEnv(puma, 1, duration=0.01), ComputedTorque(puma, 5.0), seed=0)
     assert run.measured_p is None
-    assert dict(run.marks) == {}
+    assert dict(run.flags) == {}
     assert "p" not in run.info

@@ -91,7 +91,7 @@ class Backlash(Effect):
 
     gap: float
 
-    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+    def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Nothing."""
 
 

@@ -92,7 +92,11 @@ def test_motors_and_links_move_as_the_differential_equations_say(arm: str) -> No
     joints = ElasticJoints(stiffness, damping, more)
     substeps = 2 * integration(mechanism, (), PERIOD, None, Transmission.of(mechanism, joints)).substeps
     plant = Plant(mechanism, PERIOD, substeps, torque_limits=np.inf, effects=(joints, Friction(viscous=0.3)))
-    p, v, torque = mechanism.home + rng.normal(scale=0.1, size=r), rng.normal(scale=0.3, size=r), rng.normal(size=r)
+    p, v, torque = (
+        mechanism.neutral_configuration + rng.normal(scale=0.1, size=r),
+        rng.normal(scale=0.3, size=r),
+        rng.normal(size=r),
+    )
     state = plant.init(p, v)
     theta = state.drives[:r]
     J = more + (own if own.size else 0.0)
@@ -204,7 +208,7 @@ def test_every_way_to_run_is_one_motion(puma: Mechanism, encoders: str) -> None:
     for name in ("p", "v", "torque", "energy"):
         np.testing.assert_allclose(getattr(whole, name), getattr(stepped, name), rtol=1e-9, atol=1e-9)
     env.reset(seed=0)
-    many = simulate_many(env.plant, law, env.reference, duration=0.05, p=stepped.p[0], v=stepped.v[0], members=3)
+    many = simulate_many(env.plant, law, env.reference, duration=0.05, p=stepped.p[0], v=stepped.v[0], batch_size=3)
     for k in range(3):
         np.testing.assert_allclose(many.p[:, k], stepped.p, atol=1e-10)
 

@@ -73,7 +73,7 @@ class Own(Controller[Nothing]):
     returned: Callable[..., Any]
     dof = 2  # type: ignore[assignment]
 
-    def start(self, p: Any, v: Any) -> Nothing:
+    def initial_state(self, p: Any, v: Any) -> Nothing:
         return Nothing()
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Nothing) -> Any:

@@ -24,7 +24,7 @@ ROOT = Path(adaptctl.__file__).parent
 
 def known(mechanism: Mechanism, value: float) -> Mechanism:
     """The mechanism with one moment of the last link known."""
-    return constrained(mechanism, Constraints({mechanism.parameter_names[mechanism.energetic - 1]: value}))
+    return constrained(mechanism, Constraints({mechanism.parameter_names[mechanism.num_energy_parameters - 1]: value}))
 
 
 TREE = random_tree(3, 4).with_drives(Drive(0.3, 0.2, 0.1))
@@ -46,7 +46,7 @@ def mechanism(request: pytest.FixtureRequest) -> Mechanism:
 def states(mechanism: Mechanism) -> list[np.ndarray]:
     """A configuration near home, and velocities, other velocities and accelerations."""
     rng = np.random.default_rng(5)
-    p = mechanism.home + 0.01 * rng.normal(size=mechanism.dof)
+    p = mechanism.neutral_configuration + 0.01 * rng.normal(size=mechanism.dof)
     return [mechanism.configuration(p), *rng.normal(size=(3, mechanism.dof))]
 
 
@@ -76,7 +76,7 @@ def test_accelerations_are_those_of_the_shared_definition(mechanism: Mechanism) 
 def test_weightless_equations_are_those_without_gravity(mechanism: Mechanism) -> None:
     e, arguments = mechanism.equations, list(map(column, states(mechanism)))
     D, everything = Column(mechanism.inertial_parameters.tolist()), range(e.parameters)
-    floating = e.weightless()
+    floating = e.massless_joints()
     whole = Mechanism(replace(mechanism.description, gravity=np.zeros(3)))
     expected = whole.equations.inverse_dynamics(*arguments, Column(whole.inertial_parameters.tolist()))
     np.testing.assert_allclose(floating.inverse_dynamics(*arguments, D).of, expected.of, rtol=1e-12, atol=1e-12)
@@ -89,13 +89,13 @@ def test_weightless_equations_are_those_without_gravity(mechanism: Mechanism) ->
 def test_known_torque_is_what_regressors_leave_out(mechanism: Mechanism) -> None:
     q, v, _, a = states(mechanism)
     p = np.tile(q[list(mechanism.description.primary)], (3, 2, 1))
-    share = mechanism.known_torque(p, v, a)
+    share = mechanism.constraint_bias_torque(p, v, a)
     assert share.shape == (3, 2, mechanism.dof)
     by_regressor = mechanism.torque_regressor(p, v, a) @ mechanism.inertial_parameters
     np.testing.assert_allclose(by_regressor + share, mechanism.inverse_dynamics(p, v, a), rtol=1e-10, atol=1e-12)
     assert bool(np.abs(share).max()) is mechanism.equations.has_known_share
     with pytest.raises(InputError, match=r"a: expected shape \(\.\.\., "):
-        mechanism.known_torque(p, v, np.zeros(99))
+        mechanism.constraint_bias_torque(p, v, np.zeros(99))
 
 
 def test_which_mechanisms_are_plain_trees() -> None:

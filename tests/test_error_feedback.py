@@ -25,7 +25,7 @@ periods = st.floats(1e-4, 1e-2)
 
 def held_loop(feedback: ErrorFeedback, factor: float = 1.0, delay: int = 0) -> Array:
     """One period of the error under a held acceleration, `delay` periods old, from the exponential of the plant."""
-    T = feedback.period
+    T = feedback.control_period
     whole = expm(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]) * T)
     A, B = whole[:2, :2], whole[:2, 2]
     K = factor * np.array([feedback.stiffness, feedback.rate])
@@ -166,7 +166,7 @@ def test_what_a_delayed_hold_carries(delay: int) -> None:
 
 @given(st.floats(1.0, 50.0), st.floats(0.3, 3.0), st.floats(0.2, 5.0))
 def test_faster_poles_are_farther_out(bandwidth: float, ratio: float, factor: float) -> None:
-    feedback = ErrorFeedback.from_bandwidth(bandwidth, ratio, 1e-3).faster(factor)
+    feedback = ErrorFeedback.from_bandwidth(bandwidth, ratio, 1e-3).with_bandwidth_factor(factor)
     expected = ErrorFeedback.from_bandwidth(factor * bandwidth, ratio, 1e-3)
     assert feedback.stiffness == pytest.approx(expected.stiffness, rel=1e-5)
     assert feedback.rate == pytest.approx(expected.rate, rel=1e-5)
@@ -206,12 +206,12 @@ def test_gains_that_cannot_be_are_refused(make: object, error: type[Exception], 
 @pytest.mark.parametrize("factor", [math.nan, math.inf, 0.0, -1.0, "a", None])
 def test_poles_are_not_made_faster_by_what_is_no_factor(factor: Any) -> None:
     with pytest.raises(InputError, match=f"^factor: expected a positive finite number, got {factor!r}$"):
-        ErrorFeedback.from_bandwidth(8.0, 1.0, 1e-3).faster(factor)
+        ErrorFeedback.from_bandwidth(8.0, 1.0, 1e-3).with_bandwidth_factor(factor)
 
 
 def test_a_factor_that_leaves_no_gains_is_named() -> None:
     with pytest.raises(InputError, match=r"^factor: 1e-300 leaves gains beyond double precision"):
-        ErrorFeedback.from_bandwidth(8.0, 1.0, 1e-3).faster(1e-300)
+        ErrorFeedback.from_bandwidth(8.0, 1.0, 1e-3).with_bandwidth_factor(1e-300)
 
 
 @pytest.mark.parametrize(("gain", "more", "less"), [(-0.5, 2.0, 0.0), (-1.0, math.inf, 1.0), (-4.0, math.inf, 0.25)])

@@ -24,8 +24,8 @@ from adaptctl.identifiability import (
     Certificate,
     Constraints,
     EssentialSpace,
-    Leftover,
     ReducedModel,
+    ResidualSingularValue,
     States,
     constrained,
     essential_space,
@@ -58,7 +58,7 @@ def pinocchio_regressor(mechanism: Mechanism, samples: int, seed: int) -> Array:
     data = model.createData()
     p, v, a = np.random.default_rng(seed).normal(size=(3, samples, mechanism.dof))
     Y = np.vstack([pinocchio.computeJointTorqueRegressor(model, data, *x).copy() for x in zip(p, v, a, strict=True)])
-    to_joint = [np.column_stack([transformed(e, link.far) for e in np.eye(10)]) for link in mechanism.links]
+    to_joint = [np.column_stack([transformed(e, link.joint_to_link) for e in np.eye(10)]) for link in mechanism.links]
     blocks = Y.reshape(len(Y), -1, 10)
     return np.einsum("tij,ijk->tik", blocks, np.array(to_joint)).reshape(len(Y), -1)
 
@@ -75,8 +75,8 @@ def resized(mechanism: Mechanism, factor: float) -> Mechanism:
     links = tuple(
         replace(
             link,
-            near=Pose(link.near.rotation, factor * link.near.translation),
-            far=Pose(link.far.rotation, factor * link.far.translation),
+            parent_to_joint=Pose(link.parent_to_joint.rotation, factor * link.parent_to_joint.translation),
+            joint_to_link=Pose(link.joint_to_link.rotation, factor * link.joint_to_link.translation),
         )
         for link in mechanism.links
     )
@@ -229,7 +229,7 @@ def test_the_certificate_says_how_sure_it_is(space: EssentialSpace) -> None:
     assert certificate.relative_smallest > 0.05
     assert certificate.samples == 121
     assert certificate.null_residual < 1e-14
-    assert certificate.faults == certificate.remarks == ()
+    assert certificate.failures == certificate.warnings == ()
     assert str(certificate).startswith("rank 36 by the energies of 121 and of 242 states and by torques; gap 7")
 
 
@@ -239,36 +239,36 @@ def test_a_tiny_twist_is_refused_with_both_ranks(twist: float) -> None:
         rf"joint1 and joint2 miss 0 degrees by {twist:.1e} rad: if a right angle is meant, write it exactly, or snap it"
     )
     both = "planar: the rank is 17 as the geometry stands, and 9 if what is nearly special is meant to be so"
-    with pytest.raises(RankError, match=rf'{both}: {angle}.*snap=True.*near="as_is"'):
+    with pytest.raises(RankError, match=rf'{both}: {angle}.*snap=True.*near_singular="as_is"'):
         essential_space(planar(twist))
     assert essential_space(Mechanism(snapped(planar(twist).description))).rank == 9
 
 
 def test_a_tiny_twist_as_it_is_needs_digits_enough() -> None:
     """Floats see 1e-4 rad; of 1e-8 rad they see a part, and would say 13."""
-    seen = essential_space(planar(1e-4), near="as_is").certificate
+    seen = essential_space(planar(1e-4), near_singular="as_is").certificate
     assert (seen.rank, seen.rank_exact) == (17, 17)
-    assert "joint1 and joint2 miss 0 degrees by 1.0e-04 rad" in seen.remarks[0]
+    assert "joint1 and joint2 miss 0 degrees by 1.0e-04 rad" in seen.warnings[0]
     with pytest.raises(RankError, match="energies say 13, exact geometry over a prime field says 17"):
-        essential_space(planar(1e-8), near="as_is")
+        essential_space(planar(1e-8), near_singular="as_is")
     unproved = essential_space(planar(1e-8), prove=False).certificate
     assert (unproved.rank, unproved.rank_exact) == (13, None)
-    with pytest.raises(InputError, match="near: expected one of refuse, as_is, got 'snap'"):
-        essential_space(planar(0.0), near="snap")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="near_singular: expected one of refuse, as_is, got 'snap'"):
+        essential_space(planar(0.0), near_singular="snap")  # type: ignore[arg-type]
 
 
 def test_a_nearly_special_angle_that_does_not_matter_is_only_a_remark(puma: Mechanism) -> None:
     wrist = puma.links[4]
-    off = replace(wrist, near=wrist.near @ Pose(rotation_about((1, 0, 0), 1e-6), np.zeros(3)))
+    off = replace(wrist, parent_to_joint=wrist.parent_to_joint @ Pose(rotation_about((1, 0, 0), 1e-6), np.zeros(3)))
     links = (*puma.links[:4], off, *puma.links[5:])
     found = essential_space(Mechanism(replace(puma.description, links=links))).certificate
     assert (found.rank, found.rank_exact) == (36, 36)
-    assert any("miss 90 degrees by 1.0e-06 rad" in remark for remark in found.remarks)
+    assert any("miss 90 degrees by 1.0e-06 rad" in remark for remark in found.warnings)
 
 
 def test_a_long_spectrum_is_shown_about_its_gap() -> None:
     with pytest.raises(RankError, match=r"\(from the 1?\dth\)") as refusal:
-        essential_space(planar(1e-6, links=10), near="as_is")
+        essential_space(planar(1e-6, links=10), near_singular="as_is")
     assert len(refusal.value.singular_values) == 100
     assert len(str(refusal.value)) < 8000
 
@@ -279,7 +279,7 @@ def test_almost_right_angles(degrees: int, miss: float, near: bool) -> None:
     found = near_right_angles(planar(np.radians(degrees) + miss, links=2).description)
     assert [pair.degrees for pair in found] == ([degrees] if near else [])
     # Beyond 180 degrees the angle between the axes falls again.
-    assert all(abs(pair.miss) == pytest.approx(miss, rel=1e-5, abs=1e-15) for pair in found)
+    assert all(abs(pair.deviation) == pytest.approx(miss, rel=1e-5, abs=1e-15) for pair in found)
 
 
 def cart_and_rod(nothing: float = 1e-6) -> Mechanism:
@@ -313,7 +313,7 @@ def test_nothing_to_know_is_rank_zero(puma: Mechanism) -> None:
     upright = single(JointKind.REVOLUTE, (0, 0, 1), (0, 0, -9.81))
     slim = constrained(upright, Constraints({"body.I_zz": 1.0, "body.m": 2.0}))
     space = essential_space(slim)
-    assert (space.rank, space.certificate.rank_torque, space.certificate.faults) == (0, 0, ())
+    assert (space.rank, space.certificate.rank_torque, space.certificate.failures) == (0, 0, ())
     basis = fundamental_basis(space, prove=True)
     assert (basis.columns, basis.regrouping.shape) == ((), (0, 8))
     model = ReducedModel(slim, basis)
@@ -332,26 +332,36 @@ def test_nothing_to_know_is_rank_zero(puma: Mechanism) -> None:
         ({"relative_smallest": 9e-10}, "sigma_k/sigma_1 is 9.0e-10"),
         ({"rank_torque": 4}, "energies say 5, torques 4, energies of twice as many samples 5"),
         ({"rank_doubled": 6}, "energies say 5, torques 5, energies of twice as many samples 6"),
-        ({"rank_exact": 6, "exact_by": "a prime field"}, "exact geometry over a prime field says 6"),
-        ({"leftovers": (Leftover(2.5e-8, ("link1.m",)),)}, "beyond the gap there is 2.5e-08 of sigma_1"),
+        ({"rank_exact": 6, "proof_method": "a prime field"}, "exact geometry over a prime field says 6"),
+        (
+            {"residual_singular_values": (ResidualSingularValue(2.5e-8, ("link1.m",)),)},
+            "beyond the gap there is 2.5e-08 of sigma_1",
+        ),
     ],
 )
 def test_every_ground_for_refusal(change: dict[str, Any], fault: str) -> None:
     sound = Certificate(5, 5, rank_torque=5, gap=1e6, relative_smallest=1e-9, samples=20, seed=0, null_residual=0.0)
     spectrum = np.logspace(0, -9, 10)
-    sound.require_accepted("arm", spectrum)
+    sound.validate_accepted("arm", spectrum)
     with pytest.raises(RankError) as refusal:
-        replace(sound, **change).require_accepted("arm", spectrum)
+        replace(sound, **change).validate_accepted("arm", spectrum)
     assert fault in str(refusal.value)
     assert refusal.value.singular_values == tuple(spectrum)
 
 
 def test_the_rank_is_at_the_largest_gap() -> None:
-    assert NumericalRank.of([4.0, 2.0, 4e-9, 1e-9]) == NumericalRank(2, pytest.approx(5e8), pytest.approx(0.5))  # type: ignore[arg-type]
+    assert NumericalRank.from_singular_values([4.0, 2.0, 4e-9, 1e-9]) == NumericalRank(
+        2, pytest.approx(5e8), pytest.approx(0.5)
+    )  # type: ignore[arg-type]
     # Ratios within the round-off say nothing, and full rank is possible.
-    assert NumericalRank.of([1.0, 1e-10, 1e-17, 1e-30]).rank == 1
-    assert NumericalRank.of([1.0, 0.5]) == NumericalRank(2, pytest.approx(5e14), 0.5)  # type: ignore[arg-type]
-    assert NumericalRank.of([0.0, 0.0]).rank == NumericalRank.of([]).rank == NumericalRank.of([1e-15, 1e-17]).rank == 0
+    assert NumericalRank.from_singular_values([1.0, 1e-10, 1e-17, 1e-30]).rank == 1
+    assert NumericalRank.from_singular_values([1.0, 0.5]) == NumericalRank(2, pytest.approx(5e14), 0.5)  # type: ignore[arg-type]
+    assert (
+        NumericalRank.from_singular_values([0.0, 0.0]).rank
+        == NumericalRank.from_singular_values([]).rank
+        == NumericalRank.from_singular_values([1e-15, 1e-17]).rank
+        == 0
+    )
     np.testing.assert_array_equal(singular_values(np.array([[3.0, 0.0, 0.0]])), [3.0, 0.0, 0.0])
 
 
@@ -365,7 +375,7 @@ def test_the_length_is_the_largest_between_joints(puma: Mechanism) -> None:
     assert characteristic_length(puma) == pytest.approx(np.hypot(0.4318, 0.14909))
     assert characteristic_length(resized(puma, 1e-3)) == pytest.approx(1e-3 * np.hypot(0.4318, 0.14909))
     assert characteristic_length(single(JointKind.REVOLUTE, (0, 1, 0), (0, 0, -9.81))) == 1.0
-    far = replace(planar(0.0, 1).links[0], far=Pose(np.eye(3), np.array([0.0, 0.2, 0.0])))
+    far = replace(planar(0.0, 1).links[0], joint_to_link=Pose(np.eye(3), np.array([0.0, 0.2, 0.0])))
     assert characteristic_length(Mechanism(Description("far", (far,)))) == pytest.approx(0.2)
 
 

@@ -1,4 +1,5 @@
-"""What an estimate adds to the hold number: its bound is above every estimate on the way, and gains are held by it."""
+"""What an estimate adds to the sampling ratio: its bound is above every estimate on the way, and "
+"gains are held by it."""
 
 from __future__ import annotations
 
@@ -17,11 +18,11 @@ from adaptctl.control import (
     SlotineLi,
     Workspace,
     adaptation_gain,
-    estimate_hold,
-    hold_number,
+    estimate_sampling_ratio,
     mapped_gain,
+    sampling_ratio,
 )
-from adaptctl.control.adaptation.prior_ranges import PriorRanges, parameter_holds
+from adaptctl.control.adaptation.prior_ranges import PriorRanges, parameter_sampling_ratios
 from adaptctl.control.gains.workspace import everywhere
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import GainError, StabilityWarning
@@ -43,7 +44,7 @@ def hold_of_an_error(model: ReducedModel, error: Array, p: Array) -> Array:
 
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 def test_no_parameter_causes_more_than_its_number() -> None:
-    numbers, p = parameter_holds(MODEL, BANDWIDTH, PERIOD), everywhere(ARM).samples
+    numbers, p = parameter_sampling_ratios(MODEL, BANDWIDTH, PERIOD), everywhere(ARM).samples
     met = np.array([hold_of_an_error(MODEL, unit, p).max() for unit in np.eye(K)])
     assert np.all(met <= numbers * (1.0 + 1e-9))
     assert np.all(numbers <= np.sqrt(3.0) * np.sqrt(7.0 / 5.0) * met + 1e-12)  # a Frobenius norm, and sides that differ
@@ -58,10 +59,10 @@ def test_no_estimate_within_v_adds_more_than_its_bound(seed: int, whole: bool, k
     A = rng.normal(size=(K, K))
     full = A @ A.T + 0.1 * np.eye(K) if whole else np.diag(rng.uniform(0.1, 5.0, K))
     prior = rng.uniform(0.1, 2.0, K)
-    bound = estimate_hold(MODEL, full if whole else np.diag(full), prior, BANDWIDTH, PERIOD, kinetic=kinetic)
+    bound = estimate_sampling_ratio(MODEL, full if whole else np.diag(full), prior, BANDWIDTH, PERIOD, kinetic=kinetic)
     start = prior * rng.choice([-1.0, 1.0], K)
     level = 2.0 * kinetic + float(start @ np.linalg.solve(full, start))
-    u = parameter_holds(MODEL, BANDWIDTH, PERIOD)
+    u = parameter_sampling_ratios(MODEL, BANDWIDTH, PERIOD)
     for direction in (rng.normal(size=K), full @ u, full @ (u * rng.choice([-1.0, 1.0], K))):
         error = direction * np.sqrt(level / float(direction @ np.linalg.solve(full, direction)))
         assert hold_of_an_error(MODEL, error, everywhere(ARM).samples[:40]).max() <= bound * (1.0 + 1e-9)
@@ -69,7 +70,11 @@ def test_no_estimate_within_v_adds_more_than_its_bound(seed: int, whole: bool, k
 
 def test_an_estimate_is_taken_to_begin_at_rest_unless_a_kinetic_energy_is_given() -> None:
     given = MODEL, np.ones(K), np.full(K, 0.5), BANDWIDTH, PERIOD
-    assert estimate_hold(*given) == estimate_hold(*given, kinetic=0.0) < estimate_hold(*given, kinetic=1.0)
+    assert (
+        estimate_sampling_ratio(*given)
+        == estimate_sampling_ratio(*given, kinetic=0.0)
+        < estimate_sampling_ratio(*given, kinetic=1.0)
+    )
 
 
 def wrist() -> tuple[ReducedModel, Gains]:
@@ -77,15 +82,15 @@ def wrist() -> tuple[ReducedModel, Gains]:
     arm = load("puma560_measured")
     model = ReducedModel(arm, fundamental_basis(essential_space(arm)))
     shape = np.median(np.diagonal(everywhere(arm).mass_matrices, axis1=1, axis2=2), axis=0)
-    return model, Gains(np.full(6, 8.0), shape / hold_number(arm, shape, PERIOD).value)
+    return model, Gains(np.full(6, 8.0), shape / sampling_ratio(arm, shape, PERIOD).value)
 
 
 def test_ranges_are_held_where_a_light_wrist_would_ring() -> None:
-    """Each to a fifth of what the gains leave of the hold number."""
+    """Each to a fifth of what the gains leave of the sampling ratio."""
     model, gains = wrist()
-    free, held = adaptation_gain(model), adaptation_gain(model, gains=gains, period=PERIOD)
-    h = hold_number(model.mechanism, gains.damping, PERIOD, gains.bandwidth).value
-    u = parameter_holds(model, gains.bandwidth, PERIOD)
+    free, held = adaptation_gain(model), adaptation_gain(model, gains=gains, control_period=PERIOD)
+    h = sampling_ratio(model.mechanism, gains.damping, PERIOD, gains.bandwidth).value
+    u = parameter_sampling_ratios(model, gains.bandwidth, PERIOD)
     range_of = PriorRanges().of(model.names)
     np.testing.assert_allclose(held, 0.6 * np.minimum(range_of, 0.2 * (2.0 - h) / np.maximum(u, 1e-300)) ** 2)
     assert np.all(held <= free)
@@ -98,44 +103,46 @@ def test_ranges_are_held_where_a_light_wrist_would_ring() -> None:
 def test_ranges_are_held_less_where_less_is_asked_for() -> None:
     """A slower bandwidth and a smaller workspace leave more; a rate is a factor on all."""
     model, gains = wrist()
-    held = adaptation_gain(model, gains=gains, period=PERIOD)
-    slower = adaptation_gain(model, gains=Gains(0.5 * gains.bandwidth, gains.damping), period=PERIOD)
+    held = adaptation_gain(model, gains=gains, control_period=PERIOD)
+    slower = adaptation_gain(model, gains=Gains(0.5 * gains.bandwidth, gains.damping), control_period=PERIOD)
     along = Workspace.along(model.mechanism, np.array([[0.0, -0.6, 0.8, 0.0, 1.2, 0.0]]), margin=0.05)
-    near = adaptation_gain(model, gains=gains, period=PERIOD, workspace=along)
+    near = adaptation_gain(model, gains=gains, control_period=PERIOD, workspace=along)
     assert np.all(slower >= held * (1.0 - 1e-12))
     assert slower.sum() > held.sum()
     assert near[model.names.index("link6.I_zz")] > held[model.names.index("link6.I_zz")]
-    doubled = adaptation_gain(model, rate=1.2, gains=gains, period=PERIOD)
+    doubled = adaptation_gain(model, gain_scale=1.2, gains=gains, control_period=PERIOD)
     np.testing.assert_allclose(doubled, 2.0 * held)
 
 
 def test_gains_that_leave_nothing_are_refused() -> None:
     model, gains = wrist()
     with pytest.raises(GainError, match=r"a period of 0\.002 s does not carry these gains: nothing is left"):
-        adaptation_gain(model, gains=gains, period=2.0 * PERIOD)
+        adaptation_gain(model, gains=gains, control_period=2.0 * PERIOD)
 
 
 def warned(arm: Mechanism, gain: Array, prior: Array | None) -> list[str]:
     model = ReducedModel(arm, fundamental_basis(essential_space(arm)))
-    damping = 0.5 / hold_number(arm, 1.0, PERIOD).value * np.ones(arm.dof)
+    damping = 0.5 / sampling_ratio(arm, 1.0, PERIOD).value * np.ones(arm.dof)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", StabilityWarning)
-        SlotineLi(model, BANDWIDTH, damping, Gradient(gain), period=PERIOD, prior=prior)
+        SlotineLi(model, BANDWIDTH, damping, Gradient(gain), control_period=PERIOD, prior=prior)
     return [str(w.message) for w in caught if w.category is StabilityWarning]
 
 
 def test_a_warning_comes_where_h_and_the_bound_reach_two_and_only_there() -> None:
     prior, gain = np.abs(MODEL.fundamental_parameters), np.ones(K)
-    damping = 0.5 / hold_number(ARM, 1.0, PERIOD).value
-    h = hold_number(ARM, damping, PERIOD, BANDWIDTH).value
+    damping = 0.5 / sampling_ratio(ARM, 1.0, PERIOD).value
+    h = sampling_ratio(ARM, damping, PERIOD, BANDWIDTH).value
     # with Gamma a multiple of one shape the bound stays: V_0 falls as the gain rises, so the prior is what is scaled
-    bound = estimate_hold(MODEL, gain, prior, BANDWIDTH, PERIOD)
+    bound = estimate_sampling_ratio(MODEL, gain, prior, BANDWIDTH, PERIOD)
     limit = (2.0 - h) / bound
-    assert estimate_hold(MODEL, 7.0 * gain, prior, BANDWIDTH, PERIOD) == pytest.approx(bound, rel=1e-12)
-    assert estimate_hold(MODEL, gain, 3.0 * prior, BANDWIDTH, PERIOD) == pytest.approx(3.0 * bound, rel=1e-12)
+    assert estimate_sampling_ratio(MODEL, 7.0 * gain, prior, BANDWIDTH, PERIOD) == pytest.approx(bound, rel=1e-12)
+    assert estimate_sampling_ratio(MODEL, gain, 3.0 * prior, BANDWIDTH, PERIOD) == pytest.approx(3.0 * bound, rel=1e-12)
     assert warned(ARM, gain, 0.99 * limit * prior) == []
     (said,) = warned(ARM, gain, 1.01 * limit * prior)
-    assert said.startswith(f"{ARM.name}: the hold number of the gains is {h:.3g}, and estimates within the prior may")
+    assert said.startswith(
+        f"{ARM.name}: the sampling ratio of the gains is {h:.3g}, and estimates within the prior may"
+    )
     assert "A smaller adaptation gain" in said
     assert warned(ARM, gain, None) == []
 

@@ -44,8 +44,8 @@ def test_instruments_forgive_noisy_encoders() -> None:
                 [clean],
                 friction=FrictionModel(),
                 cutoff=10.0,
-                weight=0.5,
-                instruments=instruments,
+                prior_weight=0.5,
+                instrumental_variables=instruments,
             )
             errors.append(result.validation.relative_error)
     plain, instrumental = np.mean(np.reshape(errors, (-1, 2)), axis=0)
@@ -85,7 +85,13 @@ def test_what_instruments_are_judged_on_begins_where_their_training_ends() -> No
     log, begins = freed.edges[round(0.6 * freed.blocks)]
     assert log == 1
     found = identified(
-        case.guess, case.drives, logs, friction=FrictionModel(), cutoff=12.5, weight=0.5, instruments=True
+        case.guess,
+        case.drives,
+        logs,
+        friction=FrictionModel(),
+        cutoff=12.5,
+        prior_weight=0.5,
+        instrumental_variables=True,
     )
     period = 1.0 / (4.0 * found.validation.cutoff)
     assert begins <= found.validation.time[0] < begins + period

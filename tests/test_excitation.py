@@ -16,13 +16,13 @@ from random_trees import random_chain
 from adaptctl.arrays import Array
 from adaptctl.control import (
     ComputedTorque,
-    ExcitingReference,
+    ExcitationTrajectory,
     MotionLimits,
     Sinusoids,
-    exciting_reference,
+    excitation_trajectory,
     persistent_excitation,
 )
-from adaptctl.control.excitation.exciting_reference import SAMPLES, FourierSearch, _gram
+from adaptctl.control.excitation.excitation_trajectory import SAMPLES, FourierSearch, _gram
 from adaptctl.control.excitation.measure import BLOCKS, regressor_of, scaled_regressor
 from adaptctl.description import Description, JointKind, Limits
 from adaptctl.description.drive import Drive
@@ -55,7 +55,7 @@ def swings(model: ReducedModel, seed: int = 0) -> Sinusoids:
 def test_the_compiled_regressor_is_the_models(name: str) -> None:
     of = model(name)
     rng, r = np.random.default_rng(0), of.mechanism.dof
-    p = of.mechanism.home + 0.05 * rng.normal(size=(5, r))
+    p = of.mechanism.neutral_configuration + 0.05 * rng.normal(size=(5, r))
     v, v_r, a_r = rng.normal(size=(3, 5, r))
     np.testing.assert_allclose(regressor_of(of)(p, v, v_r, a_r), of.slotine_li_regressor(p, v, v_r, a_r), atol=1e-11)
 
@@ -66,22 +66,24 @@ def test_eigenvalues_are_those_of_the_gram_matrix() -> None:
     found = persistent_excitation(of, run, 1.6)
     rows = scaled_regressor(of, run.p, run.v, run.v, run.reference_a)
     assert found.window == pytest.approx(1.6)
-    for end, smallest, largest in list(zip(found.time, found.smallest, found.largest, strict=True))[::10]:
+    for end, smallest, largest in list(
+        zip(found.time, found.smallest_eigenvalue, found.largest_eigenvalue, strict=True)
+    )[::10]:
         stop = round(end / 0.01)
         Y = rows[stop - 160 : stop].reshape(-1, rows.shape[-1])
         values = np.linalg.eigvalsh(0.01 * Y.T @ Y)
         assert largest == pytest.approx(values[-1], rel=1e-9)
         assert smallest == pytest.approx(values[0], rel=1e-5, abs=1e-13 * values[-1])
-    assert found.level == found.smallest.min()
-    np.testing.assert_allclose(found.condition, np.sqrt(found.largest / found.smallest))
+    assert found.min_eigenvalue == found.smallest_eigenvalue.min()
+    np.testing.assert_allclose(found.condition, np.sqrt(found.largest_eigenvalue / found.smallest_eigenvalue))
 
 
 def test_an_arm_at_rest_tells_next_to_nothing_and_longer_windows_tell_more() -> None:
     of = model("puma560_geared")
     still = Sinusoids(np.zeros(6), np.zeros((1, 6)), np.ones((1, 6)), start_time=0.0)
-    assert persistent_excitation(of, exactly(still, 3.0), 2.0).level < 1e-20
+    assert persistent_excitation(of, exactly(still, 3.0), 2.0).min_eigenvalue < 1e-20
     run = exactly(swings(of), 8.0)
-    levels = [persistent_excitation(of, run, window).level for window in (1.0, 2.0, 4.0)]
+    levels = [persistent_excitation(of, run, window).min_eigenvalue for window in (1.0, 2.0, 4.0)]
     assert 0.0 < levels[0] < levels[1] < levels[2]
 
 
@@ -89,10 +91,10 @@ def test_redundant_parameters_are_never_excited() -> None:
     """All 66: whatever the motion, the Gram matrix has the rank of the essential space."""
     of = ReducedModel.full(load("puma560_geared"))
     found = persistent_excitation(of, exactly(swings(of), 4.0), 4.0, scale=1.0)
-    assert found.level < 1e-20 * found.largest.max()
+    assert found.min_eigenvalue < 1e-20 * found.largest_eigenvalue.max()
     run = exactly(swings(of), 4.0)
     rows = scaled_regressor(of, run.p, run.v, run.v, run.reference_a, 1.0)
-    assert np.abs(rows @ found.weakest).max() < 1e-9 * np.abs(rows).max()
+    assert np.abs(rows @ found.weakest_direction).max() < 1e-9 * np.abs(rows).max()
 
 
 def test_the_weakest_direction_is_learned_as_slowly_as_the_smallest_eigenvalue_says() -> None:
@@ -102,15 +104,15 @@ def test_the_weakest_direction_is_learned_as_slowly_as_the_smallest_eigenvalue_s
     run = exactly(swings(of), 4.0, 1e-3)
     found = persistent_excitation(of, run, 4.0)
     rows = scaled_regressor(of, run.p, run.v, run.v, run.reference_a)
-    gain = 1e-2 * found.level / found.largest[0] ** 2
+    gain = 1e-2 * found.min_eigenvalue / found.largest_eigenvalue[0] ** 2
     rng = np.random.default_rng(0)
-    for start, slowest in ((found.weakest, True), (rng.normal(size=len(found.weakest)), False)):
+    for start, slowest in ((found.weakest_direction, True), (rng.normal(size=len(found.weakest_direction)), False)):
         error = start / np.linalg.norm(start)
         for Y in rows:
             error = error - 1e-3 * gain * Y.T @ (Y @ error)
         shrunk = -np.expm1(2.0 * np.log(np.linalg.norm(error)))
-        assert shrunk >= 0.98 * 2.0 * gain * found.level
-        assert (shrunk < 1.02 * 2.0 * gain * found.level) == slowest
+        assert shrunk >= 0.98 * 2.0 * gain * found.min_eigenvalue
+        assert (shrunk < 1.02 * 2.0 * gain * found.min_eigenvalue) == slowest
 
 
 def test_a_rollout_is_measured_along_what_its_law_wants() -> None:
@@ -122,8 +124,8 @@ def test_a_rollout_is_measured_along_what_its_law_wants() -> None:
     v_r = run.reference_v - 5.0 * run.error
     a_r = run.reference_a - 5.0 * run.velocity_error
     rows = scaled_regressor(of, run.p, run.v, v_r, a_r)[:480].reshape(-1, len(of.columns))
-    assert wanted.largest[0] == pytest.approx(np.linalg.norm(rows, 2) ** 2 * 1e-3, rel=1e-9)
-    assert wanted.largest[0] != plain.largest[0]
+    assert wanted.largest_eigenvalue[0] == pytest.approx(np.linalg.norm(rows, 2) ** 2 * 1e-3, rel=1e-9)
+    assert wanted.largest_eigenvalue[0] != plain.largest_eigenvalue[0]
 
 
 @pytest.mark.parametrize("window", [0.0, 0.01 * (BLOCKS - 1), 100.0, np.nan])
@@ -151,11 +153,11 @@ def assert_within(of: ReducedModel, reference: Sinusoids, allowed: MotionLimits)
 
 
 @pytest.fixture(scope="module")
-def found() -> ExcitingReference:
-    return exciting_reference(model("puma560_geared"), iterations=40, seed=1)
+def found() -> ExcitationTrajectory:
+    return excitation_trajectory(model("puma560_geared"), iterations=40, seed=1)
 
 
-def test_an_exciting_reference_is_better_conditioned_than_random_ones(found: ExcitingReference) -> None:
+def test_an_exciting_reference_is_better_conditioned_than_random_ones(found: ExcitationTrajectory) -> None:
     """Ten random ones of the same band within the same limits: 0.44 of the best of them, and within 0.05 of that
     when every cost is changed by 1e-10 of itself, as if by another processor."""
     assert found.condition < 0.7 * found.random_conditions.min()
@@ -163,14 +165,14 @@ def test_an_exciting_reference_is_better_conditioned_than_random_ones(found: Exc
     assert found.gain > 2.0
 
 
-def test_its_condition_is_that_of_the_stacked_regressor(found: ExcitingReference) -> None:
+def test_its_condition_is_that_of_the_stacked_regressor(found: ExcitationTrajectory) -> None:
     of = model("puma560_geared")
     run = exactly(found.reference, 10.0)  # a whole period
     rows = scaled_regressor(of, run.p, run.v, run.v, run.reference_a)
     assert np.linalg.cond(rows.reshape(-1, rows.shape[-1])) == pytest.approx(found.condition, rel=1e-3)
 
 
-def test_it_stays_within_the_limits(found: ExcitingReference) -> None:
+def test_it_stays_within_the_limits(found: ExcitationTrajectory) -> None:
     of = model("puma560_geared")
     assert_within(of, found.reference, MotionLimits.of(of, 0.8))
 
@@ -179,14 +181,16 @@ def test_torques_and_speeds_that_are_tight_are_kept() -> None:
     of = model("puma560_geared")
     own = MotionLimits.of(of, 0.8)
     tight = MotionLimits(own.lower, own.upper, np.full(6, 1.0), np.array([8.0, 70.0, 25.0, 1.0, 1.0, 0.6]))
-    found = exciting_reference(of, limits=tight, iterations=3, seed=0)
+    found = excitation_trajectory(of, limits=tight, iterations=3, seed=0)
     assert_within(of, found.reference, tight)
     assert found.torque_share <= 1.0
 
 
 def test_equal_seeds_find_equal_references_and_progress_is_told() -> None:
     of, told = model("puma560_geared"), []
-    first, again, other = (exciting_reference(of, iterations=2, seed=seed, progress=told.append) for seed in (3, 3, 4))
+    first, again, other = (
+        excitation_trajectory(of, iterations=2, seed=seed, progress=told.append) for seed in (3, 3, 4)
+    )
     np.testing.assert_array_equal(first.reference.amplitude, again.reference.amplitude)
     assert first.condition == again.condition != other.condition
     assert told == [0.5 * k for run in (first, again, other) for k in range(1, run.iterations + 1)]
@@ -199,7 +203,7 @@ def test_an_interruption_keeps_the_best_so_far() -> None:
     def interrupt(share: float) -> None:
         raise KeyboardInterrupt
 
-    found = exciting_reference(of, iterations=50, seed=1, progress=interrupt)
+    found = excitation_trajectory(of, iterations=50, seed=1, progress=interrupt)
     assert (found.complete, found.iterations) == (False, 1)
     assert found.condition < found.random_conditions.min()
 
@@ -207,7 +211,7 @@ def test_an_interruption_keeps_the_best_so_far() -> None:
 def test_joints_without_limits_move_half_a_turn() -> None:
     chain = random_chain(2, 3)
     allowed = MotionLimits.of(ReducedModel.full(chain), 1.0)
-    turning = [joint.kind.turns for joint in chain.primary_joints]
+    turning = [joint.kind.is_revolute for joint in chain.primary_joints]
     np.testing.assert_allclose(allowed.upper - allowed.lower, np.where(turning, 2.0 * np.pi, 2.0), rtol=1e-12)
 
 
@@ -229,27 +233,27 @@ def test_a_share_of_the_limits_is_about_their_middle() -> None:
     [
         ({"frequency": 0.0}, "frequency: expected a positive one in Hz, got 0"),
         ({"harmonics": 0}, "harmonics: expected a whole number of at least 1"),
-        ({"share": 1.5}, "share: expected a share of the limits above 0 and up to 1, got 1.5"),
+        ({"limit_share": 1.5}, "limit_share: expected a share of the limits above 0 and up to 1, got 1.5"),
         ({"scale": [1.0, 2.0]}, r"scale: expected shape \(40,\), got \(2,\)"),
     ],
 )
 def test_bad_settings_are_refused(settings: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        exciting_reference(model("puma560_geared"), **settings)  # type: ignore[arg-type]
+        excitation_trajectory(model("puma560_geared"), **settings)  # type: ignore[arg-type]
 
 
 def test_an_arm_that_cannot_hold_itself_is_refused() -> None:
     of = model("puma560_geared")
     own = MotionLimits.of(of, 0.8)
     with pytest.raises(InputError, match="even at rest torques pass their limits"):
-        exciting_reference(of, limits=MotionLimits(own.lower, own.upper, own.velocity, np.full(6, 1e-3)))
+        excitation_trajectory(of, limits=MotionLimits(own.lower, own.upper, own.velocity, np.full(6, 1e-3)))
 
 
 def test_mechanisms_with_loops_can_be_excited() -> None:
     of = model("semi_direct_drive")
-    middle = of.mechanism.home
+    middle = of.mechanism.neutral_configuration
     near = MotionLimits(middle - 0.3, middle + 0.3, np.full(3, 3.0), np.full(3, 1e3))
-    found = exciting_reference(of, limits=near, harmonics=2, iterations=3)
+    found = excitation_trajectory(of, limits=near, harmonics=2, iterations=3)
     assert found.condition <= found.random_conditions.min()  # the best of them is where the search begins
     assert_within(of, found.reference, near)
 

@@ -16,7 +16,7 @@ from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.identify import identified
-from adaptctl.identification.robot_motion import RobotLimits, RobotMotion, at_pace, exciting_motion
+from adaptctl.identification.robot_motion import RobotLimits, RobotMotion, exciting_motion, time_scaled
 from adaptctl.identification.uncertainty import forecast
 from adaptctl.identification.workspace import workspace
 
@@ -61,7 +61,7 @@ def test_its_derivatives_are_its_derivatives(motion: RobotMotion) -> None:
         difference = (after[lower] - before[lower]) / (2.0 * step)
         size = np.abs(now[higher]).max()
         np.testing.assert_allclose(difference[inner], now[higher][inner], atol=1e-5 * size)
-    slower = at_pace(motion, 2.0 * motion.slower)
+    slower = time_scaled(motion, 2.0 * motion.time_scale)
     np.testing.assert_allclose(slower.at(2.0 * time)[0], now[0], atol=1e-12)
     np.testing.assert_allclose(8.0 * slower.at(2.0 * time)[3], now[3], atol=1e-9)
 
@@ -75,7 +75,7 @@ def test_what_is_forecast_is_found() -> None:
     rng = np.random.default_rng(0)
     torque = arm.inverse_dynamics(p, v, a) + 0.5 * np.sqrt(250.0 / 50.0) * rng.normal(size=p.shape)
     log = JointLog("made", time, p, torque)
-    result = identified(arm, joint_drives(arm), [log], [log], friction=FrictionModel(), cutoff=25.0, weight=0.5)
+    result = identified(arm, joint_drives(arm), [log], [log], friction=FrictionModel(), cutoff=25.0, prior_weight=0.5)
     expected = dict(zip(told.model.names, told.deviations.tolist(), strict=True))
     ratios = [s / expected[name] for name, s in zip(result.names, result.deviations, strict=True)]
     assert 0.3 < float(np.median(ratios)) < 3.0
@@ -135,7 +135,16 @@ def test_collisions_and_the_workspace_are_kept_clear_of(tmp_path: Path) -> None:
 
 def test_the_command_writes_what_robots_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "boxes.urdf").write_text(BOXES)
-    line = ["excite", str(tmp_path / "boxes.urdf"), "--iterations", "2", "--rate", "50", "--out", str(tmp_path / "out")]
+    line = [
+        "excite",
+        str(tmp_path / "boxes.urdf"),
+        "--iterations",
+        "2",
+        "--sample-rate",
+        "50",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     assert main([*line, "--acceleration", "5", "--jerk", "50", "80"]) == 0
     assert "self-collision                       checked" in capsys.readouterr().out
     for name in ("excitation", "validation"):
@@ -171,9 +180,9 @@ def test_the_command_writes_what_robots_run(tmp_path: Path, capsys: pytest.Captu
         (["--duration", "3"], "fade: expected a time up to half of the duration of 3 s"),
         (["--jerk", "1", "2", "3"], "jerk: expected"),
         (["--noise", "0"], "noise: expected positive numbers"),
-        (["--rate", "0"], "rate: expected a positive number of Hz, got 0.0"),
-        (["--rate", "nan"], "rate: expected a positive number of Hz, got nan"),
-        (["--rate", "1e9"], "rate: expected at most 100000 points a second, got 1e+09"),
+        (["--sample-rate", "0"], "rate: expected a positive number of Hz, got 0.0"),
+        (["--sample-rate", "nan"], "rate: expected a positive number of Hz, got nan"),
+        (["--sample-rate", "1e9"], "rate: expected at most 100000 points a second, got 1e+09"),
         (["--acceleration", "0"], "acceleration: expected positive numbers, got [0.0, 0.0]"),
         (["--jerk", "1", "-1"], "jerk: expected positive numbers, got [1.0, -1.0]"),
         (["--duration", "inf"], "duration: expected a positive number of seconds, got inf"),

@@ -10,7 +10,12 @@ from sampled_loops import reduced
 
 from adaptctl.arrays import Array
 from adaptctl.control import PriorRanges
-from adaptctl.control.excitation.exciting_reference import FourierSearch, MotionLimits, _checked, exciting_reference
+from adaptctl.control.excitation.excitation_trajectory import (
+    FourierSearch,
+    MotionLimits,
+    _checked,
+    excitation_trajectory,
+)
 from adaptctl.errors import InputError
 
 MODEL = reduced("puma560_arm3")
@@ -35,18 +40,18 @@ def test_ranges_of_another_shape_are_refused(scale: Array) -> None:
 @pytest.mark.parametrize("scale", [-1.0, 0.0, np.append(0.0, np.ones(K - 1)), -np.ones(K), np.nan, "a"])
 def test_ranges_are_positive_numbers(scale: Any) -> None:
     with pytest.raises(InputError, match=r"^scale: expected "):
-        exciting_reference(MODEL, scale=scale)
+        excitation_trajectory(MODEL, scale=scale)
 
 
 @pytest.mark.parametrize("seed", [-1, 1.5, "a", None, np.nan])
 def test_seeds_are_whole_numbers(seed: Any) -> None:
     with pytest.raises(InputError, match=f"^seed: expected a whole number of at least 0, got {seed!r}$"):
-        exciting_reference(MODEL, seed=seed)
+        excitation_trajectory(MODEL, seed=seed)
 
 
 @pytest.mark.parametrize(("harmonics", "share"), [(0, 0.5), (-1, 0.5), (1.5, 0.5), (1, 0.0), (1, 1.1)])
 def test_harmonics_are_whole_and_at_least_one_and_shares_at_most_all(harmonics: float, share: float) -> None:
-    with pytest.raises(InputError, match="harmonics" if share == 0.5 else "share"):
+    with pytest.raises(InputError, match="harmonics" if share == 0.5 else "limit_share"):
         _checked(MODEL, 0.2, harmonics, share, None, None)  # type: ignore[arg-type]
 
 
@@ -54,7 +59,7 @@ def test_harmonics_are_whole_and_at_least_one_and_shares_at_most_all(harmonics: 
 @pytest.mark.parametrize("name", ["harmonics", "iterations"])
 def test_counts_are_whole_numbers(name: str, wrong: Any) -> None:
     with pytest.raises(InputError, match=f"{name}: expected a whole number of at least 1, got"):
-        exciting_reference(MODEL, **{name: wrong})
+        excitation_trajectory(MODEL, **{name: wrong})
 
 
 @pytest.mark.parametrize("share", [0.0, -1.0, 1.1, np.nan, np.inf, "a", None])
@@ -82,7 +87,7 @@ ONES, GONE = np.ones(3), np.full(3, np.nan)
 )
 def test_limits_that_no_reference_keeps_are_refused(limits: tuple[Array, Array, Array, Array], says: str) -> None:
     with pytest.raises(InputError, match=says):
-        exciting_reference(MODEL, limits=MotionLimits(*limits))
+        excitation_trajectory(MODEL, limits=MotionLimits(*limits))
 
 
 def searched(torque: float) -> FourierSearch:

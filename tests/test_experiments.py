@@ -248,7 +248,7 @@ def test_gains_of_any_arm_hold_what_the_control_period_asks() -> None:
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
     gains = experiment.gains(mechanism)
     controller = SlotineLi(
-        model, gains.bandwidth, gains.damping, experiment.adaptation(model), period=experiment.control_period
+        model, gains.bandwidth, gains.damping, experiment.adaptation(model), control_period=experiment.control_period
     )
     assert sampled_gain(mechanism, gains.damping, experiment.control_period) < 2.0
     assert controller.adaptation is not None

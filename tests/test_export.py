@@ -22,12 +22,12 @@ from adaptctl.arrays import Array
 from adaptctl.cli.main import main
 from adaptctl.codegen.c_function import CNumber
 from adaptctl.codegen.c_package import CPackage
+from adaptctl.codegen.closed_loop_check import default_reference, record
 from adaptctl.codegen.exporting import Exported
 from adaptctl.codegen.interface import Interface
-from adaptctl.codegen.vouching import default_reference, record
-from adaptctl.control import AdaptationLaw, ComputedTorque, Controller, Guarded, ReferencePoint, SlotineLi
-from adaptctl.control.memory import leaves
-from adaptctl.dynamics.loops.single_precision import require_single_precision
+from adaptctl.control import AdaptationLaw, ComputedTorque, Controller, ReferencePoint, SafetyFilter, SlotineLi
+from adaptctl.control.pytree import leaves
+from adaptctl.dynamics.loops.single_precision import validate_single_precision
 from adaptctl.errors import FileError, InputError
 
 ALL = [*LAWS, *REDUCED]
@@ -51,7 +51,7 @@ def test_every_law_that_is_offered_is_among_those_exported_here() -> None:
     for law in map(law_named, ALL):
         innermost: Any = Interface(law).innermost
         adaptation = getattr(innermost, "adaptation_law", None)
-        found |= {type(law), type(innermost), type(adaptation), type(getattr(adaptation, "of", None))}
+        found |= {type(law), type(innermost), type(adaptation), type(getattr(adaptation, "inner", None))}
     missing = {kind.__name__ for kind in offered - found - {Controller, control.AdaptiveController, AdaptationLaw}}
     assert not missing, f"add an example of {sorted(missing)} to LAWS in tests/every_law.py"
 
@@ -60,7 +60,7 @@ def test_every_law_that_is_offered_is_among_those_exported_here() -> None:
 def test_the_text_of_the_law_does_what_python_does(name: str) -> None:
     interface = Interface(law_named(name))
     rows, _ = record(interface, default_reference(interface), ticks=4)
-    require_alike(interface, [(row.p, row.v, row.reference) for row in rows])
+    validate_alike(interface, [(row.p, row.v, row.reference) for row in rows])
 
 
 @pytest.mark.parametrize("name", ["guarded", at_night("guarded lift"), "guarded loop"])
@@ -68,14 +68,14 @@ def test_a_law_that_is_stopped_has_its_memory_put_back(name: str) -> None:
     interface = Interface(law_named(name))
     rows, _ = record(interface, default_reference(interface), ticks=4)
     ticks = [(row.p, row.v + (100.0 if k == 2 else 0.0), row.reference) for k, row in enumerate(rows)]
-    final = require_alike(interface, ticks)
-    assert final.marks.stopped == 1.0
+    final = validate_alike(interface, ticks)
+    assert final.flags.stopped == 1.0
     text = CPackage(interface, "a", "double").functions
-    assert re.search(r"memcpy\(&next->of_estimate\[0\], &memory->of_estimate\[0\], \d+u \* sizeof\(a_real\)\);", text)
-    assert not re.search(r"\? memory->of_estimate", text)
+    assert re.search(r"memcpy\(&next->estimate\[0\], &memory->estimate\[0\], \d+u \* sizeof\(a_real\)\);", text)
+    assert not re.search(r"\? memory->estimate", text)
 
 
-def require_alike(interface: Interface, ticks: list[tuple[Array, Array, ReferencePoint]]) -> Any:
+def validate_alike(interface: Interface, ticks: list[tuple[Array, Array, ReferencePoint]]) -> Any:
     """Require the text of a law to do what Python does with ticks of p, v and reference; Python's state after them."""
     package = CPackage(interface, "a", "double")
     law = functions_of(package.functions, "a")["a_law"]
@@ -103,10 +103,10 @@ def test_the_text_of_init_begins_where_python_does(name: str) -> None:
     interface = Interface(law_named(name))
     law, package = interface.controller, CPackage(Interface(law_named(name)), "a", "double")
     functions, start = functions_of(package.functions, "a"), package.start
-    p = law.home + np.linspace(-0.2, 0.3, law.dof)
+    p = law.neutral_configuration + np.linspace(-0.2, 0.3, law.dof)
     q = p.tolist()
     if start.walk is not None:
-        q, home = start.walk.home.tolist(), law.home
+        q, home = start.walk.home.tolist(), law.neutral_configuration
         for k in range(1, 9):
             after, regular = [np.nan] * len(q), [np.nan]
             functions["a_closed"]((home + (p - home) * (k / 8)).tolist(), q, after)
@@ -118,7 +118,7 @@ def test_the_text_of_init_begins_where_python_does(name: str) -> None:
     state = leaves(law.init(p, np.zeros(law.dof)))
     computed = [[np.nan] * interface.memory[k].size for k in start.computed]
     if start.more is not None:
-        functions["a_begun"](q, *computed)
+        functions["a_started"](q, *computed)
     for k, (field, expected) in enumerate(zip(interface.memory, state, strict=True)):
         made: Any = field.values
         made = q if k in start.configurations else computed[start.computed.index(k)] if k in start.computed else made
@@ -138,13 +138,13 @@ def test_a_package_is_whole_and_says_what_it_is(name: str, tmp_path: Path) -> No
     assert manifest["mechanism"] == {"name": mechanism.name, "sha256": mechanism.description.sha256}
     assert law.kernel is not None
     assert manifest["flops"] == law.kernel.operations.flops
-    assert manifest["guarded"] is isinstance(law, Guarded)
+    assert manifest["guarded"] is isinstance(law, SafetyFilter)
     readme = (done.directory / "README.md").read_text()
     header = (done.directory / "a.h").read_text()
     for joint in mechanism.primary_joints:
         assert joint.name in readme
         assert joint.name in header
-    assert ("has no guards" in readme) is not isinstance(law, Guarded)
+    assert ("has no guards" in readme) is not isinstance(law, SafetyFilter)
     for text in (path.read_text() for path in done.directory.iterdir()):
         assert "{{" not in text
         assert "{%" not in text
@@ -243,14 +243,14 @@ def test_single_precision_has_no_number_of_double(name: str) -> None:
 
 def test_rules_of_gains_are_the_laws_own() -> None:
     rules = {rule.field.name: rule for rule in CPackage(Interface(LAWS["guarded"]), "a", "double").rules}
-    assert rules["of_damping"].positive
-    assert rules["of_adaptation_gain"].positive
-    assert rules["of_damping"].most is not None
-    most, damping = rules["of_damping"].most, rules["of_damping"].field.values
+    assert rules["damping"].positive
+    assert rules["adaptation_gain"].positive
+    assert rules["damping"].most is not None
+    most, damping = rules["damping"].most, rules["damping"].field.values
     assert np.all(most >= damping)
     with pytest.raises(InputError, match="too stiff"):
-        LAWS["guarded"].of.tuned({"damping": 1.5 * most})  # type: ignore[attr-defined]
-    LAWS["guarded"].of.tuned({"damping": most})  # type: ignore[attr-defined]
+        LAWS["guarded"].inner.tuned({"damping": 1.5 * most})  # type: ignore[attr-defined]
+    LAWS["guarded"].inner.tuned({"damping": most})  # type: ignore[attr-defined]
     assert rules["estimate_bounds"].bounds
     assert not rules["stop_damping"].positive
     assert not rules["stop_damping"].signed
@@ -271,7 +271,7 @@ def test_a_name_that_is_no_identifier_is_refused(name: Any, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ({"unguarded": False}, "SlotineLi has no guards: wrap it in `Guarded`"),
+        ({"unguarded": False}, "SlotineLi has no guards: wrap it in `SafetyFilter`"),
         ({"scalar": "half"}, "scalar: expected double or float, got 'half'"),
         ({"language": "rust"}, "language: expected c or wasm, got 'rust'"),
     ],
@@ -314,7 +314,7 @@ def test_much_stack_is_refused_unless_asked_for(tmp_path: Path) -> None:
 
 def test_loops_that_single_precision_cannot_close_are_refused(tmp_path: Path) -> None:
     loop: Any = law_named("loop")
-    require_single_precision(loop.model.mechanism, "scalar")
+    validate_single_precision(loop.model.mechanism, "scalar")
     far = adaptctl.load(write_scaled(tmp_path, 1e4))
     with pytest.raises(InputError, match=r"stay open by .* use double"):
         adaptctl.export(ComputedTorque(far, np.full(3, 8.0)), tmp_path / "out", scalar="float", unguarded=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 import export_published
 import pytest
 from check_export import cases
-from check_page import begun
+from check_page import started
 from export_builds import TOOLCHAINS
 from export_published import ARMS, NUMBERS, PAGE, Figures, publish, shown
 
@@ -37,8 +37,8 @@ def test_laws_are_named_by_the_parameters_that_they_learn() -> None:
 
 def test_a_run_comes_into_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page, numbers = tmp_path / "export.md", tmp_path / "export.json"
-    marks = [f"<!-- {what}: written by {export_published.COMMAND} -->\n" for what in ("begin", "end")]
-    page.write_text(f"# E\n{marks[0]}old\n{marks[1]}rest\n")
+    flags = [f"<!-- {what}: written by {export_published.COMMAND} -->\n" for what in ("begin", "end")]
+    page.write_text(f"# E\n{flags[0]}old\n{flags[1]}rest\n")
     monkeypatch.setattr(export_published, "PAGE", page)
     monkeypatch.setattr(export_published, "NUMBERS", numbers)
     found = Figures()
@@ -61,7 +61,7 @@ def test_a_run_comes_into_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_sizes_of_live_arms_are_those_of_the_page() -> None:
     sizes = []
     for task in (puma(), semi_direct_drive()):
-        plant, state, parameters = begun(task)
+        plant, state, parameters = started(task)
         live = live_arm(plant, task.controller, task.reference, state, parameters)
         assert isinstance(live, LiveArm)
         sizes.append(f"{len(live.binary) / 1000:.0f} kB")

@@ -130,8 +130,8 @@ def test_a_loop_brakes_without_a_velocity_and_whoever_else_sends(tmp_path: Path)
     stopped = next(bit.value for bit in status_bits(Interface(law)) if bit.name == "STOPPED")
     with running(law, tmp_path / "arm") as (process, link), stranger(link) as other:
         told(link, 0, 1.0)
-        begun, braked = time.monotonic(), []
-        while process.poll() is None and time.monotonic() - begun < 60.0:
+        started, braked = time.monotonic(), []
+        while process.poll() is None and time.monotonic() - started < 60.0:
             for datagram in (b"junk", struct.pack("<7d", 7, *np.zeros(6))):
                 with contextlib.suppress(ConnectionRefusedError):
                     other.send(datagram)
@@ -151,7 +151,7 @@ def test_a_first_torque_keeps_to_its_rate_in_c(tmp_path: Path) -> None:
     with running(law, tmp_path / "arm") as (_, link):
         torques = [told(link, k, 0.0)[0] for k in range(4)]
         steps = np.diff(torques, axis=0, prepend=0.0)
-        np.testing.assert_allclose(np.abs(steps).max(axis=1), law.period * 2e3, rtol=1e-12)
+        np.testing.assert_allclose(np.abs(steps).max(axis=1), law.control_period * 2e3, rtol=1e-12)
 
 
 def test_an_unguarded_loop_that_hears_nothing_gives_no_torque_and_goes_on_when_it_does(tmp_path: Path) -> None:

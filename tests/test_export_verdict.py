@@ -13,8 +13,8 @@ from test_export import exported
 
 import adaptctl
 from adaptctl.cli.main import main
+from adaptctl.codegen.closed_loop_check import check_closed_loop, default_reference
 from adaptctl.codegen.interface import Interface
-from adaptctl.codegen.vouching import default_reference, vouched
 from adaptctl.control import ComputedTorque, Sinusoids
 from adaptctl.errors import InputError, VerdictError
 
@@ -27,20 +27,22 @@ def test_a_law_that_runs_away_is_not_exported(tmp_path: Path) -> None:
 
 
 def test_a_law_that_the_guards_stop_is_not_exported() -> None:
-    wild = guarded(ComputedTorque(ARM, np.full(3, 2500.0)), stop_damping=0.1, period=1e-3)
+    wild = guarded(ComputedTorque(ARM, np.full(3, 2500.0)), stop_damping=0.1, control_period=1e-3)
     with pytest.raises(InputError, match="check: in simulation the guards stop the arm after"):
-        vouched(Interface(wild), default_reference(Interface(wild)), 5.0)
+        check_closed_loop(Interface(wild), default_reference(Interface(wild)), 5.0)
 
 
 def test_a_law_that_rings_or_never_learns_is_not_exported() -> None:
-    lively = guarded(ComputedTorque(ARM, np.full(3, 800.0)), torque=1e7, rates=1e12, stop_damping=0.1, period=1e-3)
+    lively = guarded(
+        ComputedTorque(ARM, np.full(3, 800.0)), torque=1e7, rates=1e12, stop_damping=0.1, control_period=1e-3
+    )
     with pytest.raises(VerdictError, match=r"check: in simulation a joint rings after .* s: use smaller gains"):
-        vouched(Interface(lively), Sinusoids(np.zeros(3), np.full(3, 0.1), np.ones(3), start_time=0.0), 2.0)
+        check_closed_loop(Interface(lively), Sinusoids(np.zeros(3), np.full(3, 0.1), np.ones(3), start_time=0.0), 2.0)
     slow = guarded(slotine_li(1e-9 * GAIN), torque=400.0)
     reference = default_reference(Interface(slow))
     with pytest.raises(VerdictError, match=r"check: in simulation it does not learn: an error of .* in the end; use"):
-        vouched(Interface(slow), reference, 20.0)
-    assert vouched(Interface(guarded(slotine_li(GAIN), torque=400.0)), reference, 20.0)["failure"] is None
+        check_closed_loop(Interface(slow), reference, 20.0)
+    assert check_closed_loop(Interface(guarded(slotine_li(GAIN), torque=400.0)), reference, 20.0)["failure"] is None
 
 
 def test_what_failed_is_exported_where_that_is_asked_for_and_says_so(tmp_path: Path) -> None:
@@ -82,7 +84,7 @@ def test_gains_that_fail_in_simulation_are_not_exported(tmp_path: Path, capsys: 
     assert main(["tune", str(robot)]) == 3
     assert capsys.readouterr().out.startswith("FAILED: with these gains the arm does not learn: as described: fails")
     assert main(["tune", str(robot), "--json"]) == 3
-    assert json.loads(capsys.readouterr().out)["verified"][0]["learns"] is False
+    assert json.loads(capsys.readouterr().out)["verified"][0]["is_learning"] is False
     for more in ([], ["--check"], ["--law", "computed-torque"]):
         assert main(["export", str(robot), "--out", str(place), *more]) == 3
         said = capsys.readouterr()
@@ -116,7 +118,7 @@ def test_a_check_that_fails_is_a_verdict_on_the_command_line(
 def test_a_check_says_what_it_saw(name: str) -> None:
     law = guarded(slotine_li(GAIN), torque=400.0) if name == "guarded" else law_named(name)
     interface = Interface(law)
-    found = vouched(interface, default_reference(interface), 3.0)
+    found = check_closed_loop(interface, default_reference(interface), 3.0)
     assert found["finite"] is True
     assert found["duration"] == 3.0
     assert found["reference"]["kind"] == "Sinusoids"
@@ -129,7 +131,7 @@ def test_a_check_says_what_it_saw(name: str) -> None:
 def test_a_check_can_be_repeated_from_what_it_states() -> None:
     interface = Interface(slotine_li(GAIN))
     reference = Sinusoids(np.zeros(3), np.full(3, 0.1), np.full(3, 0.5), start_time=0.25)
-    found = vouched(interface, reference, 0.5)
+    found = check_closed_loop(interface, reference, 0.5)
     numbers = json.loads(json.dumps(found["reference"]))
     assert numbers.pop("kind") == "Sinusoids"
-    assert vouched(interface, Sinusoids(**numbers), 0.5) == found
+    assert check_closed_loop(interface, Sinusoids(**numbers), 0.5) == found

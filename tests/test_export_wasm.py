@@ -17,12 +17,12 @@ from hypothesis import strategies as st
 from wasm_machine import Machine
 
 import adaptctl
+from adaptctl.codegen.closed_loop_check import default_reference, record
 from adaptctl.codegen.interface import Interface
-from adaptctl.codegen.vouching import default_reference, record
 from adaptctl.codegen.wasm_module import WasmModule, WasmPlaces, unsigned
 from adaptctl.compilation import outlined, trace
 from adaptctl.compilation.sine import DOUBLE
-from adaptctl.control.memory import leaves
+from adaptctl.control.pytree import leaves
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, absolute, cos, maximum, minimum, sin, sqrt, where
 

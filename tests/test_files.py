@@ -24,7 +24,7 @@ from adaptctl.files import (
     read_text,
     read_toml,
     replacing,
-    require_place,
+    validate_place,
     write_bytes,
     write_json,
     write_text,
@@ -109,18 +109,18 @@ def test_what_is_no_regular_file_is_never_replaced(tmp_path: Path, made: Callabl
     with pytest.raises(FileError, match=said):
         write_json(tmp_path / "a.json", {"a": 1})
     with pytest.raises(FileError, match=said):
-        require_place("/dev/null")  # asked alone: whoever may write there must not lose it, if this test fails
+        validate_place("/dev/null")  # asked alone: whoever may write there must not lose it, if this test fails
     after = (tmp_path / "a.json").lstat()
     assert (before.st_mode, before.st_ino) == (after.st_mode, after.st_ino)
     assert content_names(tmp_path) == ["a.json"]
 
 
 def test_a_place_may_have_to_be_free(tmp_path: Path) -> None:
-    assert require_place(tmp_path / "a.json", overwrite=False) == tmp_path / "a.json"
+    assert validate_place(tmp_path / "a.json", overwrite=False) == tmp_path / "a.json"
     write_json(tmp_path / "a.json", 1)
     with pytest.raises(FileError, match=r"a\.json: exists already; choose another or allow it with --overwrite"):
-        require_place(tmp_path / "a.json", overwrite=False)
-    assert require_place(tmp_path / "a.json") == tmp_path / "a.json"
+        validate_place(tmp_path / "a.json", overwrite=False)
+    assert validate_place(tmp_path / "a.json") == tmp_path / "a.json"
 
 
 def test_a_new_file_gets_the_usual_permissions(tmp_path: Path) -> None:

@@ -168,7 +168,7 @@ def test_what_the_killed_left_is_cleared_away(tmp_path: Path) -> None:
     assert names(tmp_path) == {"out", "a.txt", alive.name, ".a.mine.txt"}
 
 
-def require_one_run(place: Path, old: str) -> None:
+def validate_one_run(place: Path, old: str) -> None:
     """The folder is as it was, or holds a whole run that says whether it is complete."""
     said = json.loads((place / "summary.json").read_text())
     if said != old:
@@ -198,7 +198,7 @@ def test_a_run_that_is_ended_at_any_moment(tmp_path: Path, number: signal.Signal
         if ours:  # else Python itself was still starting, and nothing of ours has run
             assert "Traceback" not in said
             assert done.returncode in (0, 130, -int(number))
-        require_one_run(place, "old")
+        validate_one_run(place, "old")
 
 
 def test_a_run_on_a_full_disk_says_so_and_leaves_the_old(tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ def rows(matrix: list[list[float]]) -> Array:
 def states(mechanism: Mechanism, seed: int) -> Array:
     """p near home, and v, v_r, a_r (4, r)."""
     given = np.random.default_rng(seed).normal(size=(4, mechanism.dof))
-    given[0] = mechanism.home + 0.1 * np.clip(given[0], -1.0, 1.0)
+    given[0] = mechanism.neutral_configuration + 0.1 * np.clip(given[0], -1.0, 1.0)
     return given
 
 
@@ -82,8 +82,8 @@ def tracked(mechanism: Mechanism, steps: int, integrator: Integrator, effects: t
     """Positions over a second of tracking by computed torque, with a start off the reference."""
     plant = Plant(mechanism, PERIOD, steps, integrator, torque_limits=1e9, effects=effects)
     rows = np.full(mechanism.dof, 0.2)
-    reference = Sinusoids(mechanism.home, rows, np.linspace(0.5, 0.7, mechanism.dof), start_time=0.2)
-    off = mechanism.home + 0.05
+    reference = Sinusoids(mechanism.neutral_configuration, rows, np.linspace(0.5, 0.7, mechanism.dof), start_time=0.2)
+    off = mechanism.neutral_configuration + 0.05
     smooth = np.where([name.endswith("coulomb") for name in mechanism.parameter_names], 0.0, 1.0)
     law = ComputedTorque(mechanism, np.array(8.0), parameters=smooth * mechanism.inertial_parameters)
     return simulate_many(plant, law, reference, duration=1.0, p=off).p[:, 0]

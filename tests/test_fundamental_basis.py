@@ -23,7 +23,7 @@ from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError, InputError, NonFiniteError, RankError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, Priority, essential_space, fundamental_basis
-from adaptctl.identifiability.reduced_model import require_energies
+from adaptctl.identifiability.reduced_model import validate_energies
 from adaptctl.identifiability.regrouping import regrouping_equations, removable
 from benchmarks import ranks
 from benchmarks.rank_oracle import independent
@@ -44,7 +44,7 @@ def basis(space: EssentialSpace) -> FundamentalBasis:
     return fundamental_basis(space)
 
 
-def require_same_torques(mechanism: Mechanism, basis: FundamentalBasis, bound: float) -> None:
+def validate_same_torques(mechanism: Mechanism, basis: FundamentalBasis, bound: float) -> None:
     """Pinocchio's torque, and ours from the kept columns alone."""
     model = mechanism.to_pinocchio()
     data = model.createData()
@@ -79,7 +79,7 @@ def test_real_robots(file: str) -> None:
     mechanism = driven.with_drives(Drive())  # Pinocchio's torques are without friction
     basis = fundamental_basis(essential_space(mechanism))
     assert basis.scaled_condition < 20.0
-    require_same_torques(mechanism, basis, 1e-12)
+    validate_same_torques(mechanism, basis, 1e-12)
 
 
 @settings(max_examples=15, deadline=None)
@@ -107,7 +107,7 @@ def test_the_condition_is_that_of_the_removed_rows(seed: int, links: int, floati
 def test_the_puma(puma: Mechanism, basis: FundamentalBasis) -> None:
     assert basis.condition == pytest.approx(4.449, abs=1e-3)
     assert basis.gap > 1e13
-    require_same_torques(puma, basis, 1e-14)
+    validate_same_torques(puma, basis, 1e-14)
 
 
 @settings(max_examples=25, deadline=None)
@@ -116,7 +116,7 @@ def test_every_tree(seed: int, links: int, branched: bool) -> None:
     """Axes and frames at random leave everything between 0 and 1, so a tolerance that keeps the condition low."""
     mechanism = (random_tree if branched else random_chain)(seed, links)
     basis = fundamental_basis(essential_space(mechanism), tolerance=0.03)
-    require_same_torques(mechanism, basis, 1e-10)
+    validate_same_torques(mechanism, basis, 1e-10)
 
 
 @settings(max_examples=25, deadline=None)
@@ -126,7 +126,7 @@ def test_any_priority_gives_a_basis(permutation: list[int]) -> None:
     order = tuple(puma.parameter_names[i] for i in permutation)
     basis = fundamental_basis(essential_space(puma), Priority(order), tolerance=0.03)
     assert basis.rank == 36
-    require_same_torques(puma, basis, 1e-12)
+    validate_same_torques(puma, basis, 1e-12)
 
 
 def test_a_parameter_stays_only_if_those_before_it_determine_it(space: EssentialSpace) -> None:
@@ -298,17 +298,17 @@ def test_round_off_in_the_energies_of_a_turned_world_is_no_damage(puma: Mechanis
     """Joint 1 along a gravity that no axis is along: the energy of link 1's mass is constant but for round-off."""
     turn = Pose(scipy.spatial.transform.Rotation.from_rotvec([0.3, -0.5, 0.7]).as_matrix(), np.zeros(3))
     first, *rest = puma.description.links
-    links = (replace(first, near=turn @ first.near), *rest)
+    links = (replace(first, parent_to_joint=turn @ first.parent_to_joint), *rest)
     turned = Mechanism(replace(puma.description, links=links, gravity=turn.rotation @ puma.description.gravity))
     found = fundamental_basis(essential_space(turned))
-    require_energies(turned, found)
+    validate_energies(turned, found)
     others = found.regrouping.copy()
     others[:, list(found.columns)] = 0.0
     row, column = np.argwhere(others)[0]
     damaged = found.regrouping.copy()
     damaged[row, column] += 0.1
     with pytest.raises(InputError, match="is wrong or damaged"):
-        require_energies(turned, replace(found, regrouping=damaged))
+        validate_energies(turned, replace(found, regrouping=damaged))
 
 
 @pytest.mark.parametrize("seed", [20573, 20953])
@@ -322,7 +322,7 @@ def test_a_choice_within_round_off_of_another_is_named(seed: int) -> None:
     basis = fundamental_basis(essential_space(mechanism), priority)
     kept = {names[j] for j in basis.columns} - {names[j] for j in exact}
     assert kept
-    assert kept <= set(basis.passed_over)
+    assert kept <= set(basis.kept_despite_priority)
 
 
 def test_a_basis_keeps_a_copy_that_cannot_be_written(basis: FundamentalBasis) -> None:

@@ -40,7 +40,7 @@ def test_gains_are_slotine_and_lis(design: GainDesign) -> None:
     rates = np.array([feedback.rate for feedback in design.feedback])
     np.testing.assert_allclose(gains.bandwidth + gains.damping / design.inertia, rates, rtol=1e-12)
     assert design.sampled_gain == pytest.approx(sampled_gain(design.mechanism, design.damping, 1e-3), rel=1e-12)
-    assert design.require_carried() is design
+    assert design.check_sample_time() is design
 
 
 def test_one_bandwidth_a_joint(puma: Mechanism) -> None:
@@ -75,12 +75,16 @@ def test_the_least_inertia_of_a_joint_alone_is_its_rods_and_typical() -> None:
 
 @pytest.mark.parametrize("delay", [0, 1])
 def test_the_fastest_is_what_the_period_just_carries(puma: Mechanism, delay: int) -> None:
-    asked = GainDesign.from_bandwidth(puma, 50.0, period=2e-3, delay=delay)
-    limit = GainDesign.from_bandwidth(puma, 50.0 * asked.fastest, period=2e-3, delay=delay)
+    asked = GainDesign.from_bandwidth(puma, 50.0, control_period=2e-3, delay=delay)
+    limit = GainDesign.from_bandwidth(puma, 50.0 * asked.max_bandwidth, control_period=2e-3, delay=delay)
     assert limit.sampled_gain == pytest.approx(limit.largest_sampled_gain, rel=1e-4)
-    assert GainDesign.from_bandwidth(puma, 50.0 * 0.99 * asked.fastest, period=2e-3, delay=delay).require_carried()
+    assert GainDesign.from_bandwidth(
+        puma, 50.0 * 0.99 * asked.max_bandwidth, control_period=2e-3, delay=delay
+    ).check_sample_time()
     with pytest.raises(GainError, match=r"The largest gains that it carries have all poles at 0\.99"):
-        GainDesign.from_bandwidth(puma, 50.0 * 1.01 * asked.fastest, period=2e-3, delay=delay).require_carried()
+        GainDesign.from_bandwidth(
+            puma, 50.0 * 1.01 * asked.max_bandwidth, control_period=2e-3, delay=delay
+        ).check_sample_time()
 
 
 def test_a_delay_beyond_the_margin_is_unstable_in_the_plant(puma: Mechanism) -> None:
@@ -111,10 +115,10 @@ def said(capsys: pytest.CaptureFixture[str], *command: str) -> dict[str, Any]:
 
 
 def test_the_command_prints_the_design(capsys: pytest.CaptureFixture[str], puma: Mechanism) -> None:
-    flags = "--bandwidth", "12", "--damping-ratio", "1", "--period", "0.002", "--delay", "1"
+    flags = "--bandwidth", "12", "--damping-ratio", "1", "--control-period", "0.002", "--delay", "1"
     content = said(capsys, "puma560_geared", *flags)
-    design = GainDesign.from_bandwidth(puma, 12.0, period=2e-3, delay=1)
-    assert content["schema"] == "adaptctl/gains/1"
+    design = GainDesign.from_bandwidth(puma, 12.0, control_period=2e-3, delay=1)
+    assert content["schema"] == "adaptctl/gains/2"
     assert content["robot"]["sha256"] == puma.description.sha256
     for i, joint in enumerate(content["joints"]):
         assert joint["name"] == f"joint{i + 1}"
@@ -172,9 +176,9 @@ def near(rule: DefaultGains) -> Workspace:
 def test_a_design_of_gains_has_their_poles(puma: Mechanism) -> None:
     """A joint of inertia m under K and Lambda has the poles -Lambda and -K/m; its samples are those of the loop that is
     held, so the poles are the sampled ones to the first order in the period."""
-    rule = DefaultGains.on(puma, period=1e-4)
+    rule = DefaultGains.on(puma, control_period=1e-4)
     gains = rule.carried(5.0, 0.1).gains
-    design = GainDesign.of_gains(puma, gains, near(rule), period=1e-4)
+    design = GainDesign.of_gains(puma, gains, near(rule), control_period=1e-4)
     assert design.gains.damping == pytest.approx(gains.damping, rel=0.0)
     for i, feedback in enumerate(design.feedback):
         slow, fast = sorted((5.0, gains.damping[i] / design.inertia[i]))
@@ -190,8 +194,8 @@ def test_viscous_friction_is_inertia_to_a_held_torque() -> None:
     for viscous in (0.0, 30.0, 3000.0):
         one = random_chain(3, 1).with_drives([Drive(viscous=viscous)]) if viscous else random_chain(3, 1)
         m, period = float(random_chain(3, 1).mass_matrix(np.zeros(1))[0, 0]), 1e-2
-        rule = DefaultGains.on(one, period=period)
-        design = GainDesign.of_gains(one, rule.carried().gains, near(rule), period=period)
+        rule = DefaultGains.on(one, control_period=period)
+        design = GainDesign.of_gains(one, rule.carried().gains, near(rule), control_period=period)
         x = period * viscous / m
         limit = 2.0 * m / period if x == 0.0 else (1.0 + np.exp(-x)) * viscous / (1.0 - np.exp(-x))
         assert design.inertia[0] == pytest.approx(0.5 * period * limit, rel=1e-6)
@@ -215,8 +219,11 @@ def test_gains_are_less_where_the_torque_is_late(puma: Mechanism, capsys: pytest
         (["puma560_geared", "--bandwidth", "-1", "--damping-ratio", "1"], "bandwidth: expected positive numbers"),
         (["puma560_geared", "--bandwidth", "-1"], "bandwidth: expected a number above 0 and at most 1000, got -1.0"),
         (["puma560_geared", "--bandwidth", "1001"], "bandwidth: expected a number above 0 and at most 1000"),
-        (["puma560_geared", "--period", "0"], "period: expected a number above 0 and at most 0.1, got 0.0"),
-        (["puma560_geared", "--damping-ratio", "1", "--period", "0"], "control period: expected a positive time in s"),
+        (["puma560_geared", "--control-period", "0"], "period: expected a number above 0 and at most 0.1, got 0.0"),
+        (
+            ["puma560_geared", "--damping-ratio", "1", "--control-period", "0"],
+            "control period: expected a positive time in s",
+        ),
         (["puma560_geared", "--method", "poles", "--poles", "1", "2"], "poles: expected two in the left half-plane"),
         (["puma560_geared", "--delay", "0.5"], "--delay: expected a whole number, got '0.5'"),
         (["pumma"], "unknown robot 'pumma'"),

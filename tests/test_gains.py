@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from random_trees import random_chain
 
 from adaptctl.control import Gains, PriorRanges, sampled_gain, typical_inertia
-from adaptctl.control.gains.hold import require_hold
+from adaptctl.control.gains.sampling_ratio import validate_sampling_ratio
 from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import GainError, InputError
@@ -47,7 +47,7 @@ def test_gains_grow_with_bandwidth_and_inertia() -> None:
     puma = load("puma560_measured")
     gains = Gains.from_bandwidth(puma, 5.0)
     np.testing.assert_allclose(gains.damping, 5.0 * typical_inertia(puma))
-    np.testing.assert_allclose(Gains.from_bandwidth(puma, 10.0, ratio=3.0).damping, 6.0 * gains.damping)
+    np.testing.assert_allclose(Gains.from_bandwidth(puma, 10.0, damping_scale=3.0).damping, 6.0 * gains.damping)
 
 
 def test_configurations_stay_within_the_limits() -> None:
@@ -73,4 +73,4 @@ def test_a_massless_mechanism_can_be_given_no_gains() -> None:
     with pytest.raises(InputError, match="positive inertia"):
         Gains.from_bandwidth(nothing, 5.0)
     with pytest.raises(GainError, match="not positive definite"):
-        require_hold(nothing, 1.0, 1e-3)
+        validate_sampling_ratio(nothing, 1.0, 1e-3)

@@ -41,24 +41,24 @@ def kept(part: str) -> dict[str, Any]:
     return found
 
 
-def require_same(before: Any, now: Any) -> None:
+def validate_same(before: Any, now: Any) -> None:
     differences = list(capture.compared(before, json.loads(json.dumps(now))))
     assert not differences, "\n".join([*differences, AFTERWARDS])
 
 
 def test_public_names_are_those_kept() -> None:
-    require_same(kept("names"), capture.names())
+    validate_same(kept("names"), capture.names())
 
 
 def test_help_is_the_one_kept() -> None:
     before = {name: text for name, text in kept("help").items() if " run " not in name}
-    require_same(before, {name: capture.help_of(*name.split()[1:]) for name in before})
+    validate_same(before, {name: capture.help_of(*name.split()[1:]) for name in before})
 
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_rank_certificate_and_basis_are_those_kept(name: str) -> None:
     source, how = capture.sources()[name]
-    require_same(kept("robots")[name], capture.robot(source, **how))
+    validate_same(kept("robots")[name], capture.robot(source, **how))
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -66,7 +66,7 @@ def test_exported_c_is_the_one_kept(name: str) -> None:
     """But for what was recorded: its last digits are this processor's."""
     arm, law = name.split(": ")
     own = {"vectors.h": kept("exports")[name]["vectors.h"]}
-    require_same(kept("exports")[name], capture.exported(capture.arms()[arm][law]) | own)
+    validate_same(kept("exports")[name], capture.exported(capture.arms()[arm][law]) | own)
 
 
 def test_every_robot_and_every_command_is_kept() -> None:

@@ -174,9 +174,7 @@ def test_a_law_of_ones_own_is_shown_its_line() -> None:
     model = ReducedModel(puma, fundamental_basis(essential_space(puma)))
     controller = SlotineLi(model, 8.0, 0.05, Impatient(adaptation_gain(model)))
     state, reference = controller.init(np.zeros(6), np.zeros(6)), ReferencePoint(*np.zeros((3, 6)))
-    with pytest.raises(
-        TraceError, match=r"where, minimum.*test_graph\.py:\d+: if period\.after @ period\.after > 1\.0:"
-    ):
+    with pytest.raises(TraceError, match=r"where, minimum.*test_graph\.py:\d+: if period\.s @ period\.s > 1\.0:"):
         controller.step(state, np.zeros(6), np.zeros(6), reference)
 
 
@@ -184,7 +182,7 @@ class Impatient(Gradient):
     """Learns faster where the error is large, as one would write it for floats."""
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        if period.after @ period.after > 1.0:
+        if period.s @ period.s > 1.0:
             return super().law(model, estimate, period, memory)
         return estimate, memory
 

@@ -18,7 +18,7 @@ from adaptctl.description import GROUND, Description, Joint, JointKind, Link, Po
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, equation_costs, tree_equations
 from adaptctl.dynamics.equations import Equations
-from adaptctl.dynamics.recursion.held_axes import HeldAxes
+from adaptctl.dynamics.recursion.frame_choice import FrameChoice
 from adaptctl.dynamics.recursion.segment import Placement, placements
 from adaptctl.identifiability import Constraints, constrained
 from adaptctl.scalars import Column, Vec, column
@@ -58,14 +58,14 @@ def plane_arm(links: int) -> Mechanism:
 
 def in_own_axes(mechanism: Mechanism, monkeypatch: pytest.MonkeyPatch) -> Mechanism:
     """An equal mechanism whose equations hold every vector in its link's own axes."""
-    of = HeldAxes.of
+    of = FrameChoice.of
     plain = staticmethod(lambda links: of(links)._replace(unturned=(False,) * len(links)))
-    monkeypatch.setattr(HeldAxes, "of", plain)
+    monkeypatch.setattr(FrameChoice, "of", plain)
     return Mechanism(mechanism.description)
 
 
-def held(mechanism: Mechanism) -> HeldAxes:
-    return HeldAxes.of(mechanism.equations.links)
+def held(mechanism: Mechanism) -> FrameChoice:
+    return FrameChoice.of(mechanism.equations.links)
 
 
 def numbers(u: Vec) -> Array:
@@ -126,7 +126,7 @@ def test_nothing_but_operations_depends_on_the_axes(seed: int, links: int) -> No
 
     def all_of(equations: Equations) -> list[list[float]]:
         motion = equations.motion(p, v, w, a)
-        rows = [motion.torque(parameters), *motion.regressor(columns), motion.powers(s, columns)]
+        rows = [motion.torque(parameters), *motion.regressor(columns), motion.regressor_transpose_product(s, columns)]
         return [list(map(float, row)) for row in (*rows, *equations.mass_matrix(p, parameters))]
 
     with pytest.MonkeyPatch.context() as monkeypatch:
@@ -204,14 +204,16 @@ def test_a_motion_is_rebuilt_from_what_is_remembered(case: str) -> None:
     equations, memory = mechanism.equations, mechanism.equations.motion_memory
     drawn = np.random.default_rng(0).uniform(-0.3, 0.3, (10, 5, mechanism.dof))
     for p, v, w, a, s in drawn:
-        q = mechanism.configuration(mechanism.home + p)
+        q = mechanism.configuration(mechanism.neutral_configuration + p)
         motion = equations.motion(*map(column, (q, v, w, a)))
         remembered = memory.chosen(motion.numbers)
         assert len(remembered) == len(memory.kept) < len(motion.numbers) == len(memory.sources)
         again = memory.numbers(remembered)
         np.testing.assert_allclose([float(x) for x in again], [float(x) for x in motion.numbers], rtol=0.0, atol=1e-13)
         columns = range(equations.parameters)
-        ours, theirs = (x.powers(column(s), columns).of for x in (equations.remembered(again), motion))
+        ours, theirs = (
+            x.regressor_transpose_product(column(s), columns).of for x in (equations.remembered(again), motion)
+        )
         np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-12 * np.abs(theirs).max())
 
 
@@ -224,11 +226,13 @@ def test_a_tick_learns_as_from_the_whole_motion(name: str) -> None:
     law: Any = adaptctl.control.Gradient(gain, cap=0.0)
     controller = adaptctl.SlotineLi(model, 4.0, np.full(arm.dof, 1e-4), law, torque_limits=np.inf)
     p, v, v_d, a_d = np.random.default_rng(0).uniform(-0.1, 0.1, (4, arm.dof))
-    point = ReferencePoint(arm.home, v_d, a_d)
-    _, state = controller.step(controller.init(arm.home + p, v), arm.home + p, v, point)
-    _, after = controller.step(state, arm.home + p, 1.1 * v, point)
+    point = ReferencePoint(arm.neutral_configuration, v_d, a_d)
+    _, state = controller.step(
+        controller.init(arm.neutral_configuration + p, v), arm.neutral_configuration + p, v, point
+    )
+    _, after = controller.step(state, arm.neutral_configuration + p, 1.1 * v, point)
     reference = v_d - 4.0 * p, a_d - 4.0 * (v - v_d)
-    Y = model.slotine_li_regressor(arm.home + p, v, *reference)
+    Y = model.slotine_li_regressor(arm.neutral_configuration + p, v, *reference)
     expected = -1e-3 * gain * (Y.T @ (1.1 * v - reference[0]))
     np.testing.assert_allclose(after.estimate - state.estimate, expected, atol=1e-12 * np.abs(expected).max())
 

@@ -1,4 +1,4 @@
-"""Torques that are held: stable up to a hold number of 2, and of 1 where they come a period late."""
+"""Torques that are held: stable up to a sampling ratio of 2, and of 1 where they come a period late."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ARMS = ["puma560_measured", "semi_direct_drive"]
 class Unchecked(SlotineLi):
     """The law with whatever damping."""
 
-    def _require_carried(self) -> None:
+    def _check_sample_time(self) -> None:
         pass
 
 

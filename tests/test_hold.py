@@ -15,8 +15,13 @@ from scipy.linalg import tanhm
 from scipy.optimize import differential_evolution
 
 from adaptctl.arrays import Array
-from adaptctl.control import SlotineLi, Workspace, hold_number, least_definite
-from adaptctl.control.gains.hold import LARGEST_SAMPLED_GAIN, hold_numbers, require_hold, slowest_decay
+from adaptctl.control import SlotineLi, Workspace, sampling_ratio, worst_conditioned_configuration
+from adaptctl.control.gains.sampling_ratio import (
+    MAX_SAMPLING_RATIO,
+    sampling_ratios,
+    slowest_decay,
+    validate_sampling_ratio,
+)
 from adaptctl.control.gains.workspace import Worst, everywhere, position_range, sampled_configurations
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
@@ -35,7 +40,7 @@ def test_the_search_finds_what_a_global_one_finds(seed: int) -> None:
     arm = random_chain(seed, 5)
     damping = own_damping(arm, 100.0)
     evolved = differential_evolution(
-        lambda p: -hold_numbers(arm, p.T, damping, 1e-3),
+        lambda p: -sampling_ratios(arm, p.T, damping, 1e-3),
         list(zip(*position_range(arm), strict=True)),
         vectorized=True,
         updating="deferred",
@@ -43,22 +48,22 @@ def test_the_search_finds_what_a_global_one_finds(seed: int) -> None:
         maxiter=60,
         polish=False,
     )
-    found = hold_number(arm, damping, 1e-3)
+    found = sampling_ratio(arm, damping, 1e-3)
     assert found.value > 0.95 * -evolved.fun
-    assert found.value == pytest.approx(float(hold_numbers(arm, found.p, damping, 1e-3)), rel=1e-12)
+    assert found.value == pytest.approx(float(sampling_ratios(arm, found.p, damping, 1e-3)), rel=1e-12)
 
 
 def test_random_configurations_alone_accept_what_is_unstable() -> None:
     """The largest of 200 samples is below the limit, the truth above 2 somewhere, and there velocities grow."""
     arm = random_chain(10, 6)
-    largest = float(hold_numbers(arm, sampled_configurations(arm), own_damping(arm, 1.0), 1.0).max())
+    largest = float(sampling_ratios(arm, sampled_configurations(arm), own_damping(arm, 1.0), 1.0).max())
     damping = own_damping(arm, 1.0) * 1.49 / (1e-3 * largest)
-    found = hold_number(arm, damping, 1e-3)
+    found = sampling_ratio(arm, damping, 1e-3)
     assert found.value > 2.0
     feedback = np.linalg.solve(arm.mass_matrix(found.p), np.diag(damping))
     assert np.abs(np.linalg.eigvals(np.eye(6) - 1e-3 * feedback)).max() > 1.0
     with pytest.raises(GainError, match=rf"at p = .*Joint {found.joint} would ring"):
-        require_hold(arm, damping, 1e-3)
+        validate_sampling_ratio(arm, damping, 1e-3)
 
 
 @settings(max_examples=15, deadline=None)
@@ -69,12 +74,12 @@ def test_the_number_rises_with_every_damping_and_bandwidth(seed: int, size: int)
     p = rng.uniform(-3.0, 3.0, (20, size))
     damping, bandwidth = rng.uniform(0.01, 10.0, size), rng.uniform(0.0, 20.0, size)
     more = damping * rng.choice([1.0, 1.5, 30.0], size), bandwidth + rng.choice([0.0, 1.0, 100.0], size)
-    below = hold_numbers(arm, p, damping, 1e-3, bandwidth)
-    assert np.all(below <= hold_numbers(arm, p, more[0], 1e-3, more[1]) * (1.0 + 1e-9))
+    below = sampling_ratios(arm, p, damping, 1e-3, bandwidth)
+    assert np.all(below <= sampling_ratios(arm, p, more[0], 1e-3, more[1]) * (1.0 + 1e-9))
 
 
 def test_gains_below_accepted_ones_are_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
-    arm, highest = random_chain(77, 4), Workspace.highest
+    arm, highest = random_chain(77, 4), Workspace.maximum
     searched: list[Workspace] = []
 
     def counted(self: Workspace, of: Callable[[Array], Array]) -> Worst:
@@ -84,18 +89,18 @@ def test_gains_below_accepted_ones_are_not_searched(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(Workspace, "highest", counted)
     most, bandwidth = own_damping(arm, 20.0), np.array([4.0, 5.0, 6.0, 7.0])
     workspace = everywhere(arm)
-    require_hold(arm, most, 1e-3, bandwidth, workspace)
+    validate_sampling_ratio(arm, most, 1e-3, bandwidth, workspace)
     once = len(searched)
     for share in (0.999, 0.5, 1e-3):
-        require_hold(arm, share * most, 1e-3, bandwidth - share, workspace)
+        validate_sampling_ratio(arm, share * most, 1e-3, bandwidth - share, workspace)
     assert once == len(searched) > 0
-    require_hold(arm, most * [1.0, 1.0, 1.0, 1.001], 1e-3, bandwidth, workspace)
+    validate_sampling_ratio(arm, most * [1.0, 1.0, 1.0, 1.001], 1e-3, bandwidth, workspace)
     assert len(searched) > once
     with pytest.raises(GainError, match="too stiff"):
-        require_hold(arm, most * [1.0, 1e3, 1.0, 1.0], 1e-3, bandwidth, workspace)
+        validate_sampling_ratio(arm, most * [1.0, 1e3, 1.0, 1.0], 1e-3, bandwidth, workspace)
     for wrong in ((-most, bandwidth), (most, -bandwidth)):
         with pytest.raises(InputError, match="positive damping"):
-            require_hold(arm, wrong[0], 1e-3, wrong[1], workspace)
+            validate_sampling_ratio(arm, wrong[0], 1e-3, wrong[1], workspace)
 
 
 @settings(max_examples=20, deadline=None)
@@ -108,15 +113,15 @@ def test_with_friction_the_limit_is_that_of_the_exact_hold(stiff: float, viscous
     x = max(viscous, 1e-9)
     damping = hold_scale(arm, inertia / 1e-3, stiff)
     pole = np.exp(-x) + np.expm1(-x) * damping * 1e-3 / inertia / x
-    assert hold_number(arm, damping, 1e-3).value == pytest.approx(stiff, rel=1e-9)
+    assert sampling_ratio(arm, damping, 1e-3).value == pytest.approx(stiff, rel=1e-9)
     assert pole > -1.0
     at_limit = np.exp(-x) + np.expm1(-x) * hold_scale(arm, inertia / 1e-3, 2.0) * 1e-3 / inertia / x
     assert at_limit == pytest.approx(-1.0, abs=1e-6)
 
 
 def hold_scale(arm: Mechanism, damping: float, wanted: float) -> float:
-    """The damping with a given hold number, which is proportional to it."""
-    return damping * wanted / hold_number(arm, damping, 1e-3).value
+    """The damping with a given sampling ratio, which is proportional to it."""
+    return damping * wanted / sampling_ratio(arm, damping, 1e-3).value
 
 
 @pytest.mark.parametrize("seed", [0, 5])
@@ -124,8 +129,8 @@ def test_what_is_accepted_is_at_least_seven_tenths_of_what_rings(seed: int) -> N
     """Closed loops simulated from a small velocity, their damping raised by bisection until they ring somewhere."""
     arm = random_arm(np.random.default_rng(1000 + seed))
     shape = own_damping(arm, 1.0)
-    free = hold_number(arm, shape, 1e-3)
-    accepted = shape * (LARGEST_SAMPLED_GAIN - 1e-3 * BANDWIDTH) / free.value
+    free = sampling_ratio(arm, shape, 1e-3)
+    accepted = shape * (MAX_SAMPLING_RATIO - 1e-3 * BANDWIDTH) / free.value
     rings = bisected(arm, accepted, np.vstack([free.p, sampled_configurations(arm, 5, seed=seed)]), rounds=7)
     assert rings > 1.0
     require("accepted-hold", 1.0 / rings, 0.7, "accepted damping over that at which a loop rings", at_least=True)
@@ -138,8 +143,8 @@ def test_the_estimate_is_a_velocity_feedback_too() -> None:
     for estimate in (arm.inertial_parameters, 3.0 * arm.inertial_parameters):
         share = estimate[0] / arm.inertial_parameters[0]
         wanted = 1e-3 * np.linalg.eigvals(np.linalg.solve(M, np.diag(damping))).real.max() + 8e-3 * share
-        assert float(hold_numbers(arm, p, damping, 1e-3, 8.0, estimate=estimate)) == pytest.approx(wanted, rel=1e-9)
-    drives = hold_numbers(arm, p, damping, 1e-3, 8.0, estimate=-10.0 * arm.inertial_parameters)
+        assert float(sampling_ratios(arm, p, damping, 1e-3, 8.0, estimate=estimate)) == pytest.approx(wanted, rel=1e-9)
+    drives = sampling_ratios(arm, p, damping, 1e-3, 8.0, estimate=-10.0 * arm.inertial_parameters)
     assert np.isinf(drives)
 
 
@@ -148,8 +153,8 @@ def test_a_workspace_along_the_reference_accepts_more() -> None:
     arm = load("puma560_measured")
     damping = own_damping(arm, 100.0)
     reference = 0.1 * np.sin(np.linspace(0.0, 6.0, 50))[:, None] + np.array([0.0, -0.6, 0.8, 0.0, 1.2, 0.0])
-    along = hold_number(arm, damping, 1e-3, workspace=Workspace.along(arm, reference))
-    assert along.value < 0.9 * hold_number(arm, damping, 1e-3).value
+    along = sampling_ratio(arm, damping, 1e-3, workspace=Workspace.along(arm, reference))
+    assert along.value < 0.9 * sampling_ratio(arm, damping, 1e-3).value
     factor = 1.49 / along.value
     model = ReducedModel.full(arm)
     with pytest.raises(GainError):
@@ -159,10 +164,10 @@ def test_a_workspace_along_the_reference_accepts_more() -> None:
 
 def test_a_mass_matrix_that_is_indefinite_somewhere_is_found() -> None:
     arm = load("puma560_measured")
-    assert least_definite(arm, arm.inertial_parameters).value > 1e-4
+    assert worst_conditioned_configuration(arm, arm.inertial_parameters).value > 1e-4
     D = arm.inertial_parameters.copy()
     D[arm.parameter_names.index("link6.I_zz")] = -1e-4
-    found = least_definite(arm, D)
+    found = worst_conditioned_configuration(arm, D)
     assert found.value < 0.0
     M = arm.with_parameters(D).mass_matrix(found.p)
     assert np.linalg.eigvalsh(M)[0] < 0.0
@@ -173,7 +178,7 @@ def test_a_joint_that_moves_nothing_is_named() -> None:
     D = arm.inertial_parameters.copy()
     D[50:] = 0.0
     with pytest.raises(GainError, match=r"joint joint6 moves nothing: give it a link with inertia, or a rotor"):
-        require_hold(arm.with_parameters(D), 1.0, 1e-3)
+        validate_sampling_ratio(arm.with_parameters(D), 1.0, 1e-3)
 
 
 def test_links_that_no_body_can_be_are_named() -> None:
@@ -181,13 +186,13 @@ def test_links_that_no_body_can_be_are_named() -> None:
     D = arm.inertial_parameters.copy()
     D[arm.parameter_names.index("link6.I_zz")] = -1.0
     with pytest.raises(GainError, match="no rigid body is: give link6 physically consistent parameters"):
-        require_hold(arm.with_parameters(D), 1.0, 1e-3)
+        validate_sampling_ratio(arm.with_parameters(D), 1.0, 1e-3)
 
 
 @pytest.mark.parametrize("period", [0.0, -1.0, np.nan, np.inf])
 def test_a_period_is_a_positive_time(period: float) -> None:
     with pytest.raises(InputError, match="control period: expected a positive time in s"):
-        hold_number(load("puma560_measured"), 1.0, period)
+        sampling_ratio(load("puma560_measured"), 1.0, period)
 
 
 def test_the_slowest_decay_is_below_all_met() -> None:
@@ -200,8 +205,8 @@ def test_the_slowest_decay_is_below_all_met() -> None:
 
 def test_loops_are_searched_where_they_close() -> None:
     arm = load("semi_direct_drive")
-    found = hold_number(arm, 60.0, 1e-3)
-    assert found.value >= float(hold_numbers(arm, everywhere(arm).samples, 60.0, 1e-3).max())
+    found = sampling_ratio(arm, 60.0, 1e-3)
+    assert found.value >= float(sampling_ratios(arm, everywhere(arm).samples, 60.0, 1e-3).max())
 
 
 def test_friction_in_joints_that_move_each_other_weighs_as_the_exact_hold_has_it() -> None:
@@ -216,5 +221,5 @@ def test_friction_in_joints_that_move_each_other_weighs_as_the_exact_hold_has_it
     carrying = M @ half @ np.linalg.inv(tanhm(half))
     expected = period * np.linalg.eigvals(np.linalg.solve(carrying, np.diag(K))).real.max()
     assert expected < 0.95 * period * np.linalg.eigvals(np.linalg.solve(M, np.diag(K))).real.max()
-    assert hold_numbers(arm, p, K, period) == pytest.approx(expected, rel=1e-9)
-    assert hold_numbers(arm, np.stack([-p, p]), K, period)[1] == pytest.approx(expected, rel=1e-9)
+    assert sampling_ratios(arm, p, K, period) == pytest.approx(expected, rel=1e-9)
+    assert sampling_ratios(arm, np.stack([-p, p]), K, period)[1] == pytest.approx(expected, rel=1e-9)

@@ -177,7 +177,9 @@ def test_standstill_is_found_and_jitter_resampled_and_turns_unwrapped() -> None:
     torque = np.concatenate([case.log.torque, np.repeat(case.log.torque[-1:], 1000, axis=0)])
     rng = np.random.default_rng(0)
     jittered = time + rng.uniform(-4e-4, 4e-4, len(time))
-    wrapped = np.where([j.kind.turns for j in case.guess.primary_joints], (still + np.pi) % (2 * np.pi) - np.pi, still)
+    wrapped = np.where(
+        [j.kind.is_revolute for j in case.guess.primary_joints], (still + np.pi) % (2 * np.pi) - np.pi, still
+    )
     (piece,), steps = prepare(replace(case.log, time=jittered, position=wrapped, torque=torque), case.guess)
     said = {step.name: step.outcome for step in steps}
     assert 0.08 < 1.0 - piece.moving.mean() < 0.1
@@ -283,7 +285,7 @@ def test_the_real_arm_is_predicted_better_than_by_least_squares() -> None:
     assert result.misfit_ratio <= 1.03
     assert 1.5 < result.inflation < 5.0
     assert result.mechanism.links[5].joint.drive.turns_with == (("joint_5", 1.0),)
-    assert any("link_6" in remark for remark in result.remarks)
+    assert any("link_6" in remark for remark in result.warnings)
 
 
 def test_predictions_use_no_measured_torque() -> None:
@@ -291,7 +293,7 @@ def test_predictions_use_no_measured_torque() -> None:
     case = known(1)
     other = replace(case.log, torque=np.random.default_rng(0).normal(size=case.log.torque.shape))
     first, second = (
-        identified(case.guess, case.drives, [case.log], [log], friction=FrictionModel(), cutoff=25.0, weight=1.0)
+        identified(case.guess, case.drives, [case.log], [log], friction=FrictionModel(), cutoff=25.0, prior_weight=1.0)
         for log in (case.log, other)
     )
     np.testing.assert_array_equal(first.validation.predicted, second.validation.predicted)

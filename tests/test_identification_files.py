@@ -40,7 +40,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An example identified in one command."""
     out = tmp_path_factory.mktemp("identified") / "out"
     assert (
-        main(["identify", "tx40", "--out", str(out), "--friction", "viscous,coulomb,square_root", "--weight", "5"]) == 0
+        main(
+            ["identify", "tx40", "--out", str(out), "--friction", "viscous,coulomb,square_root", "--prior-weight", "5"]
+        )
+        == 0
     )
     return out
 
@@ -73,7 +76,7 @@ def test_the_robot_is_the_estimate_in_both_formats(folder: Path) -> None:
         robot.inertial_parameters, list(estimates["parameters"].values()), rtol=1e-12, atol=1e-15
     )
     assert list(robot.parameter_names) == list(estimates["parameters"])
-    assert robot.description.shafts == [[5, [["joint_5", "1.0"]]]]
+    assert robot.description.drive_couplings == [[5, [["joint_5", "1.0"]]]]
     again = load(folder / "robot.urdf")
     np.testing.assert_allclose(again.inertial_parameters, robot.inertial_parameters[:60], rtol=1e-9, atol=1e-12)
     for name, entry in estimates["fundamental"].items():
@@ -111,7 +114,7 @@ def slider(*kinds: JointKind) -> Identification:
     time, p, v, a = motion(len(kinds), np.random.default_rng(1), 8.0, 200.0)
     torque = arm.inverse_dynamics(p, v, a)
     log = JointLog("synthetic", time, p, torque + 1e-3 * np.random.default_rng(2).normal(size=p.shape))
-    return identified(arm, joint_drives(arm), [log], [log], friction=FrictionModel(), cutoff=12.5, weight=1.0)
+    return identified(arm, joint_drives(arm), [log], [log], friction=FrictionModel(), cutoff=12.5, prior_weight=1.0)
 
 
 @pytest.mark.parametrize(
@@ -243,14 +246,14 @@ def test_runs_are_kept_and_read_back_and_identified(tmp_path: Path) -> None:
         control_period=0.01,
         wall_time=0.5,
         terminated=True,
-        marks={"payload": rng.normal(size=40)},
+        flags={"payload": rng.normal(size=40)},
     )
     run.save(tmp_path / "run.parquet", ["shoulder", "elbow"])
     again = Rollout.load(tmp_path / "run.parquet")
     for name in (*arrays, *single, "time", "estimate"):
         np.testing.assert_array_equal(getattr(again, name), getattr(run, name))
         assert not getattr(again, name).flags.writeable
-    np.testing.assert_array_equal(again.marks["payload"], run.marks["payload"])
+    np.testing.assert_array_equal(again.flags["payload"], run.flags["payload"])
     assert (again.control_period, again.wall_time, again.complete, again.terminated) == (0.01, 0.5, True, True)
     log = read_log(tmp_path / "run.parquet")
     np.testing.assert_array_equal(log.column("applied.elbow", "torque"), run.applied[:, 1])

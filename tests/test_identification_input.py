@@ -95,7 +95,7 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "stamps backwards": (put("time", slice(10, 11), 0.0), "'time': the stamp 0 of row 11 comes after a later one"),
     "rows for time": (
         lambda log: log.update(time=np.arange(len(log["time"]), dtype=float)),
-        "'time' counts rows .*, it is no time: give the sampling rate with --rate HZ",
+        "'time' counts rows .*, it is no time: give the sampling rate with --sample-rate HZ",
     ),
     "three samples": (cut(3), "has 3 samples; at least 100 are needed"),
     "too short": (cut(150), "150 samples without a hole are too few|only .* independent instants"),
@@ -346,7 +346,7 @@ def test_the_command_says_what_it_needs(tmp_path: Path, capsys: pytest.CaptureFi
         (["log.csv", "--robot", "puma560_measured"], "log.csv: does not exist"),
         (["tx40", "--columns", "position", "--out", str(tmp_path / "out")], "--columns: expected WHAT=VALUE"),
         (["tx40", "--friction", "glue", "--out", str(tmp_path / "out")], "friction: expected some of viscous"),
-        (["tx40", "--skip", "thinking", "--out", str(tmp_path / "out")], "skip: expected resample, unwrap"),
+        (["tx40", "--skip-steps", "thinking", "--out", str(tmp_path / "out")], "skip_steps: expected resample, unwrap"),
     ):
         assert main(["identify", *line]) == 2
         assert message in capsys.readouterr().err

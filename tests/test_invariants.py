@@ -39,7 +39,7 @@ def by_hand(x: Array, h: Array, u: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def compiled(lanes: int) -> Stepper:
-    return compile_step(step, state={"x": 3}, held={"h": 3}, shared={"u": 1}, lanes=lanes)
+    return compile_step(step, state={"x": 3}, constants={"h": 3}, inputs={"u": 1}, lanes=lanes)
 
 
 @pytest.mark.parametrize("length", [None, 2, 5])
@@ -95,5 +95,5 @@ def test_operations_are_those_of_a_step() -> None:
     def weighed(x: Column, h: Column) -> tuple[Column]:
         return (Column((x[0] + h[0] * h[0] * h[1],)),)
 
-    assert compile_step(weighed, state={"x": 1}, held={"h": 2}).operations.flops == 1
-    assert compile_step(weighed, state={"x": 1}, shared={"h": 2}).operations.flops == 3
+    assert compile_step(weighed, state={"x": 1}, constants={"h": 2}).operations.flops == 1
+    assert compile_step(weighed, state={"x": 1}, inputs={"h": 2}).operations.flops == 3

@@ -124,7 +124,7 @@ def test_a_log_is_not_judged_by_itself(tmp_path: Path) -> None:
         ({"columns": {"position": 3}}, "columns: position: expected a text, got 3"),
         ({"friction": ("viscous", "coulomb")}, r"friction: expected a text such as viscous,coulomb, got \('viscous'"),
         ({"friction": 3}, "friction: expected a text such as viscous,coulomb, got 3"),
-        ({"skip": "limits"}, "skip: expected a list of names, got the text 'limits'"),
+        ({"skip_steps": "limits"}, "skip_steps: expected a list of names, got the text 'limits'"),
     ],
 )
 def test_arguments_of_another_kind_are_named(given: dict[str, Any], message: str, tmp_path: Path) -> None:

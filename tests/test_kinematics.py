@@ -22,10 +22,10 @@ def pinocchio_model(mechanism: Mechanism) -> pinocchio.Model:
     """The joints alone, built by hand; Pinocchio places a joint in its parent joint's frame, we in the link's."""
     model = pinocchio.Model()
     for link in mechanism.links:
-        turns = link.joint.kind.turns
+        turns = link.joint.kind.is_revolute
         joint = pinocchio.JointModelRevoluteUnaligned if turns else pinocchio.JointModelPrismaticUnaligned
-        above = mechanism.links[link.parent].far if link.parent != GROUND else Pose.identity()
-        model.addJoint(link.parent + 1, joint(link.joint.axis), se3(above @ link.near), link.joint.name)
+        above = mechanism.links[link.parent].joint_to_link if link.parent != GROUND else Pose.identity()
+        model.addJoint(link.parent + 1, joint(link.joint.axis), se3(above @ link.parent_to_joint), link.joint.name)
     return model
 
 
@@ -33,7 +33,7 @@ def pinocchio_links(mechanism: Mechanism, p: Array) -> list[pinocchio.SE3]:
     model = pinocchio_model(mechanism)
     data = model.createData()
     pinocchio.forwardKinematics(model, data, p)
-    return [data.oMi[i + 1] * se3(link.far) for i, link in enumerate(mechanism.links)]
+    return [data.oMi[i + 1] * se3(link.joint_to_link) for i, link in enumerate(mechanism.links)]
 
 
 def se3(pose: Pose) -> pinocchio.SE3:
@@ -61,7 +61,7 @@ def test_moving_one_joint_turns_or_shifts_its_link_about_its_axis(seed: int, lin
     axes, before = joint_axes(tree, p), link_poses(tree, p)
     after = link_poses(tree, p + angle * (np.arange(links) == i))
     axis, point, origin = axes.directions[i], axes.positions[i], before.translations[i]
-    if tree.links[i].joint.kind.turns:
+    if tree.links[i].joint.kind.is_revolute:
         turn = rotation_about(axis, angle)
         np.testing.assert_allclose(after.rotations[i], turn @ before.rotations[i], atol=1e-13)
         np.testing.assert_allclose(after.translations[i], point + turn @ (origin - point), atol=1e-13)

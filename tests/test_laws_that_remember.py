@@ -33,10 +33,10 @@ from adaptctl.control import (
     ConcurrentLearning,
     CushionedFloor,
     Gradient,
-    Guarded,
-    Halted,
+    SafetyFilter,
     Sinusoids,
     SlotineLi,
+    StoppedReference,
     adaptation_gain,
 )
 from adaptctl.control.adaptation.composite_learning import LearningMemory, _remember
@@ -58,7 +58,7 @@ def on(name: str, law: AdaptationLaw, **options: object) -> SlotineLi:
 
 
 def memory(state: object) -> LearningMemory:
-    return state.learning  # type: ignore[attr-defined, no-any-return]
+    return state.law_state  # type: ignore[attr-defined, no-any-return]
 
 
 def quadratic(error: Array, matrices: Array) -> Array:
@@ -80,7 +80,7 @@ def test_composite_learning(
 ) -> None:
     """V with the gain that memory makes falls, by what memory takes too; z stays Q true, and Q positive."""
     mechanism, true = arm(name), loaded(arm(name), mass)
-    adaptation = CompositeLearning(own_gain(name), weight, 20.0, forgetting, recall, alarm=alarm)
+    adaptation = CompositeLearning(own_gain(name), weight, 20.0, forgetting, recall, reset_power=alarm)
     law, beta = on(name, adaptation), reduced(name).regrouping @ true
     run = loop(law, mechanism, swinging(mechanism, seed), 0.4, parameters=true)
     Q = np.array([adaptation.remembered(memory(state)) for state in run.states])
@@ -108,7 +108,7 @@ def test_concurrent_learning(name: str, weight: float, threshold: float, mass: f
     mechanism, true = arm(name), loaded(arm(name), mass)
     law = on(name, ConcurrentLearning(own_gain(name), weight, 20.0, 4, threshold))
     run = loop(law, mechanism, swinging(mechanism, seed), 0.4, parameters=true)
-    apart = Gradient(own_gain(name)).distance(reduced(name), run.estimate, reduced(name).regrouping @ true)
+    apart = Gradient(own_gain(name)).lyapunov_distance(reduced(name), run.estimate, reduced(name).regrouping @ true)
     V = kinetic(mechanism.with_parameters(true), run) + apart
     assert np.diff(V).max() < 1e-5 * V[0]
     assert V[-1] - V[0] < -0.9 * dissipated(run, law.damping)[-1]
@@ -126,7 +126,7 @@ def after_interval_excitation(kind: type[AdaptationLaw], seconds: float = 8.0) -
     }[kind]()
     shape = 0.3 * np.array([[1.0, 0.7, 0.9], [0.5, 0.6, 0.5]])
     moving = Sinusoids(posture(mechanism), shape, [[0.4, 0.55, 0.7], [1.3, 1.1, 0.9]], start_time=0.3)
-    run = loop(on(SMALL, law, period=2e-3), mechanism, Halted(moving, 3.0, 0.5), seconds, 2e-3)
+    run = loop(on(SMALL, law, control_period=2e-3), mechanism, StoppedReference(moving, 3.0, 0.5), seconds, 2e-3)
     errors = np.linalg.norm((run.estimate - beta) / np.sqrt(gain), axis=1)
     return float(errors[1500] / errors[0]), float(errors[-1] / errors[0])
 
@@ -149,14 +149,14 @@ def learned_again(law: AdaptationLaw) -> Array:
     mechanism = arm(SMALL)
     plant = Plant(mechanism, 2e-3, torque_limits=np.inf, effects=(PayloadHeld(2.0, 6.0),))
     first = 0.7 * reduced(SMALL).fundamental_parameters
-    controller = on(SMALL, law, initial=first, period=2e-3)
+    controller = on(SMALL, law, initial=first, control_period=2e-3)
     run = simulate_many(plant, controller, swinging(mechanism), duration=12.0)
     error = run.error[:, 0]
     return np.array([np.sqrt(np.mean(error[part] ** 2)) for part in (slice(2500, 3000), slice(5500, None))])
 
 
 def test_a_changed_payload_is_learned_again() -> None:
-    before, after = learned_again(CompositeLearning(own_gain(SMALL), 0.1, 10.0, 2.0, alarm=0.3))
+    before, after = learned_again(CompositeLearning(own_gain(SMALL), 0.1, 10.0, 2.0, reset_power=0.3))
     kept, _ = learned_again(Gradient(1e-6 * own_gain(SMALL)))
     assert before < 0.1 * kept
     assert after < 2.0 * before
@@ -167,9 +167,11 @@ def test_directions_that_are_not_seen_are_kept_and_those_seen_forgotten() -> Non
     mechanism, gain = arm(SMALL), own_gain(SMALL)
     left: dict[type, float] = {}
     for law in (CompositeLearning(gain, 1.0, 20.0, 3.0), CushionedFloor(gain, 1.0, 20.0, 3.0)):
-        run = loop(on(SMALL, law, period=2e-3), mechanism, Halted(swinging(mechanism), 2.0, 0.5), 5.0, 2e-3)
+        run = loop(
+            on(SMALL, law, control_period=2e-3), mechanism, StoppedReference(swinging(mechanism), 2.0, 0.5), 5.0, 2e-3
+        )
         scale = np.sqrt(np.outer(gain, gain))
-        told = [-np.linalg.slogdet(law.covariance(run.states[k].learning) / scale)[1] for k in (1250, -1)]
+        told = [-np.linalg.slogdet(law.covariance(run.states[k].law_state) / scale)[1] for k in (1250, -1)]
         left[type(law)] = float(told[1] / told[0])
     assert left[CompositeLearning] > 0.9
     assert left[CushionedFloor] < 0.85
@@ -199,13 +201,13 @@ def test_a_direction_is_forgotten_for_itself(seed: int, share: float) -> None:
 def test_nothing_is_remembered_of_periods_that_guards_hold_back(kind: type[AdaptationLaw], name: str) -> None:
     """As it is without guards where these never act; and neither memory nor estimate moves where they always do."""
     mechanism = arm(name)
-    options = {"samples": 2, "threshold": 1e-3} if kind is ConcurrentLearning else {}
+    options = {"stack_size": 2, "novelty_threshold": 1e-3} if kind is ConcurrentLearning else {}
     bare = on(name, kind(own_gain(name), 0.1, 20.0, **options))  # type: ignore[call-arg]
-    free, held = (Guarded(bare, torque_limits=limit) for limit in (1e6, 1e-3))
+    free, held = (SafetyFilter(bare, torque_limits=limit) for limit in (1e6, 1e-3))
     alone, ours, weak = (loop(law, mechanism, swinging(mechanism), 0.05) for law in (bare, free, held))
     np.testing.assert_allclose(ours.torque, alone.torque, atol=1e-9 * np.abs(alone.torque).max())
-    assert max(float(state.recorded[0]) for state in ours.states) > 0.0
-    assert max(float(state.recorded[0]) for state in weak.states) == 0.0
+    assert max(float(state.logged_state[0]) for state in ours.states) > 0.0
+    assert max(float(state.logged_state[0]) for state in weak.states) == 0.0
     np.testing.assert_array_equal(weak.estimate, np.zeros_like(weak.estimate))
 
 
@@ -214,23 +216,23 @@ def test_what_no_motion_tells_is_left_alone_among_all_parameters(kind: type[Adap
     """Gamma^-1 times what was learned is in the essential space, whatever is remembered; and the arm is tracked."""
     mechanism, model = arm(SMALL), full(SMALL)
     gain = adaptation_gain(model, RANGES, 0.3)
-    options = {"samples": 3, "threshold": 1e-3} if kind is ConcurrentLearning else {}
-    law = SlotineLi(model, 8.0, gains(SMALL).damping, kind(gain, 0.1, 20.0, **options), period=2e-3)  # type: ignore[call-arg]
+    options = {"stack_size": 3, "novelty_threshold": 1e-3} if kind is ConcurrentLearning else {}
+    law = SlotineLi(model, 8.0, gains(SMALL).damping, kind(gain, 0.1, 20.0, **options), control_period=2e-3)  # type: ignore[call-arg]
     run = loop(law, mechanism, swinging(mechanism), 2.0, 2e-3)
     space = essential_space(mechanism)
     moved = run.estimate[-1] / np.sqrt(gain)
     hidden = space.null_basis / np.sqrt(gain)[:, None]
     hidden /= np.linalg.norm(hidden, axis=0)
     assert np.abs(hidden.T @ moved).max() < 1e-8 * np.linalg.norm(moved)
-    assert max(float(state.recorded[0]) for state in run.states) > 0.0
+    assert max(float(state.logged_state[0]) for state in run.states) > 0.0
     assert np.linalg.norm(run.s[-1]) < 0.2 * np.linalg.norm(run.s[0])
 
 
 @pytest.mark.parametrize(
     "law",
     [
-        lambda gain: CompositeLearning(gain, 1.0, threshold=1e12),
-        lambda gain: ConcurrentLearning(gain, 1.0, threshold=1e12),
+        lambda gain: CompositeLearning(gain, 1.0, excitation_threshold=1e12),
+        lambda gain: ConcurrentLearning(gain, 1.0, novelty_threshold=1e12),
     ],
     ids=["composite", "concurrent"],
 )
@@ -241,16 +243,16 @@ def test_a_threshold_that_nothing_passes_leaves_the_gradient(law: Callable[[Arra
         loop(on(SMALL, one), mechanism, swinging(mechanism), 0.3) for one in (law(gain), Gradient(gain, 0.5, 0.0))
     )
     np.testing.assert_allclose(ours.torque, theirs.torque, atol=1e-9 * np.abs(theirs.torque).max())
-    assert max(float(state.learning.learned[0]) for state in ours.states) == 0.0
+    assert max(float(state.law_state.learned[0]) for state in ours.states) == 0.0
 
 
 def test_the_stack_keeps_the_newest_samples_that_differ() -> None:
     """As many as there is room for; nothing new is kept at rest."""
     mechanism, gain = arm(SMALL), own_gain(SMALL)
-    law = on(SMALL, ConcurrentLearning(gain, 1.0, 20.0, 3, 1.0), period=2e-3)
-    run = loop(law, mechanism, Halted(swinging(mechanism), 1.5, 0.5), 3.0, 2e-3)
-    kept = np.array([state.learning.learned[0] for state in run.states])
-    torques = np.array([state.learning.torques for state in run.states])
+    law = on(SMALL, ConcurrentLearning(gain, 1.0, 20.0, 3, 1.0), control_period=2e-3)
+    run = loop(law, mechanism, StoppedReference(swinging(mechanism), 1.5, 0.5), 3.0, 2e-3)
+    kept = np.array([state.law_state.learned[0] for state in run.states])
+    torques = np.array([state.law_state.torques for state in run.states])
     assert kept[:1000].sum() > 6
     assert kept[-250:].sum() == 0.0
     moved = np.abs(np.diff(torques, axis=0)).max(axis=1) > 0.0
@@ -262,25 +264,37 @@ def test_the_stack_keeps_the_newest_samples_that_differ() -> None:
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: ConcurrentLearning(ONES, samples=0), "a stack has from 1 to 64 samples, got 0: without any"),
-        (lambda: ConcurrentLearning(ONES, samples=-2), "a stack has from 1 to 64 samples, got -2"),
-        (lambda: ConcurrentLearning(ONES, samples=65), "a stack has from 1 to 64 samples, got 65"),
-        (lambda: ConcurrentLearning(ONES, samples=2.5), r"samples: expected a whole number, got 2\.5"),  # type: ignore[arg-type]
-        (lambda: ConcurrentLearning(ONES, threshold=0.0), "threshold: expected a positive number of 1/s, got 0"),
-        (lambda: ConcurrentLearning(ONES, threshold=np.nan), "threshold: expected a positive number of 1/s"),
+        (lambda: ConcurrentLearning(ONES, stack_size=0), "a stack has from 1 to 64 samples, got 0: without any"),
+        (lambda: ConcurrentLearning(ONES, stack_size=-2), "a stack has from 1 to 64 samples, got -2"),
+        (lambda: ConcurrentLearning(ONES, stack_size=65), "a stack has from 1 to 64 samples, got 65"),
+        (lambda: ConcurrentLearning(ONES, stack_size=2.5), r"samples: expected a whole number, got 2\.5"),  # type: ignore[arg-type]
+        (
+            lambda: ConcurrentLearning(ONES, novelty_threshold=0.0),
+            "threshold: expected a positive number of 1/s, got 0",
+        ),
+        (lambda: ConcurrentLearning(ONES, novelty_threshold=np.nan), "threshold: expected a positive number of 1/s"),
         (lambda: ConcurrentLearning(ONES, -1.0), "concurrent learning: weight"),  # type: ignore[arg-type]
         (lambda: on(SMALL, ConcurrentLearning(np.ones(30))), "30 parameters, of which the basis keeps 15"),
         (lambda: on(SMALL, ConcurrentLearning(ONES, cutoff=2000.0)), "use at most 1000 rad/s"),
-        (lambda: CompositeLearning(ONES, threshold=-1.0), "threshold: expected a finite number of at least 0 1/s"),
-        (lambda: CompositeLearning(ONES, threshold=np.inf), "threshold: expected a finite number"),
+        (
+            lambda: CompositeLearning(ONES, excitation_threshold=-1.0),
+            "threshold: expected a finite number of at least 0 1/s",
+        ),
+        (lambda: CompositeLearning(ONES, excitation_threshold=np.inf), "threshold: expected a finite number"),
         (lambda: CompositeLearning(ONES, recall=-1.0), "recall: expected a finite number of at least 0 1/s, got -1"),
-        (lambda: CompositeLearning(ONES, alarm=0.0), "alarm: expected a positive number of W, or infinity, got 0"),
+        (
+            lambda: CompositeLearning(ONES, reset_power=0.0),
+            "alarm: expected a positive number of W, or infinity, got 0",
+        ),
         (lambda: CompositeLearning(ONES, forgetting=-1.0), "composite learning: forgetting: expected at least 0"),
         (lambda: CompositeLearning(-ONES), "composite learning: gain: expected positive"),
         (lambda: on(SMALL, CompositeLearning(ONES, recall=900.0)), "recall: 900 1/s is too fast .* use at most 500"),
         (lambda: on(SMALL, CompositeLearning(np.ones(4))), "composite learning: gain: expected 15 numbers"),
-        (lambda: Halted(swinging(arm(SMALL)), -1.0), "halted: expected a stop at 0 s or later, and a positive time"),
-        (lambda: Halted(swinging(arm(SMALL)), 1.0, 0.0), "halted: expected a stop"),
+        (
+            lambda: StoppedReference(swinging(arm(SMALL)), -1.0),
+            "halted: expected a stop at 0 s or later, and a positive time",
+        ),
+        (lambda: StoppedReference(swinging(arm(SMALL)), 1.0, 0.0), "halted: expected a stop"),
     ],
 )
 def test_what_cannot_be_is_refused(make: Callable[[], object], says: str) -> None:
@@ -289,7 +303,7 @@ def test_what_cannot_be_is_refused(make: Callable[[], object], says: str) -> Non
 
 
 def test_a_halted_reference_comes_to_rest_with_its_own_derivatives() -> None:
-    reference = Halted(swinging(arm(SMALL)), 1.0, 0.5)
+    reference = StoppedReference(swinging(arm(SMALL)), 1.0, 0.5)
     t = np.linspace(0.5, 2.5, 20001)
     point, step = reference(t), t[1] - t[0]
     np.testing.assert_allclose(np.gradient(point.p, step, axis=0)[1:-1], point.v[1:-1], atol=1e-5)
@@ -302,4 +316,4 @@ def test_a_halted_reference_comes_to_rest_with_its_own_derivatives() -> None:
 
 @pytest.mark.parametrize("samples", [1, 64])
 def test_the_shortest_and_the_longest_stack_are_accepted(samples: int) -> None:
-    assert ConcurrentLearning(ONES, samples=samples).samples == samples
+    assert ConcurrentLearning(ONES, stack_size=samples).stack_size == samples

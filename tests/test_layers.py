@@ -10,14 +10,15 @@ from pathlib import Path
 from subprocess import run
 
 import adaptctl
-from adaptctl.packages import homes
+from adaptctl.optional_packages import homes
 
 ROOT = Path(adaptctl.__file__).parent
 HOME = Path(__file__).parent.parent
 ORDER = (
     "version",
+    "renamed",
     "errors",
-    "packages",
+    "optional_packages",
     "caching",
     "files",
     "folders",
@@ -43,6 +44,7 @@ ORDER = (
 )
 """A folder uses only those before it."""
 LONGEST = 400
+"""Lines of a file, without those of its docstrings."""
 ABOUT = {
     "pinocchio": {"description.readers.pinocchio_model"},
     "matplotlib": {"envs.rendering", "experiments.replication"},
@@ -163,8 +165,16 @@ def test_nothing_heavy_is_imported_in_passing() -> None:
     ] == []
 
 
+def documented(tree: ast.Module) -> int:
+    """Lines of a module that are docstrings."""
+    texts = (node.value for node in ast.walk(tree) if isinstance(node, ast.Expr))
+    texts = (text for text in texts if isinstance(text, ast.Constant) and isinstance(text.value, str))
+    return sum((text.end_lineno or 0) - text.lineno + 1 for text in texts)
+
+
 def test_no_file_is_too_long_and_each_says_what_it_is() -> None:
-    assert [module for module, path in MODULES.items() if len(path.read_text().splitlines()) > LONGEST] == []
+    lines = {module: len(path.read_text().splitlines()) - documented(parsed(path)) for module, path in MODULES.items()}
+    assert [module for module, count in lines.items() if count > LONGEST] == []
     trees = {module: parsed(path) for module, path in MODULES.items()}
     assert [module for module, tree in trees.items() if tree.body and not ast.get_docstring(tree)] == []
 

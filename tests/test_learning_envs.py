@@ -37,7 +37,7 @@ def arm() -> adaptctl.Mechanism:
 
 @pytest.fixture(scope="module")
 def law(arm: adaptctl.Mechanism) -> SlotineLi:
-    tuning = adaptctl.tune(arm, period=0.01)
+    tuning = adaptctl.tune(arm, control_period=0.01)
     return tuning.controller(adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm))))
 
 
@@ -179,7 +179,7 @@ def test_the_largest_gains_are_those_that_the_period_carries(arm: adaptctl.Mecha
     assert 1.0 < found.highest < 100.0
     largest = {name: law.numbers[name] * found.highest for name in MOVED}
     law.tuned(largest)
-    with pytest.raises(InputError, match="period"):
+    with pytest.raises(InputError, match="control_period"):
         law.tuned({name: 1.05 * number for name, number in largest.items()})
 
 

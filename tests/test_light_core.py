@@ -21,7 +21,7 @@ model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential
 law = adaptctl.SlotineLi(model, 8.0, [90, 150, 70, 20, 16, 18], adaptctl.adaptation_gain(model))
 reference = adaptctl.Sinusoids(center=np.zeros(6), amplitude=np.full(6, 0.3), frequency=np.full(6, 0.3))
 torque, state = law.step(law.init(np.zeros(6), np.zeros(6)), np.zeros(6), np.zeros(6), reference(0.0))
-runs = simulate_many(Plant(arm, 1e-3), law, reference, duration=0.1, members=4, p=np.full((4, 6), 0.05))
+runs = simulate_many(Plant(arm, 1e-3), law, reference, duration=0.1, batch_size=4, p=np.full((4, 6), 0.05))
 assert runs.finite.all() and runs.rms_error.max() < 0.1
 print(*sorted({name.partition(".")[0] for name in sys.modules} - sys.stdlib_module_names - {"__main__"}))
 """

@@ -54,11 +54,11 @@ def test_a_loop_never_waits_for_a_view_that_hangs(arm: adaptctl.Mechanism, tmp_p
     live = adaptctl.Live(arm, str(tmp_path / "live.rrd"), rate=1e6)
     assert live._process is not None
     live._process.send_signal(signal.SIGSTOP)
-    begun = time.process_time(), time.monotonic()
+    started = time.process_time(), time.monotonic()
     for k in range(5000):
         live.show(float(k), np.ones(2), np.zeros(2), np.ones(2))
-    assert time.process_time() - begun[0] < 2.0
-    assert time.monotonic() - begun[1] < 10.0  # however busy the machine is: it does not hang
+    assert time.process_time() - started[0] < 2.0
+    assert time.monotonic() - started[1] < 10.0  # however busy the machine is: it does not hang
     assert live.dropped > 0
     live._process.kill()
     live.close()

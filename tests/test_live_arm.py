@@ -31,15 +31,15 @@ SWING = Sinusoids(np.zeros(3), np.full(3, 0.2), np.array([0.3, 0.5, 0.7]))
 
 def shown(law: Controller[Any], mechanism: Mechanism, reference: Any = SWING, **more: Any) -> LiveArm | str:
     plant = Plant(mechanism, 1e-3, **more)
-    begun = plant.init(mechanism.home + 0.05, np.zeros(plant.dof))
-    return live_arm(plant, law, reference, begun, np.asarray(mechanism.inertial_parameters))
+    started = plant.init(mechanism.neutral_configuration + 0.05, np.zeros(plant.dof))
+    return live_arm(plant, law, reference, started, np.asarray(mechanism.inertial_parameters))
 
 
 @pytest.mark.parametrize("name", ["gradient", "loop"])
 def test_the_loop_in_the_page_is_the_one_that_is_simulated(name: str) -> None:
     law: Any = law_named(name)
     mechanism = law.model.mechanism
-    reference = Sinusoids(mechanism.home, np.full(3, 0.2), np.array([0.3, 0.5, 0.7]))
+    reference = Sinusoids(mechanism.neutral_configuration, np.full(3, 0.2), np.array([0.3, 0.5, 0.7]))
     live = shown(law, mechanism, reference)
     assert isinstance(live, LiveArm)
     facts, machine = live.facts, Machine(live.binary)
@@ -48,9 +48,9 @@ def test_the_loop_in_the_page_is_the_one_that_is_simulated(name: str) -> None:
     machine.write(8 * facts["parameters"], facts["parameter"])
     machine.write(8 * facts["gains"], facts["gain"])
     plant = Plant(mechanism, 1e-3)
-    loop, begun = ClosedLoop(plant, law), plant.init(mechanism.home + 0.05, np.zeros(3))
+    loop, started = ClosedLoop(plant, law), plant.init(mechanism.neutral_configuration + 0.05, np.zeros(3))
     arms = loop.compiled().ensemble(1)
-    loop.begin(arms, begun, law.init(begun.p, begun.v))
+    loop.begin(arms, started, law.init(started.p, started.v))
     arms.held["parameters"] = mechanism.inertial_parameters
     points = reference(1e-3 * np.arange(4))
     signals = dict(zip(REFERENCE, points, strict=True)) | {"noise": np.zeros((4, 0))}

@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sampled_loops import arm, gains, reduced, swinging
 
-from adaptctl.control import Guarded, SlotineLi
+from adaptctl.control import SafetyFilter, SlotineLi
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import AdaptctlError, FileError, InputError
 from adaptctl.simulation import Rollout, rollout, simulate
@@ -37,8 +37,8 @@ def environment(duration: float = 2.5) -> TrackingEnv:
 
 
 @lru_cache
-def law() -> Guarded:
-    return Guarded(SlotineLi(reduced(ARM), 8.0, gains(ARM).damping, np.full(15, 0.01)), 60.0)
+def law() -> SafetyFilter:
+    return SafetyFilter(SlotineLi(reduced(ARM), 8.0, gains(ARM).damping, np.full(15, 0.01)), 60.0)
 
 
 @lru_cache
@@ -46,7 +46,7 @@ def whole() -> Rollout:
     return simulate(environment(), law(), seed=3)
 
 
-def require_samples(run: Rollout, chosen: Any, of: Rollout, tolerance: float = 0.0) -> None:
+def validate_samples(run: Rollout, chosen: Any, of: Rollout, tolerance: float = 0.0) -> None:
     """Every array of a run is that of another at the samples chosen."""
     for field in fields(Rollout):
         got, wanted = getattr(run, field.name), getattr(of, field.name)
@@ -54,9 +54,9 @@ def require_samples(run: Rollout, chosen: Any, of: Rollout, tolerance: float = 0
             assert not got.flags.writeable
             scale = np.abs(wanted).max(initial=1e-300)
             np.testing.assert_allclose(got, wanted[chosen], rtol=0.0, atol=tolerance * scale, err_msg=field.name)
-    assert list(run.marks) == list(of.marks)
-    for name in run.marks:
-        np.testing.assert_array_equal(run.marks[name], of.marks[name][chosen])
+    assert list(run.flags) == list(of.flags)
+    for name in run.flags:
+        np.testing.assert_array_equal(run.flags[name], of.flags[name][chosen])
     assert (run.complete, run.terminated, run.info["time"]) == (of.complete, of.terminated, of.info["time"])
     assert run.info["clipped"] == of.info["clipped"]
 
@@ -64,17 +64,19 @@ def require_samples(run: Rollout, chosen: Any, of: Rollout, tolerance: float = 0
 @pytest.mark.parametrize("every", [1, 7, 2400])
 @pytest.mark.parametrize("last", [None, 1e-3, 0.05, 2.2, 60.0])
 def test_what_is_kept_is_what_would_have_been(every: int, last: float | None) -> None:
-    run = simulate(environment(), law(), seed=3, every=every, last=last)
+    run = simulate(environment(), law(), seed=3, record_every=every, keep_last=last)
     chosen = np.arange(0, 2500, every)[-max(1, round(last / (every * 1e-3))) if last else 0 :]
-    require_samples(run, chosen, whole())
+    validate_samples(run, chosen, whole())
     assert run.every == every
     assert run.duration == pytest.approx(2.5, abs=every * 1e-3)
 
 
 @pytest.mark.parametrize(("every", "last"), [(1, None), (7, None), (3, 0.2)])
 def test_the_gymnasium_loop_keeps_the_same(every: int, last: float | None) -> None:
-    python, native = (drive(environment(0.9), law(), seed=3, every=every, last=last) for drive in (rollout, simulate))
-    require_samples(native, slice(None), python, 1e-9)
+    python, native = (
+        drive(environment(0.9), law(), seed=3, record_every=every, keep_last=last) for drive in (rollout, simulate)
+    )
+    validate_samples(native, slice(None), python, 1e-9)
 
 
 @settings(max_examples=80, deadline=None)
@@ -95,15 +97,15 @@ def test_rows_in_order_are_the_last_of_every_nth(every: int, most: int | None, s
 
 @pytest.mark.parametrize(("every", "last"), [(1, None), (3, 0.1)])
 def test_a_streamed_run_is_all_on_disk(tmp_path: Path, every: int, last: float | None) -> None:
-    run = simulate(environment(), law(), seed=3, every=every, last=last, stream=tmp_path / "run.parquet")
+    run = simulate(environment(), law(), seed=3, record_every=every, keep_last=last, stream=tmp_path / "run.parquet")
     again = Rollout.load(tmp_path / "run.parquet")
     for field in fields(Rollout):
         got, wanted = getattr(again, field.name), getattr(whole(), field.name)
         if isinstance(wanted, np.ndarray):
             np.testing.assert_array_equal(got, wanted[::every], err_msg=field.name)
-    assert list(again.marks) == list(run.marks)
-    for name in again.marks:
-        np.testing.assert_array_equal(again.marks[name], whole().marks[name][::every])
+    assert list(again.flags) == list(run.flags)
+    for name in again.flags:
+        np.testing.assert_array_equal(again.flags[name], whole().flags[name][::every])
     assert (again.every, again.complete, again.control_period) == (every, True, 1e-3)
 
 
@@ -138,10 +140,10 @@ def test_a_file_of_a_run_without_samples_is_refused_as_such(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({"every": 0}, "every: expected a whole number of control periods, at least 1, got 0"),
-        ({"every": 1.5}, "every: expected a whole number"),
-        ({"last": 0.0}, r"last: expected a positive time in s, got 0\.0"),
-        ({"last": np.nan}, "last: expected a positive time in s, got nan"),
+        ({"record_every": 0}, "record_every: expected a whole number of control periods, at least 1, got 0"),
+        ({"record_every": 1.5}, "record_every: expected a whole number"),
+        ({"keep_last": 0.0}, r"keep_last: expected a positive time in s, got 0\.0"),
+        ({"keep_last": np.nan}, "keep_last: expected a positive time in s, got nan"),
     ],
 )
 @pytest.mark.parametrize("drive", [rollout, simulate])
@@ -159,9 +161,9 @@ from adaptctl.simulation import simulate
 def megabytes():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
-simulate(environment(40.0), law(), seed=3, last=1.0, stream=sys.argv[1])
+simulate(environment(40.0), law(), seed=3, keep_last=1.0, stream=sys.argv[1])
 before = megabytes()
-simulate(environment(400.0), law(), seed=3, last=1.0, stream=sys.argv[1])
+simulate(environment(400.0), law(), seed=3, keep_last=1.0, stream=sys.argv[1])
 print(megabytes() - before)
 """
 

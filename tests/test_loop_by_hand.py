@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import adaptctl
-from adaptctl.control import FadedIn, MinimumJerk, ReferencePoint, Sinusoids, Spline
+from adaptctl.control import FadeIn, MinimumJerk, ReferencePoint, Sinusoids, Spline
 
 RNG = np.random.default_rng(0)
 REFERENCES = {
@@ -26,7 +26,7 @@ REFERENCES = {
     "spline": Spline(RNG.normal(size=(9, 3)), np.sort(RNG.uniform(0.5, 4.0, 9))),
     "short spline": Spline(RNG.normal(size=(6, 1)), np.linspace(1.0, 2.0, 6)),
 }
-REFERENCES["faded in"] = FadedIn(REFERENCES["from the start"], np.array([1.5, -1.0]), 1.5)
+REFERENCES["faded in"] = FadeIn(REFERENCES["from the start"], np.array([1.5, -1.0]), 1.5)
 
 
 @pytest.mark.parametrize("name", REFERENCES)
@@ -53,10 +53,10 @@ def cpu(function: Callable[[], object], count: int = 2000) -> float:
     """Processor time (s) of a call, the least of five rounds."""
     best = np.inf
     for _ in range(5):
-        begun = time.process_time()
+        started = time.process_time()
         for _ in range(count):
             function()
-        best = min(best, (time.process_time() - begun) / count)
+        best = min(best, (time.process_time() - started) / count)
     return float(best)
 
 
@@ -77,9 +77,9 @@ def test_what_is_compiled_ahead_takes_no_time_at_the_first_step() -> None:
     arm = adaptctl.load("docs/examples/two_link.toml")
     zero, still = np.zeros(2), ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
     law = adaptctl.ComputedTorque(arm, 3.21).compile()
-    state, begun = law.init(zero, zero), time.process_time()
+    state, started = law.init(zero, zero), time.process_time()
     law.step(state, zero, zero, still)
-    assert time.process_time() - begun < 0.05
+    assert time.process_time() - started < 0.05
     assert law.compile(many=True) is law
     many = np.zeros((8, 2))
     assert law.step(law.init(many, many), many, many, still)[0].shape == (8, 2)
@@ -152,7 +152,7 @@ def learnt(run: adaptctl.Rollout) -> bool:
     return errors[-1] < 0.5 * max(errors)
 
 
-def require_no_lunge(run: adaptctl.Rollout) -> None:
+def validate_no_lunge(run: adaptctl.Rollout) -> None:
     """It begins where the arm stands, at rest and without torque, and moves no faster than its reference."""
     np.testing.assert_array_equal(run.error[0], 0.0)
     np.testing.assert_array_equal(run.reference_v[0], 0.0)
@@ -171,9 +171,9 @@ def test_the_ur_loop_starts_where_the_arm_stands_and_learns(two_link: adaptctl.M
     module.LATE = 10**6  # however busy the machine is
     controller, reference = module.prepared(two_link)
     arm = FakeArm(weightless(two_link), reference.at(0.0).p + away, module.PERIOD)
-    log = adaptctl.RunLogger(2, module.PERIOD, estimates=len(controller.of.model.names))
+    log = adaptctl.RunLogger(2, module.PERIOD, estimates=len(controller.inner.model.names))
     module.control(arm, arm, controller, reference, 8.0, log)
-    require_no_lunge(log.rollout())
+    validate_no_lunge(log.rollout())
     assert learnt(log.rollout())
     assert arm.stopped
     arm.stopped, arm.directTorque = False, lambda torque: False  # type: ignore[method-assign]
@@ -191,7 +191,7 @@ def weightless(arm: adaptctl.Mechanism) -> adaptctl.Mechanism:
 def test_an_arm_that_compensates_its_weight_is_told_of_none(two_link: adaptctl.Mechanism, name: str) -> None:
     """At rest on its reference, with the arm's own parameters as the estimate: no torque."""
     guarded = example(name).prepared(two_link)[0]
-    law = replace(guarded.of, initial=guarded.of.model.fundamental_parameters)
+    law = replace(guarded.inner, initial=guarded.inner.model.fundamental_parameters)
     p, zero = np.array([0.3, 0.2]), np.zeros(2)
     torque, _ = law.step(law.init(p, zero), p, zero, ReferencePoint(p, zero, zero))
     np.testing.assert_allclose(torque, 0.0, atol=1e-12)
@@ -202,7 +202,7 @@ def test_the_ur_loop_gives_up_when_it_cannot_keep_the_clock(two_link: adaptctl.M
     controller, reference = module.prepared(two_link)
     arm = FakeArm(weightless(two_link), reference.at(0.0).p, module.PERIOD)
     arm.waitPeriod = lambda tick: time.sleep(3 * module.PERIOD)  # type: ignore[method-assign]
-    log = adaptctl.RunLogger(2, module.PERIOD, estimates=len(controller.of.model.names))
+    log = adaptctl.RunLogger(2, module.PERIOD, estimates=len(controller.inner.model.names))
     with pytest.raises(RuntimeError, match="more than 5 periods came late"):
         module.control(arm, arm, controller, reference, 5.0, log)
     assert arm.stopped
@@ -217,14 +217,14 @@ def test_the_franka_loop_starts_where_the_arm_stands_learns_and_stops_the_robot_
     assert light.description.gravity.tolist() == [0.0, 0.0, 0.0]
     controller, reference = module.prepared(two_link)
     arm = FakeArm(light, reference.at(0.0).p + away, module.PERIOD)
-    log = adaptctl.RunLogger(2, module.PERIOD, estimates=len(controller.of.model.names))
+    log = adaptctl.RunLogger(2, module.PERIOD, estimates=len(controller.inner.model.names))
 
     def torques(numbers: list[float]) -> SimpleNamespace:
         return SimpleNamespace(torques=numbers, motion_finished=False)
 
     module.control(arm, torques, controller, reference, 8.0, log)
     run = log.rollout()
-    require_no_lunge(run)
+    validate_no_lunge(run)
     assert np.abs(np.diff(run.torque, axis=0, prepend=0.0)).max() <= 950.0 * module.PERIOD
     assert learnt(run)
     assert not arm.stopped

@@ -208,12 +208,15 @@ def test_kinetic_energy_mass_matrix_and_regressors_agree(name: str, seed: int) -
     assert error < 1e-11 * np.linalg.cond(M) * max(1.0, np.abs(torque).max() / np.abs(M).max())
     Y = mechanism.slotine_li_regressor(p, v, w, a)
     motion = equations(mechanism).motion(*map(column, (q, v, w, a)))
-    torque, powers = floats(motion.torque(column(D))), floats(motion.powers(column(s), range(len(D))))
+    torque, powers = (
+        floats(motion.torque(column(D))),
+        floats(motion.regressor_transpose_product(column(s), range(len(D)))),
+    )
     np.testing.assert_allclose(torque, Y @ D, rtol=0, atol=1e-11 * np.abs(Y @ D).max())
     np.testing.assert_allclose(powers, Y.T @ s, rtol=0, atol=1e-11 * np.abs(Y).max() * np.abs(s).max())
     again = equations(mechanism).remembered(motion.numbers)
     assert len(motion.numbers) == len(equations(mechanism).motion_memory.sources)
-    np.testing.assert_array_equal(floats(again.powers(column(s), range(len(D)))), powers)
+    np.testing.assert_array_equal(floats(again.regressor_transpose_product(column(s), range(len(D)))), powers)
 
 
 def by_projection(mechanism: Mechanism, q: Array, v: Array, torque: Array) -> Array:

@@ -52,7 +52,7 @@ def runs(name: str, controller: Controller[Any], effects: list[Effect], every: i
     references = [swinging(mechanism, seed=k, amplitude=0.3) for k in range(MEMBERS)]
     substeps = 50 if any(isinstance(one, ElasticJoints) for one in effects) else 1
     plant = Plant(mechanism, 1e-3, effects=effects, substeps=substeps)
-    return simulate_many(plant, controller, references, duration=0.2, parameters=parameters, every=every)
+    return simulate_many(plant, controller, references, duration=0.2, parameters=parameters, record_every=every)
 
 
 def recorded(controller: SlotineLi, found: Rollouts, name: str, m: int) -> Array:

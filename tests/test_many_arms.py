@@ -22,18 +22,18 @@ from adaptctl.control import (
     CompositeLearning,
     ComputedTorque,
     ConcurrentLearning,
-    ConsistentLift,
+    ConsistentAdaptation,
     Controller,
-    Guarded,
     Natural,
     PassivityIntegral,
     PDGravity,
     ReferencePoint,
+    SafetyFilter,
     SlotineLi,
     TaskSpaceSlotineLi,
     adaptation_gain,
 )
-from adaptctl.control.memory import leaves, like
+from adaptctl.control.pytree import leaves, like
 from adaptctl.errors import InputError, NonFiniteError
 
 PUMA, LOOP = "puma560_arm3", "semi_direct_drive"
@@ -52,15 +52,15 @@ LAWS: dict[str, Callable[[str], Controller[Any]]] = {
     "gradient": slotine_li,
     "composite": lambda name: slotine_li(name, Composite(gain(name), 0.1)),
     "forgetting": lambda name: slotine_li(name, BoundedGainForgetting(gain(name))),
-    "composite learning": lambda name: slotine_li(name, CompositeLearning(gain(name), 0.1, alarm=0.5)),
+    "composite learning": lambda name: slotine_li(name, CompositeLearning(gain(name), 0.1, reset_power=0.5)),
     "concurrent learning": lambda name: slotine_li(
-        name, ConcurrentLearning(gain(name), 0.1, samples=2, threshold=1e-3)
+        name, ConcurrentLearning(gain(name), 0.1, stack_size=2, novelty_threshold=1e-3)
     ),
     "lift": lambda name: SlotineLi(
         reduced(name),
         8.0,
         gains(name).damping,
-        ConsistentLift(0.1, arm(name).inertial_parameters, 0.1),
+        ConsistentAdaptation(0.1, arm(name).inertial_parameters, 0.1),
         reduced(name).fundamental_parameters,
     ),
     "natural": lambda name: SlotineLi(
@@ -79,14 +79,14 @@ LAWS: dict[str, Callable[[str], Controller[Any]]] = {
     ),
     "computed torque": lambda name: ComputedTorque(arm(name), 8.0),
     "pd": lambda name: PDGravity.on(reduced(name), 300.0, gains(name).damping),
-    "guarded": lambda name: Guarded(slotine_li(name), torque_limits=40.0, rate_limits=20_000.0),
-    "guarded learning": lambda name: Guarded(
+    "guarded": lambda name: SafetyFilter(slotine_li(name), torque_limits=40.0, rate_limits=20_000.0),
+    "guarded learning": lambda name: SafetyFilter(
         slotine_li(name, CompositeLearning(gain(name), 0.1)), torque_limits=40.0, rate_limits=20_000.0
     ),
-    "guarded stack": lambda name: Guarded(
-        slotine_li(name, ConcurrentLearning(gain(name), 0.1, samples=2, threshold=1e-3)), torque_limits=40.0
+    "guarded stack": lambda name: SafetyFilter(
+        slotine_li(name, ConcurrentLearning(gain(name), 0.1, stack_size=2, novelty_threshold=1e-3)), torque_limits=40.0
     ),
-    "guarded lift": lambda name: Guarded(LAWS["lift"](name), torque_limits=40.0),
+    "guarded lift": lambda name: SafetyFilter(LAWS["lift"](name), torque_limits=40.0),
 }
 ON_ONE = {
     "natural": PUMA,
@@ -164,7 +164,7 @@ def test_leading_axes_are_arms_and_a_reference_may_be_for_all(controller: Slotin
     torque, state = controller.step(controller.init(*grid), *grid, shared)
     np.testing.assert_array_equal(torque, flat.reshape(2, 3, 3))
     assert state.estimate.shape == (2, 3, len(controller.model.columns))
-    again, _ = controller.step(state._replace(elapsed=np.zeros(1)), *grid, shared)
+    again, _ = controller.step(state._replace(dt=np.zeros(1)), *grid, shared)
     np.testing.assert_allclose(again, torque, rtol=1e-12)
 
 
@@ -214,15 +214,15 @@ def test_arms_can_start_anew(name: str) -> None:
     (p, v, goal), (p1, v1, _) = situations(name, 5, ticks=2)
     again = np.array([False, True, False, True, False])
     _, state = law.step(law.init(p, v), p, v, goal)
-    restarted = law.restart(state, again, p1, v1)
+    restarted = law.reset(state, again, p1, v1)
     for leaf, old, new in zip(*map(leaves, (restarted, state, law.init(p1, v1))), strict=True):
         np.testing.assert_array_equal(leaf[again], new[again])
         np.testing.assert_array_equal(leaf[~again], old[~again])
-    assert law.restart(state, ~(again | True), p1, v1) is state
+    assert law.reset(state, ~(again | True), p1, v1) is state
     for mask, p, v in ((np.array([1, 3]), p1, v1), (again, p1, v1[:3]), (again & False, p1[:, :1], v1)):
         got = f"got p {p.shape}, v {v.shape} and a mask of {mask.dtype} {mask.shape}"
         with pytest.raises(InputError, match=re.escape(got)):
-            law.restart(state, mask, p, v)
+            law.reset(state, mask, p, v)
 
 
 def test_one_bad_arm_is_named_and_the_state_given_is_kept(controller: SlotineLi) -> None:
@@ -244,7 +244,7 @@ def test_one_bad_arm_is_named_and_the_state_given_is_kept(controller: SlotineLi)
 
 def test_a_guarded_arm_brakes_alone() -> None:
     law = slotine_li(PUMA)
-    guarded = Guarded(law)
+    guarded = SafetyFilter(law)
     p, v, goal = situations(PUMA, 9)[0]
     spoilt = p.copy()
     spoilt[4] = np.nan
@@ -253,7 +253,7 @@ def test_a_guarded_arm_brakes_alone() -> None:
     others = np.arange(9) != 4
     np.testing.assert_array_equal(torque[others], sound[others])
     np.testing.assert_allclose(torque[4], -np.asarray(guarded.stop_damping) * v[4])
-    np.testing.assert_array_equal(state.marks.stopped[:, 0], ~others)
+    np.testing.assert_array_equal(state.flags.stopped[:, 0], ~others)
 
 
 @pytest.mark.parametrize(
@@ -279,8 +279,8 @@ def test_states_of_other_arms_are_refused(controller: SlotineLi) -> None:
     p, v, goal = situations(PUMA, 5)[0]
     with pytest.raises(InputError, match=r"state: expected shape \(5, \d+\) or \(\d+,\), got \(4, \d+\)"):
         controller.step(controller.init(p[:4], v[:4]), p, v, goal)
-    state = controller.init(p[0], v[0])._replace(elapsed=np.zeros(2))
-    with pytest.raises(InputError, match=r"SlotineLi: argument 'state\.elapsed': expected shape \(1,\), got \(2,\)"):
+    state = controller.init(p[0], v[0])._replace(dt=np.zeros(2))
+    with pytest.raises(InputError, match=r"SlotineLi: argument 'state\.dt': expected shape \(1,\), got \(2,\)"):
         controller.step(state, p[0], v[0], ReferencePoint(*(part[0] for part in goal)))
 
 

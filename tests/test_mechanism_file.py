@@ -115,10 +115,10 @@ def test_links_joints_and_frames(tmp_path: Path) -> None:
     assert extra.joint.kind is JointKind.CONTINUOUS
     limits = wheel.joint.limits
     assert (limits.lower, limits.upper, limits.velocity, limits.effort) == (-math.pi / 2, math.pi, 3, 4)
-    np.testing.assert_array_equal(wheel.near.rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    assert wheel.far == Pose(roll_pitch_yaw([0.1, 0.2, 0.3]), np.array([0, 0, 0.1]))
-    assert extra.near == Pose(roll_pitch_yaw([0.4, 0.5, 0.6]), np.zeros(3))
-    np.testing.assert_array_equal(rod.near.translation, [0.2, 0, 0])
+    np.testing.assert_array_equal(wheel.parent_to_joint.rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    assert wheel.joint_to_link == Pose(roll_pitch_yaw([0.1, 0.2, 0.3]), np.array([0, 0, 0.1]))
+    assert extra.parent_to_joint == Pose(roll_pitch_yaw([0.4, 0.5, 0.6]), np.zeros(3))
+    np.testing.assert_array_equal(rod.parent_to_joint.translation, [0.2, 0, 0])
     np.testing.assert_array_equal(piston.joint.axis, [1, 0, 0])
     np.testing.assert_array_equal(rod.inertia, [2, 0.3, 0, 0, 0.1, 0.01, 0.2, 0, 0, 0.2])
     np.testing.assert_array_equal(wheel.inertia, np.zeros(10))
@@ -212,7 +212,7 @@ def test_a_file_is_read_by_the_schema_it_names(tmp_path: Path) -> None:
         'schema = "adaptctl/denavit-hartenberg/1"\nconvention = "standard"\nlinks = [{ alpha = 0, a = 1 }]\n'
     )
     assert read(tmp_path / "tree.toml").links[1].parent == 0
-    np.testing.assert_array_equal(read(tmp_path / "chain.toml").links[0].far.translation, [1, 0, 0])
+    np.testing.assert_array_equal(read(tmp_path / "chain.toml").links[0].joint_to_link.translation, [1, 0, 0])
     (tmp_path / "wrong.toml").write_text(TREE.replace("mechanism/1", "mechanism/9"))
     wanted = r"wrong\.toml: Invalid .* at `\$.schema`; expected one of 'adaptctl/denavit-h.*', 'adaptctl/mechanism/1'"
     with pytest.raises(FileError, match=wanted):

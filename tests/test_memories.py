@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from adaptctl.control.memory import in_one_array, leaves, like, paths
+from adaptctl.control.pytree import leaves, like, packed_state, paths
 
 
 class Nothing(NamedTuple):
@@ -55,7 +55,7 @@ def sized(memory: tuple[Any, ...], arms: tuple[int, ...]) -> tuple[Any, ...]:
 
 def in_one(memory: tuple[Any, ...], arms: tuple[int, ...]) -> Any:
     array = np.concatenate([*leaves(memory), np.zeros((*arms, 0))], axis=-1)
-    return in_one_array(memory)._of(array)
+    return packed_state(memory)._of(array)
 
 
 def same(one: Any, other: Any) -> bool:
@@ -74,7 +74,7 @@ def test_a_memory_in_one_array_has_the_same_parts(memory: tuple[Any, ...], arms:
     assert list(paths(together)) == list(paths(apart))
     for name in getattr(apart, "_fields", ()):
         assert same(getattr(together, name), getattr(apart, name))
-    assert in_one_array(apart) is in_one_array(together) or not together  # one type a layout
+    assert packed_state(apart) is packed_state(together) or not together  # one type a layout
 
 
 @pytest.mark.parametrize("memory", MEMORIES)

@@ -242,6 +242,6 @@ def test_loops_of_a_compiled_model_are_those_of_its_file(tmp_path: Path) -> None
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
     made = Path(tempfile.mkdtemp(prefix="mutants-"))
-    begun = time.process_time()
+    started = time.process_time()
     found, longest, wrong = mutants(int(sys.argv[1]), int((*sys.argv, "1")[2]), made)
-    print(dict(found), f"slowest {longest:.2f} s, in all {time.process_time() - begun:.0f} s", *wrong[:40], sep="\n")
+    print(dict(found), f"slowest {longest:.2f} s, in all {time.process_time() - started:.0f} s", *wrong[:40], sep="\n")

@@ -60,11 +60,11 @@ def prediction_error(name: str, period: float) -> float:
         found = filtered.predicted(model, now, Filtered(rows, last))
         return (Column(x for row in found.rows for x in row), *found.after)
 
-    size = len(filtered.start(model, mechanism.configuration(mechanism.home), np.zeros(r)).regressor)
+    size = len(filtered.start(model, mechanism.configuration(mechanism.neutral_configuration), np.zeros(r)).regressor)
     assert size < r * k  # no joint feels the links that carry it
     native = compile_function(predicted, {"q": n, "v": r, "torque": r, "rows": size, "last": r})
     reference, body = swinging(mechanism), plant(mechanism, period)
-    controller = SlotineLi(model, 8.0, gains(name).damping, period=period, initial=model.fundamental_parameters)
+    controller = SlotineLi(model, 8.0, gains(name).damping, control_period=period, initial=model.fundamental_parameters)
     state = body.init(reference(0.0).p + 0.1, reference(0.0).v)
     memory, held, kept = controller.init(state.p, state.v), np.zeros(r), tuple(filtered.start(model, state.q, state.v))
     worst = largest = 0.0

@@ -27,7 +27,7 @@ def test_models_that_are_made_keep_limits_of_one_side_too(kind: JointKind, limit
     arm = Mechanism(Description("one", (replace(link, joint=replace(link.joint, kind=kind, limits=limits)),)))
     (joint,) = Mechanism.from_mujoco(arm.to_mujoco()).primary_joints
     assert joint.limits == limits
-    assert joint.kind.turns == kind.turns
+    assert joint.kind.is_revolute == kind.is_revolute
 
 
 def test_a_side_of_a_range_that_is_far_away_limits_nothing(tmp_path: Path) -> None:

@@ -188,7 +188,7 @@ def test_a_full_disk_is_done_without(folder: Path) -> None:
 
 
 def test_a_disk_that_gets_full_while_writing_leaves_nothing(tmp_path: Path) -> None:
-    """Half of the object fits, then none: what was begun is removed, and the next that fits is kept."""
+    """Half of the object fits, then none: what was started is removed, and the next that fits is kept."""
     beside = tmp_path / "cache"
     beside.mkdir(mode=0o700)
     run(f"""

@@ -15,7 +15,7 @@ from nightly import mostly_at_night
 from adaptctl.arrays import Array, stacked
 from adaptctl.compilation import compile_function, compile_step, trace
 from adaptctl.control import PriorRanges, ReferencePoint, SlotineLi, Subspace, adaptation_gain
-from adaptctl.control.memory import leaves, like
+from adaptctl.control.pytree import leaves, like
 from adaptctl.dynamics import equation_costs, load
 from adaptctl.dynamics.recursion.energy import momentum_terms
 from adaptctl.errors import InputError, TraceError
@@ -47,7 +47,7 @@ def equations(name: str) -> dict[str, Equation]:
     motion = ("q", "v", "v_r", "a_r")
 
     def remembered(q: Column, v: Column, w: Column, a: Column, s: Column) -> tuple[Column]:
-        return (e.remembered(e.motion(q, v, w, a).numbers).powers(s, kept),)
+        return (e.remembered(e.motion(q, v, w, a).numbers).regressor_transpose_product(s, kept),)
 
     return {
         "energy": Equation(lambda q, v: (e.energy_regressor(q, v),), ("q", "v")),
@@ -57,7 +57,9 @@ def equations(name: str) -> dict[str, Equation]:
         "momentum": Equation(lambda q, v: sum(map(tuple, momentum_terms(e, q, v, kept)), ()), ("q", "v")),
         "regressor": Equation(lambda *moving: tuple(e.torque_regressor(*moving, kept)), motion),
         "torque": Equation(lambda q, v, w, a, D: (e.inverse_dynamics(q, v, w, a, D),), (*motion, "D")),
-        "powers": Equation(lambda q, v, w, a, s: (e.motion(q, v, w, a).powers(s, kept),), (*motion, "s")),
+        "powers": Equation(
+            lambda q, v, w, a, s: (e.motion(q, v, w, a).regressor_transpose_product(s, kept),), (*motion, "s")
+        ),
         "remembered powers": Equation(remembered, (*motion, "s")),
         "mass matrix": Equation(lambda q, D: tuple(map(Column, e.mass_matrix(q, D))), ("q", "D")),
         "forward": Equation(lambda q, v, t, D: (e.forward_dynamics(q, v, t, D),), ("q", "v", "torque", "D")),
@@ -74,7 +76,7 @@ NAMES = [
 def adaptive_tick(model: ReducedModel) -> Equation:
     """A whole control law, with its memory."""
     law = SlotineLi(model, 8.0, 0.05, adaptation_gain(model, PriorRanges()))
-    blank = law.start(law.home, np.zeros(law.dof))
+    blank = law.initial_state(law.neutral_configuration, np.zeros(law.dof))
 
     def tick(p: Column, v: Column, *rest: Column) -> tuple[Column, ...]:
         torque, after = law.law(p, v, ReferencePoint(*rest[:3]), like(blank, rest[3:]))
@@ -87,7 +89,7 @@ def inputs(name: str, given: tuple[str, ...], samples: int) -> list[Array]:
     model, rng = reduced(name), np.random.default_rng(3)
     mechanism = model.mechanism
     tree = mechanism.continuation is None
-    p = mechanism.home + rng.normal(size=(samples, mechanism.dof)) * (1.0 if tree else 0.02)
+    p = mechanism.neutral_configuration + rng.normal(size=(samples, mechanism.dof)) * (1.0 if tree else 0.02)
     known = {
         "p": p,
         "q": mechanism.configuration(p),
@@ -148,7 +150,9 @@ def test_lanes_agree_with_arrays(name: str, what: str, lanes: int) -> None:
     arrays = inputs(name, given, 11)
     expected = stacked(flat(function(*map(column, arrays))), (11,))
     held = {f"x{i}": array.shape[-1] for i, array in enumerate(arrays)}
-    stepper = compile_step(lambda **named: (Column(flat(function(*named.values()))),), state={}, held=held, lanes=lanes)
+    stepper = compile_step(
+        lambda **named: (Column(flat(function(*named.values()))),), state={}, constants=held, lanes=lanes
+    )
     ensemble = stepper.ensemble(11)
     for key, values in zip(held, arrays, strict=True):
         ensemble.held[key] = values

@@ -102,7 +102,7 @@ def test_each_measurement_has_noise_of_its_own(both: Mechanism) -> None:
 
 
 def test_clipped_is_a_torque_beyond_the_plants_limits_and_nothing_else(both: Mechanism) -> None:
-    """Effects that make less of a torque have marks of their own."""
+    """Effects that make less of a torque have flags of their own."""
     plant = Plant(both, DT, effects=[TorqueRateLimit([100.0, 100.0]), TorqueLimit(6.0)])
     for torque, clipped, applied in (
         ([0.5, 0.5], False, [0.5, 0.5]),
@@ -113,7 +113,7 @@ def test_clipped_is_a_torque_beyond_the_plants_limits_and_nothing_else(both: Mec
         state = plant.step(plant.init([0.0, 0.0], [0.0, 0.0]), torque)
         assert bool(state.clipped) is clipped
         np.testing.assert_allclose(state.applied, applied, rtol=1e-13)
-        limited = dict(zip(plant.marks, state.marks.tolist(), strict=True))
+        limited = dict(zip(plant.flags, state.flags.tolist(), strict=True))
         assert limited["rate_limited"] == float(np.abs(torque).max() > 1.0)
     fast = Plant(both, DT, effects=[TorqueLimit(6.0)])
     state = fast.step(fast.init([0.0, 0.0], [0.0, 0.0]), [7.0, 0.0])
@@ -128,7 +128,7 @@ def test_runs_count_what_was_clipped_and_not_what_drives_are_too_slow_for(both: 
     options = {"initial_error": [0.1, -0.1]}
     for drive in (simulate, rollout):
         run = drive(env, law, options=options)
-        assert run.marks["rate_limited"].any()
+        assert run.flags["rate_limited"].any()
         assert not run.clipped.any()
 
 
@@ -138,5 +138,5 @@ def test_the_last_seconds_are_as_many_samples_as_fit_them_best(both: Mechanism, 
     law = PDGravity(both, [4.0, 4.0], [1.0, 1.0])
     env = TrackingEnv(both, Sinusoids([0.0, 0.0], [0.1, 0.1], [1.0, 1.0]), control_period=DT, duration=0.5)
     for drive in (simulate, rollout):
-        run = drive(env, law, seed=0, last=last)
+        run = drive(env, law, seed=0, keep_last=last)
         np.testing.assert_allclose(run.time, DT * np.arange(50 - kept, 50), atol=1e-12)

@@ -181,10 +181,10 @@ def test_loggers_that_are_refused(settings: dict[str, Any], message: str) -> Non
 def test_a_logged_sample_costs_microseconds() -> None:
     log, zero = adaptctl.RunLogger(6, PERIOD, estimates=36), np.zeros(6)
     point, estimate = ReferencePoint(zero, zero, zero), np.zeros(36)
-    begun = time.process_time()
+    started = time.process_time()
     for _ in range(20_000):
         log.append(0.0, zero, zero, point, zero, zero, estimate)
-    assert time.process_time() - begun < 20_000 * 1e-4  # a tenth of a control period, on any machine
+    assert time.process_time() - started < 20_000 * 1e-4  # a tenth of a control period, on any machine
 
 
 @pytest.fixture(scope="module")

@@ -194,7 +194,7 @@ def test_the_keys_of_json_are_documented() -> None:
 def test_the_columns_of_a_trace_are_documented() -> None:
     arm = adaptctl.load(ROOT / "docs" / "examples" / "two_link.toml")
     made = comparison(arm, samples=20)
-    run = replace(made.subject, rollout=replace(made.subject.rollout, marks={"torque_limited": np.zeros(20)}))
+    run = replace(made.subject, rollout=replace(made.subject.rollout, flags={"torque_limited": np.zeros(20)}))
     columns = {column.name.split(".")[0] for column in quantities(run, arm, made.basis.names)}
     assert {name.split(".")[0] for name in first_column("### trace.parquet", "`pandas.read")} == columns
 

@@ -69,7 +69,7 @@ TABLE = Table(("what & why", "value"), ROWS, title="Numbers", note="In metres.",
 
 
 def report(complete: bool = True) -> Report:
-    marks = Table(
+    flags = Table(
         ("kept", "mass"), [("link1", True), ("link2", False)], layout=TableLayout.GRID, marks=("stays", "goes")
     )
     cells = Table(
@@ -80,7 +80,7 @@ def report(complete: bool = True) -> Report:
         ],
         layout=TableLayout.ROWS,
     )
-    parts = ("A paragraph with <names>.", TABLE, marks, cells, Drawing("line", 'A "line".', line))
+    parts = ("A paragraph with <names>.", TABLE, flags, cells, Drawing("line", 'A "line".', line))
     lines = (Lines(["m1 + m2"], ["m3"]), Lines(["one", "other"], bullets=True), Note("a hand.", head="By"))
     return Report(
         experiment="by-hand",

@@ -73,15 +73,15 @@ def plain_recursion(d: Description, q: np.ndarray, v: np.ndarray, a: np.ndarray)
         frames, jacobians, out = [], [], []
         for i, link in enumerate(d.links):
             base = Pose.identity() if link.parent == GROUND else frames[link.parent]
-            joint, axis = base @ link.near, link.joint.axis
-            turn = rotation_about(axis, place[i]) if link.joint.kind.turns else np.eye(3)
-            slide = np.zeros(3) if link.joint.kind.turns else axis * place[i]
-            frames.append(joint @ Pose(turn, slide) @ link.far)
+            joint, axis = base @ link.parent_to_joint, link.joint.axis
+            turn = rotation_about(axis, place[i]) if link.joint.kind.is_revolute else np.eye(3)
+            slide = np.zeros(3) if link.joint.kind.is_revolute else axis * place[i]
+            frames.append(joint @ Pose(turn, slide) @ link.joint_to_link)
             inherited = [] if link.parent == GROUND else jacobians[link.parent]
             jacobians.append([*inherited, (i, joint.rotation @ axis, joint.translation)])
             linear, angular = np.zeros((3, n)), np.zeros((3, n))
             for k, world_axis, point in jacobians[i]:
-                turning = d.links[k].joint.kind.turns
+                turning = d.links[k].joint.kind.is_revolute
                 angular[:, k] = world_axis if turning else 0.0
                 arm = frames[i].translation - point
                 linear[:, k] = np.cross(world_axis, arm) if turning else world_axis

@@ -157,7 +157,7 @@ def exact_in_floats(mechanism: Mechanism) -> ExactGeometry:
 )
 def test_the_built_in_arms(name: str, rank: int, method: str) -> None:
     space = essential_space(load(name), prove=True)
-    assert (space.rank, space.certificate.rank_exact, space.certificate.exact_by) == (rank, rank, method)
+    assert (space.rank, space.certificate.rank_exact, space.certificate.proof_method) == (rank, rank, method)
     assert str(space.certificate).endswith(f"; the same exactly, over {method}")
     assert fundamental_basis(space, prove=True).columns == fundamental_basis(space).columns
 
@@ -182,7 +182,7 @@ def test_trees_against_the_oracle(seed: int, links: int, branched: bool, shuffle
         assert space.proof is not None
         assert space.proof.keeps(kept, order)
         found = space.null_space.regrouping(order, 1e-3)
-        assert found.passed_over or found.kept == kept
+        assert found.kept_despite_priority or found.kept == kept
 
 
 @settings(max_examples=3, deadline=None)
@@ -208,7 +208,7 @@ def test_what_is_nearly_special_is_right_or_refused(seed: int) -> None:
 
 def right_or_refused(case: Case, rank: int, near: str) -> bool:
     try:
-        return essential_space(case.mechanism(), near=near).rank == rank  # type: ignore[arg-type]
+        return essential_space(case.mechanism(), near_singular=near).rank == rank  # type: ignore[arg-type]
     except RankError:
         return True
 
@@ -263,7 +263,7 @@ def test_relations_among_parameters() -> None:
     related = Constraints(relations=(Relation({"link4.I_zz": 3.0, "link5.I_yy": -1.0}), Relation({"link6.mc_x": 1.0})))
     space = essential_space(constrained(puma, related))
     assert space.rank == space.certificate.rank_exact < 36
-    assert fundamental_basis(space, prove=True).passed_over == ()
+    assert fundamental_basis(space, prove=True).kept_despite_priority == ()
 
 
 def test_the_proof_is_made_where_it_is_cheap_or_asked_for() -> None:
@@ -310,7 +310,11 @@ def test_a_skew_frame_hides_no_parallel_axes() -> None:
     plain = planar_arm(rng)
     frames = [skew() for _ in plain]
     links = [
-        replace(link, near=(Pose.identity() if i == 0 else frames[i - 1].inverse) @ link.near, far=link.far @ frames[i])
+        replace(
+            link,
+            parent_to_joint=(Pose.identity() if i == 0 else frames[i - 1].inverse) @ link.parent_to_joint,
+            joint_to_link=link.joint_to_link @ frames[i],
+        )
         for i, link in enumerate(plain)
     ]
     mechanism = Mechanism(Description("skew", tuple(links), np.array([0.0, -9.81, 0.0])))
@@ -329,7 +333,7 @@ def planar_arm(rng: np.random.Generator) -> list[Link]:
 def test_right_angles_of_eleven_digits_are_right_ones() -> None:
     """TIAGo's wrist is turned by several angles of 1.57079632679, whose misses add up."""
     basis = fundamental_basis(essential_space(load(urdf("tiago.urdf"))), prove=True)
-    assert (basis.rank, basis.passed_over) == (310, ())
+    assert (basis.rank, basis.kept_despite_priority) == (310, ())
 
 
 @settings(max_examples=15, deadline=None)
@@ -379,11 +383,11 @@ def test_what_floats_keep_and_exact_geometry_removes_is_told_or_refused(monkeypa
     expected = set.difference(*map(set, both))
     for prove in (True, False):
         found = fundamental_basis(mixed, prove=prove)
-        assert set(found.passed_over) == {bent.parameter_names[j] for j in expected}
+        assert set(found.kept_despite_priority) == {bent.parameter_names[j] for j in expected}
     backward = space.null_space.regrouping(order[::-1], 1e-6)
     with pytest.raises(RankError, match=r"arm: on exact geometry, over a prime field, this priority removes link"):
         _kept_against_the_order(space, backward, order, False, 1e-6)
 
 
 def bend(links: list[Link], near: Pose) -> list[Link]:
-    return [links[0], *(replace(link, near=near) for link in links[1:])]
+    return [links[0], *(replace(link, parent_to_joint=near) for link in links[1:])]

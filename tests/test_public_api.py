@@ -14,7 +14,7 @@ import pytest
 import adaptctl
 from adaptctl import control, description, design, identifiability
 from adaptctl.control import adaptation
-from adaptctl.packages import homes
+from adaptctl.optional_packages import homes
 from adaptctl.simulation import effects
 
 LAZY = (adaptctl, description, identifiability, control, adaptation, effects, design)

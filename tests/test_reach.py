@@ -23,7 +23,7 @@ def ancestors(mechanism: Mechanism, link: int) -> list[int]:
 def test_no_end_is_farther_from_a_joint_than_its_reach(seed: int, links: int) -> None:
     """At zero, where a prismatic joint has not moved; elsewhere turning joints keep all lengths."""
     mechanism = random_tree(seed, links)
-    turns = np.array([link.joint.kind.turns for link in mechanism.links])
+    turns = np.array([link.joint.kind.is_revolute for link in mechanism.links])
     p = np.where(turns, np.random.default_rng(seed).normal(size=links), 0.0)
     poses, joints, behind = link_poses(mechanism, p), joint_axes(mechanism, p).positions, reach_behind(mechanism.links)
     for i, link in enumerate(mechanism.links):
@@ -40,7 +40,8 @@ def test_the_pumas_reach() -> None:
     puma = load("puma560_measured")
     behind = reach_behind(puma.links)
     steps = [
-        np.linalg.norm(b.near.translation - joint_line(a)[0]) for a, b in zip(puma.links, puma.links[1:], strict=False)
+        np.linalg.norm(b.parent_to_joint.translation - joint_line(a)[0])
+        for a, b in zip(puma.links, puma.links[1:], strict=False)
     ]
     np.testing.assert_allclose(behind[:-1] - behind[1:], steps, atol=1e-15)
     assert 0.43 < steps[1] < 0.46

@@ -60,7 +60,7 @@ def test_a_run_that_is_missing_has_a_dash_in_the_answer_on_friction() -> None:
 def test_a_payload_is_learned_and_forgotten() -> None:
     """From a rough model these come back after either event; the same without adaptation does not."""
     laws = ("gradient", "natural")
-    content = shown(Laws(disturbance="payload", laws=laws, duration=24.0, start=6.0, stop=15.0))
+    content = shown(Laws(disturbance="payload", laws=laws, duration=24.0, payload_start=6.0, payload_stop=15.0))
     for law in laws:
         assert 0.0 <= found(content, f"return_after_pickup.{law}") < (8.0 if law == "gradient" else 5.0)
         assert 0.0 <= found(content, f"return_after_drop.{law}") < 5.0
@@ -71,7 +71,7 @@ def test_a_payload_is_learned_and_forgotten() -> None:
 
 def test_without_excitation_the_gradient_drifts_and_a_leak_holds() -> None:
     laws = ("sigma-modification", "gradient")
-    settings = {"seed": 2, "duration": 60.0, "control_period": 4e-3, "noise": 4e-4, "leakage": 1.0}
+    settings = {"seed": 2, "duration": 60.0, "control_period": 4e-3, "position_noise": 4e-4, "leakage": 1.0}
     content = shown(
         Laws(disturbance="noise", laws=laws, **settings)
     )  # a loop whose last bits decide its counts: bounds are wide
@@ -89,13 +89,16 @@ def test_where_no_law_adapts_there_is_no_sentence_on_those_that_do() -> None:
     ("make", "message"),
     [
         (
-            lambda: Laws(disturbance="saturation", start=9.0, stop=6.0),
+            lambda: Laws(disturbance="saturation", payload_start=9.0, payload_stop=6.0),
             "after that and within the 20 s of the run, got 9 and 6",
         ),
-        (lambda: Laws(disturbance="payload", start=1.0), "start, stop: expected 2 s before the payload is picked up"),
+        (
+            lambda: Laws(disturbance="payload", payload_start=1.0),
+            "payload_start, payload_stop: expected 2 s before the payload is picked up",
+        ),
         (lambda: Laws(disturbance="payload", laws=("guesswork",)), "laws: unknown law 'guesswork'"),
         (lambda: Laws(disturbance="rain"), "disturbance: expected one of none, payload, noise,"),
-        (lambda: Laws(stiffness=(0.0, 1e3)), "stiffness: expected positive numbers, or 0 alone"),
+        (lambda: Laws(joint_stiffness=(0.0, 1e3)), "joint_stiffness: expected positive numbers, or 0 alone"),
         (lambda: Laws(disturbance="noise", delay=65), "delay: expected a whole number from 0 to 64, got 65"),
     ],
 )
@@ -142,9 +145,9 @@ def test_a_run_becomes_a_folder(tmp_path: Path) -> None:
         str(out),
         "--duration",
         "1",
-        "--start",
+        "--payload-start",
         "0.2",
-        "--stop",
+        "--payload-stop",
         "0.6",
     ]
     assert main(command) == 0
@@ -152,10 +155,10 @@ def test_a_run_becomes_a_folder(tmp_path: Path) -> None:
     assert math.isfinite(content["findings"]["freeze_over_none"]["value"])
     assert (out / "figures" / "parameter-error.png").stat().st_size > 1000
     trace = pq.read_table(out / "trace.parquet")
-    held = trace["mark.payload"].to_numpy()
+    held = trace["flag.payload"].to_numpy()
     np.testing.assert_array_equal(held[[0, 150, 250, 550, 650, 999]], [0.0, 0.0, 4.0, 4.0, 0.0, 0.0])
-    assert trace.schema.field("mark.payload").metadata[b"unit"] == b"kg"
-    assert set(trace["mark.frozen"].to_numpy()) <= {0.0, 1.0}
+    assert trace.schema.field("flag.payload").metadata[b"unit"] == b"kg"
+    assert set(trace["flag.frozen"].to_numpy()) <= {0.0, 1.0}
     page = (out / "report.html").read_text()
     assert "With adaptation frozen while motors saturate, the RMS error of the run is" in page
     assert "<th" in page.partition("rms error after")[0].rpartition("<tr>")[2]  # a column of one table

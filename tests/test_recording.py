@@ -193,7 +193,7 @@ def test_table_is_lossless_and_names_units(folder: Path, shown: Comparison) -> N
 def test_summary_says_how_it_went(folder: Path, shown: Comparison) -> None:
     said = json.loads((folder / "summary.json").read_text(), parse_constant=lambda token: pytest.fail(token))
     run, off = shown.subject.rollout, shown.runs[1].rollout
-    assert said["schema"] == "adaptctl/summary/1"
+    assert said["schema"] == "adaptctl/summary/2"
     assert said["complete"] is True
     assert (said["experiment"], said["robot"], said["seed"]) == ("by-hand", "puma560_measured", 7)
     assert (said["duration"], said["control_period"]) == (3.0, PERIOD)
@@ -352,10 +352,10 @@ def test_skeleton_leads_from_joint_to_joint(robot: str) -> None:
         joint = next(shape for shape in own if shape.solid is Solid.JOINT)
         middle = poses.translations[i] + poses.rotations[i] @ (joint.start + joint.end) / 2.0
         direction = poses.rotations[i] @ (joint.end - joint.start) / joint.length
-        if link.joint.kind.turns:
+        if link.joint.kind.is_revolute:
             np.testing.assert_allclose(middle, axes.positions[i], atol=1e-12)
         np.testing.assert_allclose(direction, axes.directions[i], atol=1e-12)
-        if link.parent >= 0 and np.linalg.norm(link.near.translation) > 1e-6:
+        if link.parent >= 0 and np.linalg.norm(link.parent_to_joint.translation) > 1e-6:
             gaps = [np.linalg.norm(axes.positions[i] - end) for end in reached[link.parent]]
             assert min(gaps) < 1e-9
 

@@ -101,9 +101,9 @@ def test_a_basis_serves_all_arms_of_one_geometry(puma: Mechanism, basis: Fundame
 
 def changed(puma: Mechanism, what: str) -> Mechanism:
     first, second, *rest = puma.links
-    far = Pose(second.far.rotation, second.far.translation + np.array([1e-6, 0.0, 0.0]))
+    far = Pose(second.joint_to_link.rotation, second.joint_to_link.translation + np.array([1e-6, 0.0, 0.0]))
     links = {
-        "length": (first, replace(second, far=far), *rest),
+        "length": (first, replace(second, joint_to_link=far), *rest),
         "name": (first, replace(second, name="upper arm"), *rest),
         "limits": (first, replace(second, joint=replace(second.joint, limits=Limits(-1.0, 1.0))), *rest),
     }.get(what, puma.links)

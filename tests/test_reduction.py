@@ -57,14 +57,16 @@ def test_the_fewest_components_that_suffice(energy_error: float) -> None:
     puma = load("puma560_measured")
     reduction = reduce(essential_space(puma), puma, energy_error=energy_error)
     assert reduction.percent_error <= energy_error
-    assert reduction.kept == 0 or reduction.percent_errors[reduction.kept - 1] > energy_error
+    assert reduction.num_components == 0 or reduction.percent_errors[reduction.num_components - 1] > energy_error
 
 
 def test_weights_depend_on_the_motion(puma: Mechanism, space: EssentialSpace) -> None:
     """Moving slowly, gravity's two components carry nearly all the energy."""
     slow = states_within_limits(puma, 150)
     quiet = essential_space(puma, states=States(slow.p, 1e-3 * slow.v, "slow"))
-    assert reduce(quiet, puma, energy_error=1.0).kept < reduce(space, puma, energy_error=1.0).kept / 3
+    assert (
+        reduce(quiet, puma, energy_error=1.0).num_components < reduce(space, puma, energy_error=1.0).num_components / 3
+    )
 
 
 def test_fewer_components_can_be_asked_for(puma: Mechanism, space: EssentialSpace) -> None:

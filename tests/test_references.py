@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from adaptctl.compilation import compile_function
 from adaptctl.control import MinimumJerk, Reference, ReferencePoint, Sinusoids, Spline
-from adaptctl.control.references import FadedIn, Halted, SinusoidNumbers, sinusoids_at
+from adaptctl.control.references import FadeIn, SinusoidNumbers, StoppedReference, sinusoids_at
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 
@@ -32,23 +32,23 @@ jerks = st.builds(
     times=st.just((0.5, 2.0, 3.5)),
 )
 faded = st.builds(
-    FadedIn, st.one_of(sinusoids, jerks), st.tuples(st.floats(-2, 2), st.floats(-2, 2)), st.sampled_from([0.5, 2.0])
+    FadeIn, st.one_of(sinusoids, jerks), st.tuples(st.floats(-2, 2), st.floats(-2, 2)), st.sampled_from([0.5, 2.0])
 )
 
 
 @settings(max_examples=20, deadline=None)
 @given(faded, st.floats(0.0, 5.0))
-def test_a_reference_fades_in_from_rest_where_the_arm_stands(reference: FadedIn, t: float) -> None:
+def test_a_reference_fades_in_from_rest_where_the_arm_stands(reference: FadeIn, t: float) -> None:
     for time in (-1.0, 0.0):
         point = reference(time)
         np.testing.assert_allclose(point.p, reference.start, rtol=1e-15)
         np.testing.assert_array_equal([point.v, point.a], 0.0)
-    for own, other in zip(reference(reference.over + t), reference.of(reference.over + t), strict=True):
+    for own, other in zip(reference(reference.duration + t), reference.reference(reference.duration + t), strict=True):
         np.testing.assert_allclose(own, other, rtol=1e-12, atol=1e-12)
-    own, other, way = reference(t), reference.of(t), np.abs(reference.of(t).p - reference.start)
+    own, other, way = reference(t), reference.reference(t), np.abs(reference.reference(t).p - reference.start)
     low, high = np.sort([reference.start, other.p], axis=0)
     assert np.all((low - 1e-12 <= own.p) & (own.p <= high + 1e-12))
-    assert np.all(np.abs(own.v) <= 1.875 / reference.over * way + np.abs(other.v) + 1e-12)
+    assert np.all(np.abs(own.v) <= 1.875 / reference.duration * way + np.abs(other.v) + 1e-12)
 
 
 @settings(max_examples=30, deadline=None)
@@ -131,12 +131,15 @@ def test_a_spline_rests_before_its_first_time_and_after_its_last() -> None:
         (lambda: Spline(TEXT, (0.0,)), "positions: expected numbers, got 'a'"),
         (lambda: MinimumJerk(TEXT, (0.0,)), "waypoints: expected numbers, got 'a'"),
         (lambda: MinimumJerk(RAGGED, (0.0, 1.0)), "waypoints: expected numbers, got "),
-        (lambda: Halted(MinimumJerk(((0.0,), (1.0,)), (0.0, 1.0)), TEXT), "halted: stop: expected a number, got 'a'"),
-        (lambda: FadedIn(TEXT, (0.0,)), "faded in: expected a reference, a function of time, got 'a'"),
-        (lambda: FadedIn(Sinusoids((0.0,), (1.0,), (1.0,)), (0.0, 1.0)), r"start: expected shape \(1,\), got \(2,\)"),
-        (lambda: FadedIn(Sinusoids((0.0,), (1.0,), (1.0,)), (np.nan,)), "start: expected finite"),
-        (lambda: FadedIn(Sinusoids((0.0,), (1.0,), (1.0,)), (0.0,), 0.0), "faded in: expected a positive time, got 0"),
-        (lambda: FadedIn(Sinusoids((0.0,), (1.0,), (1.0,)), (0.0,), TEXT), "faded in: over: expected a number"),
+        (
+            lambda: StoppedReference(MinimumJerk(((0.0,), (1.0,)), (0.0, 1.0)), TEXT),
+            "halted: stop: expected a number, got 'a'",
+        ),
+        (lambda: FadeIn(TEXT, (0.0,)), "faded in: expected a reference, a function of time, got 'a'"),
+        (lambda: FadeIn(Sinusoids((0.0,), (1.0,), (1.0,)), (0.0, 1.0)), r"start: expected shape \(1,\), got \(2,\)"),
+        (lambda: FadeIn(Sinusoids((0.0,), (1.0,), (1.0,)), (np.nan,)), "start: expected finite"),
+        (lambda: FadeIn(Sinusoids((0.0,), (1.0,), (1.0,)), (0.0,), 0.0), "faded in: expected a positive time, got 0"),
+        (lambda: FadeIn(Sinusoids((0.0,), (1.0,), (1.0,)), (0.0,), TEXT), "faded in: over: expected a number"),
         (lambda: MinimumJerk(((0.0,),), (0.0,)), "at least two waypoints"),
         (lambda: MinimumJerk(((0.0,), (1.0,)), (1.0, 1.0)), "increasing times"),
     ],

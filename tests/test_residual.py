@@ -58,7 +58,7 @@ def test_it_keeps_gymnasiums_rules(arm: adaptctl.Mechanism) -> None:
 
 def test_what_is_refused(arm: adaptctl.Mechanism) -> None:
     for share in (0.0, 1.5, float("nan")):
-        with pytest.raises(InputError, match="share"):
+        with pytest.raises(InputError, match="residual_scale"):
             residual(arm, share)
     with pytest.raises(InputError, match="observes 2 joints, the controller is for 6"):
         ResidualEnv(residual(arm).env, adaptctl.ComputedTorque(adaptctl.load("puma560_measured"), 8.0))

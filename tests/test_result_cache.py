@@ -17,7 +17,7 @@ import adaptctl
 from adaptctl import ReducedModel, essential_space, fundamental_basis, load
 from adaptctl.compilation import object_cache as result_cache
 from adaptctl.compilation.object_cache import SUFFIX, kept, source_state
-from adaptctl.control import hold_number
+from adaptctl.control import sampling_ratio
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability import Constraints, constrained
 from adaptctl.identifiability.essential_space import EssentialSpace
@@ -178,7 +178,11 @@ def test_a_kept_certificate_and_basis_are_those_that_are_computed(
     bases.append(fundamental_basis(spaces[-1]))
     for space, basis in zip(spaces[:2], bases[:2], strict=True):
         same(space, spaces[2])
-        assert (basis.columns, basis.passed_over, basis.gap) == (bases[2].columns, bases[2].passed_over, bases[2].gap)
+        assert (basis.columns, basis.kept_despite_priority, basis.gap) == (
+            bases[2].columns,
+            bases[2].kept_despite_priority,
+            bases[2].gap,
+        )
         np.testing.assert_array_equal(basis.regrouping, bases[2].regrouping)
         np.testing.assert_array_equal(basis.scales, bases[2].scales)
 
@@ -191,7 +195,7 @@ def test_other_settings_are_other_results(folder: Path) -> None:
     with pytest.raises(InputError, match="method"):
         essential_space(arm, method="guess")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="near"):
-        essential_space(arm, near="far")  # type: ignore[arg-type]
+        essential_space(arm, near_singular="far")  # type: ignore[arg-type]
     with pytest.raises((InputError, RankError)):
         fundamental_basis(space, tolerance=1.0)
 
@@ -209,9 +213,9 @@ def test_a_certificate_is_of_its_constraints(folder: Path) -> None:
 
 def test_a_kept_hold_number_is_the_one_that_is_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     damping = [90.0, 150.0, 70.0, 20.0, 16.0, 18.0]
-    found = [hold_number(load("puma560_measured"), damping, 1e-3, 8.0) for _ in range(2)]
+    found = [sampling_ratio(load("puma560_measured"), damping, 1e-3, 8.0) for _ in range(2)]
     monkeypatch.setenv("ADAPTCTL_CACHE", "off")
-    found.append(hold_number(load("puma560_measured"), damping, 1e-3, 8.0))
+    found.append(sampling_ratio(load("puma560_measured"), damping, 1e-3, 8.0))
     assert len({(each.value, each.joint, tuple(each.p)) for each in found}) == 1
     assert not any(each.p.flags.writeable for each in found)
 

@@ -12,9 +12,9 @@ from adaptctl.scalars import Column
 
 def heard(s: Array) -> list[tuple[float, float]]:
     """Alarm and brake after each row of a sliding variable (T, r)."""
-    state, told = Ringing(*map(Column, Ringing.silent(s.shape[1]))), []
+    state, told = Ringing(*map(Column, Ringing.zero(s.shape[1]))), []
     for row in s:
-        state = state.heard(Column(row.tolist()))
+        state = state.updated(Column(row.tolist()))
         told.append((float(state.alarm), float(state.brake)))
     return told
 

@@ -69,7 +69,7 @@ class Spring(Controller[tuple[()]]):
 
     dof = 1
 
-    def start(self, p: Array, v: Array) -> tuple[()]:
+    def initial_state(self, p: Array, v: Array) -> tuple[()]:
         return ()
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: tuple[()]) -> tuple[Column, tuple[()]]:

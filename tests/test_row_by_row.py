@@ -48,7 +48,7 @@ def asked(arm: Mechanism, p: Array, v: Array, v_r: Array, a: Array) -> dict[str,
 def states(arm: Mechanism, *samples: int) -> Array:
     """Positions, velocities, reference velocities and accelerations."""
     drawn = np.random.default_rng(0).uniform(-0.3, 0.3, (4, *samples, arm.dof))
-    drawn[0] += arm.home
+    drawn[0] += arm.neutral_configuration
     return drawn
 
 

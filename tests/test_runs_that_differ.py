@@ -62,7 +62,7 @@ def test_herds_of_arms_run_as_one_after_the_other(monkeypatch: pytest.MonkeyPatc
     def run() -> Rollouts:
         references = [reference(k) for k in range(11)]
         given = {"gains": {"damping": damping}, "seed": list(range(11)), "p": p}
-        return simulate_many(NOISY, LAW, references, duration=0.1, every=7, v=np.zeros(3), **given)  # type: ignore[arg-type]
+        return simulate_many(NOISY, LAW, references, duration=0.1, record_every=7, v=np.zeros(3), **given)  # type: ignore[arg-type]
 
     whole = run()
     monkeypatch.setattr(sys.modules["adaptctl.simulation.simulate_many"], "HERD", 4)
@@ -73,8 +73,8 @@ def test_herds_of_arms_run_as_one_after_the_other(monkeypatch: pytest.MonkeyPatc
 
 def test_summaries_are_those_of_all_samples() -> None:
     p = np.array([[0.1, -0.1, 0.1], [0.001, 0.0, 0.0], [0.3, 0.3, 0.3]])
-    kept = simulate_many(PLANT, LAW, reference(0), duration=2.5, p=p, v=np.zeros(3), within=0.02)
-    bare = simulate_many(PLANT, LAW, reference(0), duration=2.5, p=p, v=np.zeros(3), within=0.02, every=None)
+    kept = simulate_many(PLANT, LAW, reference(0), duration=2.5, p=p, v=np.zeros(3), tolerance=0.02)
+    bare = simulate_many(PLANT, LAW, reference(0), duration=2.5, p=p, v=np.zeros(3), tolerance=0.02, record_every=None)
     assert bare.p.shape == (0, 3, 3)
     assert bare.time.shape == (0,)
     error = np.abs(kept.error)
@@ -84,14 +84,14 @@ def test_summaries_are_those_of_all_samples() -> None:
         np.testing.assert_allclose(runs.final_rms_error, np.sqrt((error[500:] ** 2).mean(axis=0)), rtol=1e-9)
         np.testing.assert_allclose(runs.largest_error, error.max(axis=0), rtol=1e-12)
         expected = [np.nan if len(x) and x[-1] == 2499 else 1e-3 * (x[-1] + 1) if len(x) else 0.0 for x in last]
-        np.testing.assert_allclose(runs.return_time, expected, atol=1e-12)
+        np.testing.assert_allclose(runs.settling_time, expected, atol=1e-12)
         assert np.isnan(runs.diverged_at).all()
         assert runs.diverged_joint.tolist() == [-1, -1, -1]
 
 
 def test_a_run_that_diverges_tells_when_and_where_and_stops_counting() -> None:
     p, v = np.array([[0.01, 0.0, 0.0], [0.0, 0.02, 0.5]]), np.array([[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    kept = simulate_many(PLANT, LAW, reference(0), duration=0.3, p=p, v=v, beyond=0.05)
+    kept = simulate_many(PLANT, LAW, reference(0), duration=0.3, p=p, v=v, divergence_bound=0.05)
     free = np.abs(simulate_many(PLANT, LAW, reference(0), duration=0.3, p=p, v=v).error)
     assert kept.diverged_at[1] == 0.0
     assert kept.diverged_joint[1] == 2

@@ -50,7 +50,7 @@ def test_the_way_that_is_taken_costs_no_more_than_the_other(
 ) -> None:
     (link,) = random_chain(1, 1).links
     joint = replace(link.joint, kind=JointKind.REVOLUTE, axis=axis)
-    link = replace(link, joint=joint, near=Pose(near, np.zeros(3)), far=Pose(far, np.zeros(3)))
+    link = replace(link, joint=joint, parent_to_joint=Pose(near, np.zeros(3)), joint_to_link=Pose(far, np.zeros(3)))
     chosen = Segment.of(link)
     monkeypatch.setattr(segment, "TURNED", 10**9)  # as one, unless that never costs less
     other = chosen._replace(whole=None) if as_one else Segment.of(link)

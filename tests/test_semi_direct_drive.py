@@ -119,12 +119,12 @@ def test_a_parallelogram_that_stretches_or_folds_raises(opening: float) -> None:
 def test_frames_are_the_papers() -> None:
     """Link 1's y axis is vertical, all other joints turn about one horizontal direction, both motors on one axis."""
     arm = load("semi_direct_drive")
-    np.testing.assert_array_equal(arm.links[0].near.rotation @ [0, 1, 0], [0, 0, -1])
+    np.testing.assert_array_equal(arm.links[0].parent_to_joint.rotation @ [0, 1, 0], [0, 0, -1])
     np.testing.assert_array_equal(np.abs(arm.links[0].joint.axis), [0, 1, 0])
     for link in arm.links[1:]:
         np.testing.assert_array_equal(link.joint.axis, [0, 0, 1])
-        np.testing.assert_array_equal(link.near.rotation, np.eye(3))
-    assert arm.links[1].near == arm.links[2].near
+        np.testing.assert_array_equal(link.parent_to_joint.rotation, np.eye(3))
+    assert arm.links[1].parent_to_joint == arm.links[2].parent_to_joint
     assert arm.description.parents == (-1, 0, 0, 2, 3)
     assert (len(arm.links), arm.dof) == (5, 3)
 

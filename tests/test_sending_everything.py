@@ -78,7 +78,7 @@ def parts(thing: Any) -> list[Any]:
     return [] if isinstance(reduced, str) else [part if i < 3 else list(part or ()) for i, part in enumerate(reduced)]
 
 
-def require_alike(sent: Any, own: Any, met: dict[int, Any]) -> None:
+def validate_alike(sent: Any, own: Any, met: dict[int, Any]) -> None:
     """Both are of one kind and made of the same."""
     if id(own) in met:
         return
@@ -91,7 +91,7 @@ def require_alike(sent: Any, own: Any, met: dict[int, Any]) -> None:
         assert sent is own or sent == own or (sent != sent and own != own)
     else:
         for theirs, ours in zip(parts(sent), parts(own), strict=True):
-            require_alike(theirs, ours, met)
+            validate_alike(theirs, ours, met)
 
 
 @cache
@@ -109,7 +109,10 @@ def of_the_offline_stage() -> Any:
     space = identifiability.essential_space(ARM)
     basis = identifiability.fundamental_basis(space, identifiability.Priority())
     constraints = identifiability.Constraints({"link0.m": 1.0}, (identifiability.Relation({"link1.m": 1.0}, 2.0),))
-    marks = identifiability.Leftover(1e-12, ("link0.m",)), identifiability.NearRightAngle("a", "b", 90, 1e-4)
+    flags = (
+        identifiability.ResidualSingularValue(1e-12, ("link0.m",)),
+        identifiability.NearRightAngle("a", "b", 90, 1e-4),
+    )
     states = identifiability.random_states(ARM, 5, np.random.default_rng(0))
     model = identifiability.ReducedModel(ARM, basis)
     lift = identifiability.nearest_consistent(model, model.fundamental_parameters)
@@ -118,7 +121,7 @@ def of_the_offline_stage() -> Any:
         space,
         basis,
         constraints,
-        marks,
+        flags,
         states,
         model,
         lift,
@@ -131,11 +134,14 @@ def of_control() -> Any:
     gains = control.Gains.from_bandwidth(ARM, 4.0)
     places, times = np.linspace(0.0, 1.0, 8)[:, None] + REST, np.arange(8.0)
     spline = control.Spline(places, times)
-    references = control.MinimumJerk(places, times), control.Halted(spline, 2.0), control.FadedIn(spline, REST)
+    references = control.MinimumJerk(places, times), control.StoppedReference(spline, 2.0), control.FadeIn(spline, REST)
     linear = control.LinearController.state_feedback(np.ones((3, 6)), ARM)
-    found = control.hold_number(ARM, gains.damping, 1e-3), control.Workspace.within_limits(ARM)
-    exciting = control.exciting_reference(MODEL, iterations=1)
-    measured = control.persistent_excitation(MODEL, run(), 1.0), control.watch(slotine_li(GAIN), run(), ARM, 50)
+    found = control.sampling_ratio(ARM, gains.damping, 1e-3), control.Workspace.within_limits(ARM)
+    exciting = control.excitation_trajectory(MODEL, iterations=1)
+    measured = (
+        control.persistent_excitation(MODEL, run(), 1.0),
+        control.monitor_stability(slotine_li(GAIN), run(), ARM, 50),
+    )
     laws = control.GainDesign.from_bandwidth(ARM, 4.0), control.margins(loop.loop()), control.ReleasedGradient(GAIN)
     limits = control.MotionLimits(REST - 1.0, REST + 1.0, REST + 2.0, REST + 50.0)
     return loop, linear, gains, references, found, exciting, measured, laws, limits, control.PriorRanges(), POINT
@@ -146,7 +152,7 @@ def of_simulation() -> Any:
     plant = simulation.Plant(ARM, 1e-3, effects=(effects.PayloadHeld(effects.Payload(1.0)), effects.ControlDelay(2)))
     state = plant.step(plant.init(REST, REST + 0.1), REST + 1.0)
     reference = control.Sinusoids(REST, 0.2 + REST, 0.3 + REST, REST)
-    many = simulation.simulate_many(plant, LAWS["gradient"], reference, duration=0.05, members=2)
+    many = simulation.simulate_many(plant, LAWS["gradient"], reference, duration=0.05, batch_size=2)
     held = effects.PlantEffects(loads=(effects.PayloadHeld(1.0),))
     return (
         integrators,
@@ -222,13 +228,13 @@ def made(root: str) -> Any:
 @pytest.mark.parametrize("root", ROOTS)
 @pytest.mark.parametrize("sent", WAYS, ids=["copied", "pickled"])
 def test_what_comes_back_is_what_was_sent(root: str, sent: Callable[[Any], Any]) -> None:
-    require_alike(sent(made(root)), made(root), {})
+    validate_alike(sent(made(root)), made(root), {})
 
 
 def test_an_instance_of_every_public_class_was_among_it() -> None:
     met: dict[int, Any] = {}
     for root in ROOTS:
-        require_alike(made(root), made(root), met)
+        validate_alike(made(root), made(root), met)
     kinds = {kind for thing in met.values() for kind in type(thing).__mro__}
     missing = {kind.__name__ for kind in public_classes() - kinds}
     assert missing <= NOT_SENT, f"add {sorted(missing - NOT_SENT)} to every_law.py, every_effect.py or ROOTS"

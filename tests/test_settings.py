@@ -28,16 +28,16 @@ from adaptctl.control import (
     SigmaModification,
     Spline,
     adaptation_gain,
-    hold_number,
-    least_definite,
     limits,
+    sampling_ratio,
+    worst_conditioned_configuration,
 )
-from adaptctl.control.adaptation.prior_ranges import estimate_hold, parameter_holds
+from adaptctl.control.adaptation.prior_ranges import estimate_sampling_ratio, parameter_sampling_ratios
 from adaptctl.control.excitation.measure import persistent_excitation
 from adaptctl.control.gains.error_feedback import ErrorFeedback
-from adaptctl.design import DesignTask, PlaceBounds
+from adaptctl.design import DesignTask, MountingBounds
 from adaptctl.design.bodies import box, cylinder
-from adaptctl.design.removals import removals
+from adaptctl.design.simplifications import simplifications
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError, NonFiniteError, NotFoundError
 from adaptctl.identifiability import Constraints, ReducedModel
@@ -63,7 +63,7 @@ def task() -> DesignTask:
         (lambda: Gradient(cast(Any, ["a"])), "adaptation gain: expected numbers"),
         (lambda: Gradient(ONES, theta=TEXT), "Gradient: theta: expected a number, got 'a'"),
         (lambda: Gradient(ONES, cap=cast(Any, [1.0, 2.0])), "Gradient: cap: expected a number"),
-        (lambda: SigmaModification(ONES, rate=TEXT), "SigmaModification: rate"),
+        (lambda: SigmaModification(ONES, leakage=TEXT), "SigmaModification: leakage"),
         (lambda: CompositeLearning(ONES, recall=TEXT), "CompositeLearning: recall"),
         (lambda: Natural(TEXT), "natural adaptation: rate: expected numbers"),
         (lambda: Projection(Gradient(ONES), cast(Any, ["a"] * 15), ONES), "projection: lower: expected numbers"),
@@ -73,29 +73,44 @@ def task() -> DesignTask:
         (lambda: CompositeLearning(ONES, cutoff=0.0), "cutoff: expected a positive number in rad/s"),
         (lambda: DeadZone.against(ONES, 5.0, -1.0), "dead zone: torque: expected numbers of at least 0"),
         (lambda: DeadZone.against(ONES, 5.0, TEXT), "dead zone: torque: expected numbers"),
-        (lambda: adaptation_gain(model(), rate=-1.0), "rate: expected a positive number"),
-        (lambda: adaptation_gain(model(), rate=np.nan), "rate: expected a positive number"),
-        (lambda: hold_number(arm("puma560_arm3"), 5.0, 1e-3, 8.0, estimate=[1.0]), "expected shape"),
-        (lambda: hold_number(arm("puma560_arm3"), 5.0, 1e-3, 8.0, estimate=np.full(30, np.nan)), "finite"),
-        (lambda: least_definite(arm("puma560_arm3"), [1.0]), "expected shape"),
-        (lambda: parameter_holds(model(), [8.0, 8.0], 1e-3), "bandwidth: expected a number or 3"),
-        (lambda: parameter_holds(model(), 8.0, -1e-3), "period: expected a positive time"),
-        (lambda: estimate_hold(model(), ONES, [1.0], 8.0, 1e-3), "prior: expected shape"),
-        (lambda: estimate_hold(model(), [1.0], ONES, 8.0, 1e-3), "gain: expected shape"),
-        (lambda: estimate_hold(model(), np.zeros(15), ONES, 8.0, 1e-3), "gain: expected a positive diagonal"),
-        (lambda: estimate_hold(model(), np.zeros((15, 15)), ONES, 8.0, 1e-3), "symmetric positive definite matrix"),
-        (lambda: estimate_hold(model(), np.triu(np.ones((15, 15))), ONES, 8.0, 1e-3), "symmetric positive definite"),
-        (lambda: estimate_hold(model(), ONES, -ONES, 8.0, 1e-3), "prior: expected numbers of at least 0"),
+        (lambda: adaptation_gain(model(), gain_scale=-1.0), "rate: expected a positive number"),
+        (lambda: adaptation_gain(model(), gain_scale=np.nan), "rate: expected a positive number"),
+        (lambda: sampling_ratio(arm("puma560_arm3"), 5.0, 1e-3, 8.0, estimate=[1.0]), "expected shape"),
+        (lambda: sampling_ratio(arm("puma560_arm3"), 5.0, 1e-3, 8.0, estimate=np.full(30, np.nan)), "finite"),
+        (lambda: worst_conditioned_configuration(arm("puma560_arm3"), [1.0]), "expected shape"),
+        (lambda: parameter_sampling_ratios(model(), [8.0, 8.0], 1e-3), "bandwidth: expected a number or 3"),
+        (lambda: parameter_sampling_ratios(model(), 8.0, -1e-3), "period: expected a positive time"),
+        (lambda: estimate_sampling_ratio(model(), ONES, [1.0], 8.0, 1e-3), "prior: expected shape"),
+        (lambda: estimate_sampling_ratio(model(), [1.0], ONES, 8.0, 1e-3), "gain: expected shape"),
+        (lambda: estimate_sampling_ratio(model(), np.zeros(15), ONES, 8.0, 1e-3), "gain: expected a positive diagonal"),
         (
-            lambda: estimate_hold(model(), ONES, ONES, 8.0, 1e-3, kinetic=-1.0),
+            lambda: estimate_sampling_ratio(model(), np.zeros((15, 15)), ONES, 8.0, 1e-3),
+            "symmetric positive definite matrix",
+        ),
+        (
+            lambda: estimate_sampling_ratio(model(), np.triu(np.ones((15, 15))), ONES, 8.0, 1e-3),
+            "symmetric positive definite",
+        ),
+        (lambda: estimate_sampling_ratio(model(), ONES, -ONES, 8.0, 1e-3), "prior: expected numbers of at least 0"),
+        (
+            lambda: estimate_sampling_ratio(model(), ONES, ONES, 8.0, 1e-3, kinetic=-1.0),
             "kinetic: expected an energy",
         ),
-        (lambda: estimate_hold(model(), ONES, ONES, 8.0, 1e-3, kinetic=np.nan), "kinetic: expected .*, got nan"),
-        (lambda: estimate_hold(model(), ONES, ONES, 8.0, 1e-3, kinetic=np.inf), "kinetic: expected .*, got inf"),
-        (lambda: estimate_hold(model(), ONES, ONES, 8.0, 1e-3, kinetic=cast(Any, [1.0])), "kinetic: expected a number"),
-        (lambda: parameter_holds(model(), -8.0, 1e-3), "bandwidth: expected finite numbers of at least 0"),
         (
-            lambda: parameter_holds(model(), [8.0, np.inf, 8.0], 1e-3),
+            lambda: estimate_sampling_ratio(model(), ONES, ONES, 8.0, 1e-3, kinetic=np.nan),
+            "kinetic: expected .*, got nan",
+        ),
+        (
+            lambda: estimate_sampling_ratio(model(), ONES, ONES, 8.0, 1e-3, kinetic=np.inf),
+            "kinetic: expected .*, got inf",
+        ),
+        (
+            lambda: estimate_sampling_ratio(model(), ONES, ONES, 8.0, 1e-3, kinetic=cast(Any, [1.0])),
+            "kinetic: expected a number",
+        ),
+        (lambda: parameter_sampling_ratios(model(), -8.0, 1e-3), "bandwidth: expected finite numbers of at least 0"),
+        (
+            lambda: parameter_sampling_ratios(model(), [8.0, np.inf, 8.0], 1e-3),
             "bandwidth: expected finite numbers of at least 0",
         ),
         (
@@ -108,12 +123,12 @@ def task() -> DesignTask:
         (lambda: ReleasedGradient.certified(model(), np.ones(16), 5.0, 1e-3), "adaptation gain: expected 15 numbers"),
         (lambda: ErrorFeedback(100.0, 20.0, 1e-3).loop(-1), "delay in periods: expected a whole number from 0"),
         (lambda: ErrorFeedback(100.0, 20.0, 1e-3).loop(cast(Any, 0.5)), "delay in periods"),
-        (lambda: removals(task(), [], density=0.0), "density: expected a positive number"),
-        (lambda: PlaceBounds.of(arm("puma560_arm3"), "link3").grid(0), "grid: places along an edge"),
+        (lambda: simplifications(task(), [], density=0.0), "density: expected a positive number"),
+        (lambda: MountingBounds.of(arm("puma560_arm3"), "link3").grid(0), "grid: places along an edge"),
         (lambda: DesignTask.within_limits(arm("puma560_arm3"), cast(Any, 5.5)), "samples: expected a whole number"),
         (lambda: DesignTask.within_limits(arm("puma560_arm3"), 50, seed=-1), "seed: expected a whole number"),
         (lambda: DesignTask(arm("puma560_arm3"), *np.ones((3, 2, 30, 3)), ""), r"expected one shape \(T, 3\)"),
-        (lambda: task().carried(share=np.nan), "share: expected a number, got nan"),
+        (lambda: task().nonzero_parameters(share=np.nan), "share: expected a number, got nan"),
         (lambda: box(TEXT, (1.0, 1.0, 1.0)), "mass: expected"),
         (lambda: cylinder(TEXT, 1.0, 1.0), "mass: expected"),
     ],
@@ -154,7 +169,7 @@ def test_a_prior_range_is_that_of_a_known_kind_of_parameter() -> None:
 )
 def test_the_distance_of_what_are_not_the_parameters_is_refused(estimate: Any, true: Any, says: str) -> None:
     with pytest.raises(InputError, match=says):
-        Gradient(ONES).distance(model(), estimate, true)
+        Gradient(ONES).lyapunov_distance(model(), estimate, true)
 
 
 def test_one_torque_serves_all_joints_of_a_dead_zone() -> None:
@@ -192,7 +207,10 @@ def test_excitation_is_measured_at_a_bandwidth_of_the_joints() -> None:
         (lambda: LinearController.state_feedback(TEXT), "state feedback: gain: expected numbers"),
         (lambda: Constraints.of(TEXT, ["link1.m"]), "relations: matrix: expected numbers"),
         (lambda: States(np.full((5, 3), np.nan), np.zeros((5, 3)), "measured"), "states: p: expected finite"),
-        (lambda: arm("puma560_arm3").on_columns("regressor", [0]), "expected torque_regressor or slotine_li_regressor"),
+        (
+            lambda: arm("puma560_arm3").column_regressor("regressor", [0]),
+            "expected torque_regressor or slotine_li_regressor",
+        ),
         (lambda: five_bar().configuration(np.zeros((2, 3)), five_bar_start(3)), "sample axes do not fit"),
         (lambda: five_bar().configuration(np.zeros(3), five_bar_start(3)), "start: expected one configuration"),
         (lambda: adaptctl.load(arm("puma560_arm3").to_pinocchio(), floating_base=True), "a model that is read already"),

@@ -145,7 +145,7 @@ def with_twists(mechanism: Mechanism, quarter: float) -> Mechanism:
     """The PUMA with pi/2 replaced by a number near it."""
     turns = (-1, 0, 1, -1, 1, 0)
     links = tuple(
-        replace(link, far=Pose(rotation_about((1, 0, 0), n * quarter), link.far.translation))
+        replace(link, joint_to_link=Pose(rotation_about((1, 0, 0), n * quarter), link.joint_to_link.translation))
         for link, n in zip(mechanism.links, turns, strict=True)
     )
     return Mechanism(replace(mechanism.description, links=links))
@@ -198,7 +198,7 @@ def test_table_5_has_rank_33_with_exact_right_angles(puma: Mechanism) -> None:
     states = states_within_limits(puma, 201)
     H = energy_differences(puma, states)[:, marked(TABLE_5)]
     assert H.shape[1] == 36
-    found = NumericalRank.of(singular_values(H / np.linalg.norm(H, axis=0)))
+    found = NumericalRank.from_singular_values(singular_values(H / np.linalg.norm(H, axis=0)))
     assert found.rank == 33
     assert found.gap > 1e10
 
@@ -259,7 +259,7 @@ def test_table_8_is_equivalent_to_table_7(puma: Mechanism, space: EssentialSpace
 def scaled_rank(mechanism: Mechanism, states: States, differenced: bool) -> int:
     E = energies(mechanism, states)
     scales = column_scales(np.linalg.norm(E, axis=0), mechanism.parameter_names, characteristic_length(mechanism))
-    return NumericalRank.of(singular_values((np.diff(E, axis=0) if differenced else E) * scales)).rank
+    return NumericalRank.from_singular_values(singular_values((np.diff(E, axis=0) if differenced else E) * scales)).rank
 
 
 def test_16_of_table_13_is_what_energies_give_when_not_subtracted() -> None:

@@ -28,11 +28,11 @@ from adaptctl.control import (
     DeadZone,
     EModification,
     Gradient,
-    Guarded,
     Natural,
     PassivityIntegral,
     PDGravity,
     Projection,
+    SafetyFilter,
     SigmaModification,
     SlotineLi,
     Subspace,
@@ -100,8 +100,8 @@ CONTROLLERS: dict[str, Callable[[str], Controller[Any]]] = {
     "projection": lambda name: on(name, Projection(Gradient(gain(name)), np.full(15, -50.0), np.full(15, 50.0))),
     "bounded-gain forgetting": lambda name: on(name, BoundedGainForgetting(gain(name), 0.1)),
     "subspace": lambda name: on(name, Subspace(np.ones(4), np.eye(len(gain(name)))[:, 1:5])),
-    "guarded": lambda name: Guarded(on(name, Gradient(gain(name))), 25.0, 3e3, estimate_bounds=(-50.0, 50.0)),
-    "guarded, not adaptive": lambda name: Guarded(ComputedTorque.on(reduced(name), 8.0), 20.0, stop_damping=5.0),
+    "guarded": lambda name: SafetyFilter(on(name, Gradient(gain(name))), 25.0, 3e3, estimate_bounds=(-50.0, 50.0)),
+    "guarded, not adaptive": lambda name: SafetyFilter(ComputedTorque.on(reduced(name), 8.0), 20.0, stop_damping=5.0),
 }
 
 
@@ -118,7 +118,7 @@ def environment(name: str, effects: str = "", duration: float = 1.0) -> Tracking
     )
 
 
-def require_equal(native: Rollout, python: Rollout, tolerance: float = 1e-9) -> None:
+def validate_equal(native: Rollout, python: Rollout, tolerance: float = 1e-9) -> None:
     """Every array within a tolerance relative to its largest number, and everything else the same."""
     for field in fields(Rollout):
         got, wanted = getattr(native, field.name), getattr(python, field.name)
@@ -127,21 +127,21 @@ def require_equal(native: Rollout, python: Rollout, tolerance: float = 1e-9) -> 
             np.testing.assert_allclose(
                 got, wanted, rtol=0.0, atol=tolerance * np.abs(wanted).max(initial=1e-300), err_msg=field.name
             )
-        elif field.name not in ("wall_time", "marks", "info"):
+        elif field.name not in ("wall_time", "flags", "info"):
             assert got == wanted, field.name
-    assert list(native.marks) == list(python.marks)
+    assert list(native.flags) == list(python.flags)
     assert list(native.info) == list(python.info)
-    assert native.info.get("marks") == python.info.get("marks")
-    for name in native.marks:
-        np.testing.assert_array_equal(native.marks[name], python.marks[name])
-    for name in native.info.keys() - {"marks"}:
+    assert native.info.get("flags") == python.info.get("flags")
+    for name in native.flags:
+        np.testing.assert_array_equal(native.flags[name], python.flags[name])
+    for name in native.info.keys() - {"flags"}:
         np.testing.assert_allclose(native.info[name], python.info[name], rtol=tolerance)
 
 
 def both(env: gymnasium.Env[Any, Any], controller: Controller[Any], **arguments: Any) -> Rollout:
     """A run in native code, after it was compared with the Gymnasium loop's."""
     python, native = rollout(env, controller, **arguments), simulate(env, controller, **arguments)
-    require_equal(native, python)
+    validate_equal(native, python)
     return native
 
 
@@ -156,7 +156,7 @@ def test_every_law_runs_as_in_the_gymnasium_loop(law: str) -> None:
 def test_every_effect_acts_as_in_the_gymnasium_loop(effects: str) -> None:
     run = both(environment(SMALL, effects), on(SMALL, Gradient(gain(SMALL))), seed=7)
     assert run.measured_p is not None
-    assert all(run.marks[name].any() for name in run.marks if name != "clipped")
+    assert all(run.flags[name].any() for name in run.flags if name != "clipped")
 
 
 @pytest.mark.parametrize("law", ["gradient", at_night("computed torque"), at_night("task space")])
@@ -187,10 +187,10 @@ def test_all_effects_at_once_on_an_arm_with_drives_that_learns_and_is_guarded() 
     env = TrackingEnv(
         mechanism, duration=1.0, effects=effects, integrator=SemiImplicitEuler(), substeps=2, error_bound=np.inf
     )
-    run = both(env, Guarded(ComputedTorque(mechanism, 8.0), 40.0, stop_damping=5.0), seed=3)
+    run = both(env, SafetyFilter(ComputedTorque(mechanism, 8.0), 40.0, stop_damping=5.0), seed=3)
     names = ("torque_limited", "rate_limited", "payload", "torque_limited", "rate_limited")
-    assert tuple(run.marks)[:3] == names[:3]
-    np.testing.assert_array_equal(run.marks["payload"][[198, 199, 300, 599, 600]], [0.0, 1.5, 2.0, 2.0, 0.5])
+    assert tuple(run.flags)[:3] == names[:3]
+    np.testing.assert_array_equal(run.flags["payload"][[198, 199, 300, 599, 600]], [0.0, 1.5, 2.0, 2.0, 0.5])
 
 
 def test_seeds_options_and_wrappers_of_make_are_the_same() -> None:
@@ -290,12 +290,12 @@ def test_an_interrupted_run_keeps_what_was_computed() -> None:
         return swinging(arm(SMALL))(t)
 
     nothing = simulate(TrackingEnv(arm(SMALL), at_once, duration=1.0), controller)
-    assert (nothing.complete, nothing.p.shape, nothing.marks) == (False, (0, 3), {})
+    assert (nothing.complete, nothing.p.shape, nothing.flags) == (False, (0, 3), {})
 
 
 def test_what_changes_all_along_is_followed() -> None:
     class Leaking(LoadEffect):
-        def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+        def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
             """It fits any."""
 
         def mass(self, time: float) -> float:
@@ -306,7 +306,7 @@ def test_what_changes_all_along_is_followed() -> None:
 
     env = TrackingEnv(arm(SMALL), swinging(arm(SMALL)), duration=0.05, effects=[Leaking()])
     run = both(env, ComputedTorque(arm(SMALL), 8.0))
-    np.testing.assert_allclose(run.marks["payload"], 1.999 - run.time, atol=1e-12)
+    np.testing.assert_allclose(run.flags["payload"], 1.999 - run.time, atol=1e-12)
 
 
 class Spring(Controller[tuple[()]]):
@@ -314,7 +314,7 @@ class Spring(Controller[tuple[()]]):
 
     dof = 3
 
-    def start(self, p: Array, v: Array) -> tuple[()]:
+    def initial_state(self, p: Array, v: Array) -> tuple[()]:
         return ()
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: tuple[()]) -> tuple[Column, tuple[()]]:
@@ -340,7 +340,7 @@ def test_what_cannot_be_compiled_is_driven_step_by_step(wrapped: Any, controller
     env = wrapped(environment(SMALL, duration=0.05))
     with pytest.warns(NotCompiledWarning, match=f"{reason}.*rollout drives it, step by step"):
         run = simulate(env, controller, seed=1)
-    require_equal(run, rollout(env, controller, seed=1))
+    validate_equal(run, rollout(env, controller, seed=1))
 
 
 def test_environments_with_a_step_of_their_own_are_driven_step_by_step() -> None:

@@ -69,9 +69,12 @@ def test_a_run_by_itself_is_the_same_to_the_last_bit(name: str, effects: list[Ef
     """By `simulate`, and by `simulate_many` as one of several or alone."""
     law, reference = learning(name), swinging(arm(name), seed=2, amplitude=0.05)
     env = TrackingEnv(arm(name), reference, duration=0.4, effects=effects, error_bound=np.inf, torque_limits=LIMIT)
-    begun, run = env.episode(options={"initial_error": 0.02}).state, simulate(env, law, options={"initial_error": 0.02})
+    started, run = (
+        env.episode(options={"initial_error": 0.02}).state,
+        simulate(env, law, options={"initial_error": 0.02}),
+    )
     for off in (np.zeros((1, 1)), np.array([[0.0], [0.01], [-0.01]])):
-        start = {"p": begun.p + off, "v": np.broadcast_to(begun.v, (len(off), law.dof))}
+        start = {"p": started.p + off, "v": np.broadcast_to(started.v, (len(off), law.dof))}
         many = simulate_many(env.plant, law, reference, duration=0.4, **start)
         for part in ("p", "v", "reference_p", "torque", "applied", "estimate"):
             np.testing.assert_array_equal(getattr(many, part)[:, 0], getattr(run, part), err_msg=part)
@@ -149,7 +152,7 @@ def test_a_period_in_lanes_is_one_on_floats(name: str, effects: list[Effect]) ->
     told = {"parameters": true} | columns
     found = []
     for lanes in (1, 2, 4, 8):
-        given = {"state": loop.state, "held": loop.held, "driven": loop.reference | loop.noise}
+        given = {"state": loop.state, "constants": loop.held, "per_member_inputs": loop.reference | loop.noise}
         arms = compile_step(loop.step, **given, lanes=lanes).ensemble(members)
         loop.begin(arms, start, loop.controller.init(start.p, start.v))
         arms.held["parameters"] = true
@@ -169,7 +172,9 @@ def test_a_sample_now_and_then_is_one_of_all_samples() -> None:
     mechanism, law = arm(SMALL), learning(SMALL)
     plant = real(mechanism, [Encoder(noise=1e-4), PayloadHeld(1.0, 0.1, 0.2)])
     every = {
-        n: simulate_many(plant, law, swinging(mechanism), duration=0.25, members=3, seed=4, every=n, threads=threads)
+        n: simulate_many(
+            plant, law, swinging(mechanism), duration=0.25, batch_size=3, seed=4, record_every=n, threads=threads
+        )
         for n, threads in ((1, 1), (7, 2), (250, 1))
     }
     for n, runs in every.items():
@@ -178,7 +183,7 @@ def test_a_sample_now_and_then_is_one_of_all_samples() -> None:
             np.testing.assert_array_equal(getattr(runs, column), getattr(every[1], column)[::n])
         np.testing.assert_array_equal(runs.rms_error, every[1].rms_error)
     assert not np.array_equal(every[1].torque[:, 0], every[1].torque[:, 1])  # each has noise of its own
-    other = simulate_many(plant, law, swinging(mechanism), duration=0.25, members=3, seed=5, every=250)
+    other = simulate_many(plant, law, swinging(mechanism), duration=0.25, batch_size=3, seed=5, record_every=250)
     assert not np.array_equal(other.rms_error, every[1].rms_error)
     with pytest.raises(ValueError, match="read-only"):
         other.p[0] = 0.0
@@ -204,8 +209,8 @@ def test_an_arm_that_is_lost_takes_no_other_with_it() -> None:
     plant, law = Plant(mechanism, PERIOD), ComputedTorque(mechanism, 8.0)
     parameters = np.tile(mechanism.inertial_parameters, (9, 1))
     parameters[4] = 0.0  # no force moves it by a finite acceleration
-    runs = simulate_many(plant, law, swinging(mechanism), duration=1.0, parameters=parameters, every=100)
-    alone = simulate_many(plant, law, swinging(mechanism), duration=1.0, every=100)
+    runs = simulate_many(plant, law, swinging(mechanism), duration=1.0, parameters=parameters, record_every=100)
+    alone = simulate_many(plant, law, swinging(mechanism), duration=1.0, record_every=100)
     lost = np.arange(9) == 4
     np.testing.assert_array_equal(runs.finite, ~lost)
     for column in ("p", "torque"):
@@ -233,7 +238,7 @@ def test_interrupted_runs_keep_what_was_computed() -> None:
         if share > 0.5:
             signal.raise_signal(signal.SIGINT)
 
-    arguments: dict[str, Any] = {"duration": 0.2, "members": 2, "every": 10}
+    arguments: dict[str, Any] = {"duration": 0.2, "batch_size": 2, "record_every": 10}
     whole = simulate_many(Plant(mechanism, PERIOD), law, swinging(mechanism), **arguments)
     part = simulate_many(Plant(mechanism, PERIOD), law, swinging(mechanism), progress=interrupt, **arguments)
     assert (whole.complete, part.complete) == (True, False)
@@ -271,11 +276,11 @@ class OwnStep(ComputedTorque):
     ("arguments", "what"),
     [
         ({"duration": 0.0}, "duration: expected at least a control period of 0.001 s, got 0.0"),
-        ({"every": 0}, "every: expected a whole number of at least 1, got 0"),
-        ({"every": np.nan}, "every: expected a whole number of at least 1, got nan"),
-        ({"members": 0}, "members: expected a whole number of at least 1, got 0"),
-        ({"members": 2.5}, "members: expected a whole number of at least 1, got 2.5"),
-        ({"members": True}, "members: expected a whole number of at least 1, got True"),
+        ({"record_every": 0}, "record_every: expected a whole number of at least 1, got 0"),
+        ({"record_every": np.nan}, "record_every: expected a whole number of at least 1, got nan"),
+        ({"batch_size": 0}, "batch_size: expected a whole number of at least 1, got 0"),
+        ({"batch_size": 2.5}, "batch_size: expected a whole number of at least 1, got 2.5"),
+        ({"batch_size": True}, "batch_size: expected a whole number of at least 1, got True"),
         ({"duration": "a"}, "duration: expected at least a control period of .* got 'a'"),
         ({"seed": "a"}, "seed: expected a whole number of at least 0, got 'a'"),
         ({"seed": 1.5}, r"seed: expected a whole number of at least 0, got 1\.5"),
@@ -289,7 +294,10 @@ class OwnStep(ComputedTorque):
             r"memory: expected what ComputedTorque.init gives, .* are \[\(3,\)\], got \[\]",
         ),
         ({"memory": (np.zeros(2),)}, r"\[\(3,\)\], got \[\(2,\)\]"),
-        ({"members": 3, "p": np.zeros((2, 3))}, "expected a row for each arm, as many everywhere, got p 2, members 3"),
+        (
+            {"batch_size": 3, "p": np.zeros((2, 3))},
+            "expected a row for each arm, as many everywhere, got p 2, batch_size 3",
+        ),
         ({"p": np.zeros((2, 2, 3))}, "got p 2×2"),
         ({"parameters": np.zeros(7)}, r"parameters: expected shape \(..., 30\), got \(7,\)"),
         ({"reference": []}, r"reference: expected a Reference or a sequence of them, got \[\]"),

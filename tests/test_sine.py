@@ -65,7 +65,7 @@ def compiled(lanes: int | None, processor: Processor | None = None) -> Pair:
     def both(x: Column) -> tuple[float, float]:
         return sin(x[0]), cos(x[0])
 
-    stepper = compile_step(both, state={}, held={"x": 1}, lanes=lanes, processor=processor)
+    stepper = compile_step(both, state={}, constants={"x": 1}, lanes=lanes, processor=processor)
 
     def evaluate(angles: Array) -> tuple[Array, Array]:
         ensemble = stepper.ensemble(len(angles))
@@ -79,7 +79,7 @@ def compiled(lanes: int | None, processor: Processor | None = None) -> Pair:
 def beside_others() -> Pair:
     """As one arm's joints: all sines of a call together."""
     stepper = compile_step(
-        lambda x: (Column(map(sin, x)), Column(map(cos, x))), state={}, held={"x": 8}, lanes=1, name="joints"
+        lambda x: (Column(map(sin, x)), Column(map(cos, x))), state={}, constants={"x": 8}, lanes=1, name="joints"
     )
 
     def evaluate(angles: Array) -> tuple[Array, Array]:

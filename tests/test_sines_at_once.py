@@ -84,7 +84,9 @@ def test_native_code_finds_what_floats_do(equation: Equation, widths: tuple[int,
     q, v = rng.uniform(-2.0, 2.0, (9, n)), rng.uniform(-2.0, 2.0, (9, m))
     expected = [equation(Column(a), Column(b)).of for a, b in zip(q.tolist(), v.tolist(), strict=True)]
     for lanes in widths:
-        arms = compile_step(lambda q, v: (equation(q, v),), state={}, held={"v": m}, driven={"q": n}, lanes=lanes)
+        arms = compile_step(
+            lambda q, v: (equation(q, v),), state={}, constants={"v": m}, per_member_inputs={"q": n}, lanes=lanes
+        )
         members = arms.ensemble(9)
         members.held["v"] = v
         np.testing.assert_allclose(members.run(1, {"q": q[None]})[0], expected, rtol=0.0, atol=1e-12)

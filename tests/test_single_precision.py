@@ -36,7 +36,7 @@ def turning(lanes: int) -> Stepper:
     def both(x: Column) -> tuple[float, float]:
         return sin(x[0]), cos(x[0])
 
-    return compile_step(both, state={}, held={"x": 1}, lanes=lanes, precision="single")
+    return compile_step(both, state={}, constants={"x": 1}, lanes=lanes, precision="single")
 
 
 @pytest.mark.parametrize("lanes", WIDTHS)
@@ -65,7 +65,9 @@ def test_constants_stay_finite_and_do_not_vanish(x: float) -> None:
     """Guards against division by zero and bounds that are out of reach mean the same in both precisions."""
     assert np.isfinite(np.float32(single(x)))
     assert np.sign(np.float32(single(x))) == np.sign(x)
-    (found,) = compile_step(lambda n: (n[0] * 0.0 + x,), state={}, held={"n": 1}, precision="single").ensemble(1).run()
+    (found,) = (
+        compile_step(lambda n: (n[0] * 0.0 + x,), state={}, constants={"n": 1}, precision="single").ensemble(1).run()
+    )
     assert found == single(x)
 
 
@@ -104,7 +106,7 @@ def rocking(x: Column, u: Column) -> tuple[Column, Column]:
 def test_lanes_are_one_by_one_bit_for_bit(lanes: int) -> None:
     found: list[Array] = []
     for count in (1, lanes):
-        step = compile_step(rocking, state={"x": 2}, driven={"u": 1}, lanes=count, precision="single")
+        step = compile_step(rocking, state={"x": 2}, per_member_inputs={"u": 1}, lanes=count, precision="single")
         ensemble = step.ensemble(21)
         ensemble.state["x"] = np.random.default_rng(0).normal(size=(21, 2))
         (cosines,) = ensemble.run(50, {"u": np.random.default_rng(1).normal(size=(50, 21, 1))}, record=True)
@@ -118,7 +120,7 @@ def test_lanes_are_one_by_one_bit_for_bit(lanes: int) -> None:
 @pytest.mark.parametrize("kind", ["forgetting", at_night("composite learning")])
 def test_matrices_that_forget_are_refused_also_within_a_guard(kind: str) -> None:
     law: Any = LAWS[kind]
-    guard = adaptctl.control.Guarded(law, np.full(law.dof, 50.0), np.full(law.dof, 1e4))
+    guard = adaptctl.control.SafetyFilter(law, np.full(law.dof, 50.0), np.full(law.dof, 1e4))
     plant = Plant(law.model.mechanism, 1e-3)
     for one in (law, guard):
         with pytest.raises(InputError, match=r"precision: .* the matrix in which \w+ forgets: use double"):
@@ -139,7 +141,7 @@ def test_what_single_precision_cannot_do_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=f"counts to {LONGEST} control periods, got {LONGEST + 1}"):
         simulate_many(
             Plant(small, 1e-3), ComputedTorque(small, 8.0), swinging(small),
-            duration=1e-3 * (LONGEST + 1), every=None, precision="single",
+            duration=1e-3 * (LONGEST + 1), record_every=None, precision="single",
         )  # fmt: skip
     with pytest.raises(InputError, match="precision"):
         gymnasium.make_vec("adaptctl.envs:adaptctl/Puma560Tracking-v0", num_envs=2, precision="half")
@@ -194,7 +196,7 @@ class TestSweeps:
 
     def test_what_is_typed_replaces_what_the_file_says(self, tmp_path: Path) -> None:
         path = tmp_path / "mine.toml"
-        path.write_text('schema = "adaptctl/study/1"\nexperiment = "puma560-adaptive"\nprecision = "single"\n')
+        path.write_text('schema = "adaptctl/study/2"\nexperiment = "puma560-adaptive"\nprecision = "single"\n')
         assert SweepStudy.named(str(path), {}).precision == "single"
         assert SweepStudy.named(str(path), {}, precision=None).precision == "single"
         assert SweepStudy.named(str(path), {}, precision="double").precision == "double"

@@ -22,7 +22,7 @@ from adaptctl.control import (
     Subspace,
     TaskSpaceSlotineLi,
 )
-from adaptctl.control.adaptation.composite import TorqueFilter, momentum_columns, require_cutoff
+from adaptctl.control.adaptation.composite import TorqueFilter, momentum_columns, validate_cutoff
 from adaptctl.control.adaptation.composite_learning import _remember
 from adaptctl.control.adaptation.concurrent_learning import _solve
 from adaptctl.control.adaptation.law import NoMemory, Period
@@ -103,9 +103,9 @@ def test_concurrent_learning_keeps_what_is_newer_than_1_per_second(novelty: floa
     model, (p, v) = reduced(ARM), (posture(arm(ARM)), np.linspace(0.5, 1.5, 3))
     moved = (column(x) for x in (0.0 * v, 0.0 * v, np.ones(3), p, v))
     period = Period(lambda s: Column.zeros(K), *moved, 1e-3, 1e-3, column(np.ones(3)))
-    law, initial = ConcurrentLearning(np.ones(K), samples=2), np.zeros(K)
-    memory = law.start(model, initial, p, 0.0 * v, 1e-3)
-    _, stack = replace(law, threshold=1e-30).law(model, column(initial), period, as_columns(memory))
+    law, initial = ConcurrentLearning(np.ones(K), stack_size=2), np.zeros(K)
+    memory = law.initial_state(model, initial, p, 0.0 * v, 1e-3)
+    _, stack = replace(law, novelty_threshold=1e-30).law(model, column(initial), period, as_columns(memory))
     rows = np.array(stack.rows.of[: sum(map(len, momentum_columns(model)))])
     scaled = replace(law, gain=np.full(K, novelty / (rows @ rows)))
     _, found = scaled.law(model, column(initial), period, as_columns(memory))
@@ -186,7 +186,7 @@ def test_composite_learning_forgets_learns_and_recalls_in_one_step(excess: float
     period, memory, W, torque, descent = one_period(law, T, rng)
     estimate, Q, z = rng.normal(size=K), positive(rng), rng.normal(size=K)
     miss = W @ estimate - torque
-    law = replace(law, recall=recall, alarm=float(miss @ R @ miss) / (1.0 + excess))
+    law = replace(law, recall=recall, reset_power=float(miss @ R @ miss) / (1.0 + excess))
     memory = memory._replace(information=column(Q[np.triu_indices(K)]), known=column(z))
     Q, z = (x / (1.0 + forgetting * T * excess) for x in (Q, z))
     for row, measured, weight in zip(W, torque, np.diag(R), strict=True):
@@ -231,7 +231,7 @@ def test_a_step_down_the_gradient_is_worth_half_of_what_the_damping_takes_out_at
 
 def test_the_first_covariance_is_the_gain() -> None:
     law = BoundedGainForgetting(np.linspace(0.1, 3.0, K))
-    memory = law.start(reduced(ARM), np.zeros(K), posture(arm(ARM)), np.zeros(3), 1e-3)
+    memory = law.initial_state(reduced(ARM), np.zeros(K), posture(arm(ARM)), np.zeros(3), 1e-3)
     np.testing.assert_allclose(law.covariance(memory), np.diag(law.gain), rtol=1e-15)
 
 
@@ -255,13 +255,13 @@ def test_composite_refuses_a_negative_weight_at_once() -> None:
 
 def test_a_filter_may_be_as_fast_as_its_refusal_says() -> None:
     """A cutoff of one over the period: exactly 1000 1/s for 1 ms, and no more."""
-    require_cutoff(1000.0, 1e-3)
+    validate_cutoff(1000.0, 1e-3)
     with pytest.raises(InputError, match=r"1001 rad/s is too fast .* use at most 1000 rad/s"):
-        require_cutoff(1001.0, 1e-3)
+        validate_cutoff(1001.0, 1e-3)
 
 
 def test_a_released_gradient_begins_with_one_normaliser_of_1() -> None:
-    memory = ReleasedGradient(np.ones(K)).start(reduced(ARM), np.zeros(K), np.zeros(3), np.zeros(3), 1e-3)
+    memory = ReleasedGradient(np.ones(K)).initial_state(reduced(ARM), np.zeros(K), np.zeros(3), np.zeros(3), 1e-3)
     np.testing.assert_array_equal(memory.n, [1.0])
 
 

@@ -22,7 +22,7 @@ from adaptctl.control import (
     mapped_gain,
     sliding_variable,
 )
-from adaptctl.control.memory import leaves
+from adaptctl.control.pytree import leaves
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import GainError, InputError, NonFiniteError, PhysicalConsistencyWarning
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
@@ -74,7 +74,7 @@ def exact_law(law: SlotineLi, step: float, duration: float) -> tuple[SimpleNames
         s = v - v_r
         motion = e.motion(p, v, v_r, a_r)
         torque = motion.torque(spread(estimate, model.columns, 60)) - damping * s
-        return v, e.forward_dynamics(p, v, torque, D), -(gain * motion.powers(s, model.columns))
+        return v, e.forward_dynamics(p, v, torque, D), -(gain * motion.regressor_transpose_product(s, model.columns))
 
     sizes = {"p": 6, "v": 6, "estimate": len(model.columns), "pd": 6, "vd": 6, "ad": 6}
     native = compile_function(rates, sizes)
@@ -112,7 +112,7 @@ def test_lyapunov_falls_by_what_is_dissipated(reduced: ReducedModel, gains: Gain
 
 def held(law: SlotineLi, periods: int) -> Iterator[tuple[Array, Array, Array, Array]]:
     """The sampled loop: torque held over the control period, the plant exact within it (p, v, estimate, torque)."""
-    mechanism, h = law.model.mechanism, law.period
+    mechanism, h = law.model.mechanism, law.control_period
     dynamics = outlined(mechanism.equations.forward_dynamics)
 
     def period(p: Column, v: Column, torque: Column, D: Column) -> tuple[Column, Column]:
@@ -137,7 +137,7 @@ def held(law: SlotineLi, periods: int) -> Iterator[tuple[Array, Array, Array, Ar
 def test_a_held_torque_costs_one_order(reduced: ReducedModel, gains: Gains) -> None:
     errors = []
     for h in (1e-3, 2.5e-4):
-        law = controller(reduced, gains, adaptation=small_gain(reduced), period=h)
+        law = controller(reduced, gains, adaptation=small_gain(reduced), control_period=h)
         rows = [row[:3] for row in held(law, round(0.5 / h))]
         times = np.arange(len(rows)) * h
         errors.append(imbalance(law, run_of(rows, times), times))
@@ -172,7 +172,7 @@ def test_native_code_and_floats_take_the_same_step(reduced: ReducedModel, gains:
     p, v = START, np.linspace(-1.0, 1.0, 6)
     _, state = law.step(law.init(p, v), p, v, REFERENCE(0.3))
     torque, after = law.step(state, p + 0.01, 0.9 * v, REFERENCE(0.301))
-    on_floats, *memory = law.on_floats(p + 0.01, 0.9 * v, *REFERENCE(0.301), *leaves(state))
+    on_floats, *memory = law.python_step(p + 0.01, 0.9 * v, *REFERENCE(0.301), *leaves(state))
     np.testing.assert_allclose(torque, on_floats, rtol=0, atol=1e-12 * np.abs(torque).max())
     for native, plain in zip(leaves(after), memory, strict=True):
         np.testing.assert_allclose(native, plain, rtol=0, atol=1e-12 * max(np.abs(plain).max(), 1.0))
@@ -180,7 +180,7 @@ def test_native_code_and_floats_take_the_same_step(reduced: ReducedModel, gains:
 
 def test_the_true_parameters_leave_nothing_to_learn(reduced: ReducedModel, gains: Gains) -> None:
     true = reduced.fundamental_parameters
-    law = controller(reduced, gains, initial=true, period=2.5e-4)
+    law = controller(reduced, gains, initial=true, control_period=2.5e-4)
     *_, last = held(law, 8000)
     reference = REFERENCE(8000 * 2.5e-4)
     assert np.abs(last[0] - reference.p).max() < 5e-3
@@ -201,7 +201,7 @@ def test_the_first_tick_learns_nothing(reduced: ReducedModel, gains: Gains) -> N
         ({"adaptation": -np.eye(36)}, "positive definite"),
         ({"adaptation": np.full(36, np.nan)}, "adaptation gain: expected finite"),
         ({"adaptation": 0.01}, r"adaptation gain: expected numbers \(k,\).* got shape \(\)"),
-        ({"period": -1.0}, "control period"),
+        ({"control_period": -1.0}, "control period"),
         ({"prior": "a"}, "prior: expected numbers"),
         ({"prior": np.ones(35)}, r"prior: expected shape \(36,\), got \(35,\)"),
     ],

@@ -26,12 +26,12 @@ def test_a_tilt_of_six_microradians_makes_38_of_36(name: str) -> None:
         RankError, match=r"rank is 38 as the geometry stands, and 36 if .* gravity and shoulder_pan miss"
     ):
         essential_space(load(urdf(name)))
-    found = essential_space(load(urdf(name)), near="as_is")
+    found = essential_space(load(urdf(name)), near_singular="as_is")
     assert found.rank == found.certificate.rank_exact == 38
     assert found.certificate.relative_smallest < 1e-3
     (first, *_) = found.certificate.near_right_angles
     assert (first.parent, first.child) == ("gravity", "shoulder_pan")
-    assert 1e-6 < abs(first.miss) < 1e-5
+    assert 1e-6 < abs(first.deviation) < 1e-5
     assert "or snap it" in str(first)
     exact = essential_space(load(urdf(name), snap=True))
     assert exact.rank == 36
@@ -81,9 +81,9 @@ def test_a_joint_turned_a_little_off_is_turned_back(seed: int, miss: float, quar
     second = Link("b", 0, Joint("two", axis=axis), Pose(turned, np.zeros(3)), Pose.identity())
     off = Description("off", (first, second), np.zeros(3))
     (found,) = near_right_angles(off)
-    assert abs(found.miss) == pytest.approx(miss, rel=1e-5)
+    assert abs(found.deviation) == pytest.approx(miss, rel=1e-5)
     straight = snapped(off)
     assert near_right_angles(straight, exact=1e-15) == ()
-    assert np.abs(straight.links[1].near.rotation - turned).max() < 1.1 * miss
-    again = snapped(straight).links[1].near.rotation
-    np.testing.assert_allclose(again, straight.links[1].near.rotation, rtol=0, atol=1e-15)
+    assert np.abs(straight.links[1].parent_to_joint.rotation - turned).max() < 1.1 * miss
+    again = snapped(straight).links[1].parent_to_joint.rotation
+    np.testing.assert_allclose(again, straight.links[1].parent_to_joint.rotation, rtol=0, atol=1e-15)

@@ -19,7 +19,7 @@ print(json.dumps([named, sorted(sys.modules)]))
 HEAVY = {"scipy", "control", "pinocchio", "matplotlib", "rerun", "pyarrow", "gymnasium", "cvxpy", "mujoco"}
 UNUSED = {
     "adaptctl.control.adaptation.composite",
-    "adaptctl.control.guards",
+    "adaptctl.control.safety_filter",
     "adaptctl.control.task_space",
     "adaptctl.dynamics.loop_equations",
     "adaptctl.identifiability.consistency",
@@ -29,7 +29,7 @@ UNUSED = {
     "xml",
 }
 """Other laws, what only loops need, readers of other files."""
-RESULTS = ("certificate", "fundamental basis", "whether it keeps energies", "hold number")
+RESULTS = ("certificate", "fundamental basis", "whether it keeps energies", "sampling ratio")
 """Results that are kept beside the tick's object."""
 SEARCHING = {
     "adaptctl.identifiability.certification",

@@ -40,7 +40,12 @@ def swing(q: Column, v: Column, stiffness: Column, target: Column, push: Column)
     return q + 0.01 * after, after, energy, torque
 
 
-COLUMNS = {"state": {"q": 2, "v": 2}, "held": {"stiffness": 2}, "shared": {"target": 2}, "driven": {"push": 2}}
+COLUMNS = {
+    "state": {"q": 2, "v": 2},
+    "constants": {"stiffness": 2},
+    "inputs": {"target": 2},
+    "per_member_inputs": {"push": 2},
+}
 STEPS = 7
 
 
@@ -167,7 +172,7 @@ triples = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
 @example(("sin", ("sin", ("neg", 0))), [(0.5, 0.0, 0.0)], 2)  # the sine of a sine
 @settings(max_examples=25, deadline=None)
 def test_random_equations_agree_in_lanes(tree: Tree, x: list[tuple[float, float, float]], lanes: int) -> None:
-    stepper = compile_step(lambda x: (evaluated(tree, x),), state={}, held={"x": 3}, lanes=lanes)
+    stepper = compile_step(lambda x: (evaluated(tree, x),), state={}, constants={"x": 3}, lanes=lanes)
     ensemble = stepper.ensemble(len(x))
     ensemble.held["x"] = x
     (found,) = ensemble.run()
@@ -187,7 +192,7 @@ def test_extrema_and_choices_in_lanes_are_numpys(lanes: int) -> None:
         a, b = x[0], y[0]
         return minimum(a, b), where(a < b, 1.0, 2.0), where(a <= b, a, b), sqrt(a), abs(a), -a, a / b
 
-    ensemble = compile_step(step, state={}, held={"x": 1, "y": 1}, lanes=lanes).ensemble(x.size)
+    ensemble = compile_step(step, state={}, constants={"x": 1, "y": 1}, lanes=lanes).ensemble(x.size)
     ensemble.held["x"], ensemble.held["y"] = x[:, None], y[:, None]
     with np.errstate(all="ignore"):
         quotient = x / y
@@ -289,7 +294,7 @@ def test_a_stepper_describes_itself() -> None:
     stepper = compile_step(swing, **COLUMNS, name="pendulums")
     assert stepper.name == "pendulums"
     assert stepper.outputs == ((), (2,))
-    assert {str(source): dict(part) for source, part in stepper.columns.items()} == COLUMNS
+    assert [dict(part) for part in stepper.columns.values()] == list(COLUMNS.values())
     assert stepper.operations["sin"] == 2
 
 
@@ -325,7 +330,7 @@ def test_a_step_must_not_branch_on_its_state() -> None:
 
 def test_names_and_lanes_are_checked() -> None:
     with pytest.raises(InputError, match="different names"):
-        compile_step(nothing, state={"q": 1}, held={"q": 1})
+        compile_step(nothing, state={"q": 1}, constants={"q": 1})
     with pytest.raises(InputError, match=r"lanes: expected 1, 2, 4 or 8, .*got 3"):
         compile_step(nothing, state={"q": 1}, lanes=3)
 
@@ -355,12 +360,15 @@ def test_wrong_runs_are_refused(stepper: Stepper, case: str) -> None:
 
 def test_memory_that_is_no_room_of_the_ensemble_is_refused(stepper: Stepper) -> None:
     three, signals = stepper.ensemble(3), {"target": np.zeros((2, 2)), "push": np.zeros((2, 3, 2))}
-    three.record_into(three.room(2), 0, 2, signals)
-    for room in (*(stepper.ensemble(n).room(2) for n in (2, 40)), LaneArray({"0": 1}, 3, three.room(2).lanes, (2,))):
+    three.record_into(three.allocate_outputs(2), 0, 2, signals)
+    for room in (
+        *(stepper.ensemble(n).allocate_outputs(2) for n in (2, 40)),
+        LaneArray({"0": 1}, 3, three.allocate_outputs(2).lanes, (2,)),
+    ):
         with pytest.raises(InputError, match="expected a `room` that this ensemble made"):
             three.record_into(room, 0, 2, signals)
     with pytest.raises(InputError, match="expected steps from 0 to 2, got 1 to 3"):
-        three.record_into(three.room(2), 1, 2, signals)
+        three.record_into(three.allocate_outputs(2), 1, 2, signals)
 
 
 def test_wrong_columns_are_refused(stepper: Stepper) -> None:
@@ -382,7 +390,7 @@ def test_signals_in_place_are_those_that_are_passed(stepper: Stepper) -> None:
     """From the step on that the room is filled from."""
     problem, late = Problem(11), ((2, 0), (0, 0), (0, 0))
     passed, placed = (problem.ensemble(stepper) for _ in range(2))
-    signals, rooms = placed.signals(STEPS + 2), (passed.room(STEPS + 2), placed.room(STEPS + 2))
+    signals, rooms = placed.signals(STEPS + 2), (passed.allocate_outputs(STEPS + 2), placed.allocate_outputs(STEPS + 2))
     signals.shared["target"] = np.pad(problem.target[:, None], late)
     signals.driven["push"] = np.pad(problem.push, late)
     passed.record_into(rooms[0], 2, STEPS, problem.signals)
@@ -394,6 +402,6 @@ def test_signals_in_place_are_those_that_are_passed(stepper: Stepper) -> None:
 def test_signals_of_another_form_or_of_too_few_steps_are_refused(stepper: Stepper) -> None:
     three = stepper.ensemble(3)
     with pytest.raises(InputError, match="`signals`: expected steps from 0 to 2, got 1 to 3"):
-        three.record_into(three.room(3), 1, 2, three.signals(2))
+        three.record_into(three.allocate_outputs(3), 1, 2, three.signals(2))
     with pytest.raises(InputError, match="expected `signals` that this ensemble made"):
-        three.record_into(three.room(3), 0, 2, stepper.ensemble(2).signals(2))
+        three.record_into(three.allocate_outputs(3), 0, 2, stepper.ensemble(2).signals(2))

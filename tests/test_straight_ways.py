@@ -102,7 +102,7 @@ def test_a_very_long_way_is_left_to_code_that_hears_an_interruption() -> None:
 @pytest.mark.parametrize("bad", [[np.nan, 0.0, 0.0], [0.0, -np.inf, 0.0], [0.0, 0.0], [[0.0] * 2] * 3, ["a", 0.0, 0.0]])
 def test_an_arm_with_loops_refuses_alike_before_and_after_its_code_is_native(bad: Any) -> None:
     arm = Mechanism(load("semi_direct_drive").description)
-    fine = np.array(arm.home) + 0.1
+    fine = np.array(arm.neutral_configuration) + 0.1
     said: list[list[str]] = []
     for _ in range(2):
         said.append([])
@@ -123,7 +123,7 @@ def test_an_arm_with_loops_refuses_alike_before_and_after_its_code_is_native(bad
 def test_calls_of_an_arm_with_loops_are_those_of_its_batches() -> None:
     arm = Mechanism(load("semi_direct_drive").description)
     p, v, a = np.random.default_rng(2).uniform(-0.4, 0.4, (3, 20, 3))
-    p += arm.home
+    p += arm.neutral_configuration
     first = [arm.inverse_dynamics(*state) for state in zip(p, v, a, strict=True)]
     for _ in range(CALLS):
         arm.inverse_dynamics(p[0], v[0], a[0])

@@ -23,7 +23,7 @@ from adaptctl.simulation import Episode
 from adaptctl.sweeps.cluster import Cluster, sweep
 from adaptctl.sweeps.folder import Folder, read_table
 from adaptctl.sweeps.report import SweepReport
-from adaptctl.sweeps.rows import TIMES, alone, begun, named, offline, robot, rows_of
+from adaptctl.sweeps.rows import TIMES, alone, named, offline, robot, rows_of, started
 from adaptctl.sweeps.search import search
 from adaptctl.sweeps.study import Span, SweepStudy, parsed, shipped
 
@@ -103,10 +103,10 @@ class TestStudies:
     def test_a_file_s_settings_give_way_to_those_typed(self, tmp_path: Path) -> None:
         path = tmp_path / "mine.toml"
         path.write_text(
-            'schema = "adaptctl/study/1"\nexperiment = "puma560-adaptive"\n[settings]\nseed = "0..9"\nrate = 0.5\n'
+            'schema = "adaptctl/study/2"\nexperiment = "puma560-adaptive"\n[settings]\nseed = "0..9"\ngain_scale = 1\n'
         )
         made = SweepStudy.named(str(path), {"seed": "3"})
-        assert made.settings == {"seed": (3,), "rate": (0.5,)}
+        assert made.settings == {"seed": (3,), "gain_scale": (1.0,)}
 
     def test_what_does_not_exist_is_told(self, tmp_path: Path) -> None:
         with pytest.raises(NotFoundError, match="did you mean 'bandwidth'"):
@@ -116,10 +116,10 @@ class TestStudies:
         with pytest.raises(InputError, match=r"payload: a range of numbers needs a count .* --sampling"):
             study(payload="0..5")
         path = tmp_path / "bad.toml"
-        path.write_text('schema = "adaptctl/study/1"\nexperiment = "puma560-adaptive"\nsettngs = 1\n')
+        path.write_text('schema = "adaptctl/study/2"\nexperiment = "puma560-adaptive"\nsettngs = 1\n')
         with pytest.raises(FileError, match=r"bad\.toml.*settngs"):
             SweepStudy.named(str(path), {})
-        path.write_text('schema = "adaptctl/study/1"\nexperiment = "puma560-adaptive"\n[settings]\nsped = 1\n')
+        path.write_text('schema = "adaptctl/study/2"\nexperiment = "puma560-adaptive"\n[settings]\nsped = 1\n')
         with pytest.raises(FileError, match=r"bad\.toml.*'sped'"):
             SweepStudy.named(str(path), {})
 
@@ -137,7 +137,7 @@ class TestRows:
                 assert row["controller"] == controller
                 assert row["status"] == expected.status == "done"
                 assert row["rms_error_last"] is None
-                assert expected.rms_error_last is None
+                assert expected.final_rms_error is None
                 for name in ("rms_error", "largest_error"):
                     assert row[name] == pytest.approx(getattr(expected, name), rel=1e-7)
                 if expected.lyapunov_rise is not None:
@@ -171,8 +171,8 @@ class TestRows:
     def test_runs_of_one_task_begin_in_one_environment_as_they_do_in_their_own(self) -> None:
         mechanism, known = robot("puma560"), dict[Any, tuple[Episode, Any]]()
         first = Puma560Adaptive(bandwidth=4.0, payload=2.0)
-        chosen = [first, Puma560Adaptive(rate=0.3), Puma560Adaptive(initial_error=-0.2, payload=1.0, seed=7)]
-        of = [begun(one, mechanism, known) for one in chosen]
+        chosen = [first, Puma560Adaptive(gain_scale=0.3), Puma560Adaptive(initial_error=-0.2, payload=1.0, seed=7)]
+        of = [started(one, mechanism, known) for one in chosen]
         assert of[0][1] is of[1][1] is not of[2][1]
         for one, (shared, _) in zip(chosen, of, strict=True):
             env: Any = one.environment(mechanism)
@@ -286,13 +286,13 @@ def test_a_folder_where_a_file_is_cannot_be_made(tmp_path: Path, capsys: pytest.
     for out in (tmp_path / "out", tmp_path / "out" / "below"):
         with pytest.raises(FileError, match=rf"{out}: the folder cannot be made \((file exists|not a directory)\)"):
             Folder.opened(out, study(seed="0"), 1, [])
-    for more in ([], ["--search", "1", "--minimise", "rms_error"]):
+    for more in ([], ["--search", "1", "--objective", "rms_error"]):
         assert main(["sweep", *TestCommand.ARGUMENTS, "--seed", "0", "--out", str(tmp_path / "out"), *more]) != 0
         assert "out: the folder cannot be made (file exists)" in capsys.readouterr().err
-    begun = Folder.opened(tmp_path / "other", study(seed="0"), 1, [])
-    (begun.path / "shards").touch()
+    started = Folder.opened(tmp_path / "other", study(seed="0"), 1, [])
+    (started.path / "shards").touch()
     with pytest.raises(FileError, match=r"shards: the folder cannot be made \(file exists\)"):
-        begun.keep(next(begun.shards()), [])
+        started.keep(next(started.shards()), [])
 
 
 class TestCommand:

@@ -29,7 +29,7 @@ SWEEP = [
 ]
 
 
-def begun(out: Path) -> subprocess.Popen[str]:
+def started(out: Path) -> subprocess.Popen[str]:
     """The sweep and its workers, to be ended together."""
     given = [*SWEEP, "--out", str(out)]
     return subprocess.Popen(given, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
@@ -46,18 +46,18 @@ def until(out: Path, shards: int, sweep: subprocess.Popen[str]) -> None:
         time.sleep(0.01)
 
 
-def require_whole(out: Path) -> None:
+def validate_whole(out: Path) -> None:
     """Every run once, in order."""
     assert pq.read_table(out / "sweep.parquet").column("seed").to_pylist() == list(range(RUNS))
     assert len(written(out)) == RUNS
     assert not list(out.rglob(".*"))
 
 
-def require_resumed(out: Path) -> None:
+def validate_resumed(out: Path) -> None:
     """The same command goes on, and what was there stays as it is."""
     before = written(out)
     subprocess.run([*SWEEP, "--out", str(out)], check=True, capture_output=True)
-    require_whole(out)
+    validate_whole(out)
     assert {name: moment for name, moment in written(out).items() if name in before} == before
 
 
@@ -68,17 +68,17 @@ def trial(request: pytest.FixtureRequest) -> random.Random:
 
 
 def test_the_whole_sweep_is_killed(tmp_path: Path, trial: random.Random) -> None:
-    sweep = begun(tmp_path / "out")
+    sweep = started(tmp_path / "out")
     until(tmp_path / "out", trial.randrange(RUNS), sweep)
     time.sleep(trial.uniform(0.0, 0.1))
     os.killpg(sweep.pid, signal.SIGKILL)
     sweep.communicate()
-    require_resumed(tmp_path / "out")
+    validate_resumed(tmp_path / "out")
 
 
 def test_a_worker_is_killed(tmp_path: Path, trial: random.Random) -> None:
     """Another takes its place, and the sweep ends as if nothing had been."""
-    sweep = begun(tmp_path / "out")
+    sweep = started(tmp_path / "out")
     until(tmp_path / "out", trial.randrange(1, RUNS - 3), sweep)
     workers = [
         one for one in psutil.Process(sweep.pid).children(recursive=True) if "spawn_main" in " ".join(one.cmdline())
@@ -86,7 +86,7 @@ def test_a_worker_is_killed(tmp_path: Path, trial: random.Random) -> None:
     trial.choice(workers).kill()
     said = sweep.communicate(timeout=300)
     assert sweep.returncode == 0, said
-    require_whole(tmp_path / "out")
+    validate_whole(tmp_path / "out")
 
 
 @nightly
@@ -102,4 +102,4 @@ def test_the_disk_is_full(tmp_path: Path, trial: random.Random) -> None:
     assert done.returncode == 2, done.stderr
     assert "Traceback" not in done.stderr
     assert "cannot be written" in done.stderr
-    require_resumed(tmp_path / "out")
+    validate_resumed(tmp_path / "out")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from random_trees import random_chain
 
-from adaptctl.control import ComputedTorque, Controller, Guarded, SlotineLi, adaptation_gain, typical_inertia
+from adaptctl.control import ComputedTorque, Controller, SafetyFilter, SlotineLi, adaptation_gain, typical_inertia
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
@@ -36,7 +36,7 @@ def puma() -> Mechanism:
 
 def laws(puma: Mechanism) -> list[Controller]:
     model = ReducedModel.full(puma)
-    return [ComputedTorque(puma, 8.0), SlotineLi(model, 8.0, 10.0, adaptation_gain(model), period=PERIOD)]
+    return [ComputedTorque(puma, 8.0), SlotineLi(model, 8.0, 10.0, adaptation_gain(model), control_period=PERIOD)]
 
 
 @pytest.mark.parametrize("which", [0, 1])
@@ -82,7 +82,7 @@ def test_computed_torque_puts_its_poles(puma: Mechanism) -> None:
 
 def test_loops_are_systems_too() -> None:
     arm = load("semi_direct_drive")
-    p, v, torque = arm.home, np.array([0.1, -0.2, 0.3]), np.array([1.0, 2.0, -1.0])
+    p, v, torque = arm.neutral_configuration, np.array([0.1, -0.2, 0.3]), np.array([1.0, 2.0, -1.0])
     state = np.concatenate((p, v))
     rates = mechanism_system(arm).dynamics(0.0, state, torque)
     np.testing.assert_allclose(rates, np.concatenate((v, arm.forward_dynamics(p, v, torque))), rtol=1e-12)
@@ -120,7 +120,11 @@ def test_a_period_is_a_positive_time(puma: Mechanism, which: int, period: Any) -
 def test_a_law_ticks_at_its_own_period(puma: Mechanism) -> None:
     """What it learns in a tick goes with the period; a law without learning has none."""
     without, law = laws(puma)
-    for refused in (law, Guarded(law), Guarded(without, rate_limits=1e4, stop_damping=10.0, period=PERIOD)):
+    for refused in (
+        law,
+        SafetyFilter(law),
+        SafetyFilter(without, rate_limits=1e4, stop_damping=10.0, control_period=PERIOD),
+    ):
         with pytest.raises(InputError, match=r"period: \w+ is for 0\.001 s, its own period, got 0\.005 s"):
             closed_loop_system(Plant(puma, 5e-3), refused)
         assert closed_loop_system(Plant(puma, PERIOD), refused).dt == PERIOD

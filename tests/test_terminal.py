@@ -48,7 +48,7 @@ def test_tables_lose_no_number_whatever_the_width(width: int, rows: list[list[fl
         assert shown == row
 
 
-def require_whole(found: dict[str, object], text: str) -> None:
+def validate_whole(found: dict[str, object], text: str) -> None:
     assert "…" not in text
     for joint in found["joints"]:  # type: ignore[attr-defined]  # as JSON has them
         for name in ("inertia", "stiffness", "rate", "slotine_li_damping"):
@@ -63,7 +63,7 @@ def test_gains_are_whole_at_any_width(
     monkeypatch.setenv("COLUMNS", columns)
     assert main(["gains", ARM]) == 0
     text = capsys.readouterr().out
-    require_whole(found, text)
+    validate_whole(found, text)
     assert max(map(len, text.splitlines())) <= max(int(columns), 80)
 
 
@@ -71,7 +71,7 @@ def test_gains_are_whole_at_any_width(
 def test_gains_are_whole_into_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
     found = told(capsys, "gains", ARM, "--json")
     command = [sys.executable, "-m", "adaptctl", "gains", ARM]
-    require_whole(found, subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    validate_whole(found, subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
 
 def test_doctor_tells_what_is_there(capsys: pytest.CaptureFixture[str]) -> None:

@@ -69,7 +69,7 @@ def test_a_known_payload_settles_every_constant() -> None:
     result = found(3, ["unknown"] * 3, (PAYLOAD,))
     assert constants(result) == pytest.approx(CONSTANTS, rel=0.05)
     assert result.validation.relative_error < 0.02
-    assert any("identified with what is known" in remark for remark in result.remarks)
+    assert any("identified with what is known" in remark for remark in result.warnings)
 
 
 def test_one_known_constant_settles_the_others() -> None:
@@ -84,7 +84,7 @@ def test_without_either_they_are_known_up_to_one_scale_which_is_said() -> None:
     ratio = constants(result) / CONSTANTS
     assert ratio / ratio[0] == pytest.approx(np.ones(3), rel=0.05)
     assert 0.3 < ratio[0] < 3.0
-    assert any("up to one scale" in remark for remark in result.remarks)
+    assert any("up to one scale" in remark for remark in result.warnings)
 
 
 def test_a_payloads_torques_are_not_the_robots() -> None:

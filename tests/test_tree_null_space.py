@@ -62,7 +62,9 @@ def varied(seed: int, links: int) -> Mechanism:
         plain = [Pose.identity(), Pose(np.eye(3), np.array([0.3, 0.0, 0.0])), random_pose(rng)]
         parts = [(plain[rng.integers(3)], plain[rng.integers(3)]) for _ in description.links]
         pairs = zip(description.links, parts, strict=True)
-        description = replace(description, links=tuple(replace(k, near=a, far=b) for k, (a, b) in pairs))
+        description = replace(
+            description, links=tuple(replace(k, parent_to_joint=a, joint_to_link=b) for k, (a, b) in pairs)
+        )
     if rng.random() < 0.3:
         kept = [replace(k, massless=True, inertia=np.zeros(10)) if rng.random() < 0.4 else k for k in description.links]
         description = replace(description, links=(*kept[:-1], description.links[-1]))
@@ -146,7 +148,7 @@ def test_published_counts(links: int) -> None:
     chain = [
         replace(link, joint=replace(link.joint, kind=JointKind.REVOLUTE)) for link in random_chain(links, links).links
     ]
-    first = chain[0].near.rotation @ chain[0].joint.axis
+    first = chain[0].parent_to_joint.rotation @ chain[0].joint.axis
     for gravity, expected in ((rng.normal(size=3), 7 * links - 4), (9.81 * first, 7 * links - 6)):
         assert (
             essential_space(Mechanism(Description("chain", tuple(chain), gravity)), method="transfers").rank == expected
@@ -219,9 +221,9 @@ def test_a_twist_between_length_and_round_off_is_refused() -> None:
 def test_a_certificate_names_the_proof_that_was_asked_for(method: Method) -> None:
     mechanism = arm(UP, ACROSS, ACROSS)
     proved = essential_space(mechanism, method=method, prove=True).certificate
-    assert (proved.rank_exact, proved.exact_by) == (proved.rank, "a prime field")
+    assert (proved.rank_exact, proved.proof_method) == (proved.rank, "a prime field")
     alone = essential_space(mechanism, method=method, prove=False).certificate
-    assert (alone.rank_exact, alone.exact_by) == (None, "")
+    assert (alone.rank_exact, alone.proof_method) == (None, "")
 
 
 def test_left_to_itself_it_takes_what_certifies() -> None:

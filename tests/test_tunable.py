@@ -14,14 +14,14 @@ from adaptctl.arrays import Array
 from adaptctl.control import (
     ComputedTorque,
     Controller,
-    Guarded,
     PDGravity,
     ReferencePoint,
+    SafetyFilter,
     Sinusoids,
     SlotineLi,
 )
 from adaptctl.control.adaptation.composite import decayed
-from adaptctl.control.memory import leaves
+from adaptctl.control.pytree import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError, NotFoundError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
@@ -86,7 +86,7 @@ def test_a_gain_that_is_an_argument_does_what_a_compiled_in_one_does(name: str) 
     p, v, point = began(law)
     state = law.init(p, v)
     for _ in range(3):
-        plain = law.on_floats(p, v, *point, *leaves(state))
+        plain = law.python_step(p, v, *point, *leaves(state))
         torque, state = law.step(state, p, v, point)
         for native, expected in zip((torque, *leaves(state)), plain, strict=True):
             np.testing.assert_allclose(native, expected, rtol=0, atol=1e-11 * max(1.0, np.abs(expected).max(initial=0)))
@@ -121,10 +121,10 @@ def test_packed_numbers_are_as_many_as_a_law_has(count: int) -> None:
 
 
 def test_what_is_not_a_gain_is_compiled_in() -> None:
-    longer = slotine_li(GAIN, period=2e-3)
+    longer = slotine_li(GAIN, control_period=2e-3)
     assert longer.structure != LAWS["gradient"].structure
     assert LAWS["euler"].structure != LAWS["gradient"].structure == slotine_li(2.0 * GAIN).structure
-    assert Guarded(LAWS["gradient"], 50.0).structure != Guarded(LAWS["gradient"], 50.0, 1e4).structure  # type: ignore[arg-type]
+    assert SafetyFilter(LAWS["gradient"], 50.0).structure != SafetyFilter(LAWS["gradient"], 50.0, 1e4).structure  # type: ignore[arg-type]
 
 
 class Squared(SlotineLi):
@@ -146,7 +146,7 @@ class Spring(Controller[Any]):
     def dof(self) -> int:
         return 3
 
-    def start(self, p: Array, v: Array) -> Any:
+    def initial_state(self, p: Array, v: Array) -> Any:
         return ()
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Any) -> Any:
@@ -179,10 +179,10 @@ def test_a_used_controller_can_be_pickled_and_goes_on() -> None:
 def test_runs_of_other_gains_need_no_new_code() -> None:
     plant = Plant(ARM, 1e-3)
     reference = Sinusoids(np.zeros(3), np.full(3, 0.3), np.full(3, 0.5))
-    first = simulate_many(plant, slotine_li(GAIN), reference, duration=0.05, members=2)
+    first = simulate_many(plant, slotine_li(GAIN), reference, duration=0.05, batch_size=2)
     stiff = slotine_li(GAIN).tuned({"damping": [6.0, 8.0, 4.0]})
-    second = simulate_many(plant, stiff, reference, duration=0.05, members=2)
-    kept = simulate_many(plant, slotine_li(GAIN, Squared).tuned({}), reference, duration=0.05, members=2)
+    second = simulate_many(plant, stiff, reference, duration=0.05, batch_size=2)
+    kept = simulate_many(plant, slotine_li(GAIN, Squared).tuned({}), reference, duration=0.05, batch_size=2)
     np.testing.assert_allclose(kept.torque, first.torque, rtol=0, atol=1e-9)
     assert np.abs(second.torque - first.torque).max() > 1e-2
 
@@ -215,6 +215,6 @@ def test_laws_of_other_parameters_share_code_but_for_their_zeros(kind: Any) -> N
 
 
 def test_a_guarded_laws_parameters_are_compiled_in_where_they_are_fixed() -> None:
-    law = Guarded(ComputedTorque(ARM, 6.0), 50.0, stop_damping=5.0)  # type: ignore[arg-type]
+    law = SafetyFilter(ComputedTorque(ARM, 6.0), 50.0, stop_damping=5.0)  # type: ignore[arg-type]
     assert law.fixed().structure != law.structure
-    assert set(law.numbers) - set(law.fixed().numbers) == {"of.parameters"}
+    assert set(law.numbers) - set(law.fixed().numbers) == {"inner.parameters"}

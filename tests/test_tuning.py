@@ -18,10 +18,10 @@ from adaptctl.errors import InputError, SimplificationWarning
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.simulation import LinearlyImplicitEuler, Plant, simulate_many
 from adaptctl.tuning import Tuning, tune
-from adaptctl.tuning.carried_gains import carried_gains
-from adaptctl.tuning.default_gains import DefaultGains, adaptation_number
+from adaptctl.tuning.default_gains import DefaultGains, achieved_adaptation_ratio
+from adaptctl.tuning.feasible_gains import feasible_gains
+from adaptctl.tuning.feasible_reference import judged_reference
 from adaptctl.tuning.verification import EVERY, Trials, TrialSetting
-from adaptctl.tuning.workable_reference import judged_reference
 from tests.random_trees import random_chain, random_tree
 from tests.robot_files import urdf
 
@@ -43,9 +43,9 @@ def test_it_learns_as_described_and_late_and_with_other_links(name: str) -> None
     tuning = tune(load(name))
     assert [run.name for run in tuning.verified] == ["as described", "torque late", "links off", "both"]
     for run in tuning.verified:
-        assert run.learns, run
+        assert run.is_learning, run
         assert run.last < 2e-3
-    assert tuning.learns
+    assert tuning.is_learning
 
 
 def test_the_reference_stays_within_the_torque_limits(tuned: Tuning) -> None:
@@ -61,27 +61,27 @@ def test_the_reference_stays_within_the_torque_limits(tuned: Tuning) -> None:
 def test_gains_keep_to_the_numbers_that_are_asked(tuned: Tuning, hold: float) -> None:
     mine = rule(tuned)
     found = mine.proposed(4.0, hold, 0.2, "ranges")
-    K = np.diag(found.carried.gains.damping)
+    K = np.diag(found.feasible.gains.damping)
     numbers = PERIOD * np.linalg.eigvals(np.linalg.solve(PUMA.mass_matrix(mine.postures), K)).real
     assert numbers.max() <= hold * (1.0 + 1e-9)
     assert numbers.max() > 0.9 * hold  # and does not leave it lie
-    affordable = 0.5 * tuned.torque_limits / (found.carried.gains.bandwidth * tuned.initial_error)
-    assert np.all(found.carried.gains.damping <= affordable * (1.0 + 1e-9))
-    assert np.all(found.carried.gains.bandwidth <= 4.0)
+    affordable = 0.5 * tuned.torque_limits / (found.feasible.gains.bandwidth * tuned.initial_error)
+    assert np.all(found.feasible.gains.damping <= affordable * (1.0 + 1e-9))
+    assert np.all(found.feasible.gains.bandwidth <= 4.0)
 
 
 @pytest.mark.parametrize("shares", ["ranges", "links", "parameters", "mixed"])
 def test_adaptation_gains_have_the_number_that_is_asked(tuned: Tuning, shares: str) -> None:
     mine = rule(tuned)
     found = mine.proposed(4.0, 0.5, 0.3, shares)  # type: ignore[arg-type]
-    rates, points = found.carried.gains.bandwidth, mine.points
+    rates, points = found.feasible.gains.bandwidth, mine.points
     v_r, a_r = points.v - rates * mine.errors, points.a + rates**2 * mine.errors
     Y = PUMA.slotine_li_regressor(points.p + mine.errors, points.v, v_r, a_r)
-    K = found.carried.gains.damping
+    K = found.feasible.gains.damping
     products = (Y * found.gain) @ np.swapaxes(Y, -1, -2)
     exact = PERIOD * np.linalg.eigvals(products / K[:, None]).real.max()
     assert exact == pytest.approx(0.3, rel=1e-9)
-    assert adaptation_number(Y, K, found.gain, PERIOD) == pytest.approx(0.3, rel=1e-9)
+    assert achieved_adaptation_ratio(Y, K, found.gain, PERIOD) == pytest.approx(0.3, rel=1e-9)
     assert np.all(found.gain > 0.0)
 
 
@@ -110,7 +110,7 @@ def test_a_light_wrist_does_not_weaken_the_shoulder(tuned: Tuning) -> None:
     other = PUMA.with_parameters(light)
     postures = rule(tuned).postures
     given = tuned.torque_limits, postures, tuned.initial_error, PERIOD, 4.0, 0.5
-    mine, its = (carried_gains(arm, *given).gains.damping for arm in (PUMA, other))
+    mine, its = (feasible_gains(arm, *given).gains.damping for arm in (PUMA, other))
     assert its[5] < 0.2 * mine[5]
     np.testing.assert_allclose(its[:3], mine[:3], rtol=0.1)
 
@@ -118,12 +118,12 @@ def test_a_light_wrist_does_not_weaken_the_shoulder(tuned: Tuning) -> None:
 def test_the_rotor_that_is_named_allows_four_times_the_damping(tuned: Tuning) -> None:
     """The free inertia grows by the rotor's: 1/(M + r e e')^-1_jj = 1/(M^-1)_jj + r."""
     mine = rule(tuned)
-    carried = mine.proposed(4.0, 0.5, 0.2, "ranges").carried
-    assert carried.by_hold[5]
+    carried = mine.proposed(4.0, 0.5, 0.2, "ranges").feasible
+    assert carried.limited_by_sampling[5]
     assert tuned.limited_by[5].startswith("the control period holds K low: a rotor of ")
     rotor = 3.0 * carried.free_inertia[5]
     drives = [Drive() for _ in range(5)] + [Drive(float(rotor))]
-    helped = carried_gains(
+    helped = feasible_gains(
         PUMA.with_drives(drives), tuned.torque_limits, mine.postures, tuned.initial_error, PERIOD, 4.0, 0.5
     )
     assert helped.gains.damping[5] / carried.gains.damping[5] == pytest.approx(4.0, rel=0.3)
@@ -135,10 +135,10 @@ def test_a_trial_is_slotine_and_li_on_the_reduced_model() -> None:
     law = tuned.controller(model)
     plant = Plant(arm, PERIOD, tuned.substeps, tuned.integrator, tuned.torque_limits)
     first = tuned.reference(0.0).p + tuned.initial_error
-    theirs = simulate_many(plant, law, tuned.reference, duration=3.0, p=first, every=EVERY)
+    theirs = simulate_many(plant, law, tuned.reference, duration=3.0, p=first, record_every=EVERY)
     gains = tuned.gains
     setting = TrialSetting(gains.bandwidth, gains.damping, tuned.adaptation, arm.inertial_parameters)
-    late = setting._replace(late=True)
+    late = setting._replace(delayed=True)
     ours = Trials(plant, tuned.reference, tuned.initial_error).run([setting, late], 3.0)
     np.testing.assert_allclose(ours.p[:, 0], theirs.p[:, 0], atol=1e-9)
     assert 1e-9 < np.abs(ours.p[:, 1] - theirs.p[:, 0]).max() < 0.05
@@ -148,7 +148,7 @@ def test_a_trial_is_slotine_and_li_on_the_reduced_model() -> None:
 
 def test_a_search_is_no_worse_than_the_rule_where_it_judges(tuned: Tuning) -> None:
     searched = tune(PUMA, search=8)
-    assert searched.learns
+    assert searched.is_learning
     assert searched.verified[3].last < 1.2 * tuned.verified[3].last
     again = tune(PUMA, search=8)
     # To round-off: equations are compiled once they are called often.
@@ -160,7 +160,7 @@ def test_stiff_friction_is_integrated_not_refused() -> None:
     tuning = tune(load(urdf("xarm7.urdf")))
     assert tuning.integrator == LinearlyImplicitEuler()
     assert any("friction is too stiff" in note for note in tuning.notes)
-    assert tuning.learns
+    assert tuning.is_learning
 
 
 def test_absurd_limits_are_none() -> None:
@@ -182,7 +182,7 @@ def test_a_load_beyond_the_limits_is_told(tuned: Tuning) -> None:
     weak = Mechanism(replace(description, links=tuple(links)))
     tuning = tune(weak, reference=Sinusoids(np.zeros(6), np.full(6, 0.1), np.full(6, 0.2)))
     assert any(note.startswith("joint2: gravity and friction ask ") for note in tuning.notes)
-    assert not tuning.learns
+    assert not tuning.is_learning
 
 
 def test_what_moves_nothing_is_named() -> None:
@@ -204,20 +204,22 @@ def test_links_that_no_body_can_be_are_named() -> None:
 
 def test_numbers_may_be_numpys() -> None:
     two = load("docs/examples/two_link.toml")
-    plain, numpys = (tune(two, period=T, seed=k) for T, k in ((2.0**-10, 1), (np.float32(2.0**-10), np.int64(1))))
-    assert numpys.period == plain.period
+    plain, numpys = (
+        tune(two, control_period=T, seed=k) for T, k in ((2.0**-10, 1), (np.float32(2.0**-10), np.int64(1)))
+    )
+    assert numpys.control_period == plain.control_period
     np.testing.assert_array_equal(numpys.gains.damping, plain.gains.damping)
 
 
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"period": float("nan")}, "period: expected a number above 0"),
-        ({"period": 0.0}, "period: expected a number above 0"),
-        ({"period": -1.0}, "period: expected a number above 0"),
+        ({"control_period": float("nan")}, "control_period: expected a number above 0"),
+        ({"control_period": 0.0}, "control_period: expected a number above 0"),
+        ({"control_period": -1.0}, "control_period: expected a number above 0"),
         ({"bandwidth": 0.0}, "bandwidth: expected a number above 0"),
-        ({"hold": 2.0}, "hold: expected a number above 0 and at most 1.5"),
-        ({"adaptation": float("inf")}, "adaptation: expected a number above 0"),
+        ({"sampling_ratio": 2.0}, "sampling_ratio: expected a number above 0 and at most 1.5"),
+        ({"adaptation_ratio": float("inf")}, "adaptation_ratio: expected a number above 0"),
         ({"search": -1}, "search: expected a whole number"),
         ({"initial_error": float("nan")}, "initial_error: expected"),
     ],
@@ -232,11 +234,11 @@ def test_the_command_tells_people_and_programs(capsys: pytest.CaptureFixture[str
     assert "What limits the gains" in capsys.readouterr().out
     assert main(["tune", "docs/examples/two_link.toml", "--json", "--search", "2"]) == 0
     said = json.loads(capsys.readouterr().out)
-    assert said["schema"] == "adaptctl/tuning/1"
+    assert said["schema"] == "adaptctl/tuning/2"
     assert said["verified"][0]["name"] == "as described"
-    assert said["verified"][0]["learns"] is True
-    assert main(["tune", "docs/examples/two_link.toml", "--period", "nan"]) == 2
-    assert "period: expected" in capsys.readouterr().err
+    assert said["verified"][0]["is_learning"] is True
+    assert main(["tune", "docs/examples/two_link.toml", "--control-period", "nan"]) == 2
+    assert "control_period: expected" in capsys.readouterr().err
 
 
 def test_a_base_may_float(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ def turning(q: Column, v: Column) -> tuple[Scalar, Scalar, Scalar, Scalar]:
 
 
 def found(q: np.ndarray, v: np.ndarray, lanes: int, precision: Precision = "double") -> list[np.ndarray]:
-    step = compile_step(turning, state={}, held={"q": 1, "v": 1}, lanes=lanes, precision=precision)
+    step = compile_step(turning, state={}, constants={"q": 1, "v": 1}, lanes=lanes, precision=precision)
     arms = step.ensemble(len(q))
     arms.held["q"], arms.held["v"] = q[:, None], v[:, None]
     return [part.ravel() for part in arms.run()]
@@ -121,7 +121,7 @@ def several(q: Column, v: Column) -> tuple[Column, Column]:
 @pytest.mark.parametrize("n", [1, 2, 3, 8, 11])
 def test_one_far_angle_of_a_group_changes_no_other(n: int, lanes: int) -> None:
     rng = np.random.default_rng(n)
-    step = compile_step(several, state={}, held={"q": n, "v": n}, lanes=lanes)
+    step = compile_step(several, state={}, constants={"q": n, "v": n}, lanes=lanes)
     arms = step.ensemble(9)
     q, v = rng.uniform(-3.0, 3.0, (9, n)), rng.uniform(-1.0, 1.0, (9, n))
     far, long, lost = rng.random((3, 9, n)) < 0.15

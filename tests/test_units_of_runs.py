@@ -23,7 +23,7 @@ UNITS = ("m", "rad")
 def slide_and_turn() -> Mechanism:
     """An arm of a joint that slides and one that turns."""
     arms = (random_chain(seed, 2) for seed in range(99))
-    return next(arm for arm in arms if [joint.kind.turns for joint in arm.primary_joints] == [False, True])
+    return next(arm for arm in arms if [joint.kind.is_revolute for joint in arm.primary_joints] == [False, True])
 
 
 def run(make: Any, **more: Any) -> Rollout:
@@ -44,7 +44,7 @@ def test_each_joint_has_its_own_units(tmp_path: Path) -> None:
         assert (found["reference_a.rail"], found["reference_a.elbow"]) == ("m/s^2", "rad/s^2")
         assert (found["torque.rail"], found["applied.elbow"]) == ("N", "N m")
     run(simulate, stream=tmp_path / "stream.parquet")
-    run(simulate, last=0.1).save(tmp_path / "saved.parquet")
+    run(simulate, keep_last=0.1).save(tmp_path / "saved.parquet")
     for name in ("stream", "saved"):
         again = Rollout.load(tmp_path / f"{name}.parquet")
         assert again.position_units == UNITS

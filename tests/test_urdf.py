@@ -83,7 +83,7 @@ def test_real_robots_without_joints_that_move_are_refused(name: str) -> None:
 def test_right_angles_of_a_real_arm_are_exact() -> None:
     """Eleven digits of pi leave 5e-12; the UR5 has full ones, and none of its twists is off by a rounding."""
     for link in read_urdf(urdf("ur5_robot.urdf")).links:
-        near = np.abs(link.near.rotation)
+        near = np.abs(link.parent_to_joint.rotation)
         assert np.all((near == 0) | (near == 1) | ((near > 1e-12) & (near < 1 - 1e-12)))
 
 

@@ -229,7 +229,7 @@ def test_loops_that_begin_again_elsewhere_are_followed() -> None:
         assert not terminated.any()
         p, v, _ = point(told, ours)
         again = info["time"] == 0.0
-        state = law.restart(state, again, p, v)
+        state = law.reset(state, again, p, v)
         if again.any():
             np.testing.assert_allclose(state.q[again], mechanism.configuration(p[again]), atol=1e-9)
         beginnings += int(again.sum())

@@ -9,7 +9,7 @@ import pytest
 from random_trees import random_chain
 
 from adaptctl.arrays import Array
-from adaptctl.control import CushionedFloor, Gradient, PassivityIntegral, ReferencePoint, SlotineLi, watch
+from adaptctl.control import CushionedFloor, Gradient, PassivityIntegral, ReferencePoint, SlotineLi, monitor_stability
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.simulation import Plant
@@ -38,7 +38,7 @@ def any_run(samples: int = 40, seed: int = 0) -> Run:
 
 
 def law(adaptation: Any, kind: type[SlotineLi] = SlotineLi) -> SlotineLi:
-    return kind(MODEL, BANDWIDTH, DAMPING, adaptation, TRUE, period=PERIOD)
+    return kind(MODEL, BANDWIDTH, DAMPING, adaptation, TRUE, control_period=PERIOD)
 
 
 GAIN = np.linspace(0.2, 2.0, K)
@@ -62,11 +62,11 @@ def a_and_hold(run: Run, gain: Array, k: int) -> tuple[float, float]:
 @pytest.mark.parametrize("every", [1, 7])
 def test_numbers_are_those_of_their_definitions(gain: Array, every: int) -> None:
     run = any_run()
-    seen = watch(law(gain), run, ARM, every)
+    seen = monitor_stability(law(gain), run, ARM, every)
     full = np.diag(gain) if gain.ndim == 1 else gain
     expected = np.array([a_and_hold(run, full, k) for k in range(0, len(run.p), every)])
-    np.testing.assert_allclose(seen.adaptation, expected[:, 0], rtol=1e-9)
-    np.testing.assert_allclose(seen.hold, expected[:, 1], rtol=1e-9)
+    np.testing.assert_allclose(seen.adaptation_ratio, expected[:, 0], rtol=1e-9)
+    np.testing.assert_allclose(seen.sampling_ratio, expected[:, 1], rtol=1e-9)
 
 
 def test_ringing_is_of_all_ticks_however_few_are_told() -> None:
@@ -77,20 +77,20 @@ def test_ringing_is_of_all_ticks_however_few_are_told() -> None:
         product, square = 0.99 * product + 0.01 * last * now, 0.99 * square + 0.01 * last**2
         rho.append(product / (square + 1e-4))
         last = now
-    np.testing.assert_allclose(watch(law(GAIN), run, ARM).ringing, rho, rtol=1e-12)
-    np.testing.assert_allclose(watch(law(GAIN), run, ARM, 9).ringing, rho[::9], rtol=1e-12)
+    np.testing.assert_allclose(monitor_stability(law(GAIN), run, ARM).ringing, rho, rtol=1e-12)
+    np.testing.assert_allclose(monitor_stability(law(GAIN), run, ARM, 9).ringing, rho[::9], rtol=1e-12)
 
 
 def test_a_loop_that_learns_nothing_has_no_adaptation_number() -> None:
-    seen = watch(law(None), any_run(), ARM, 5)
-    np.testing.assert_array_equal(seen.adaptation, np.zeros(8))
-    assert np.isfinite(seen.hold).all()
+    seen = monitor_stability(law(None), any_run(), ARM, 5)
+    np.testing.assert_array_equal(seen.adaptation_ratio, np.zeros(8))
+    assert np.isfinite(seen.sampling_ratio).all()
 
 
 def test_an_estimate_that_drives_instead_of_damping_is_told() -> None:
     run = any_run()
     run.estimate[5] = -1e3 * TRUE
-    hold = watch(law(Gradient(GAIN)), run, ARM).hold
+    hold = monitor_stability(law(Gradient(GAIN)), run, ARM).sampling_ratio
     assert np.isinf(hold[5])
     assert np.isfinite(np.delete(hold, 5)).all()
 
@@ -102,7 +102,12 @@ def test_in_a_free_loop_rho_is_one_less_the_hold_number(hold: float) -> None:
     model = ReducedModel.full(arm)
     inertia, period, rest = float(arm.mass_matrix(np.zeros(1))[0, 0]), 1e-3, np.zeros(1)
     controller = SlotineLi(
-        model, np.array([0.1]), np.array([hold * inertia / period]), None, arm.inertial_parameters, period=period
+        model,
+        np.array([0.1]),
+        np.array([hold * inertia / period]),
+        None,
+        arm.inertial_parameters,
+        control_period=period,
     )
     plant, goal, rows = Plant(arm, period), ReferencePoint(rest, rest, rest), []
     state = plant.init(rest, np.array([20.0]))
@@ -111,18 +116,18 @@ def test_in_a_free_loop_rho_is_one_less_the_hold_number(hold: float) -> None:
         torque, memory = controller.step(memory, state.q, state.v, goal)
         rows.append((state.q, state.v, rest, rest, rest, memory.estimate))
         state = plant.step(state, torque)
-    seen = watch(controller, Run(*map(np.array, zip(*rows, strict=True)), period), arm)
-    np.testing.assert_allclose(seen.hold, hold + period * 0.1, rtol=1e-9)
+    seen = monitor_stability(controller, Run(*map(np.array, zip(*rows, strict=True)), period), arm)
+    np.testing.assert_allclose(seen.sampling_ratio, hold + period * 0.1, rtol=1e-9)
     assert seen.ringing[-1, 0] == pytest.approx(1.0 - hold, abs=0.02)
 
 
 @pytest.mark.parametrize(
     ("controller", "says"),
     [
-        (law(CushionedFloor(GAIN, 0.3, 15.0)), "watch: CushionedFloor has no constant gain"),
+        (law(CushionedFloor(GAIN, 0.3, 15.0)), "monitor_stability: CushionedFloor has no constant gain"),
         (law(GAIN, PassivityIntegral), "that of PassivityIntegral depends on more than the errors"),
     ],
 )
 def test_what_has_no_such_numbers_is_refused(controller: SlotineLi, says: str) -> None:
     with pytest.raises(InputError, match=says):
-        watch(controller, any_run(), ARM)
+        monitor_stability(controller, any_run(), ARM)

@@ -12,9 +12,9 @@ from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.tuning import tune
-from adaptctl.tuning.carried_gains import recoverable_error
 from adaptctl.tuning.default_gains import DefaultGains
-from adaptctl.tuning.workable_reference import WorkableReference, workable_reference
+from adaptctl.tuning.feasible_gains import recoverable_error
+from adaptctl.tuning.feasible_reference import FeasibleReference, feasible_reference
 from tests.random_trees import random_tree
 from tests.robot_files import urdf
 
@@ -31,8 +31,8 @@ LIFT = """<robot name="lift">
 </robot>"""
 
 
-def reference(mechanism: Mechanism) -> WorkableReference:
-    return workable_reference(mechanism, finite_torque_limits(mechanism), 0)
+def reference(mechanism: Mechanism) -> FeasibleReference:
+    return feasible_reference(mechanism, finite_torque_limits(mechanism), 0)
 
 
 def lift(folder: Path, effort: float) -> Mechanism:
@@ -105,7 +105,7 @@ def test_friction_as_high_as_the_limit_leaves_room() -> None:
 def test_no_joint_of_a_tree_asks_for_more_than_its_share(seed: int) -> None:
     tree = random_tree(seed, 4)
     limits = finite_torque_limits(tree) / 4.0
-    found = workable_reference(tree, limits, seed)
+    found = feasible_reference(tree, limits, seed)
     held = found.reduced == 0.0
     allowed = np.clip(0.5 * (1.0 + found.static), 0.6, 0.95)
     assert np.all(found.asked[~held] <= allowed[~held] + 1e-9)

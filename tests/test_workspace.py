@@ -30,7 +30,7 @@ def two_peaks(size: float) -> tuple[Workspace, Worst]:
     about = LOW + 0.02 * rng.normal(size=(10 * STARTS, 3))
     samples = size * np.vstack((about, [[0.9, 0.95, 0.9], [0.0, 0.0, 0.0]]))
     workspace = Workspace(random_chain(0, 3), samples, np.zeros_like(samples), np.full_like(samples, size))
-    return workspace, workspace.highest(lambda p: peak(p / size, LOW, 1.0) + peak(p / size, HIGH, 2.0))
+    return workspace, workspace.maximum(lambda p: peak(p / size, LOW, 1.0) + peak(p / size, HIGH, 2.0))
 
 
 @pytest.mark.parametrize("size", [2.0**-10, 1.0, 2.0**10])
@@ -58,7 +58,7 @@ def test_nothing_is_searched_where_nothing_is_greater_or_there_is_no_room(size: 
 
     samples = np.full((9, 3), 0.5 * size)
     workspace = Workspace(random_chain(0, 3), samples, np.zeros_like(samples), np.full_like(samples, size))
-    assert workspace.highest(valued).value == value
+    assert workspace.maximum(valued).value == value
     assert looked == [9]
 
 

@@ -13,21 +13,21 @@ from adaptctl.control import (
     AdaptiveComputedTorque,
     ComputedTorque,
     Gains,
-    Guarded,
-    Halted,
     MinimumJerk,
     PDGravity,
     Projection,
+    SafetyFilter,
     Sinusoids,
     SlotineLi,
+    StoppedReference,
     Workspace,
     adaptation_gain,
-    hold_number,
-    least_definite,
     lyapunov,
+    monitor_stability,
     persistent_excitation,
+    sampling_ratio,
     typical_inertia,
-    watch,
+    worst_conditioned_configuration,
 )
 from adaptctl.description import Closure, Description, Joint, Link, Loops, Pose
 from adaptctl.description.drive import Drive
@@ -112,8 +112,8 @@ def test_sinusoids_have_amplitudes_and_frequencies() -> None:
 
 @pytest.mark.parametrize("wrong", [0, -1, 1.5, "a", None, True])
 def test_samples_are_watched_by_whole_numbers(wrong: Any) -> None:
-    with pytest.raises(InputError, match="watch: every: expected a whole number of at least 1, got"):
-        watch(law(), run(), arm(), wrong)
+    with pytest.raises(InputError, match="monitor_stability: every: expected a whole number of at least 1, got"):
+        monitor_stability(law(), run(), arm(), wrong)
 
 
 @pytest.mark.parametrize("wrong", ["a", None, [1.0], np.inf, np.nan])
@@ -131,7 +131,7 @@ def test_columns_are_a_sequence(wrong: Any) -> None:
 
 def test_any_length_of_a_runs_end_is_kept() -> None:
     for make in (simulate, rollout):
-        np.testing.assert_array_equal(make(env(), law(), seed=0, last=1e300).p, make(env(), law(), seed=0).p)
+        np.testing.assert_array_equal(make(env(), law(), seed=0, keep_last=1e300).p, make(env(), law(), seed=0).p)
 
 
 KINDS: dict[str, tuple[Callable[[Any], object], str]] = {
@@ -149,9 +149,9 @@ KINDS: dict[str, tuple[Callable[[Any], object], str]] = {
     "Slotine and Li": (lambda x: SlotineLi(x, 5.0, 5.0), "ReducedModel"),
     "adaptive computed torque": (lambda x: AdaptiveComputedTorque(x, 5.0, np.ones(1)), "ReducedModel"),
     "gains": (lambda x: Gains.from_bandwidth(x, 1.0), "Mechanism"),
-    "hold number": (lambda x: hold_number(x, 1.0, 1e-3), "Mechanism"),
+    "sampling ratio": (lambda x: sampling_ratio(x, 1.0, 1e-3), "Mechanism"),
     "typical inertia": (typical_inertia, "Mechanism"),
-    "guarded": (Guarded, "Controller"),
+    "guarded": (SafetyFilter, "Controller"),
     "projected": (lambda x: Projection(x, -np.ones(2), np.ones(2)), "AdaptationLaw"),
     "live view": (Live, "Mechanism"),
     "controller of a run": (lambda x: simulate(env(), x), "Controller"),
@@ -200,14 +200,14 @@ def test_gains_are_found_under_constraints_too() -> None:
     rough = scaled_links(slim, 0.3, 1)
     plain = dict(zip(arm().parameter_names, scaled_links(arm(), 0.3, 1).tolist(), strict=True))
     assert rough.tolist() == [plain[name] for name in slim.parameter_names]
-    assert all(run.learns for run in tune(slim).verified)
+    assert all(run.is_learning for run in tune(slim).verified)
 
 
 def test_a_workspace_has_the_masses_of_the_mechanism_that_is_judged() -> None:
-    """One made for an arm as described, and a model of it twice as heavy: half the hold number."""
+    """One made for an arm as described, and a model of it twice as heavy: half the sampling ratio."""
     heavy = arm().with_parameters(2.0 * arm().inertial_parameters)
     found = [
-        hold_number(own, 5.0, 1e-3, workspace=Workspace.within_limits(made, 50)).value
+        sampling_ratio(own, 5.0, 1e-3, workspace=Workspace.within_limits(made, 50)).value
         for own, made in ((arm(), arm()), (heavy, arm()), (heavy, heavy))
     ]
     assert found[1] == found[2] == pytest.approx(0.5 * found[0], rel=1e-9)
@@ -216,7 +216,7 @@ def test_a_workspace_has_the_masses_of_the_mechanism_that_is_judged() -> None:
         SlotineLi(ReducedModel.full(arm()), 5.0, np.full(2, 5.0), workspace=other)
     for wrong in (3, "all", [1.0]):
         with pytest.raises(InputError, match=r"workspace: expected a Workspace, as .*, got"):
-            least_definite(arm(), arm().inertial_parameters, wrong)  # type: ignore[arg-type]
+            worst_conditioned_configuration(arm(), arm().inertial_parameters, wrong)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("wrong", ["puma560", None, 3])
@@ -236,12 +236,12 @@ def test_a_damping_ratio_and_a_margin_are_numbers(wrong: Any) -> None:
     with pytest.raises(InputError, match="workspace: margin: expected"):
         Workspace.along(arm(), np.zeros(2), wrong)
     with pytest.raises(InputError, match="halted: expected a reference, a function of time, got"):
-        Halted(wrong, 1.0)
+        StoppedReference(wrong, 1.0)
 
 
 def test_switches_and_ranges_are_what_they_are() -> None:
     with pytest.raises(InputError, match="freeze: expected True or False, got 'no'"):
-        Guarded(law(), 10.0, freeze="no")  # type: ignore[arg-type]
+        SafetyFilter(law(), 10.0, freeze="no")  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"adaptation gain: ranges: expected a PriorRanges, as .*, got 3"):
         adaptation_gain(law().model, 3)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"reduce: expected an? EssentialSpace, as .*, got <Mechanism"):
@@ -251,6 +251,6 @@ def test_switches_and_ranges_are_what_they_are() -> None:
 @pytest.mark.parametrize("wrong", ["a", {}, [[1.0], [1.0, 2.0]]])
 def test_references_are_asked_for_times(wrong: Any) -> None:
     moving = Sinusoids(np.zeros(2), np.ones(2), np.ones(2))
-    for reference in (moving, MinimumJerk(np.eye(2), np.arange(2.0)), Halted(moving, 1.0)):
+    for reference in (moving, MinimumJerk(np.eye(2), np.arange(2.0)), StoppedReference(moving, 1.0)):
         with pytest.raises(InputError, match="reference: time: expected numbers, got"):
             reference(wrong)

@@ -51,8 +51,7 @@ def basis(
     *,
     priority: Annotated[Path | None, Parameter(metavar="FILE")] = None,
     energy_error: Annotated[float | None, Parameter(metavar="PERCENT")] = None,
-    snap: Annotated[bool, Parameter(negative=())] = False,
-    as_is: Annotated[bool, Parameter(negative=())] = False,
+    snap: Annotated[bool | None, Parameter(negative="--no-snap")] = None,
     floating_base: FloatingBase = False,
     json: Json = False,
     out: Annotated[Path | None, Parameter(metavar="FILE")] = None,
@@ -66,26 +65,25 @@ def basis(
     be another one if they were exact, such as angles between joint axes within 1e-3 rad of a right one. Raises
     `FileError` for files that cannot be used or written, `NotFoundError` for an unknown robot, `LoopError` where
     kinematic loops cannot be closed, `RankError` where the number of independent parameters cannot be certified or,
-    without `as_is`, angles or lengths are nearly special; `InputError` for `floating_base` with a robot that is no URDF
-    file and for an `energy_error` below 0.
+    unless `snap` is False, angles or lengths are nearly special; `InputError` for `floating_base` with a robot that is
+    no URDF file and for an `energy_error` below 0.
 
     Args:
         priority: TOML file that says which parameters to remove first; else Table 4's rule.
         energy_error: Also tell how many components keep the energy's error below this, within the joints' limits.
-        snap: Make angles between joint axes within 1e-3 rad of right ones exact.
-        as_is: Take nearly special angles and lengths as they stand; else they may refuse.
+        snap: Make joint angles within 1e-3 rad of a right angle exact, or use them as given; else they may be refused.
         out: Also save the basis, as JSON that adaptctl can load.
         overwrite: Replace the file of --out, if it exists.
     """
     from adaptctl.dynamics import load
-    from adaptctl.files import require_place
+    from adaptctl.files import validate_place
     from adaptctl.identifiability import Priority, essential_space, fundamental_basis
 
     if out is not None:
-        require_place(out, overwrite)
-    mechanism = load(robot, floating_base=floating_base, snap=snap)
+        validate_place(out, overwrite)
+    mechanism = load(robot, floating_base=floating_base, snap=bool(snap))
     order = Priority.default(mechanism) if priority is None else Priority.read(priority, mechanism)
-    space = essential_space(mechanism, near="as_is" if as_is else "refuse", prove=True)
+    space = essential_space(mechanism, near_singular="as_is" if snap is False else "refuse", prove=True)
     found = fundamental_basis(space, order, prove=True)
     reduction = None if energy_error is None else _reduction(mechanism, energy_error)
     if out is not None:
@@ -130,7 +128,7 @@ def as_builtins(
     if reduction is not None:
         content["reduction"] = {
             "states": reduction.states,
-            "components": reduction.kept,
+            "components": reduction.num_components,
             "percent_error": reduction.percent_error,
             "percent_errors": reduction.percent_errors.tolist(),
         }
@@ -178,9 +176,9 @@ def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis)
         " are independent",
     )
     certificate = words((f"{space.certificate}; condition {basis.condition:.3g}", "dim"))
-    remarks = [*space.certificate.remarks]
-    if basis.passed_over:
-        names = ", ".join(basis.passed_over)
+    remarks = [*space.certificate.warnings]
+    if basis.kept_despite_priority:
+        names = ", ".join(basis.kept_despite_priority)
         remarks.append(f"{names} would go first, but nearly depend on those removed before, so others go instead")
     if friction:
         remarks.append(f"{friction} friction parameters are kept besides: energies say nothing of them")
@@ -229,7 +227,7 @@ def energy_error(reduction: Reduction) -> Text:
     is the root mean square, over pairs of successive sampled states, of the error of the energy difference, relative to
     the root mean square of the energy differences themselves. Nothing is raised."""
     return words(
-        f"{reduction.kept} of {len(reduction.weights)} components keep the energy within "
+        f"{reduction.num_components} of {len(reduction.weights)} components keep the energy within "
         f"{reduction.percent_error:.3g} % (equation 23 of Sheu and Walker), over {reduction.states}, "
         "with this robot's parameters."
     )

@@ -23,18 +23,18 @@ def design(
     mass: Annotated[float | None, Parameter(metavar="KG")] = None,
     body: Annotated[str | None, Parameter(metavar="NAME")] = None,
     link: str | None = None,
-    at: Annotated[tuple[float, float, float] | None, Parameter(metavar="X Y Z")] = None,
+    mount: Annotated[tuple[float, float, float] | None, Parameter(metavar="X Y Z")] = None,
     counterweights: Annotated[Names, Parameter(metavar="LINK")] = (),
     objective: str = "energy",
-    share: float = 0.2,
-    beyond: float = 0.5,
+    mass_ratio: float = 0.2,
+    max_offset: float = 0.5,
     energy_error: Annotated[float, Parameter(metavar="PERCENT")] = 1.0,
     speed: float = 0.25,
     samples: int = 1000,
     seed: int = 0,
     drive: bool = False,
     duration: float | None = None,
-    period: float | None = None,
+    control_period: float | None = None,
     components: int | None = None,
     floating_base: FloatingBase = False,
     json: Json = False,
@@ -80,28 +80,28 @@ def design(
     from adaptctl.design.report import as_builtins, report, write_study
     from adaptctl.dynamics import load
     from adaptctl.errors import InputError
-    from adaptctl.packages import require_for_results
+    from adaptctl.optional_packages import validate_for_results
 
     if out is not None:
-        require_for_results()
-    if at is not None and link is None:
-        raise InputError("--at says where on a link: give --link too")
+        validate_for_results()
+    if mount is not None and link is None:
+        raise InputError("--mount says where on a link: give --link too")
     if body is not None and mass is not None:
         raise InputError("--mass is of a point, and --body has its own: give one of them")
-    asked = {"duration": duration, "period": period, "components": components}
+    asked = {"duration": duration, "control_period": control_period, "components": components}
     given = {name: value for name, value in asked.items() if value is not None}
     if given and not drive:
-        raise InputError(f"--{next(iter(given))} is of runs in closed loop: give --drive too")
+        raise InputError(f"--{next(iter(given)).replace('_', '-')} is of runs in closed loop: give --drive too")
     added = body or (1.0 if mass is None else mass)
     mechanism = load(robot, floating_base=floating_base)
     task = DesignTask.within_limits(mechanism, samples, seed, speed)
-    detail = None if link is None else _detail(task, link, added, at, (share, beyond), energy_error)
+    detail = None if link is None else _detail(task, link, added, mount, (mass_ratio, max_offset), energy_error)
     study = design_study(
         task,
         added,
         links=counterweights,
-        share=share,
-        beyond=beyond,
+        mass_ratio=mass_ratio,
+        max_offset=max_offset,
         objective=objective,
         percent=energy_error,
         seed=seed,
@@ -132,12 +132,12 @@ def _detail(
     percent: float,
 ) -> AddedMass:
     """The costs of a body added at a place of a link, which must be within the link's bounds."""
-    from adaptctl.design import PlaceBounds, added_mass
+    from adaptctl.design import MountingBounds, added_mass
     from adaptctl.design.study import named_body
 
-    places = PlaceBounds.of(task.mechanism, link, *room)
+    places = MountingBounds.of(task.mechanism, link, *room)
     place = task.center_of_mass(link) if at is None else at
-    places.require(place)
+    places.validate(place)
     return added_mass(task, link, named_body(body), place, percent=percent)
 
 

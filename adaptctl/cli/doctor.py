@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from adaptctl.cli.output import Json, print_json
-from adaptctl.packages import viewer_program
+from adaptctl.optional_packages import viewer_program
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -136,10 +136,10 @@ def install_completion(
 
     from adaptctl.cli.main import app
     from adaptctl.errors import InputError
-    from adaptctl.files import require_place
+    from adaptctl.files import validate_place
 
     if out is not None:
-        require_place(out)
+        validate_place(out)
     try:
         path = app.install_completion(shell=shell, output=out, add_to_startup=out is None)
     except ShellDetectionError as error:

@@ -27,12 +27,12 @@ def excite(
     start: Annotated[Numbers, Parameter(metavar="RAD")] = (),
     end: Annotated[Numbers, Parameter(metavar="RAD")] = (),
     duration: float = 14.0,
-    share: float = 0.8,
+    limit_share: float = 0.8,
     acceleration: Annotated[Numbers, Parameter(metavar="RAD/S2")] = (),
     jerk: Annotated[Numbers, Parameter(metavar="RAD/S3")] = (),
     box: Annotated[Numbers, Parameter(metavar="M")] = (),
     noise: Annotated[Numbers, Parameter(metavar="NM")] = (),
-    rate: float = 100.0,
+    sample_rate: float = 100.0,
     iterations: int = 10,
     seed: int = 0,
     out: Folder = Path("results/excite"),
@@ -70,8 +70,8 @@ def excite(
     from adaptctl.identification.workspace import workspace
 
     mechanism = load(robot)
-    _require_rate(rate)
-    limits = RobotLimits.of(mechanism, share, _each(acceleration), _each(jerk))
+    _validate_rate(sample_rate)
+    limits = RobotLimits.of(mechanism, limit_share, _each(acceleration), _each(jerk))
     residuals = positive_per_joint(_each(noise), mechanism.dof, "noise") if noise else None
     area, first = workspace(mechanism, robot, *_box(box)), start or None
     with replacing_folder(out, overwrite) as folder:
@@ -82,7 +82,7 @@ def excite(
                 start=first,
                 end=end or first,
                 duration=duration,
-                share=share,
+                limit_share=limit_share,
                 seed=seed + i,
                 iterations=iterations,
                 allowed=area.allows,
@@ -91,7 +91,7 @@ def excite(
         }
         predicted = forecast(mechanism, motions["excitation"], residuals)
         for name, motion in motions.items():
-            _write(folder, name, motion, [joint.name for joint in mechanism.primary_joints], rate)
+            _write(folder, name, motion, [joint.name for joint in mechanism.primary_joints], sample_rate)
         content = as_builtins(robot, motions, predicted, area.collides is not None)
         write_json(folder / "forecast.json", content)
     if json:
@@ -141,13 +141,13 @@ def _box(given: Numbers) -> tuple[Any, Any]:
     return (lower, upper) if given else (None, None)
 
 
-def _require_rate(rate: float) -> None:
+def _validate_rate(rate: float) -> None:
     from adaptctl.arrays import positive_number
     from adaptctl.errors import InputError
 
-    positive_number(rate, "rate: expected a positive number of Hz")
+    positive_number(rate, "sample_rate: expected a positive number of Hz")
     if rate > FASTEST:
-        raise InputError(f"rate: expected at most {FASTEST} points a second, got {rate:g}")
+        raise InputError(f"sample_rate: expected at most {FASTEST} points a second, got {rate:g}")
 
 
 def _write(folder: Path, name: str, motion: RobotMotion, joints: list[str], rate: float) -> None:

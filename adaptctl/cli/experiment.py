@@ -119,9 +119,9 @@ def run_experiment(experiment: Experiment, out: Path, overwrite: bool, json: boo
     `KeyboardInterrupt` on an interruption that leaves no result; and what the experiment raises.
     """
     from adaptctl.folders import replacing_folder
-    from adaptctl.packages import require_for_results
+    from adaptctl.optional_packages import validate_for_results
 
-    require_for_results()
+    validate_for_results()
     with notes_last():
         with interruptible() as interruption, replacing_folder(out, overwrite) as folder:
             result = _computed(experiment, folder, interruption)

@@ -30,7 +30,7 @@ def export(
     name: str | None = None,
     scalar: Literal["double", "float"] = "double",
     language: Literal["c", "wasm"] = "c",
-    period: Period = 1e-3,
+    control_period: Period = 1e-3,
     bandwidth: float = 4.0,
     unguarded: bool = False,
     check: bool = False,
@@ -71,9 +71,9 @@ def export(
     from adaptctl.tuning.named_laws import guarded, named_law
 
     mechanism = load(robot, floating_base=floating_base)
-    tuning = tune(mechanism, period=period, bandwidth=bandwidth)
+    tuning = tune(mechanism, control_period=control_period, bandwidth=bandwidth)
     if not anyway:
-        tuning.require_learned("--anyway")
+        tuning.validate_learning("--anyway")
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
     chosen = named_law(law, tuning, model)
     controller = chosen if unguarded else guarded(chosen, tuning)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from adaptctl.control import GainDesign
     from adaptctl.dynamics import Mechanism
 
-SCHEMA = "adaptctl/gains/1"
+SCHEMA = "adaptctl/gains/2"
 METHODS = {
     "rule": "by rule, near a reference within the torque limits",
     "bandwidth": "from a bandwidth and a damping ratio",
@@ -53,7 +53,7 @@ def gains(
     damping_ratio: float | None = None,
     poles: Annotated[tuple[complex, complex] | None, Parameter(metavar="S S")] = None,
     weights: Annotated[tuple[float, float, float] | None, Parameter(metavar="P V A")] = None,
-    period: Period = 1e-3,
+    control_period: Period = 1e-3,
     delay: int = 0,
     floating_base: FloatingBase = False,
     json: Json = False,
@@ -79,19 +79,25 @@ def gains(
     from adaptctl.control import GainDesign
     from adaptctl.dynamics import load
 
-    _require_own(method, bandwidth=bandwidth, damping_ratio=damping_ratio, poles=poles, weights=weights)
+    _validate_own(method, bandwidth=bandwidth, damping_ratio=damping_ratio, poles=poles, weights=weights)
     mechanism, limited = load(robot, floating_base=floating_base), tuple[str, ...]()
     match method:
         case "bandwidth" if damping_ratio is not None:
             wanted = 4.0 if bandwidth is None else bandwidth
-            design = GainDesign.from_bandwidth(mechanism, wanted, damping_ratio, period=period, delay=delay)
+            design = GainDesign.from_bandwidth(
+                mechanism, wanted, damping_ratio, control_period=control_period, delay=delay
+            )
         case "bandwidth":
-            design, limited = _by_rule(mechanism, bandwidth, period, delay)
+            design, limited = _by_rule(mechanism, bandwidth, control_period, delay)
         case "poles":
-            design = GainDesign.from_poles(mechanism, poles or (-8.0, -12.0), period=period, delay=delay)
+            design = GainDesign.from_poles(
+                mechanism, poles or (-8.0, -12.0), control_period=control_period, delay=delay
+            )
         case "lqr":
-            design = GainDesign.from_lqr(mechanism, *(weights or (4096.0, 0.0, 1.0)), period=period, delay=delay)
-    design.require_carried()
+            design = GainDesign.from_lqr(
+                mechanism, *(weights or (4096.0, 0.0, 1.0)), control_period=control_period, delay=delay
+            )
+    design.check_sample_time()
     if json:
         print_json(as_builtins(design, limited))
     else:
@@ -99,23 +105,23 @@ def gains(
 
 
 def _by_rule(
-    mechanism: Mechanism, bandwidth: float | None, period: float, delay: int
+    mechanism: Mechanism, bandwidth: float | None, control_period: float, delay: int
 ) -> tuple[GainDesign, tuple[str, ...]]:
     """The design of the default gains, and what limits each joint's."""
     from adaptctl.control import GainDesign
     from adaptctl.control.gains.gain_design import largest_with_delay
-    from adaptctl.tuning.carried_gains import limitations
     from adaptctl.tuning.default_gains import BANDWIDTH, HOLD, DefaultGains, near_reference
+    from adaptctl.tuning.feasible_gains import limitations
 
-    rule = DefaultGains.on(mechanism, period=period)
+    rule = DefaultGains.on(mechanism, control_period=control_period)
     hold = HOLD * largest_with_delay(delay) / largest_with_delay(0)
     carried = rule.carried(BANDWIDTH if bandwidth is None else bandwidth, hold)
     place = near_reference(mechanism, rule.reference, rule.initial_error)
-    design = GainDesign.of_gains(mechanism, carried.gains, place, period=period, delay=delay)
+    design = GainDesign.of_gains(mechanism, carried.gains, place, control_period=control_period, delay=delay)
     return design, limitations(mechanism, carried)
 
 
-def _require_own(method: str, **given: object) -> None:
+def _validate_own(method: str, **given: object) -> None:
     """Raise `InputError` for a flag of another method, which would count for nothing."""
     from adaptctl.errors import InputError
 
@@ -146,7 +152,7 @@ def as_builtins(design: GainDesign, limited: tuple[str, ...] = ()) -> dict[str, 
     """
     from adaptctl.files import finite_or_none
 
-    mechanism, cascade = design.mechanism, design.damped_enough
+    mechanism, cascade = design.mechanism, design.is_well_damped
     joints = [
         {
             "name": joint.name,
@@ -170,12 +176,12 @@ def as_builtins(design: GainDesign, limited: tuple[str, ...] = ()) -> dict[str, 
         "schema": SCHEMA,
         "robot": {"name": mechanism.name, "sha256": mechanism.description.sha256},
         "method": design.method,
-        "period": design.period,
+        "control_period": design.control_period,
         "delay": design.delay,
         "joints": joints,
         "sampled_gain": design.sampled_gain,
         "largest_sampled_gain": design.largest_sampled_gain,
-        "fastest": finite_or_none(design.fastest),
+        "fastest": finite_or_none(design.max_bandwidth),
     }
 
 
@@ -185,7 +191,7 @@ def report(design: GainDesign, limited: tuple[str, ...] = ()) -> Iterator[Render
     gain, the control period times the largest eigenvalue of M^-1 K, with the mass matrix M and the velocity gains K,
     and the sentences `limited` on what limits each joint's gains, if there are any. Nothing is raised."""
     late = f" and a delay of {design.delay}" if design.delay else ""
-    how = f": gains {METHODS[design.method]}, discretised for a control period of {design.period:g} s{late}"
+    how = f": gains {METHODS[design.method]}, discretised for a control period of {design.control_period:g} s{late}"
     yield words((design.mechanism.name, "bold"), how)
     joints = as_builtins(design)["joints"]
     gains = [[joint["name"], *(_number(joint[key]) for key in GAINS)] for joint in joints]
@@ -204,7 +210,7 @@ def _margins(design: GainDesign, i: int) -> Iterator[Words]:
     of, least = design.margins[i], float(design.least_inertia[i])
     yield f"× {_number(of.gain)}"
     yield f"× {_number(least)}", "" if of.gain * least > 1.0 else "red"
-    yield from (f"{math.degrees(of.phase):.0f}°", f"{1e3 * of.delay:.3g} ms", f"{of.delay / design.period:.3g}")
+    yield from (f"{math.degrees(of.phase):.0f}°", f"{1e3 * of.delay:.3g} ms", f"{of.delay / design.control_period:.3g}")
     yield f"{_number(of.crossover)} rad/s"
 
 
@@ -214,14 +220,15 @@ def _together(design: GainDesign) -> Iterator[str]:
         f"T_c λ_max(M⁻¹K) = {design.sampled_gain:.3g} at the worst configuration found; up to "
         f"{design.largest_sampled_gain:.3g} is allowed, the rest is a margin"
     )
-    fastest = design.fastest * design.highest
+    fastest = design.max_bandwidth * design.max_gain
     yield (
         "The period carries any poles."
-        if math.isinf(design.fastest)
-        else f"The period carries poles {design.fastest:.3g} times as fast: the fastest at {fastest:.4g} 1/s instead "
-        f"of {design.highest:.4g}."
+        if math.isinf(design.max_bandwidth)
+        else f"The period carries poles {design.max_bandwidth:.3g} times as fast: the fastest at {fastest:.4g} 1/s "
+        f"instead "
+        f"of {design.max_gain:.4g}."
     )
-    if not design.damped_enough:
+    if not design.is_well_damped:
         yield "Λ and K need a damping ratio of at least 1."
 
 

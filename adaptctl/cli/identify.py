@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from adaptctl.identification.estimator_comparison import Amplification
 
 Pairs = tuple[str, ...]
-SCHEMA, ENERGIES = "adaptctl/identified/1", "energy-differences"
+SCHEMA, ENERGIES = "adaptctl/identified/2", "energy-differences"
 
 
 def identify(
@@ -29,13 +29,13 @@ def identify(
     validate: Annotated[tuple[Path, ...], Parameter(metavar="LOG")] = (),
     columns: Annotated[Pairs, Parameter(metavar="WHAT=NAME")] = (),
     units: Annotated[Pairs, Parameter(metavar="WHAT=UNIT")] = (),
-    rate: Annotated[float | None, Parameter(metavar="HZ")] = None,
+    sample_rate: Annotated[float | None, Parameter(metavar="HZ")] = None,
     topic: str | None = None,
-    skip: Annotated[tuple[str, ...], Parameter(metavar="STEP")] = (),
+    skip_steps: Annotated[tuple[str, ...], Parameter(metavar="STEP")] = (),
     friction: Annotated[str | None, Parameter(metavar="TERMS")] = None,
     cutoff: Annotated[float | None, Parameter(metavar="HZ")] = None,
-    weight: float | None = None,
-    instruments: bool = False,
+    prior_weight: float | None = None,
+    instrumental_variables: bool = False,
     energy_differences: Annotated[float | None, Parameter(metavar="S")] = None,
     out: Folder = Path("results/identify"),
     overwrite: Overwrite = False,
@@ -71,9 +71,9 @@ def identify(
     """
     from adaptctl.identification import identify as identified
     from adaptctl.identification.report import facts, verdict
-    from adaptctl.packages import require_for_results
+    from adaptctl.optional_packages import validate_for_results
 
-    require_for_results()
+    validate_for_results()
     with replacing_folder(out, overwrite) as folder, _files(logs, robot, drives) as (logs, robot, drives):
         found = identified(
             logs,
@@ -82,13 +82,13 @@ def identify(
             validate=validate,
             columns=_pairs("--columns", columns),
             units=_pairs("--units", units),
-            rate=rate,
+            sample_rate=sample_rate,
             topic=topic,
-            skip=skip,
+            skip_steps=skip_steps,
             friction=friction,
             cutoff=cutoff,
-            weight=weight,
-            instruments=instruments,
+            prior_weight=prior_weight,
+            instrumental_variables=instrumental_variables,
         )
         _write(folder, found, robot)
         compared = None
@@ -98,7 +98,7 @@ def identify(
         words = {} if compared is None else {"energy_differences": [case._asdict() for case in compared.measured]}
         print_json(as_builtins(found, out) | words)
     else:
-        print_outcome(verdict(found), facts(found), out, found.remarks)
+        print_outcome(verdict(found), facts(found), out, found.warnings)
         if compared is not None:
             page = compared.report()
             print()
@@ -107,12 +107,12 @@ def identify(
 
 def as_builtins(found: Identification, folder: Path) -> dict[str, Any]:
     """JSON object, as a dict of Python's built-in types, of an identification: the `verdict` in a sentence, `facts`
-    (questions and answers) and `remarks` in words, and the `folder` of its files; numbers are in summary.json there.
+    (questions and answers) and `warnings` in words, and the `folder` of its files; numbers are in summary.json there.
     Nothing is raised."""
     from adaptctl.identification.report import facts, verdict
     from adaptctl.recording.result import answers
 
-    words = {"verdict": verdict(found), "facts": answers(facts(found)), "remarks": list(found.remarks)}
+    words = {"verdict": verdict(found), "facts": answers(facts(found)), "warnings": list(found.warnings)}
     return {"schema": SCHEMA, "folder": str(folder), **words}
 
 

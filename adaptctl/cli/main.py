@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TextIO
 
-from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
+from cyclopts import App, ArgumentCollection, CycloptsError, Parameter, UnknownOptionError
 
 from adaptctl.errors import (
     AdaptctlError,
@@ -20,7 +20,8 @@ from adaptctl.errors import (
     SimplificationWarning,
     VerdictError,
 )
-from adaptctl.packages import needed
+from adaptctl.optional_packages import needed
+from adaptctl.renamed import new_name
 
 DONE, FAILED, WRONG_INPUT, VERDICT, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -86,7 +87,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                     from adaptctl.cli.experiment import offer_own
 
                     offer_own(given)
-                _require_command(given)
+                _validate_command(given)
                 code = int(app(given) or DONE)
             print(end="", flush=True)  # here, where a reader that went away or a full disk can be told of
             return code
@@ -102,7 +103,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             return _complain("interrupted", INTERRUPTED)
 
 
-def _require_command(given: Sequence[str]) -> None:
+def _validate_command(given: Sequence[str]) -> None:
     """Refuse a line that ends before it says what to do; cyclopts would show the help and call it done."""
     chain, apps, rest = app.parse_commands(given)
     if not rest and apps[-1].default_command is None:
@@ -114,7 +115,17 @@ def _reason(error: CycloptsError) -> object:
     """Message of what was wrong with the command line, in our words where we refused it."""
     if isinstance(error.__cause__, InputError):
         return error.__cause__
-    return f"{error} See {_called(error.command_chain or ())} --help"
+    return f"{_renamed_option(error) or error} See {_called(error.command_chain or ())} --help"
+
+
+def _renamed_option(error: CycloptsError) -> str:
+    """Message that names the option which replaces a former one; empty where there is none."""
+    if not isinstance(error, UnknownOptionError):
+        return ""
+    names = {name for argument in error.argument_collection for name in argument.names}
+    option = (error.token.keyword or "").removeprefix("--").replace("-", "_")
+    new = new_name(option, {name.removeprefix("--").replace("-", "_") for name in names})
+    return f"Unknown option: {error.token.keyword}. Did you mean --{new.replace('_', '-')}?" if new else ""
 
 
 def _called(chain: Sequence[str]) -> str:

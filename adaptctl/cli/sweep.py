@@ -16,9 +16,9 @@ from adaptctl.errors import InputError
 if TYPE_CHECKING:
     from adaptctl.sweeps.study import SweepStudy
 
-STATUS_SCHEMA = "adaptctl/sweep/1"
+STATUS_SCHEMA = "adaptctl/sweep/2"
 MANY = 20_000
-"""Runs that are not begun without being asked for."""
+"""Runs that are not started without being asked for."""
 WHERE, WHAT = "Where it runs", "What is run"
 
 app = App(name="sweep")
@@ -34,7 +34,7 @@ def sweep(
     samples: Annotated[int, Parameter(group=WHAT)] = 0,
     precision: Annotated[Literal["double", "single"] | None, Parameter(group=WHAT)] = None,
     search: Annotated[int, Parameter(group=WHAT)] = 0,
-    minimise: Annotated[str, Parameter(group=WHAT)] = "rms_error_last",
+    objective: Annotated[str, Parameter(group=WHAT)] = "final_rms_error",
     yes: Annotated[bool, Parameter(group=WHAT)] = False,
     jobs: Annotated[int | None, Parameter(group=WHERE)] = None,
     scheduler: Annotated[str | None, Parameter(group=WHERE)] = None,
@@ -95,8 +95,8 @@ def sweep(
     if samples and study.sampling == "grid":
         raise InputError("samples: a grid draws none: give --sampling latin-hypercube or sobol")
     if search:
-        return _search(study, minimise, search, out)
-    _require_few(study.count, yes)
+        return _search(study, objective, search, out)
+    _validate_few(study.count, yes)
     tls = [path for path in (tls_ca, tls_cert, tls_key) if path]
     if len(tls) not in (0, 3):
         raise InputError("TLS needs all of --tls-ca, --tls-cert and --tls-key")
@@ -170,7 +170,7 @@ def _search(study: SweepStudy, minimise: str, trials: int, out: Path) -> int:
     return 0
 
 
-def _require_few(count: int, yes: bool) -> None:
+def _validate_few(count: int, yes: bool) -> None:
     """Ask before a large grid that may have been meant smaller; refuse it where no terminal can answer."""
     if count <= MANY or yes:
         return

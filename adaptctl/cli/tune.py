@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from adaptctl.tuning import Tuning, Verification
 
-SCHEMA = "adaptctl/tuning/1"
+SCHEMA = "adaptctl/tuning/2"
 DONE, FAILED = 0, 3
 
 
@@ -32,10 +32,10 @@ def tune(
     robot: Robot,
     /,
     *,
-    period: Period = 1e-3,
+    control_period: Period = 1e-3,
     bandwidth: float = 4.0,
-    hold: float = 0.5,
-    adaptation: float = 0.5,
+    sampling_ratio: float = 0.5,
+    adaptation_ratio: float = 0.5,
     search: int = 0,
     seed: int = 0,
     floating_base: FloatingBase = False,
@@ -63,7 +63,13 @@ def tune(
 
     mechanism = load(robot, floating_base=floating_base)
     tuning = tuned(
-        mechanism, period=period, bandwidth=bandwidth, hold=hold, adaptation=adaptation, search=search, seed=seed
+        mechanism,
+        control_period=control_period,
+        bandwidth=bandwidth,
+        sampling_ratio=sampling_ratio,
+        adaptation_ratio=adaptation_ratio,
+        search=search,
+        seed=seed,
     )
     if json:
         print_json(as_builtins(tuning))
@@ -80,11 +86,11 @@ def as_builtins(tuning: Tuning) -> dict[str, Any]:
 
     For all there are the control `period` T (s), the diagonal of the `adaptation` gain Gamma by parameter (its unit
     squared per J), and the integration (`substeps` a period, `integrator`). Two numbers, no unit, are the greatest of
-    the sampled loop along the reference, stable below 2: `hold_number`, the damping number, the largest eigenvalue of
-    T (M + T B)^-1 K, with the mass matrix M, viscous friction B and damping K, and `adaptation_number`, that of
-    T K^-1 Y Gamma Y', with the parameters' regressor Y and its transpose Y'. Each run of `verified` has its `name`,
-    `learns`, True where it stayed near the reference and errors fell to a third, root mean square errors (rad, m) over
-    the `first` second, the `last` two, and these with adaptation `off`, the `largest` error, and `limited`, the
+    the sampled loop along the reference, stable below 2: `sampling_ratio`, the damping number, the largest eigenvalue
+    of T (M + T B)^-1 K, with the mass matrix M, viscous friction B and damping K, and `achieved_adaptation_ratio`, that
+    of T K^-1 Y Gamma Y', with the parameters' regressor Y and its transpose Y'. Each run of `verified` has its `name`,
+    `is_learning`, True where it stayed near the reference and errors fell to a third, root mean square errors (rad, m)
+    over the `first` second, the `last` two, and these with adaptation `off`, the `largest` error, and `limited`, the
     fraction, 0 to 1, of the run's second half with a torque at its limit; None for infinite. `notes` are sentences.
     """
     mechanism, reference = tuning.mechanism, tuning.reference
@@ -104,21 +110,23 @@ def as_builtins(tuning: Tuning) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "robot": {"name": mechanism.name, "sha256": mechanism.description.sha256},
-        "period": tuning.period,
+        "control_period": tuning.control_period,
         "joints": joints,
         "adaptation": dict(zip(mechanism.parameter_names, tuning.adaptation.tolist(), strict=True)),
         "substeps": tuning.substeps,
         "integrator": type(tuning.integrator).__name__,
-        "hold_number": tuning.hold_number,
-        "adaptation_number": tuning.adaptation_number,
+        "sampling_ratio": tuning.sampling_ratio,
+        "achieved_adaptation_ratio": tuning.adaptation_ratio,
         "verified": [_verified(run) for run in tuning.verified],
         "notes": list(tuning.notes),
     }
 
 
 def _verified(run: Verification) -> dict[str, Any]:
-    numbers = {name: finite_or_none(getattr(run, name)) for name in ("first", "last", "off", "largest", "limited")}
-    return {"name": run.name, "learns": run.learns, **numbers}
+    numbers = {
+        name: finite_or_none(getattr(run, name)) for name in ("first", "last", "parameter_error", "largest", "limited")
+    }
+    return {"name": run.name, "is_learning": run.is_learning, **numbers}
 
 
 def report(tuning: Tuning) -> Iterator[RenderableType]:
@@ -127,12 +135,12 @@ def report(tuning: Tuning) -> Iterator[RenderableType]:
     of verifying runs, and notes, the last two where there are any. Nothing is raised."""
     if tuning.failed:
         yield words((f"FAILED: with these gains the arm does not learn: {tuning.verified[0]}", "bold red"))
-    method = f"{tuning.substeps} steps of {type(tuning.integrator).__name__} a period of {tuning.period:g} s"
+    method = f"{tuning.substeps} steps of {type(tuning.integrator).__name__} a period of {tuning.control_period:g} s"
     yield words((tuning.mechanism.name, "bold"), f": gains by rule for a rigid arm without noise; {method}")
     yield titled("Gains and reference (SI units)", _joints(tuning))
     joints = (joint.name for joint in tuning.mechanism.primary_joints)
     yield titled("What limits the gains", listed(zip(joints, tuning.limited_by, strict=True)))
-    runs = (words((f"{run}", "") if run.learns else (f"{run} (does not learn)", "red")) for run in tuning.verified)
+    runs = (words((f"{run}", "") if run.is_learning else (f"{run} (does not learn)", "red")) for run in tuning.verified)
     if tuning.verified:
         yield titled("Runs of 20 s, RMS errors of the first second and of the last two", *runs)
     if tuning.notes:

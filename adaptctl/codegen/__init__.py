@@ -3,6 +3,6 @@
 Both are written from the graph of the law that Python runs (`adaptctl.compilation`); neither needs a compiler here.
 """
 
-from adaptctl.packages import imported_lazily
+from adaptctl.optional_packages import imported_lazily
 
 __all__, __getattr__, __dir__ = imported_lazily(__name__)

@@ -14,10 +14,10 @@ from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.codegen.c_function import CNumber, Kind, sine_source
 from adaptctl.codegen.c_program import CProgram, Signature, helpers
+from adaptctl.codegen.closed_loop_check import RecordedTick, first_torque
 from adaptctl.codegen.gain_rules import GainRule, gain_rules
+from adaptctl.codegen.initialisation import start_of
 from adaptctl.codegen.interface import GIVEN, Field, Interface, status_bits
-from adaptctl.codegen.starting import start_of
-from adaptctl.codegen.vouching import RecordedTick, first_torque
 from adaptctl.compilation.graph import Op
 from adaptctl.compilation.sine import sine_for
 from adaptctl.dynamics.loops.continuation import LOST
@@ -87,7 +87,7 @@ class CPackage:
         name, start = self.name, self.start
         law = self.program.source(self.interface.law, self._law_signature())
         texts, self.stack = [law.text], law.stack
-        on_arrays = {} if start.more is None else {"begun": (start.more, ["q"])}
+        on_arrays = {} if start.more is None else {"started": (start.more, ["q"])}
         if start.walk is not None:
             on_arrays |= {"closed": (start.walk.step, ["p", "q"]), "regular": (start.walk.regular, ["q"])}
         for what, (routine, given) in on_arrays.items():
@@ -104,7 +104,7 @@ class CPackage:
         internal state's fields and initial values, and the names of its status bits. By it the code recognises a state
         that other code has made. Raises `TraceError` for a law that cannot be traced."""
         starts = [field.name + str(field.dimensions) + self._array(field.values) for field in self.memory]
-        text = "\n".join([self.functions, *starts, str(self.interface.marks), str(self.start.configurations)])
+        text = "\n".join([self.functions, *starts, str(self.interface.flags), str(self.start.configurations)])
         return hashlib.sha256(text.encode()).hexdigest()[:16].upper()
 
     @cached_property
@@ -126,7 +126,7 @@ class CPackage:
     def _content(self) -> dict[str, Any]:
         """Variables of all templates, by name."""
         interface, law = self.interface, self.interface.controller
-        fields, marks = interface.memory, interface.marks
+        fields, flags = interface.memory, interface.flags
         return {
             "name": self.name,
             "P": self.name.upper(),
@@ -145,7 +145,7 @@ class CPackage:
             "joints": interface.joints,
             "reference_size": law.reference_size,
             "reference_in_joints": interface.follows_joints,
-            "period": repr(interface.period),
+            "period": repr(interface.control_period),
             "hash": self.hash,
             "bits": status_bits(interface),
             "memory": self.memory,
@@ -155,7 +155,7 @@ class CPackage:
             "applied": interface.applied,
             "brake": interface.brake and [Field(name, x) for name, x in interface.brake._asdict().items()],
             "brake_text": "the guards' braking" if interface.brake else "zero",
-            "marks": list(map(_Mark, (f.name for f in fields[len(fields) - len(marks) :]), map(str.upper, marks))),
+            "flags": list(map(_Mark, (f.name for f in fields[len(fields) - len(flags) :]), map(str.upper, flags))),
             "configurations": [fields[k] for k in self.start.configurations],
             "computed": [fields[k] for k in self.start.computed],
             "more": self.start.more,
@@ -256,7 +256,7 @@ def title(interface: Interface) -> str:
     law = type(interface.innermost).__name__ + (", guarded" if interface.guarded else "")
     arm = interface.mechanism.name if interface.mechanism else f"{interface.controller.dof} joints"
     printable = "".join(c if c.isprintable() and c not in "*/\\" else " " for c in arm)
-    return f"{law} for {printable}, every {interface.period:g} s"
+    return f"{law} for {printable}, every {interface.control_period:g} s"
 
 
 def filled(template: str, **content: object) -> str:

@@ -18,7 +18,7 @@ Before = Callable[[int, int], Numbered | None]
 """The argument's number that a result's number takes the place of, if it does of any."""
 
 
-class PutBack:
+class ConditionalStore:
     """Results of a `piece` of a `routine` that a condition can put back to an earlier value. (A routine is a traced
     function; a piece is the whole of it or, where it is long, one of several functions that it is cut into.) Such a
     result is a choice between a new value and the argument's scalar that the result replaces. The piece can store new
@@ -161,7 +161,7 @@ class CProgram:
     def _piece(self, routine: Routine, piece: Piece, signature: Signature) -> tuple[str, int]:
         places = {i: [f"passed[{place}]"] for i, place in piece.kept.items()}
         first = any(x is routine.body[0] for x in piece.expressions) if routine.body else True
-        put_back = PutBack(routine, piece, signature.before)
+        put_back = ConditionalStore(routine, piece, signature.before)
         own = set(put_back.piece.expressions)
         code = CStatements(self.prefix, self.number, put_back.piece, self._symbols, signature.given)
         for (part, k), value in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):

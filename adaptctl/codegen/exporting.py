@@ -13,19 +13,19 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from adaptctl.codegen.c_function import Kind
-from adaptctl.codegen.interface import Interface, require_controller
-from adaptctl.codegen.vouching import default_reference, record
+from adaptctl.codegen.closed_loop_check import default_reference, record
+from adaptctl.codegen.interface import Interface, validate_controller
 from adaptctl.control import Controller, Reference
-from adaptctl.dynamics.loops.single_precision import require_single_precision
+from adaptctl.dynamics.loops.single_precision import validate_single_precision
 from adaptctl.errors import FileError, InputError, printable
 from adaptctl.files import hashed, reason, write_json
 from adaptctl.folders import replacing_folder
-from adaptctl.packages import needed
+from adaptctl.optional_packages import needed
 from adaptctl.simulation.references import sampled
 from adaptctl.version import __version__
 
 Language: TypeAlias = Literal["c", "wasm"]
-SCHEMA = "adaptctl/export/1"
+SCHEMA = "adaptctl/export/2"
 MOST_STACK = 16 * 1024
 """bytes, about, that a tick may take unless more is asked for"""
 _WORDS = """
@@ -46,9 +46,9 @@ class Exported:
     types, None for null. Nothing is checked.
 
     The manifest has "schema", "name", "adaptctl", "numpy" (versions), "spdx" (licence), "law", "adaptation" (names of
-    classes), "guarded", "period" (s), "mechanism" and "basis" (names and hashes), "joints", "gains" (by name, SI
-    units), "gains_sha256", "flops" (the number of additions, subtractions, multiplications, divisions and negations in
-    a control period), "operations" (the number of each kind), "state_numbers" (how many numbers the internal state
+    classes), "guarded", "control_period" (s), "mechanism" and "basis" (names and hashes), "joints", "gains" (by name,
+    SI units), "gains_sha256", "flops" (the number of additions, subtractions, multiplications, divisions and negations
+    in a control period), "operations" (the number of each kind), "state_numbers" (how many numbers the internal state
     has), "scalar", "language", "check" (outcome of the simulation that checked it, None without), "tolerance" (of
     torques, in parts of the largest) and "files" (their SHA-256); in C also "state_bytes", "stack_bytes_about",
     "vectors" (ticks recorded) and "abi_hash", in WebAssembly "wasm_bytes".
@@ -84,8 +84,8 @@ def export(
     prismatic), go into the manifest; in C, ticks recorded near the reference go into the code's tests. `reference` is a
     function of time (s); None, the default, is for one of sinusoids of 0.1 rad or m (0.05 m in a task space) about the
     home configuration, or as near to it as joint limits allow. A `check` that fails is an error; with `anyway` the code
-    is written all the same, and the manifest says what failed. A controller should be `Guarded`: `unguarded` lets one
-    without guards go. `large_stack` allows more than about 16 kB of stack a tick in C.
+    is written all the same, and the manifest says what failed. A controller should be `SafetyFilter`: `unguarded` lets
+    one without guards go. `large_stack` allows more than about 16 kB of stack a tick in C.
 
     Raises `InputError` where `controller` is no `Controller`, overrides `step`, or has no guards without `unguarded`;
     for another `name`, `scalar` or `language` than these and for float in WebAssembly; for a stack above about 16 kB
@@ -96,25 +96,26 @@ def export(
     finite, `TraceError` for a law that cannot be traced, and `FileError` where `directory` is no path, exists or cannot
     be written.
     """
-    require_controller(controller)
-    _require_choice("scalar", scalar, get_args(Kind))
-    _require_choice("language", language, get_args(Language))
+    validate_controller(controller)
+    _validate_choice("scalar", scalar, get_args(Kind))
+    _validate_choice("language", language, get_args(Language))
     interface = Interface(controller)
     if not (interface.guarded or unguarded):
         raise InputError(
-            f"controller: {type(controller).__name__} has no guards: wrap it in `Guarded` with the torques, rates and "
+            f"controller: {type(controller).__name__} has no guards: wrap it in `SafetyFilter` with the torques, "
+            f"rates and "
             "positions that the arm may have, or say that it may go unguarded"
         )
     chosen = _name(interface, name)
     target = _absent(directory)
     if scalar == "float" and interface.mechanism is not None:
-        require_single_precision(interface.mechanism, "scalar")
+        validate_single_precision(interface.mechanism, "scalar")
     followed = default_reference(interface) if reference is None else _required(reference, interface)
     outcome = None
     if check:
-        from adaptctl.codegen.vouching import vouched
+        from adaptctl.codegen.closed_loop_check import check_closed_loop
 
-        outcome = vouched(interface, followed, anyway=anyway)
+        outcome = check_closed_loop(interface, followed, anyway=anyway)
     if language == "wasm":
         from adaptctl.codegen.wasm_package import wasm_files
 
@@ -179,7 +180,7 @@ def _manifest(interface: Interface, name: str, facts: dict[str, Any]) -> dict[st
         if getattr(interface.innermost, "adaptation_law", None) is not None
         else None,
         "guarded": interface.guarded,
-        "period": interface.period,
+        "control_period": interface.control_period,
         "mechanism": {"name": mechanism.name, "sha256": mechanism.description.sha256} if mechanism else None,
         "basis": {"names": columns, "sha256": hashed(columns)} if columns else None,
         "joints": list(interface.joints),
@@ -219,11 +220,11 @@ def _required(reference: Reference, interface: Interface) -> Reference:
     """The reference. Raises `InputError` where it is no function of times, or of another number of coordinates."""
     if not callable(reference):
         raise InputError(f"reference: expected a function of time, got {printable(repr(reference))}")
-    sampled(reference, np.array([0.0, interface.period]), interface.controller.reference_size)
+    sampled(reference, np.array([0.0, interface.control_period]), interface.controller.reference_size)
     return reference
 
 
-def _require_choice(what: str, value: object, known: tuple[str, ...]) -> None:
+def _validate_choice(what: str, value: object, known: tuple[str, ...]) -> None:
     if not isinstance(value, str) or value not in known:
         raise InputError(f"{what}: expected {' or '.join(known)}, got {printable(repr(value))}")
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.codegen.interface import Field
-from adaptctl.control import Controller, Guarded, SlotineLi, Workspace, hold_number
+from adaptctl.codegen.interface import Field, short_names
+from adaptctl.control import Controller, SafetyFilter, SlotineLi, Workspace, sampling_ratio
 from adaptctl.errors import AdaptctlError, GainError
 
 LARGEST_FACTOR = 1e4
@@ -48,7 +48,8 @@ def gain_rules(controller: Controller[Any], fields: tuple[Field, ...]) -> tuple[
 
 
 def _rule(controller: Controller[Any], field: Field) -> GainRule:
-    name = next(name for name in controller.numbers if name.replace(".", "_") == field.name)
+    names = list(controller.numbers)
+    name = names[short_names(names).index(field.name)]
     values = controller.numbers[name]
     return GainRule(
         field,
@@ -100,12 +101,12 @@ def _most(controller: Controller[Any], name: str, values: Array) -> Array | None
 
 
 def _at_its_worst(controller: Controller[Any]) -> Controller[Any]:
-    """The same controller with a workspace of one position: where its damping makes the greatest hold number."""
-    if isinstance(controller, Guarded):
-        return replace(controller, of=_at_its_worst(controller.of))
+    """The same controller with a workspace of one position: where its damping makes the greatest sampling ratio."""
+    if isinstance(controller, SafetyFilter):
+        return replace(controller, inner=_at_its_worst(controller.inner))
     if not isinstance(controller, SlotineLi):
         return controller
     mechanism = controller.model.mechanism
-    found = hold_number(mechanism, controller.damping, controller.period, workspace=controller.workspace)
+    found = sampling_ratio(mechanism, controller.damping, controller.control_period, workspace=controller.workspace)
     p = found.p[None]
     return replace(controller, workspace=Workspace(mechanism, p, p, p))

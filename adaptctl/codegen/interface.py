@@ -12,9 +12,9 @@ from adaptctl.arrays import Array, per_joint
 from adaptctl.caching import cached_property
 from adaptctl.compilation.graph import Op
 from adaptctl.compilation.routine import Routine, trace
-from adaptctl.control import Controller, Guarded, TaskSpaceSlotineLi
+from adaptctl.control import Controller, SafetyFilter, TaskSpaceSlotineLi
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.memory import leaves
+from adaptctl.control.pytree import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
@@ -58,6 +58,10 @@ class Field:
         return self.labels[k % len(self.labels)] if self.labels else ""
 
 
+INNER = "inner."
+"""Part of a path that leads from a wrapper, such as a safety filter, to what it wraps."""
+
+
 class Brake(NamedTuple):
     """Brake of a guarded controller's exported code, which replaces a torque that the law cannot give: -`damping` v for
     joint velocities v, within plus and minus `limit`. `damping` (r,), N m s/rad (N s/m if prismatic), and `limit` (r,),
@@ -92,24 +96,24 @@ class Interface:
 
     @cached_property
     def innermost(self) -> Controller[Any]:
-        """The controller itself, or, where it is `Guarded` (behind guards), the one within all guards."""
+        """The controller itself, or, where it is `SafetyFilter` (behind guards), the one within all guards."""
         law: Any = self.controller
-        while isinstance(law, Guarded):
-            law = law.of
+        while isinstance(law, SafetyFilter):
+            law = law.inner
         return law
 
     @property
     def guarded(self) -> bool:
-        """True if the controller is `Guarded`: guards limit its torque and brake the arm in its stead; False
+        """True if the controller is `SafetyFilter`: guards limit its torque and brake the arm in its stead; False
         otherwise."""
-        return isinstance(self.controller, Guarded)
+        return isinstance(self.controller, SafetyFilter)
 
     @cached_property
     def brake(self) -> Brake | None:
         """The `Brake` of the controller's guards, its damping and torque limits; None for a controller without
         guards."""
         law = self.controller
-        if not isinstance(law, Guarded):
+        if not isinstance(law, SafetyFilter):
             return None
         damping, limit = (per_joint(np.asarray(x), law.dof, "brake") for x in (law.stop_damping, law.torque_limits))
         return Brake(damping, np.minimum(limit, np.finfo(np.float64).max))
@@ -144,10 +148,12 @@ class Interface:
         return law.reference_size == law.dof
 
     @cached_property
-    def period(self) -> float:
+    def control_period(self) -> float:
         """Control period, s: the controller's own, or 0.001 where it has none, since its law then does not depend on
         it."""
-        return float(getattr(self.controller, "period", None) or getattr(self.innermost, "period", None) or 1e-3)
+        return float(
+            getattr(self.controller, "control_period", None) or getattr(self.innermost, "control_period", None) or 1e-3
+        )
 
     @cached_property
     def started(self) -> list[Array]:
@@ -159,8 +165,7 @@ class Interface:
     def memory(self) -> tuple[Field, ...]:
         """The fields of the controller's internal state between control periods, a `Field` each, empty ones too, with
         their initial values at the home configuration and at rest, in SI units."""
-        paths = [path.removeprefix("state.").replace(".", "_") for path in self.controller._memory_sizes]
-        found = zip(paths, self.started, strict=True)
+        found = zip(short_names(self._state_paths), self.started, strict=True)
         return tuple(Field(name, values, self._labels(name, values.size)) for name, values in found)
 
     @cached_property
@@ -175,8 +180,10 @@ class Interface:
     def applied(self) -> tuple[Field, ...]:
         """The fields of the internal state in which guards, and the laws within them, remember the torque that is
         applied to the joints; empty without guards."""
-        known = {"of_" * depth + "torque" for depth in range(len(self.memory))} if self.guarded else set()
-        return tuple(field for field in self.memory if field.name in known)
+        if not self.guarded:
+            return ()
+        pairs = zip(self.memory, self._state_paths, strict=True)
+        return tuple(field for field, path in pairs if path.replace(INNER, "") == "torque")
 
     @cached_property
     def gains(self) -> tuple[Field, ...]:
@@ -192,7 +199,7 @@ class Interface:
         return tuple(field for field, _ in self._gain_fields())
 
     @cached_property
-    def marks(self) -> tuple[str, ...]:
+    def flags(self) -> tuple[str, ...]:
         """Names of the flags that the controller's guards set in the internal state in each control period, such as
         "torque_limited" or "stopped", in their order there; empty without guards."""
         return tuple(getattr(guards(self.controller._blank), "_fields", ()))
@@ -217,14 +224,19 @@ class Interface:
         return found
 
     @property
+    def _state_paths(self) -> list[str]:
+        return [path.removeprefix("state.") for path in self.controller._memory_sizes]
+
+    @property
     def _gain_places(self) -> set[int]:
         part = len(GIVEN) + len(self.controller._memory_sizes)
         return {x.detail[1] for x in self.law.body if x.op is Op.INPUT and x.detail[0] == part}
 
     def _gain_fields(self) -> Iterator[tuple[Field, set[int]]]:
         first = 0
-        for name, values in self.controller.numbers.items():
-            field = Field(name.replace(".", "_"), values, self._labels(name, values.shape[-1] if values.ndim else 0))
+        numbers = self.controller.numbers
+        for name, values in zip(short_names(list(numbers)), numbers.values(), strict=True):
+            field = Field(name, values, self._labels(name, values.shape[-1] if values.ndim else 0))
             yield field, set(range(first, first + field.size))
             first += field.size
 
@@ -239,7 +251,18 @@ class Interface:
         return ()
 
 
-def require_controller(controller: object) -> None:
+def short_names(paths: list[str]) -> list[str]:
+    """Names in C of dotted paths: what a wrapped law has goes by its own name, or with `law_` where the "
+    "wrapper has it."""
+    short = [path.replace(INNER, "").replace(".", "_") for path in paths]
+    names: list[str] = []
+    for path, name in zip(paths, short, strict=True):
+        depth = path.count(INNER)
+        names.append(name if short.count(name) == 1 or not depth else "law_" * depth + name)
+    return names
+
+
+def validate_controller(controller: object) -> None:
     """Raise `InputError` unless `controller` is a `Controller` that does not override `step`, so that its steps are
     those of its law, which is what exported code is written from."""
     if not isinstance(controller, Controller):
@@ -278,7 +301,7 @@ def status_bits(interface: Interface) -> tuple[StatusBit, ...]:
     """All status bits, a `StatusBit` each, of a controller's exported code, from its `interface`: NOT_FINITE (1),
     WRONG_STATE (2) and NOT_CLOSED (4), then, from 8 on, one for each flag that its guards set, such as TORQUE_LIMITED.
     Nothing is raised."""
-    own = enumerate(interface.marks, start=len(FAULTS))
+    own = enumerate(interface.flags, start=len(FAULTS))
     return (*FAULTS, *(StatusBit(name.upper(), 1 << k, _MARKS.get(name, name)) for k, name in own))
 
 
@@ -288,4 +311,4 @@ def status_of(interface: Interface, state: Any) -> int:
     as NOT_FINITE, are not among them. Raises `ValueError` for a state with another number of flags than the controller
     of the `interface` has."""
     bits = status_bits(interface)[len(FAULTS) :]
-    return sum(bit.value for bit, mark in zip(bits, guards(state), strict=True) if mark[0] > 0.5)
+    return sum(bit.value for bit, flag in zip(bits, guards(state), strict=True) if flag[0] > 0.5)

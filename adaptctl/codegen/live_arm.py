@@ -18,7 +18,7 @@ from adaptctl.compilation.routine import Layout
 from adaptctl.control import Controller, Reference, Sinusoids
 from adaptctl.control.controller import GAINS
 from adaptctl.control.gains.workspace import sampled_configurations
-from adaptctl.control.memory import leaves, like
+from adaptctl.control.pytree import leaves, like
 from adaptctl.control.references import SinusoidNumbers, sinusoids_at
 from adaptctl.dynamics.recursion.kinematics import frames, link_poses
 from adaptctl.recording.drawing import joint_color
@@ -118,10 +118,10 @@ class LiveLoop:
 
 
 def live_arm(
-    plant: Plant, controller: Controller[Any], reference: Reference, begun: PlantState, parameters: Array
+    plant: Plant, controller: Controller[Any], reference: Reference, started: PlantState, parameters: Array
 ) -> LiveArm | str:
     """The `LiveArm`, a WebAssembly module for a web page, of the closed loop of `plant`, `controller` and `reference`;
-    or, as text, the reason why it cannot be shown. The loop begins in the plant's state `begun`, with the true
+    or, as text, the reason why it cannot be shown. The loop begins in the plant's state `started`, with the true
     `parameters` (P,) of the arm, SI units, in the order of `Mechanism.parameter_names`. Reasons are: effects between
     controller and joints, a reference that is no `Sinusoids`, a mechanism of more than 100 links, a law of more than
     3000 floating-point operations, or a module of more than 60 kB.
@@ -138,8 +138,8 @@ def live_arm(
     if len(binary) > MOST:
         size = f"{len(binary) / 1000:.0f} kB"
         return f"its equations take {size} as WebAssembly, and a page gets at most {MOST // 1000} kB"
-    memory = leaves(controller.init(begun.p, begun.v))
-    first = [begun.q, begun.v, begun.drives, begun.sensors, *memory]
+    memory = leaves(controller.init(started.p, started.v))
+    first = [started.q, started.v, started.drives, started.sensors, *memory]
     own = dict(zip(loop.arguments, (at // 8 for at in places.inputs), strict=True))
     made = [at // 8 for at in places.outputs]
     facts = _facts(loop, own, made, routine.layout) | {

@@ -58,7 +58,7 @@ def signature(given: Iterable[bytes], made: Iterable[bytes]) -> bytes:
 
 def body(locals_: Sequence[bytes], code: bytes) -> bytes:
     """The bytes of a WebAssembly function in a module's code section: its length, its local variables, whose encoded
-    types `locals_` has in order, and its `code`, after which an end mark is put. Nothing is checked."""
+    types `locals_` has in order, and its `code`, after which an end flag is put. Nothing is checked."""
     groups = [unsigned(len(list(group))) + kind for kind, group in groupby(locals_)]
     content = vector(groups) + code + END
     return unsigned(len(content)) + content

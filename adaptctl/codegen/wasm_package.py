@@ -10,8 +10,8 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.codegen.c_function import Kind
 from adaptctl.codegen.c_package import filled, title
+from adaptctl.codegen.initialisation import start_of
 from adaptctl.codegen.interface import FAULTS, Brake, Interface, status_bits
-from adaptctl.codegen.starting import start_of
 from adaptctl.codegen.wasm_module import WasmModule
 from adaptctl.dynamics.loops.continuation import LOST
 from adaptctl.errors import InputError
@@ -29,7 +29,7 @@ def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str,
         raise InputError("scalar: WebAssembly is exported in double; choose the language c for float")
     module, start = WasmModule(), start_of(interface, LOST)
     law = module.export("law", interface.law)
-    more = {"begun": start.more}
+    more = {"started": start.more}
     if start.walk is not None:
         more |= {"closed": start.walk.step, "regular": start.walk.regular}
     places = {key: module.export(key, routine) for key, routine in more.items() if routine is not None}
@@ -39,7 +39,7 @@ def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str,
     facts = {
         "joints": interface.controller.dof,
         "reference": interface.controller.reference_size,
-        "period": interface.period,
+        "control_period": interface.control_period,
         "given": _numbers(law.inputs[:5]),
         "memory": _numbers(law.inputs[5 : 5 + len(interface.memory)]),
         "sizes": [field.size for field in interface.memory],
@@ -56,7 +56,7 @@ def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str,
         if walk
         else None,
         "estimate": interface.memory.index(interface.estimate) if interface.estimate else None,
-        "marks": [[k, bit.value] for k, bit in enumerate(bits, start=len(interface.memory) - len(bits))],
+        "flags": [[k, bit.value] for k, bit in enumerate(bits, start=len(interface.memory) - len(bits))],
         "guarded": interface.guarded,
         "brake": _plain(brake.damping),
         "limit": _plain(brake.limit),

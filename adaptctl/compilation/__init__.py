@@ -1,5 +1,5 @@
 """Compilation of equations over scalars to native code. Knows nothing of robots."""
 
-from adaptctl.packages import imported_lazily
+from adaptctl.optional_packages import imported_lazily
 
 __all__, __getattr__, __dir__ = imported_lazily(__name__)

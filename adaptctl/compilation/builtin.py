@@ -194,7 +194,7 @@ def builtin_source(routine: Routine, symbol: str, *, finite: Finite, form: Form)
     texts = {name: "\n  ".join(lines) for name, lines in pieces.items()}
     pointers = ", ".join(f"ptr {pointer}" for pointer in sizes)
     text = Lanes().filled("builtin", expected=len(form.arguments), routine=symbol, pointers=pointers, **texts)
-    return "\n".join([text, *map(Lanes().filled, ("finite", "spare"))])
+    return "\n".join([text, *map(Lanes().filled, ("finite", "free_list"))])
 
 
 def _found(form: Form, inputs: Mapping[int, int]) -> list[str]:

@@ -110,7 +110,7 @@ class Graph:
         key = (op, operands, detail)
         found = self._expressions.get(key)
         if found is None:
-            self.require_own(operands)
+            self.validate_own(operands)
             found = self._expressions[key] = kind(self, len(self._expressions), op, operands, detail)
         return cast(E, found)
 
@@ -130,7 +130,7 @@ class Graph:
         """True for an input of a called function that is no sine which its caller passes."""
         return x.op is Op.INPUT and x.detail[0] != self.passed
 
-    def require_own(self, values: Iterable[Any]) -> None:
+    def validate_own(self, values: Iterable[Any]) -> None:
         """Raise `TraceError` where one of the `values` is an expression of another graph: a value of another trace (run
         of a function on symbolic scalars), or of another called function. Floats and all else pass."""
         for x in values:

@@ -164,7 +164,7 @@ class Kernel:
                 raise InputError(f"{self.name}: out: expected a contiguous array")
         return list(given)
 
-    def otherwise(self, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
+    def with_fallback(self, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
         """A function that runs the kernel's native code (the fast path) for usual arguments, and calls `instead` (the
         fallback) with the same arguments for all others. Usual are as many arguments as expected, contiguous float64
         arrays (n,), n each one's length, where the kernel's `form` (calling convention) expects them, and, where the

@@ -33,7 +33,7 @@ class Lanes:
     precision: Precision = "double"
 
     def __post_init__(self) -> None:
-        require_precision(self.precision)
+        validate_precision(self.precision)
         if self.count not in (1, 2, 4, 8, 16)[: 5 if self.precision == "single" else 4]:
             raise InputError(f"lanes: expected 1, 2, 4 or 8, or 16 in single precision, got {self.count}")
 
@@ -120,7 +120,7 @@ class Lanes:
         return kind if self.count == 1 else f"<{self.count} x {kind}>"
 
 
-def require_precision(precision: object) -> None:
+def validate_precision(precision: object) -> None:
     """Raise `InputError` unless `precision` is a `Precision`: "double" or "single"."""
     if precision not in get_args(Precision):
         raise InputError(f"precision: expected one of {', '.join(get_args(Precision))}, got {precision!r}")
@@ -177,7 +177,7 @@ class LaneArray:
                 raise ValueError("sizes below 0")
             self.blocks = aligned((*steps, -(-members // lanes), sum(columns.values()), lanes), dtype, made)
         except (TypeError, ValueError):
-            _require_sizes(columns, members, lanes, steps)
+            _validate_sizes(columns, members, lanes, steps)
             raise
         self.address, self.stride = self.blocks.ctypes.data, math.prod(self.blocks.shape[1:])
         ends = accumulate(columns.values())
@@ -241,7 +241,7 @@ class LaneArray:
             raise InputError(f"{name!r}: expected real numbers that broadcast to shape {shape} ({error})") from error
 
 
-def _require_sizes(columns: Mapping[str, int], members: int, lanes: int, steps: tuple[int, ...]) -> None:
+def _validate_sizes(columns: Mapping[str, int], members: int, lanes: int, steps: tuple[int, ...]) -> None:
     """Raise `InputError` that names the size which is no count."""
     whole_count(members, "members")
     whole_count(lanes, "lanes", 1)

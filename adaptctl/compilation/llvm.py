@@ -127,7 +127,7 @@ def _sines(text: str, lanes: Lanes) -> str:
         return ""
     limits = {"farthest": lanes.constant(sine_for(lanes.precision).farthest), "longest": lanes.constant(STEP)}
     near = [_near_sines(Lanes(count, lanes.precision)) for count in sorted(counts | {lanes.count})]
-    return "\n".join([*near, lanes.filled("far_sines", tag=f".{lanes.count}", **limits)])
+    return "\n".join([*near, lanes.filled("sincos_reduction", tag=f".{lanes.count}", **limits)])
 
 
 def _near_sines(lanes: Lanes) -> str:

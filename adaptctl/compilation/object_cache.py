@@ -65,7 +65,7 @@ class ObjectCache(NamedTuple):
         belongs to another user or could be written by one. A file that is read is marked as used now. The log tells the
         reason for None; no `OSError` is raised."""
         try:
-            _require_own(self.folder.stat())
+            _validate_own(self.folder.stat())
             content = _read(self._path(key))
         except OSError as error:
             log.info("compiled anew: %s", error)
@@ -82,7 +82,7 @@ class ObjectCache(NamedTuple):
         it, nothing is kept and the log tells the reason; no `OSError` is raised."""
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            _require_own(self.folder.stat())
+            _validate_own(self.folder.stat())
             _write(self._path(key), _head(key, data) + data)
             if self._may_be_full(_HEAD + len(data)):
                 self._shrink()
@@ -118,7 +118,7 @@ def _head(key: bytes, data: bytes) -> bytes:
     return _MAGIC + key + hashlib.sha256(data).digest()
 
 
-def _require_own(status: os.stat_result) -> None:
+def _validate_own(status: os.stat_result) -> None:
     if status.st_uid != os.geteuid() or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
         raise PermissionError("others can write to the cache of compiled objects")
 
@@ -127,7 +127,7 @@ def _read(path: Path) -> bytes:
     """A file's bytes; it is marked as used just now."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     with os.fdopen(descriptor, "rb") as file:
-        _require_own(os.fstat(descriptor))
+        _validate_own(os.fstat(descriptor))
         with suppress(OSError):
             os.utime(descriptor)
         return file.read()

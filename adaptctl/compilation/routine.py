@@ -223,7 +223,7 @@ def _results(routine: Routine, nodes: Sequence[Node]) -> list[Value]:
 def _routine(name: str, graph: Graph, inputs: tuple[int, ...], result: Any) -> Routine:
     layout, scalars = flatten(result)
     outputs = tuple(_output(name, x) for x in scalars)
-    graph.require_own(outputs)
+    graph.validate_own(outputs)
     return Routine(name, inputs, outputs, layout)
 
 

@@ -110,9 +110,9 @@ def compile_step(
     step: Callable[..., Any],
     *,
     state: Columns,
-    held: Columns = MappingProxyType({}),
-    shared: Columns = MappingProxyType({}),
-    driven: Columns = MappingProxyType({}),
+    constants: Columns = MappingProxyType({}),
+    inputs: Columns = MappingProxyType({}),
+    per_member_inputs: Columns = MappingProxyType({}),
     lanes: int | None = None,
     name: str = "",
     processor: Processor | None = None,
@@ -131,10 +131,10 @@ def compile_step(
     begin with the new state, another precision and another number of lanes; `TraceError` for a step that cannot be
     traced; what the step itself raises goes through.
     """
-    columns = {Source.STATE: state, Source.HELD: held, Source.SHARED: shared, Source.DRIVEN: driven}
+    columns = {Source.STATE: state, Source.HELD: constants, Source.SHARED: inputs, Source.DRIVEN: per_member_inputs}
     arguments = {name: length for part in columns.values() for name, length in part.items()}
     if len(arguments) < sum(map(len, columns.values())):
-        raise InputError("state, held, shared and driven: expected different names")
+        raise InputError("state, constants, inputs and per_member_inputs: expected different names")
     target = processor or Processor.host()
     several = Lanes(target.lanes_of(precision) if lanes is None else whole_count(lanes, "lanes", 1), precision)
     return Stepper(trace(step, arguments, name=name), columns, several, target)
@@ -180,7 +180,7 @@ class Stepper:
         `InputError` for a number of members that is no whole number of at least 1."""
         return Ensemble(self, members)
 
-    def alone(self, steps: int, state: Array, held: Array) -> Array:
+    def run_single(self, steps: int, state: Array, held: Array) -> Array:
         """The state (S,) of one member after `steps` steps, a new float64 array: its columns one after another, S the
         sum of their lengths. It starts from `state` (S,), which is not changed, under the held columns `held` (H,), one
         after another too, H being the sum of their lengths; both are contiguous float64 arrays. It is faster than an
@@ -249,7 +249,7 @@ class Ensemble:
         parts = zip(outputs.columns, self.stepper.outputs, strict=True)
         return tuple(outputs[name].reshape(*axes, *shape) for name, shape in parts)
 
-    def room(self, steps: int) -> LaneArray:
+    def allocate_outputs(self, steps: int) -> LaneArray:
         """An uninitialised output buffer, a `LaneArray`, for `steps` steps, which the method `record_into` fills: the
         columns "0", "1", ... are the outputs in turn, (steps, members, n) each, n the number of scalars of one. Raises
         `InputError` for steps that are no whole number of at least 0."""

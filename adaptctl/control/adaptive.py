@@ -18,8 +18,8 @@ from adaptctl.control.adaptation.gradient import Gradient
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.controller import Controller
 from adaptctl.control.gains.gains import torque_limits
-from adaptctl.control.gains.hold import require_period
-from adaptctl.errors import FileError, printable, require_kind
+from adaptctl.control.gains.sampling_ratio import validate_period
+from adaptctl.errors import FileError, printable, validate_kind
 from adaptctl.files import read_json, write_json
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Tunable, absolute, clip, spread, where
@@ -43,21 +43,21 @@ class AdaptiveState(NamedTuple):
 
     estimate: Any
     q: Any
-    motion: Any
+    regressor_state: Any
     s: Any
     torque: Any
-    elapsed: Any
-    learning: Any
-    more: Any
+    dt: Any
+    law_state: Any
+    controller_state: Any
 
     @property
-    def recorded(self) -> Any:
+    def logged_state(self) -> Any:
         """Array of the adaptation law's internal state that is stored with each sample of a recorded run. For
         `ConcurrentLearning`, (..., 1): 1 where a sample was put on its stack, else 0. For `CompositeLearning`, (...,
-        1): the number, 0 to r, of the r joints whose torque equation was learned from. For `ConsistentLift`, (..., P):
-        the P inertial and friction parameters, SI units, whose fundamental (base) parameters are the estimate. Raises
-        `AttributeError` for other laws, or with adaptation off."""
-        return self.learning.recorded
+        1): the number, 0 to r, of the r joints whose torque equation was learned from. For `ConsistentAdaptation`,
+        (..., P): the P inertial and friction parameters, SI units, whose fundamental (base) parameters are the
+        estimate. Raises `AttributeError` for other laws, or with adaptation off."""
+        return self.law_state.logged_state
 
 
 class AdaptiveController(Controller[AdaptiveState]):
@@ -80,14 +80,14 @@ class AdaptiveController(Controller[AdaptiveState]):
     model: ReducedModel
     adaptation: AdaptationLaw[Any] | Array | None
     initial: Array | None
-    period: float
+    control_period: float
     torque_limits: ArrayLike | None
 
     def _settle(self) -> None:
         """Check the period, the initial estimate and the adaptation law, and freeze them."""
-        self._require_model()
+        self._validate_model()
         k = len(self.model.columns)
-        require_period(self.period)
+        validate_period(self.control_period)
         self._settle_torque_limits()
         initial = np.zeros(k) if self.initial is None else self.initial
         object.__setattr__(self, "initial", frozen_array(initial, (k,), "initial estimate"))
@@ -95,11 +95,11 @@ class AdaptiveController(Controller[AdaptiveState]):
             return
         if not isinstance(self.adaptation, AdaptationLaw):
             object.__setattr__(self, "adaptation", self.adaptation_law.gain)  # type: ignore[attr-defined]  # a gain was given
-        self.adaptation_law.require(self.model, np.asarray(self.initial), self.period)
+        self.adaptation_law.validate(self.model, np.asarray(self.initial), self.control_period)
 
-    def _require_model(self) -> None:
+    def _validate_model(self) -> None:
         """Raise `InputError` for what is no model, such as a mechanism."""
-        require_kind(self.model, ReducedModel, type(self).__name__, "as ReducedModel(mechanism, basis) is one")
+        validate_kind(self.model, ReducedModel, type(self).__name__, "as ReducedModel(mechanism, basis) is one")
 
     @cached_property
     def adaptation_law(self) -> AdaptationLaw[Any] | None:
@@ -122,12 +122,12 @@ class AdaptiveController(Controller[AdaptiveState]):
         return self.model.mechanism.dof
 
     @property
-    def home(self) -> Array:
+    def neutral_configuration(self) -> Array:
         """Positions (r,) of the r primary (independent) joints, in rad (m for a prismatic joint), at the mechanism's
         home configuration, where its kinematic loops are known to close; zeros without loops."""
-        return self.model.mechanism.home
+        return self.model.mechanism.neutral_configuration
 
-    def start(self, p: Array, v: Array) -> AdaptiveState:
+    def initial_state(self, p: Array, v: Array) -> AdaptiveState:
         """The internal state before the first control period, an `AdaptiveState`: the initial estimate, zero torque,
         and 0 s as the time since the last period, so that nothing is learned from it. Arms are at positions p in rad (m
         for a prismatic joint) and velocities v in rad/s (m/s), (..., r) for r primary (independent) joints; v is for
@@ -136,7 +136,7 @@ class AdaptiveController(Controller[AdaptiveState]):
         rest, initial = np.zeros(self.dof), np.array(self.initial)
         motion = np.zeros(self._motion_size)
         q, law = self.model.mechanism.configuration(p), self.adaptation_law
-        learning = NoMemory() if law is None else law.start(self.model, initial, q, v, self.period)
+        learning = NoMemory() if law is None else law.initial_state(self.model, initial, q, v, self.control_period)
         return AdaptiveState(initial, q, motion, rest, rest, np.zeros(1), learning, self._more(p, v))
 
     @property
@@ -151,8 +151,8 @@ class AdaptiveController(Controller[AdaptiveState]):
     def _learned(self, memory: AdaptiveState, passed: Period) -> tuple[Column, Any]:
         """The estimate (k,) after the period that has passed, and the adaptation law's internal state."""
         if self.adaptation_law is None:
-            return memory.estimate, memory.learning
-        return self.adaptation_law.law(self.model, memory.estimate, passed, memory.learning)
+            return memory.estimate, memory.law_state
+        return self.adaptation_law.law(self.model, memory.estimate, passed, memory.law_state)
 
     def _settle_torque_limits(self) -> None:
         """Check the torque limits, the mechanism's own unless given, and freeze them."""
@@ -161,7 +161,7 @@ class AdaptiveController(Controller[AdaptiveState]):
     def _held(self, torque: Column) -> tuple[Column, Column]:
         """The torque (r,) that the limits let through, and the time to learn from it: none while it is clipped, when
         the error is not the estimate's fault."""
-        kept, length = [], self.period
+        kept, length = [], self.control_period
         for x, limit in zip(torque, np.asarray(self.torque_limits).tolist(), strict=True):
             bounded = clip(x, -limit, limit) if np.isfinite(limit) else x
             length = where(absolute(x) <= limit, length, 0.0) if np.isfinite(limit) else length
@@ -189,7 +189,7 @@ def save_estimate(path: str | Path, model: ReducedModel, estimate: ArrayLike) ->
     Raises `InputError` for an estimate of a wrong shape or not finite, `FileError` for a `path` that is no path of a
     file, and where the file cannot be written.
     """
-    _require_path(path)
+    _validate_path(path)
     values = frozen_array(estimate, (len(model.names),), "estimate")
     parameters = dict(zip(model.names, values.tolist(), strict=True))
     write_json(path, {"schema": SCHEMA, "mechanism": model.mechanism.name, "parameters": parameters})
@@ -203,7 +203,7 @@ def load_estimate(path: str | Path, model: ReducedModel) -> Array:
     has a number that is not finite, or has names of parameters other than the model's. The mechanism's name in the file
     is not compared.
     """
-    _require_path(path)
+    _validate_path(path)
     saved = read_json(path, _Saved).parameters
     missing = [name for name in model.names if name not in saved]
     foreign = [name for name in saved if name not in model.names]
@@ -213,6 +213,6 @@ def load_estimate(path: str | Path, model: ReducedModel) -> Array:
     return np.array([saved[name] for name in model.names])
 
 
-def _require_path(path: object) -> None:
+def _validate_path(path: object) -> None:
     if not isinstance(path, str | os.PathLike) or "\0" in str(path):
         raise FileError(f"path: expected the path of a file, got {printable(repr(path))}")

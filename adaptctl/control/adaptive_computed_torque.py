@@ -13,7 +13,7 @@ from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.adaptive import AdaptiveController, AdaptiveState
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.gains.gains import typical_inertia
-from adaptctl.control.gains.hold import DEFINITE, LARGEST_SAMPLED_GAIN, least_definite
+from adaptctl.control.gains.sampling_ratio import DEFINITE, MAX_SAMPLING_RATIO, worst_conditioned_configuration
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import GainError, InputError
 from adaptctl.identifiability import ReducedModel
@@ -57,24 +57,24 @@ class AdaptiveComputedTorque(AdaptiveController):
     not positive definite at some configuration that a local search from the worst of 200 finds.
     """
 
-    tunable = ("bandwidth", "weight", "initial")
+    tunable = ("bandwidth", "prediction_weight", "initial")
 
     model: ReducedModel
     bandwidth: Array
     initial: Array | None
     adaptation: AdaptationLaw[Any] | Array | None = None
-    weight: Array | None = None
-    period: float = 1e-3
+    prediction_weight: Array | None = None
+    control_period: float = 1e-3
     torque_limits: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        self._require_model()
+        self._validate_model()
         object.__setattr__(self, "bandwidth", positive_per_joint(self.bandwidth, self.dof, "bandwidth"))
-        weight = typical_inertia(self.model.mechanism) if self.weight is None else self.weight
-        object.__setattr__(self, "weight", positive_per_joint(weight, self.dof, "weight"))
+        weight = typical_inertia(self.model.mechanism) if self.prediction_weight is None else self.prediction_weight
+        object.__setattr__(self, "prediction_weight", positive_per_joint(weight, self.dof, "prediction_weight"))
         self._settle()
-        self._require_bandwidth()
-        self._require_inertia()
+        self._validate_bandwidth()
+        self._validate_inertia()
 
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
@@ -90,14 +90,16 @@ class AdaptiveComputedTorque(AdaptiveController):
         s = e_rate + bandwidth * e
 
         def gradient(sliding: Column) -> Column:
-            before: Column = memory.motion
-            acceleration = (1.0 / self.period) * (v - before)
+            before: Column = memory.regressor_state
+            acceleration = (1.0 / self.control_period) * (v - before)
             inertia = equations.mass_matrix(memory.q, self._parameters(memory.estimate))
-            weighted = solve_symmetric(inertia, column(self.weight) * sliding)
-            return equations.motion(memory.q, before, before, acceleration).powers(weighted, self.model.columns)
+            weighted = solve_symmetric(inertia, column(self.prediction_weight) * sliding)
+            return equations.motion(memory.q, before, before, acceleration).regressor_transpose_product(
+                weighted, self.model.columns
+            )
 
-        damping = column(self.weight) * bandwidth
-        passed = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0], damping)
+        damping = column(self.prediction_weight) * bandwidth
+        passed = Period(gradient, memory.s, s, memory.torque, q, v, self.control_period, memory.dt[0], damping)
         estimate, learning = self._learned(memory, passed)
         a = reference.a - bandwidth * (e_rate + s)
         torque = equations.inverse_dynamics(q, v, v, a, self._parameters(estimate))
@@ -108,18 +110,19 @@ class AdaptiveComputedTorque(AdaptiveController):
         """Number of remembered velocities, r: accelerations are known at the next tick only."""
         return self.dof
 
-    def _require_bandwidth(self) -> None:
+    def _validate_bandwidth(self) -> None:
         """Raise `GainError` where a hold would overshoot: it multiplies velocity errors by 1 - 2 Lambda T_c."""
-        gain = 2.0 * self.period * float(self.bandwidth.max())
-        if gain > LARGEST_SAMPLED_GAIN:
+        gain = 2.0 * self.control_period * float(self.bandwidth.max())
+        if gain > MAX_SAMPLING_RATIO:
             raise GainError(
-                f"bandwidth: 2 Lambda T_c = {gain:.3g}, at most {LARGEST_SAMPLED_GAIN} is allowed: use at most "
-                f"{LARGEST_SAMPLED_GAIN / (2.0 * self.period):g} 1/s for a control period of {self.period:g} s"
+                f"bandwidth: 2 Lambda T_c = {gain:.3g}, at most {MAX_SAMPLING_RATIO} is allowed: use at most "
+                f"{MAX_SAMPLING_RATIO / (2.0 * self.control_period):g} 1/s for a control period of "
+                f"{self.control_period:g} s"
             )
 
-    def _require_inertia(self) -> None:
+    def _validate_inertia(self) -> None:
         """Raise `InputError` where the initial estimate's mass matrix is not positive definite."""
-        smallest, p = least_definite(self.model.mechanism, self.model.embed(np.asarray(self.initial)))
+        smallest, p = worst_conditioned_configuration(self.model.mechanism, self.model.embed(np.asarray(self.initial)))
         if not smallest > DEFINITE:
             raise InputError(
                 "adaptive computed torque: needs a first estimate whose mass matrix is positive definite everywhere, "

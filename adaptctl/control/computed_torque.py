@@ -12,7 +12,7 @@ from adaptctl.arrays import Array, frozen_array, positive_number, positive_per_j
 from adaptctl.compilation.builtin import Finite
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import require_kind
+from adaptctl.errors import validate_kind
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, column
 
@@ -39,14 +39,14 @@ class ModelBased(Controller[BranchState]):
 
     def _settle(self) -> None:
         """Check the parameters, the mechanism's own unless given, and freeze them."""
-        self._require_mechanism()
+        self._validate_mechanism()
         own = self.mechanism.inertial_parameters
         given = frozen_array(own if self.parameters is None else self.parameters, own.shape, "parameters")
         object.__setattr__(self, "parameters", given)
 
-    def _require_mechanism(self) -> None:
+    def _validate_mechanism(self) -> None:
         """Raise `InputError` for what is no mechanism, such as a robot's name."""
-        require_kind(self.mechanism, Mechanism, type(self).__name__, "as load(...) gives one")
+        validate_kind(self.mechanism, Mechanism, type(self).__name__, "as load(...) gives one")
 
     @property
     def dof(self) -> int:
@@ -55,12 +55,12 @@ class ModelBased(Controller[BranchState]):
         return self.mechanism.dof
 
     @property
-    def home(self) -> Array:
+    def neutral_configuration(self) -> Array:
         """Positions (r,) of the r primary (independent) joints, rad (m if prismatic), at the mechanism's home
         configuration, where its kinematic loops are known to close; zeros without loops."""
-        return self.mechanism.home
+        return self.mechanism.neutral_configuration
 
-    def start(self, p: Array, v: Array) -> BranchState:
+    def initial_state(self, p: Array, v: Array) -> BranchState:
         """The internal state before the first control period, a `BranchState`: the configuration (..., n), rad (m if
         prismatic), of all n joints of the mechanism's spanning tree at positions `p` (..., r) of its r primary
         (independent) joints. `v` is not used. Raises `InputError` on a wrong shape of p, `NonFiniteError` on NaN or
@@ -103,7 +103,7 @@ class ComputedTorque(ModelBased):
     parameters: Array | None = None
 
     def __post_init__(self) -> None:
-        self._require_mechanism()
+        self._validate_mechanism()
         object.__setattr__(self, "bandwidth", positive_per_joint(self.bandwidth, self.dof, "bandwidth"))
         positive_number(self.damping_ratio, "damping ratio: expected a positive number")
         self._settle()
@@ -164,7 +164,7 @@ class PDGravity(ModelBased):
     parameters: Array | None = None
 
     def __post_init__(self) -> None:
-        self._require_mechanism()
+        self._validate_mechanism()
         for name in ("stiffness", "damping"):
             object.__setattr__(self, name, positive_per_joint(getattr(self, name), self.dof, name))
         self._settle()

@@ -17,17 +17,17 @@ from adaptctl.caching import cached_property, replaced_by
 from adaptctl.compilation import Kernel
 from adaptctl.compilation.builtin import Finite, Form, Place, has_builtins
 from adaptctl.compilation.kernel import Given, OnFloats, native_or_floats
-from adaptctl.control.memory import (
-    InOneArray,
+from adaptctl.control.pytree import (
     Memory,
-    in_one_array,
+    PackedState,
+    checked_step,
     leaves,
     like,
+    packed_state,
     paths,
-    require_tick,
     row_each,
     rows_of_arms,
-    ticked,
+    validate_step,
 )
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, Structure, Tunable
@@ -86,7 +86,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         """Number r of joints that the control law moves."""
 
     @property
-    def home(self) -> Array:
+    def neutral_configuration(self) -> Array:
         """Home positions (r,) of the r joints, rad (m if prismatic): a configuration at which the control law can be
         evaluated, and at which it is compiled; zeros unless a subclass gives others, as for kinematic loops that zeros
         do not close."""
@@ -99,7 +99,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return self.dof
 
     @abstractmethod
-    def start(self, p: Array, v: Array) -> Memory:
+    def initial_state(self, p: Array, v: Array) -> Memory:
         """The control law's internal state before its first control period, for arms at positions p in rad (m if
         prismatic) and velocities v in rad/s (m/s), both (..., r) for r joints with leading axes for arms. An
         implementation returns a named tuple of arrays, or of such tuples: each array (..., n), n its own length, or
@@ -128,12 +128,12 @@ class Controller(Tunable, ABC, Generic[Memory]):
         """
         positions, velocities = self._measured(p, "p"), self._measured(v, "v")
         with np.errstate(over="ignore", invalid="ignore"):
-            started = (self.having(gains) if gains else self).start(positions, velocities)
+            started = (self.having(gains) if gains else self).initial_state(positions, velocities)
         if not all(np.isfinite(part).all() for part in leaves(started)):
             raise NonFiniteError(f"{type(self).__name__}: the first state is not finite, though all it was given is")
         return self._remembering(self._array_of(started, positions.shape[:-1]))
 
-    def restart(self, state: Memory, arms: ArrayLike, p: ArrayLike, v: ArrayLike) -> Memory:
+    def reset(self, state: Memory, arms: ArrayLike, p: ArrayLike, v: ArrayLike) -> Memory:
         """The `state` of many arms, in which those where the mask `arms` (...) of bools is True are set back to before
         their first control period, as when an episode begins anew.
 
@@ -164,8 +164,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
         Leading axes of p (..., r) are arms, computed together in SIMD lanes; v and the reference's parts may be (r,),
         the same for all. Raises `InputError` on a wrong shape and `NonFiniteError` when the torque or the next state of
         any arm is not finite, as by NaN in p, v or the reference; the message names the arm. `state` is never changed,
-        so the step can be repeated without that arm, or with the controller wrapped in `Guarded`, which brakes that arm
-        alone.
+        so the step can be repeated without that arm, or with the controller wrapped in `SafetyFilter`, which brakes
+        that arm alone.
         """
         return self._step_one(state, p, v, reference)
 
@@ -226,7 +226,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def _native(self, instead: Callable[..., Any]) -> Callable[..., Any]:
         """A tick of one arm in native code; what is called in place of it where arrays or outcome are not usual."""
         kernel: Any = self._tick
-        otherwise: Callable[..., Any] = kernel.otherwise(instead, self._kind, ReferencePoint, *self._bound)
+        otherwise: Callable[..., Any] = kernel.with_fallback(instead, self._kind, ReferencePoint, *self._bound)
         return otherwise
 
     @property
@@ -266,7 +266,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return self._tick if isinstance(self._tick, Kernel) else None
 
     @property
-    def on_floats(self) -> OnFloats:
+    def python_step(self) -> OnFloats:
         """The control law as a Python function on arrays, run without native code and with the controller's own gains.
 
         For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
@@ -334,12 +334,12 @@ class Controller(Tunable, ABC, Generic[Memory]):
     @cached_property
     def _blank(self) -> Memory:
         """A memory, to learn its layout from."""
-        return self.start(self.home, np.zeros(self.dof))
+        return self.initial_state(self.neutral_configuration, np.zeros(self.dof))
 
     @cached_property
-    def _kind(self) -> type[InOneArray]:
+    def _kind(self) -> type[PackedState]:
         """The type of memories in one array."""
-        return in_one_array(self._blank)
+        return packed_state(self._blank)
 
     def _packed_equation(self) -> Callable[..., tuple[Column, Column]]:
         """The law as an equation whose memory is one column."""
@@ -371,7 +371,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         ) -> tuple[Column, ...]:
             law = self.substituted(kept.pop(GAINS)) if GAINS in kept else self
             reference = ReferencePoint(reference_p, reference_v, reference_a)
-            torque, after = require_tick(self, ticked(law, p, v, reference, like(self._blank, kept.values())))
+            torque, after = validate_step(self, checked_step(law, p, v, reference, like(self._blank, kept.values())))
             return (torque, *leaves(after))
 
         return equation

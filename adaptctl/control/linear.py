@@ -80,7 +80,7 @@ class LinearController(Controller[LinearState]):
 
     @classmethod
     def of_system(
-        cls, system: control.StateSpace, period: float, feedforward: Mechanism | None = None
+        cls, system: control.StateSpace, control_period: float, feedforward: Mechanism | None = None
     ) -> LinearController:
         """Linear controller made of `system`, a linear system of python-control in discrete time at the control
         `period` (s). The system's r outputs are the torques of the r joints, in their order, in N m (N for a prismatic
@@ -96,7 +96,7 @@ class LinearController(Controller[LinearState]):
         """
         import control
 
-        sampled = positive_number(period, "period: expected a positive time in s")
+        sampled = positive_number(control_period, "control_period: expected a positive time in s")
         try:
             linear = control.ss(system)
         except (TypeError, ValueError, AttributeError) as error:
@@ -113,7 +113,7 @@ class LinearController(Controller[LinearState]):
         """Number r of joints that the controller moves."""
         return len(self.D)
 
-    def start(self, p: Array, v: Array) -> LinearState:
+    def initial_state(self, p: Array, v: Array) -> LinearState:
         """The internal state before the first control period: n state variables (n,), zero for any positions p and
         velocities v (..., r) of the r joints, which are ignored."""
         return LinearState(np.zeros(len(self.A)))

@@ -116,7 +116,7 @@ def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> A
             f"controller's {model.mechanism.name}, {len(model.mechanism.parameter_names)}, whose estimates the run has"
         )
     true = model.regrouping @ mechanism.inertial_parameters
-    distance = controller.adaptation_law.distance(model, run.estimate, true)
+    distance = controller.adaptation_law.lyapunov_distance(model, run.estimate, true)
     if distance is None:
         law = type(controller.adaptation_law).__name__
         raise InputError(f"lyapunov: that of {law} depends on more than the estimate, which a run does not keep")

@@ -17,7 +17,7 @@ from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.compilation import compile_function
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.errors import InputError
-from adaptctl.packages import needed
+from adaptctl.optional_packages import needed
 from adaptctl.scalars import Column, Scalar, clip, cos, sin, where
 
 DEGREE = 5
@@ -321,7 +321,7 @@ class MinimumJerk:
 
 
 @dataclass(frozen=True, eq=False)
-class Halted:
+class StoppedReference:
     """Reference trajectory that follows another one, `of`, up to a time `stop` (s), then comes to rest along its path
     within `over` (s; 1 by default), and stays there. It excites an adaptive controller for a limited interval.
 
@@ -331,35 +331,35 @@ class Halted:
     time, a `stop` below 0, an `over` that is not positive, and for either time that is no number or not finite.
     """
 
-    of: Reference
+    reference: Reference
     stop: float
-    over: float = 1.0
+    duration: float = 1.0
 
     def __post_init__(self) -> None:
-        if not callable(self.of):
-            raise InputError(f"halted: expected a reference, a function of time, got {self.of!r}")
-        stop, over = (real_number(getattr(self, name), f"halted: {name}") for name in ("stop", "over"))
+        if not callable(self.reference):
+            raise InputError(f"halted: expected a reference, a function of time, got {self.reference!r}")
+        stop, over = (real_number(getattr(self, name), f"halted: {name}") for name in ("stop", "duration"))
         if not (0.0 <= stop < math.inf and 0.0 < over < math.inf):
             raise InputError(
                 f"halted: expected a stop at 0 s or later, and a positive time to come to rest, got {self.stop} and "
-                f"{self.over} s"
+                f"{self.duration} s"
             )
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference point at times `t` (...) in s: positions, velocities and accelerations in the shapes and units
         of the reference that is halted."""
         time = numbers(t, "reference: time")
-        u = np.clip((time - self.stop) / self.over, 0.0, 1.0)
+        u = np.clip((time - self.stop) / self.duration, 0.0, 1.0)
         fallen, slope, _ = quintic(u)
         gone = u**4 * (2.5 + u * (u - 3.0))  # the integral of the step
-        inner = self.of(np.where(u > 0.0, self.stop + self.over * (u - gone), time))
-        rate, change = (1.0 - fallen)[..., None], (-slope / self.over)[..., None]
+        inner = self.reference(np.where(u > 0.0, self.stop + self.duration * (u - gone), time))
+        rate, change = (1.0 - fallen)[..., None], (-slope / self.duration)[..., None]
         return ReferencePoint(inner.p, inner.v * rate, inner.a * rate**2 + inner.v * change)
 
 
 @sent_as_made
 @dataclass(frozen=True, eq=False)
-class FadedIn:
+class FadeIn:
     """Reference trajectory that begins at rest where an arm stands, at the positions `start` (r,) in rad (m if
     prismatic), and has become another one, `of`, after a time `over` (s; 3 by default).
 
@@ -370,31 +370,31 @@ class FadedIn:
     time, a `start` that does not fit it or is not finite, and an `over` that is not positive.
     """
 
-    of: Reference
+    reference: Reference
     start: Array
-    over: float = 3.0
+    duration: float = 3.0
 
     def __post_init__(self) -> None:
-        if not callable(self.of):
-            raise InputError(f"faded in: expected a reference, a function of time, got {self.of!r}")
-        object.__setattr__(self, "start", frozen_array(self.start, np.shape(self.of(0.0).p), "faded in: start"))
-        if not 0.0 < real_number(self.over, "faded in: over") < math.inf:
-            raise InputError(f"faded in: expected a positive time, got {self.over} s")
+        if not callable(self.reference):
+            raise InputError(f"faded in: expected a reference, a function of time, got {self.reference!r}")
+        object.__setattr__(self, "start", frozen_array(self.start, np.shape(self.reference(0.0).p), "faded in: start"))
+        if not 0.0 < real_number(self.duration, "faded in: duration") < math.inf:
+            raise InputError(f"faded in: expected a positive time, got {self.duration} s")
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """The reference point of r joints at times `t` (...) in s: positions (..., r) in rad (m if prismatic),
         velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2)."""
         time = numbers(t, "reference: time")
-        return self._between(self.of(time), time[..., None])
+        return self._between(self.reference(time), time[..., None])
 
     def at(self, t: float) -> ReferencePoint:
         """The reference point (r,) at one time `t` (s), as when called, in microseconds, for loops that ask each
         period. NaN is not refused."""
-        point: ReferencePoint = getattr(self.of, "at", self.of)(t)
-        return point if t >= self.over else self._between(point, t)
+        point: ReferencePoint = getattr(self.reference, "at", self.reference)(t)
+        return point if t >= self.duration else self._between(point, t)
 
     def _between(self, point: ReferencePoint, time: Scalar) -> ReferencePoint:
-        fade, slope, bend = quintic(time / self.over)
-        slope, bend, way = slope / self.over, bend / self.over**2, point.p - self.start
+        fade, slope, bend = quintic(time / self.duration)
+        slope, bend, way = slope / self.duration, bend / self.duration**2, point.p - self.start
         a = bend * way + 2.0 * slope * point.v + fade * point.a
         return ReferencePoint(self.start + fade * way, slope * way + fade * point.v, a)

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, frozen_array, positive_per_joint
 from adaptctl.control.adaptation.gradient import Descent
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
-from adaptctl.control.adaptation.prior_ranges import estimate_hold
+from adaptctl.control.adaptation.prior_ranges import estimate_sampling_ratio
 from adaptctl.control.adaptive import AdaptiveController, AdaptiveState
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.gains.hold import hold_number, require_hold
+from adaptctl.control.gains.sampling_ratio import sampling_ratio, validate_sampling_ratio
 from adaptctl.control.gains.workspace import Workspace
 from adaptctl.errors import StabilityWarning
 from adaptctl.identifiability import ReducedModel
@@ -30,7 +30,7 @@ class ReferenceVelocity(NamedTuple):
 
     v_r: Column
     a_r: Column
-    more: Any
+    controller_state: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +59,10 @@ class SlotineLi(AdaptiveController):
     `workspace` is the set of joint positions for which the gains are checked, None for all that the joints' limits
     allow; nothing is learned from a period whose torque is beyond `torque_limits`, one number or (r,), N m (N), None
     for the mechanism's own; `prior` (k,), in SI units, is how far each parameter may be from its initial estimate: with
-    it, a `StabilityWarning` is given where the hold number of the gains plus `estimate_hold` is 2 or more, so that
-    estimates on their way could make the loop ring; None, the default, checks nothing of this.
+    it, a `StabilityWarning` is given where the sampling ratio of the gains plus `estimate_sampling_ratio` is 2 or more,
+    so that estimates on their way could make the loop ring; None, the default, checks nothing of this.
 
-    Raises `GainError` where the gains are too large for the period: the hold number T_c lambda_max(M^-1 K + Lambda),
+    Raises `GainError` where the gains are too large for the period: the sampling ratio T_c lambda_max(M^-1 K + Lambda),
     lambda_max the largest eigenvalue, is above 1.5, or M not positive definite, at a position that a local search over
     `workspace` finds; `InputError` on wrong shapes, on gains, limits or a period that are not positive, and on an
     adaptation law that does not fit the model.
@@ -75,17 +75,17 @@ class SlotineLi(AdaptiveController):
     damping: Array
     adaptation: AdaptationLaw[Any] | Array | None = None
     initial: Array | None = None
-    period: float = 1e-3
+    control_period: float = 1e-3
     workspace: Workspace | None = None
     torque_limits: ArrayLike | None = None
     prior: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        self._require_model()
+        self._validate_model()
         object.__setattr__(self, "bandwidth", positive_per_joint(self.bandwidth, self._coordinates, "bandwidth"))
         object.__setattr__(self, "damping", positive_per_joint(self.damping, self.dof, "damping"))
         self._settle()
-        self._require_carried()
+        self._check_sample_time()
         if self.prior is not None:
             self._warn_of_estimates(frozen_array(self.prior, (len(self.model.columns),), "prior"))
 
@@ -103,10 +103,10 @@ class SlotineLi(AdaptiveController):
         s = v - v_r
 
         def gradient(sliding: Column) -> Column:  # Y_r's, of the regressor at the last tick
-            before = equations.motion_memory.numbers(memory.motion)
-            return equations.remembered(before).powers(sliding, self.model.columns)
+            before = equations.motion_memory.numbers(memory.regressor_state)
+            return equations.remembered(before).regressor_transpose_product(sliding, self.model.columns)
 
-        passed = Period(gradient, memory.s, s, memory.torque, q, v, self.period, memory.elapsed[0], damping)
+        passed = Period(gradient, memory.s, s, memory.torque, q, v, self.control_period, memory.dt[0], damping)
         estimate, learning = self._learned(memory, passed)
         motion = equations.motion(q, v, v_r, a_r)
         torque = motion.torque(self._parameters(estimate)) - damping * s
@@ -126,20 +126,26 @@ class SlotineLi(AdaptiveController):
         e, e_rate = p - reference.p, v - reference.v
         return ReferenceVelocity(reference.v - bandwidth * e, reference.a - bandwidth * e_rate, NoMemory())
 
-    def _require_carried(self) -> None:
+    def _check_sample_time(self) -> None:
         """Raise `GainError` where the period cannot carry the gains."""
-        require_hold(self.model.mechanism, self.damping, self.period, self._velocity_feedback, self.workspace)
+        validate_sampling_ratio(
+            self.model.mechanism, self.damping, self.control_period, self._velocity_feedback, self.workspace
+        )
 
     def _warn_of_estimates(self, prior: Array) -> None:
-        """Warn (`StabilityWarning`) where an estimate within the prior and V can make the hold number 2."""
+        """Warn (`StabilityWarning`) where an estimate within the prior and V can make the sampling ratio 2."""
         if not isinstance(self.adaptation_law, Descent):
             return
         fed_back = self._velocity_feedback
-        held = hold_number(self.model.mechanism, self.damping, self.period, fed_back, workspace=self.workspace).value
-        own = estimate_hold(self.model, self.adaptation_law.gain, prior, fed_back, self.period, self.workspace)
+        held = sampling_ratio(
+            self.model.mechanism, self.damping, self.control_period, fed_back, workspace=self.workspace
+        ).value
+        own = estimate_sampling_ratio(
+            self.model, self.adaptation_law.gain, prior, fed_back, self.control_period, self.workspace
+        )
         if held + own >= 2.0:
             warnings.warn(
-                f"{self.model.mechanism.name}: the hold number of the gains is {held:.3g}, and estimates within the "
+                f"{self.model.mechanism.name}: the sampling ratio of the gains is {held:.3g}, and estimates within the "
                 f"prior may add {own:.3g} on their way: below 2 none of them rings for certain. A smaller adaptation "
                 "gain (`adaptation_gain` with the gains), bandwidth, period or prior lowers it",
                 StabilityWarning,
@@ -219,9 +225,9 @@ class PassivityIntegral(SlotineLi):
         """
         bandwidth = column(self.bandwidth)
         twice, square = 2.0 * bandwidth, bandwidth * bandwidth
-        before: Integral = memory.more
+        before: Integral = memory.controller_state
         e, e_rate = p - reference.p, v - reference.v
-        integral = before.integral + (0.5 * memory.elapsed[0]) * (before.error + e)
+        integral = before.integral + (0.5 * memory.dt[0]) * (before.error + e)
         v_r = reference.v - twice * e - square * integral
         return ReferenceVelocity(v_r, reference.a - twice * e_rate - square * e, Integral(integral, e))
 

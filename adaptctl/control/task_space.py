@@ -99,14 +99,14 @@ class TaskSpaceSlotineLi(SlotineLi):
         if len(axes) > self.dof:
             raise InputError(f"task space: {self.dof} joints cannot move a point along {len(axes)} axes: choose fewer")
         object.__setattr__(self, "axes", axes)
-        for name, size, default in (("tool", 3, np.zeros(3)), ("posture", self.dof, self.home)):
+        for name, size, default in (("tool", 3, np.zeros(3)), ("posture", self.dof, self.neutral_configuration)):
             given = getattr(self, name)
             object.__setattr__(self, name, frozen_array(default if given is None else given, (size,), name))
         for name in ("singularity", "posture_rate"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InputError(f"task space: {name}: expected at least 0, got {getattr(self, name)}")
-        self._require_link()
-        self._require_reach()
+        self._validate_link()
+        self._validate_reach()
         super().__post_init__()
 
     @property
@@ -153,7 +153,7 @@ class TaskSpaceSlotineLi(SlotineLi):
         if not self.reference_in_joints:
             return _moving(reference.p, reference.v), _moving(reference.v, reference.a), NoMemory()
         equations = self.model.mechanism.equations
-        q = equations.closed(reference.p, memory.more.q)
+        q = equations.closed(reference.p, memory.controller_state.q)
         position, rows = self.point(_moving(q, equations.rates(q, reference.v)))
         velocity = _moving(reference.v, reference.a)
         return position, Column(row @ velocity for row in rows), Goal(q)
@@ -170,13 +170,13 @@ class TaskSpaceSlotineLi(SlotineLi):
             gram[i][i] = gram[i][i] + square
         return free + combined(rows, solve_symmetric(gram, task))
 
-    def _require_link(self) -> None:
+    def _validate_link(self) -> None:
         """Raise `InputError` for a link that there is not."""
         names = [link.name for link in self.model.mechanism.links]
         if self.link is not None and self.link not in names:
             raise InputError(f"task space: there is no link {self.link!r}; links: {', '.join(names)}")
 
-    def _require_reach(self) -> None:
+    def _validate_reach(self) -> None:
         """Raise `InputError` where, undamped, no configuration lets the point move along every axis."""
         mechanism = self.model.mechanism
         p = sampled_configurations(mechanism)

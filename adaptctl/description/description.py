@@ -16,7 +16,7 @@ from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.description.drive import LARGEST_TERM, Drive, DriveParameter, Limits
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
 from adaptctl.description.pose import Pose
-from adaptctl.errors import InputError, require_kind
+from adaptctl.errors import InputError, validate_kind
 from adaptctl.files import hashed
 
 if TYPE_CHECKING:
@@ -40,19 +40,19 @@ class JointKind(Enum):
     PRISMATIC = "prismatic"
 
     @property
-    def turns(self) -> bool:
+    def is_revolute(self) -> bool:
         """True for revolute and continuous joints, whose coordinate is an angle (rad); False for prismatic ones (m)."""
         return self is not JointKind.PRISMATIC
 
     @property
     def position_unit(self) -> str:
         """Unit of the coordinate of a joint of this kind: "rad" for an angle, "m" for a length."""
-        return "rad" if self.turns else "m"
+        return "rad" if self.is_revolute else "m"
 
     @property
     def effort_unit(self) -> str:
         """Unit of the effort of a joint of this kind: "N m" for a torque, "N" for a force."""
-        return "N m" if self.turns else "N"
+        return "N m" if self.is_revolute else "N"
 
 
 @sent_as_made
@@ -96,8 +96,8 @@ class Link:
     name: str
     parent: int
     joint: Joint
-    near: Pose
-    far: Pose
+    parent_to_joint: Pose
+    joint_to_link: Pose
     inertia: Array = field(default_factory=lambda: np.zeros(10))
     massless: bool = False
 
@@ -139,19 +139,19 @@ class Description:
         if not self.links:
             raise InputError(f"{self.name}: a mechanism needs at least one movable link")
         for each in self.links:
-            require_kind(each, Link, f"{self.name}: links", "as Link(...) is one")
-        _require_unique([link.name for link in self.links], f"{self.name}: link")
-        _require_unique([link.joint.name for link in self.links], f"{self.name}: joint")
-        _require_depth_first(self.name, self.parents)
+            validate_kind(each, Link, f"{self.name}: links", "as Link(...) is one")
+        _validate_unique([link.name for link in self.links], f"{self.name}: link")
+        _validate_unique([link.joint.name for link in self.links], f"{self.name}: joint")
+        _validate_depth_first(self.name, self.parents)
         fixed = [("a visual", visual.link) for visual in self.visuals]
         for what, link in fixed + [(f"frame {frame.name!r}", frame.link) for frame in self.frames]:
             if not GROUND <= link < len(self.links):
                 raise InputError(f"{self.name}: {what} is fixed to link {link} of {len(self.links)}")
-        self._require_shafts()
+        self._validate_shafts()
         if self.loops is not None:
-            self.loops.require_known([link.name for link in self.links], self.joint_names)
+            self.loops.validate_known([link.name for link in self.links], self.joint_names)
 
-    def _require_shafts(self) -> None:
+    def _validate_shafts(self) -> None:
         for link in self.links:
             others = [name for name, _ in link.joint.drive.turns_with]
             unknown = [name for name in others if name not in self.joint_names or name == link.joint.name]
@@ -162,7 +162,7 @@ class Description:
                 )
 
     @property
-    def shafts(self) -> list[list[object]]:
+    def drive_couplings(self) -> list[list[object]]:
         """Motor shafts that turn with several joints, as lists in JSON's types for hashing: [zero-based index of the
         drive's joint, [[name of another joint, ratio, shaft speed over that joint's speed, as text], ...]]."""
         drives = ((i, link.joint.drive.turns_with) for i, link in enumerate(self.links))
@@ -211,7 +211,7 @@ class Description:
         drives = [link.joint.drive for link in self.links]
         return tuple((i, kind) for kind in DriveParameter for i, d in enumerate(drives) if d.value(kind) is not None)
 
-    def shaft(self, joint: int) -> tuple[tuple[int, float], ...]:
+    def drive_coupling(self, joint: int) -> tuple[tuple[int, float], ...]:
         """Pairs (zero-based joint index, ratio) of the joints that turn the motor shaft of the joint of index `joint`:
         that joint first, with ratio 1. The shaft's speed (rad/s, m/s if prismatic) is the sum of ratio times joint
         velocity. Raises `InputError` for an index that is no joint's."""
@@ -228,7 +228,7 @@ class Description:
         return parameter_names([self.links[i].name for i in self.bodies]) + driven
 
     @property
-    def energetic(self) -> int:
+    def num_energy_parameters(self) -> int:
         """Number of the inertial parameters that enter the kinetic or potential energy: ten for each link that is not
         massless and one for each modelled rotor inertia. They come first; friction parameters, which do not, follow."""
         rotors = sum(not kind.is_friction for _, kind in self.drive_parameters)
@@ -246,7 +246,7 @@ class Description:
         return stacked
 
     @cached_property
-    def weightless(self) -> tuple[str, ...]:
+    def massless_joints(self) -> tuple[str, ...]:
         """Names of a tree's links that have no inertia and no rotor, nor any descendant with either, so that their
         joints' accelerations are not determined; always empty with loops."""
         return () if self.loops is not None else weightless_ends(self.links)
@@ -294,8 +294,8 @@ class Description:
         if self.drive_parameters:
             drives = [(i, kind, self.links[i].joint.drive.value(kind)) for i, kind in self.drive_parameters]
             content["drives"] = [[i, kind.value, repr(value)] for i, kind, value in drives]
-        if self.shafts:
-            content["shafts"] = self.shafts
+        if self.drive_couplings:
+            content["shafts"] = self.drive_couplings
         if len(self.bodies) < len(self.links):
             content["bodies"] = list(self.bodies)
         if self.loops is not None:
@@ -310,8 +310,8 @@ class Description:
         content: list[object] = [_rounded(self.gravity), [_geometry(link) for link in self.links]]
         if self.drive_parameters:
             content.append([[i, kind.value] for i, kind in self.drive_parameters])
-        if self.shafts:
-            content.append(self.shafts)
+        if self.drive_couplings:
+            content.append(self.drive_couplings)
         if len(self.bodies) < len(self.links):
             content.append(list(self.bodies))
         if self.loops is not None:
@@ -356,7 +356,7 @@ def weightless_ends(links: Sequence[Link]) -> tuple[str, ...]:
     return tuple(link.name for i, link in enumerate(links) if i not in heavy)
 
 
-def _require_unique(names: Sequence[str], what: str) -> None:
+def _validate_unique(names: Sequence[str], what: str) -> None:
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         raise InputError(f"{what} names must be unique, got {repeated[0]!r} more than once")
@@ -364,7 +364,7 @@ def _require_unique(names: Sequence[str], what: str) -> None:
         raise InputError(f"{what} names must not be empty")
 
 
-def _require_depth_first(name: str, parents: Sequence[int]) -> None:
+def _validate_depth_first(name: str, parents: Sequence[int]) -> None:
     branch: list[int] = []
     for i, parent in enumerate(parents):
         while branch and branch[-1] != parent:
@@ -376,16 +376,27 @@ def _require_depth_first(name: str, parents: Sequence[int]) -> None:
 
 def _plain(link: Link) -> list[object]:
     joint, limits = link.joint, link.joint.limits
-    arrays = (joint.axis, link.near.rotation, link.near.translation, link.far.rotation, link.far.translation)
+    arrays = (
+        joint.axis,
+        link.parent_to_joint.rotation,
+        link.parent_to_joint.translation,
+        link.joint_to_link.rotation,
+        link.joint_to_link.translation,
+    )
     bounds = [limits.lower, limits.upper, limits.velocity, limits.effort]
     moving = [[float(x) + 0.0 for x in np.ravel(array)] for array in (*arrays, link.inertia)]
     return [link.name, link.parent, joint.name, joint.kind.value, [repr(float(b)) for b in bounds], moving]
 
 
 def _geometry(link: Link) -> list[object]:
-    poses = (link.near.rotation, link.near.translation, link.far.rotation, link.far.translation)
+    poses = (
+        link.parent_to_joint.rotation,
+        link.parent_to_joint.translation,
+        link.joint_to_link.rotation,
+        link.joint_to_link.translation,
+    )
     frames = [_rounded(array) for array in (link.joint.axis, *poses)]
-    return [link.name, link.parent, link.joint.kind.turns, frames]
+    return [link.name, link.parent, link.joint.kind.is_revolute, frames]
 
 
 def _rounded(array: Array) -> list[float]:

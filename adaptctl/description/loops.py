@@ -135,12 +135,12 @@ class Loops:
             object.__setattr__(self, name, tuple(getattr(self, name)))
         object.__setattr__(self, "reference", MappingProxyType(dict(self.reference)))
         names = [c.name for c in self.closures] + [c.name for c in self.couplings]
-        _require_unique("closure or coupling", names)
-        _require_unique("follower", [c.follower for c in self.couplings])
-        self._require_plain_couplings()
+        _validate_unique("closure or coupling", names)
+        _validate_unique("follower", [c.follower for c in self.couplings])
+        self._validate_plain_couplings()
         if not self.primary:
             raise InputError("loops: at least one joint must be primary")
-        _require_unique("primary joint", self.primary)
+        _validate_unique("primary joint", self.primary)
         for condition in self.conditions:
             for joint in condition.weights:
                 if joint not in self.primary:
@@ -150,7 +150,7 @@ class Loops:
                 "loops: expected closures or couplings; a mechanism without either is a tree, of loops None"
             )
 
-    def _require_plain_couplings(self) -> None:
+    def _validate_plain_couplings(self) -> None:
         followers = {c.follower for c in self.couplings}
         for c in self.couplings:
             if c.leader in followers:
@@ -161,7 +161,7 @@ class Loops:
             if c.follower in self.primary:
                 raise InputError(f"coupling {c.name!r}: joint {c.follower!r} follows another, so it cannot be primary")
 
-    def require_known(self, links: Collection[str], joints: Collection[str]) -> None:
+    def validate_known(self, links: Collection[str], joints: Collection[str]) -> None:
         """Raise `NotFoundError` unless every link and every joint that these loops name is among `links` and `joints`,
         the names of a tree's links and joints. Nothing is returned."""
         named_links = {link: c.name for c in self.closures for link in (c.first, c.second) if link is not None}
@@ -202,7 +202,7 @@ def _rounded(x: float, digits: int | None) -> float:
     return x if digits is None else round(x, digits)
 
 
-def _require_unique(what: str, names: Sequence[str]) -> None:
+def _validate_unique(what: str, names: Sequence[str]) -> None:
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"loops: {what} {name!r} is given more than once")

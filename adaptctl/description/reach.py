@@ -18,7 +18,7 @@ SHORTEST = 1e-6
 def joint_line(link: Link) -> tuple[Array, Array]:
     """The axis of the joint before a `link`, as a pair of a point (3,) on it, m, and its direction (3,), a unit vector,
     both in the link's frame. Nothing is checked."""
-    return link.far.inverse.translation, link.far.rotation.T @ link.joint.axis
+    return link.joint_to_link.inverse.translation, link.joint_to_link.rotation.T @ link.joint.axis
 
 
 def link_end(link: Link) -> Array:
@@ -42,7 +42,7 @@ def attachments(description: Description) -> list[list[Array]]:
     points: list[list[Array]] = [[] for _ in description.links]
     for link in description.links:
         if link.parent != GROUND:
-            points[link.parent].append(link.near.translation)
+            points[link.parent].append(link.parent_to_joint.translation)
     place = {link.name: i for i, link in enumerate(description.links)}
     for closure in description.loops.closures if description.loops else ():
         for name, frame in ((closure.first, closure.first_frame), (closure.second, closure.second_frame)):
@@ -102,4 +102,4 @@ def _length(link: Link) -> float:
 
 def _step(links: Sequence[Link], index: int) -> float:
     """Distance from the parent's joint to a link's own, m."""
-    return float(np.linalg.norm(links[index].near.translation - joint_line(links[links[index].parent])[0]))
+    return float(np.linalg.norm(links[index].parent_to_joint.translation - joint_line(links[links[index].parent])[0]))

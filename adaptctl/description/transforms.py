@@ -79,7 +79,7 @@ def _renamed(link: Link, label: str, stand: Pose, above: int) -> Link:
         name=f"{label}.{link.name}",
         parent=GROUND if on_ground else link.parent + above,
         joint=_renamed_joint(link.joint, label),
-        near=stand @ link.near if on_ground else link.near,
+        parent_to_joint=stand @ link.parent_to_joint if on_ground else link.parent_to_joint,
     )
 
 
@@ -195,7 +195,7 @@ def meeting_axes(description: Description) -> Iterator[tuple[Link, str, tuple[Ar
     for link in description.links:
         carrier = _carrier(description, description.links, link)
         if carrier is not None:
-            yield link, carrier[0], (carrier[1], link.near.rotation @ link.joint.axis)
+            yield link, carrier[0], (carrier[1], link.parent_to_joint.rotation @ link.joint.axis)
 
 
 def _carrier(description: Description, links: Sequence[Link], link: Link) -> tuple[str, Array] | None:
@@ -203,7 +203,7 @@ def _carrier(description: Description, links: Sequence[Link], link: Link) -> tup
     frame that carries the joint; None without either."""
     if link.parent != GROUND:
         parent = links[link.parent]
-        return parent.joint.name, parent.far.rotation.T @ parent.joint.axis
+        return parent.joint.name, parent.joint_to_link.rotation.T @ parent.joint.axis
     strength = float(np.linalg.norm(description.gravity))
     return ("gravity", description.gravity / strength) if strength > 0.0 else None
 
@@ -213,7 +213,12 @@ def _straightened(link: Link, within: float) -> Link:
     axis, unit = link.joint.axis, np.round(link.joint.axis)
     near_unit = np.abs(unit).sum() == 1.0 and np.linalg.norm(axis - unit) < within
     joint = replace(link.joint, axis=unit) if near_unit else link.joint
-    return replace(link, joint=joint, near=_pose(link.near, within), far=_pose(link.far, within))
+    return replace(
+        link,
+        joint=joint,
+        parent_to_joint=_pose(link.parent_to_joint, within),
+        joint_to_link=_pose(link.joint_to_link, within),
+    )
 
 
 def _pose(pose: Pose, within: float) -> Pose:
@@ -231,7 +236,7 @@ def _closure(closure: Closure, within: float) -> Closure:
 
 def _turned(first: Array, child: Link, within: float) -> Link:
     """The child's joint turned until its axis makes the angle with a direction `first` that it nearly makes."""
-    second = child.near.rotation @ child.joint.axis
+    second = child.parent_to_joint.rotation @ child.joint.axis
     along = float(first @ second)
     across = second - along * first
     if np.linalg.norm(across) < within:
@@ -240,8 +245,8 @@ def _turned(first: Array, child: Link, within: float) -> Link:
         meant = across / np.linalg.norm(across)
     else:
         return child
-    rotation = exact_right_angles(_shortest_turn(second, meant) @ child.near.rotation, 1e-14)
-    return replace(child, near=Pose(rotation, child.near.translation))
+    rotation = exact_right_angles(_shortest_turn(second, meant) @ child.parent_to_joint.rotation, 1e-14)
+    return replace(child, parent_to_joint=Pose(rotation, child.parent_to_joint.translation))
 
 
 def _shortest_turn(start: Array, end: Array) -> Array:
@@ -256,7 +261,7 @@ def with_joint_frames(description: Description) -> Description:
     motion take fewest operations. Inertial parameters and loop closures are given in the new frames; shapes to draw and
     named frames are left out. Raises `InputError` where a length becomes greater than 1e9 m or an inertial parameter
     than 1e20."""
-    far = {link.name: link.far for link in description.links}
+    far = {link.name: link.joint_to_link for link in description.links}
     links = tuple(_link(link, description) for link in description.links)
     loops = None if description.loops is None else _loops(description.loops, far)
     return replace(description, links=links, loops=loops, visuals=(), frames=())
@@ -269,14 +274,20 @@ def joint_frame_parameters(description: Description) -> Array:
     the same in both. Nothing is raised."""
     matrix, size = np.eye(len(description.parameter_names)), len(PARAMETERS)
     for k, i in enumerate(description.bodies):
-        moved = [transformed(one, description.links[i].far) for one in np.eye(size)]
+        moved = [transformed(one, description.links[i].joint_to_link) for one in np.eye(size)]
         matrix[size * k : size * (k + 1), size * k : size * (k + 1)] = np.transpose(moved)
     return matrix
 
 
 def _link(link: Link, description: Description) -> Link:
-    near = link.near if link.parent == GROUND else description.links[link.parent].far @ link.near
-    return replace(link, near=near, far=Pose.identity(), inertia=transformed(link.inertia, link.far))
+    near = (
+        link.parent_to_joint
+        if link.parent == GROUND
+        else description.links[link.parent].joint_to_link @ link.parent_to_joint
+    )
+    return replace(
+        link, parent_to_joint=near, joint_to_link=Pose.identity(), inertia=transformed(link.inertia, link.joint_to_link)
+    )
 
 
 def _loops(loops: Loops, far: dict[str, Pose]) -> Loops:

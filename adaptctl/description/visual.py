@@ -35,7 +35,7 @@ class Box:
     size: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        _require_positive("box", self.size)
+        _validate_positive("box", self.size)
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Cylinder:
     length: float
 
     def __post_init__(self) -> None:
-        _require_positive("cylinder", (self.radius, self.length))
+        _validate_positive("cylinder", (self.radius, self.length))
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Sphere:
     radius: float
 
     def __post_init__(self) -> None:
-        _require_positive("sphere", (self.radius,))
+        _validate_positive("sphere", (self.radius,))
 
 
 Solid = Mesh | Box | Cylinder | Sphere
@@ -85,6 +85,6 @@ class Visual:
         return replace(self, link=link, pose=pose @ self.pose)
 
 
-def _require_positive(what: str, lengths: tuple[float, ...]) -> None:
+def _validate_positive(what: str, lengths: tuple[float, ...]) -> None:
     if not all(math.isfinite(length) and length > 0.0 for length in lengths):
         raise InputError(f"{what}: expected positive lengths, got {lengths}")

@@ -12,9 +12,9 @@ from adaptctl.design.bodies import sphere as sphere
 from adaptctl.design.counterweights import Counterweight as Counterweight
 from adaptctl.design.counterweights import Counterweights as Counterweights
 from adaptctl.design.counterweights import optimal_counterweights as optimal_counterweights
-from adaptctl.design.places import PlaceBounds as PlaceBounds
-from adaptctl.design.removals import Removal as Removal
-from adaptctl.design.removals import removals as removals
+from adaptctl.design.mounting_bounds import MountingBounds as MountingBounds
+from adaptctl.design.simplifications import Simplification as Simplification
+from adaptctl.design.simplifications import simplifications as simplifications
 from adaptctl.design.study import DesignStudy as DesignStudy
 from adaptctl.design.study import design_study as design_study
 from adaptctl.design.task import DesignTask as DesignTask

@@ -12,7 +12,7 @@ from adaptctl.arrays import Array, checked, frozen, frozen_array, positive_numbe
 from adaptctl.caching import cached_property
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.design.bodies import ball_tens, point
-from adaptctl.design.places import PlaceBounds
+from adaptctl.design.mounting_bounds import MountingBounds
 from adaptctl.design.task import DesignTask
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.simulation.effects import Payload
@@ -108,14 +108,14 @@ class AddedMass:
         return self.task.components(self.percent, self.parameters)
 
     @cached_property
-    def becomes_essential(self) -> tuple[str, ...]:
+    def newly_identifiable(self) -> tuple[str, ...]:
         """Names of the fundamental (base) parameters that matter only with the added body: the part of the energy that
         each makes alone is more than 1e-6 (unitless) of the whole with the body, and at most 1e-6 without it. Energies
         are kinetic plus potential, as root mean squares about their mean over the task's states. Raises `InputError`
         for an unknown link and where the energy is constant, with the body or without, `RankError` where the number of
         identifiable parameters cannot be certified."""
-        before = set(self.task.carried())
-        return tuple(name for name in self.task.carried(self.parameters) if name not in before)
+        before = set(self.task.nonzero_parameters())
+        return tuple(name for name in self.task.nonzero_parameters(self.parameters) if name not in before)
 
     @cached_property
     def changed(self) -> tuple[tuple[str, float], ...]:
@@ -153,7 +153,7 @@ def added_mass(
         loaded = Payload(loaded.mass, frozen_array(place, (3,), "place"), loaded.inertia)
     task.link(link)
     task.components(percent)
-    task.require_energy()
+    task.validate_energy()
     return AddedMass(task, link, loaded, percent)
 
 
@@ -229,16 +229,16 @@ class CostMap:
         size = float(np.linalg.norm(before))
         return np.asarray((after - size) / size)
 
-    def over(self, places: PlaceBounds, each: int = EACH) -> LinkCost:
+    def over(self, places: MountingBounds, each: int = EACH) -> LinkCost:
         """The least and the greatest relative change (unitless), 0.1 for 10 % more, of the cost that this map's
         `objective` names, by its point mass on a grid of positions on a link, and the positions of both, as a
         `LinkCost`.
 
-        The grid has `each` positions, 9 by default, along each edge of the box of `places`, a `PlaceBounds`, which also
-        names the link. The `LinkCost` has the link's name, the changes `least` and `most`, their positions `cheapest`
-        and `dearest` (3,), m in the link's frame, and the change `at_center`, for the mass at the link's centre of
-        mass. Raises `InputError` for unknown links and `each` other than a whole number from 1 to 100, `NonFiniteError`
-        for bounds so far that the cost overflows.
+        The grid has `each` positions, 9 by default, along each edge of the box of `places`, a `MountingBounds`, which
+        also names the link. The `LinkCost` has the link's name, the changes `least` and `most`, their positions
+        `cheapest` and `dearest` (3,), m in the link's frame, and the change `at_center`, for the mass at the link's
+        centre of mass. Raises `InputError` for unknown links and `each` other than a whole number from 1 to 100,
+        `NonFiniteError` for bounds so far that the cost overflows.
         """
         grid = places.grid(each)
         changes = self.at(places.link, grid)
@@ -259,5 +259,5 @@ def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> 
     the mass and for a task with constant energy, and `RankError` for "components" where the number of identifiable
     parameters cannot be certified.
     """
-    task.require_energy()
+    task.validate_energy()
     return CostMap(task, mass, objective)

@@ -13,7 +13,7 @@ from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.description.inertia import is_physically_consistent
 from adaptctl.design.added_mass import PERCENT
 from adaptctl.design.bodies import STEEL, ball_tens, ball_tens_slopes, sphere
-from adaptctl.design.places import PlaceBounds
+from adaptctl.design.mounting_bounds import MountingBounds
 from adaptctl.design.task import OBJECTIVES, DesignTask, component_counts
 from adaptctl.errors import InputError
 from adaptctl.simulation.effects import Payload
@@ -59,17 +59,17 @@ class Counterweights:
 
     `task` (a `DesignTask`), `objective` (the cost: "energy", "torque", "coupling", which is the mass matrix's entries
     off the diagonal, or "components", which is the number of essential components), `within` (the bounds of masses and
-    positions, one `PlaceBounds` for each link) and `percent` are those asked for. Essential components are the parts of
-    the inertial parameters along the right singular vectors of the task's energies; `percent` is the energy error (%)
-    that their number allows. `weights` are the counterweights found, in the order of `within`, without those of at most
-    1e-6 of the mass allowed on their link, and `evaluations` is the number of designs evaluated. Nothing is checked at
-    construction.
+    positions, one `MountingBounds` for each link) and `percent` are those asked for. Essential components are the parts
+    of the inertial parameters along the right singular vectors of the task's energies; `percent` is the energy error
+    (%) that their number allows. `weights` are the counterweights found, in the order of `within`, without those of at
+    most 1e-6 of the mass allowed on their link, and `evaluations` is the number of designs evaluated. Nothing is
+    checked at construction.
     """
 
     task: DesignTask
     objective: str
     percent: float
-    within: tuple[PlaceBounds, ...]
+    within: tuple[MountingBounds, ...]
     weights: tuple[Counterweight, ...]
     evaluations: int
 
@@ -86,7 +86,7 @@ class Counterweights:
         return frozen(D)
 
     @cached_property
-    def balanced(self) -> DesignTask:
+    def balanced_task(self) -> DesignTask:
         """Design task of the mechanism with the counterweights, a `DesignTask`: the same states as without them, and
         inertial parameters that include them. Raises `InputError` for a counterweight on an unknown link and for a
         link's inertial parameter above 1e20 (SI units)."""
@@ -115,10 +115,10 @@ class Counterweights:
         an unknown objective and, for "components", for a percentage that is no finite number of at least 0,
         `NonFiniteError` where the cost overflows, `RankError` for "components" where the number of identifiable
         parameters cannot be certified."""
-        return _cost(self.balanced, self.objective, self.percent)
+        return _cost(self.balanced_task, self.objective, self.percent)
 
     @property
-    def saved(self) -> float:
+    def relative_reduction(self) -> float:
         """Fraction (unitless) by which the counterweights reduce the cost of the mechanism's motion that this object's
         `objective` names: (before - after) / before, of the properties `cost_before` and `cost_after`; 0 where the cost
         without them is zero. The cost "components" is the number of essential components (parts of the inertial
@@ -142,7 +142,7 @@ class Counterweights:
 
 def optimal_counterweights(
     task: DesignTask,
-    within: Sequence[PlaceBounds],
+    within: Sequence[MountingBounds],
     objective: str = "energy",
     *,
     percent: float = PERCENT,
@@ -150,8 +150,8 @@ def optimal_counterweights(
     seed: int = 0,
 ) -> Counterweights:
     """The counterweights, at most one ball on each link of `within`, that make a cost of a mechanism's motion over a
-    task least, as a `Counterweights`. `within` has one `PlaceBounds` for each such link: bounds of the ball's mass and
-    position.
+    task least, as a `Counterweights`. `within` has one `MountingBounds` for each such link: bounds of the ball's mass
+    and position.
 
     `objective` names the cost: a root mean square over the task's states, of the energy about its mean ("energy", J),
     of the joint torques as fractions of their limits ("torque", unitless), or of the mass matrix's entries off the
@@ -174,7 +174,7 @@ def optimal_counterweights(
         raise InputError(f"counterweights: expected places on at least one link, each once, got {', '.join(links)}")
     seed = whole_number(seed, "counterweights: seed", 0, 2**32 - 1)
     task.components(percent)
-    task.require_energy()
+    task.validate_energy()
     search = _Search(task, tuple(within), objective, positive_number(density, "density: expected a positive number"))
     z = search.fewest(percent, seed) if objective == "components" else search.least(None, seed)
     masses, places = search.physical(z)
@@ -189,7 +189,7 @@ def optimal_counterweights(
 class _Search:
     """Residuals M (D + change) over designs z (4 L,) in the unit cube: a link's mass, then its place."""
 
-    def __init__(self, task: DesignTask, within: tuple[PlaceBounds, ...], objective: str, density: float) -> None:
+    def __init__(self, task: DesignTask, within: tuple[MountingBounds, ...], objective: str, density: float) -> None:
         M = task.matrix(objective)
         firsts = [10 * task.link(places.link) for places in within]
         self.fixed = M @ task.parameters

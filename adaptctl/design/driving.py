@@ -57,7 +57,7 @@ class DrivenArm:
 def driven(
     study: DesignStudy,
     *,
-    period: float = 1e-3,
+    control_period: float = 1e-3,
     duration: float = DURATION,
     components: int | None = None,
     seed: int = 0,
@@ -76,15 +76,15 @@ def driven(
     that is not positive, and where `tune` does; `GainError` for gains too large with the counterweights.
     """
     mechanism, whole = study.task.mechanism, study.task.space.rank
-    if len(mechanism.parameter_names) != mechanism.energetic:
+    if len(mechanism.parameter_names) != mechanism.num_energy_parameters:
         raise InputError(f"{mechanism.name} has friction, which carries no energy: drive an arm without")
     few = min(COMPONENTS, whole) if components is None else components
     count = whole_number(few, f"components of {mechanism.name}", 1, whole)
     positive_number(duration, "duration: expected a positive number of s")
-    tuning = tune(mechanism, period=period, seed=seed)
-    arms, runs = (("before", study.task), ("after", study.counterweights.balanced)), list[DrivenArm]()
+    tuning = tune(mechanism, control_period=control_period, seed=seed)
+    arms, runs = (("before", study.task), ("after", study.counterweights.balanced_task)), list[DrivenArm]()
     for when, task in arms:
-        plant = Plant(task.mechanism, tuning.period, tuning.substeps, tuning.integrator, tuning.torque_limits)
+        plant = Plant(task.mechanism, tuning.control_period, tuning.substeps, tuning.integrator, tuning.torque_limits)
         for kind, label, law in _laws(task, tuning, count):
             progress(len(runs) / 6.0)
             with_them = "with counterweights" if when == "after" else "as described"
@@ -98,7 +98,7 @@ def _laws(task: DesignTask, tuning: Tuning, count: int) -> Iterator[tuple[str, s
     """Controllers with the same gains: adapting all, adapting few components, holding the true few."""
     model, reduction = ReducedModel(task.mechanism, task.basis), reduce(task.space, task.parameters, components=count)
     directions = task.space.basis[:, list(reduction.order)[:count]]
-    gains, given = tuning.gains, (tuning.period, tuning.workspace, tuning.torque_limits)
+    gains, given = tuning.gains, (tuning.control_period, tuning.workspace, tuning.torque_limits)
 
     def slotine_li(law: Any, first: Array | None = None) -> SlotineLi:
         return SlotineLi(model, gains.bandwidth, gains.damping, law, first, *given)
@@ -111,7 +111,9 @@ def _laws(task: DesignTask, tuning: Tuning, count: int) -> Iterator[tuple[str, s
 
 def _run(plant: Plant, law: SlotineLi, tuning: Tuning, duration: float) -> Rollouts:
     start = tuning.reference(np.zeros(1)).p + tuning.initial_error
-    return simulate_many(plant, law, tuning.reference, duration=duration, p=start, v=0.0 * start, beyond=ASTRAY)
+    return simulate_many(
+        plant, law, tuning.reference, duration=duration, p=start, v=0.0 * start, divergence_bound=ASTRAY
+    )
 
 
 def _judged(runs: Rollouts, limits: Array, name: str, label: str) -> DrivenArm:

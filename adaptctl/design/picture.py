@@ -164,10 +164,10 @@ def _moved(study: DesignStudy, runs: Sequence[DrivenArm]) -> tuple[Array, Array]
         return runs[-1].time[every], runs[-1].p[every]
     mechanism = study.task.mechanism
     phase = np.linspace(0.0, 2.0 * np.pi, FRAMES)[:, None] * np.arange(1, mechanism.dof + 1).clip(max=3)
-    swing = np.where([joint.kind.turns for joint in mechanism.primary_joints], 0.25, 0.05)
+    swing = np.where([joint.kind.is_revolute for joint in mechanism.primary_joints], 0.25, 0.05)
     if mechanism.description.loops is not None:
         swing = swing * np.where(np.arange(mechanism.dof) == 0, 1.0, 0.5)
-    return np.linspace(0.0, TURN, FRAMES), np.asarray(mechanism.home + swing * np.sin(phase))
+    return np.linspace(0.0, TURN, FRAMES), np.asarray(mechanism.neutral_configuration + swing * np.sin(phase))
 
 
 def _log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton, time: Array, p: Array) -> None:

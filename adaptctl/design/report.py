@@ -13,7 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.design.added_mass import AddedMass
 from adaptctl.design.driving import Demand, DrivenArm
 from adaptctl.design.picture import arm_figure, record
-from adaptctl.design.removals import Removal
+from adaptctl.design.simplifications import Simplification
 from adaptctl.design.study import DesignStudy
 from adaptctl.design.task import DesignTask
 from adaptctl.dynamics.joint_units import error_unit
@@ -27,7 +27,7 @@ from adaptctl.recording.wording import coupling_unit, torque_error_unit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SCHEMA = "adaptctl/design/1"
+SCHEMA = "adaptctl/design/2"
 TOLD = (
     "The energy that is carried is its root mean square about its mean, which counts all pairs of states. A body "
     "changes it by no more than its projection on the essential parameter space."
@@ -83,7 +83,7 @@ def _outcome(study: DesignStudy) -> str:
     )
     weights = " and ".join(f"{weight.mass:.3g} kg on {weight.link}" for weight in found.weights)
     if weights:
-        text += f" Counterweights of {weights} make {100.0 * found.saved:.3g} % less {found.objective}."
+        text += f" Counterweights of {weights} make {100.0 * found.relative_reduction:.3g} % less {found.objective}."
     return text
 
 
@@ -100,8 +100,8 @@ def _run_words(study: DesignStudy, runs: Sequence[DrivenArm]) -> Iterator[str]:
 
 def _facts(study: DesignStudy) -> Iterator[Fact]:
     found = study.counterweights
-    before, after = (dict(quantities(task, study.percent)) for task in (study.task, found.balanced))
-    yield Fact("Independent parameters", f"{study.task.basis.rank}, {len(study.task.carried())} not zero")
+    before, after = (dict(quantities(task, study.percent)) for task in (study.task, found.balanced_task))
+    yield Fact("Independent parameters", f"{study.task.basis.rank}, {len(study.task.nonzero_parameters())} not zero")
     for name in list(before)[2:6]:
         yield Fact(name[0].upper() + name[1:], f"{before[name].split()[0]} → {after[name]}")
     yield Fact("Counterweights", " + ".join(f"{w.mass:.3g} kg" for w in found.weights) or "none")
@@ -117,7 +117,7 @@ def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
     mechanism's rank, its number of base parameters, cannot be certified."""
     of = costs(task, percent)
     yield "independent parameters", f"{of['rank']}"
-    yield "of them not zero", f"{of['carried']}"
+    yield "of them not zero", f"{of['nonzero_parameters']}"
     yield f"components within {percent:g} % of energy", f"{of['components']}"
     yield "energy (RMS about its mean)", f"{of['energy']:.4g} J"
     yield "torque, of its limit (RMS)", f"{100.0 * of['torque']:.3g} %"
@@ -140,13 +140,13 @@ def _sections(study: DesignStudy, detail: AddedMass | None, runs: Sequence[Drive
     mass, mechanism, task, found = f"{study.body.mass:g} kg", study.task.mechanism, study.task, study.counterweights
     told = (
         f"{mechanism.name}: {len(task.parameters)} inertial parameters, {task.basis.rank} independent, "
-        f"{len(task.carried())} of them not zero; over {task.origin}. {TOLD}"
+        f"{len(task.nonzero_parameters())} of them not zero; over {task.origin}. {TOLD}"
     )
     arm = Drawing(
         "arm",
         f"The arm, coloured by what a point of {mass} does to the energy that its motion carries: blue where it "
         "balances the arm, red where it costs. Yellow: the counterweights.",
-        partial(arm_figure, study, skeleton(mechanism), mechanism.home),
+        partial(arm_figure, study, skeleton(mechanism), mechanism.neutral_configuration),
     )
     yield Section("Where a mass may be added", (told, arm, _links(study), _bodies(study)))
     if detail is not None:
@@ -160,11 +160,11 @@ def _sections(study: DesignStudy, detail: AddedMass | None, runs: Sequence[Drive
         partial(_components_figure, study),
     )
     listed = Lines(weights, bullets=True) if weights else "None helps within these bounds."
-    both = _compared(task, found.balanced, study.percent, ("as described", "with counterweights"))
+    both = _compared(task, found.balanced_task, study.percent, ("as described", "with counterweights"))
     yield Section(f"Counterweights for the least {found.objective}", (listed, both, components))
     if runs:
         yield Section("In closed loop", (IN_LOOP, _runs(runs), *_run_drawings(study, runs)))
-    equations = [Lines(r.before, beside=r.after, title=r.words) for r, _ in study.worthwhile[:EXPLAINED]]
+    equations = [Lines(r.before, beside=r.after, title=r.description) for r, _ in study.recommended[:EXPLAINED]]
     yield Section("Parameters that can go", (EACH_ALONE, _removals(study), *equations))
 
 
@@ -174,7 +174,7 @@ def _links(study: DesignStudy) -> Table:
     rows = [
         (
             c.link, _place(c.cheapest), change(c.least), change(c.at_center), _place(c.dearest), change(c.most),
-            ", ".join(added.becomes_essential) or "–",
+            ", ".join(added.newly_identifiable) or "–",
         )
         for c, added in zip(study.links, study.added, strict=True)
     ]  # fmt: skip
@@ -199,14 +199,14 @@ def _detail(added: AddedMass) -> Table:
     rows = [
         *table.rows,
         ("energy of its own", "", f"{added.own_energy:.4g} J"),
-        ("becomes essential", "", ", ".join(added.becomes_essential) or "nothing"),
+        ("becomes essential", "", ", ".join(added.newly_identifiable) or "nothing"),
         *((f"{name}*", "", f"{value:+.4g}") for name, value in added.changed),
     ]
     return Table(table.header, rows, align=table.align)
 
 
 def _removals(study: DesignStudy) -> Table:
-    rows = [(r.words, ", ".join(r.gone), str(r.rank), str(saved)) for r, saved in study.worthwhile]
+    rows = [(r.description, ", ".join(r.eliminated), str(r.rank), str(saved)) for r, saved in study.recommended]
     heads = ("what to do", "parameters that go", "left", "operations saved")
     return Table(heads, rows, align="llrr", layout=TableLayout.ROWS)
 
@@ -255,7 +255,7 @@ def _components_figure(study: DesignStudy) -> Figure:
     """Energy errors by the number of components kept, those of most energy first (Sheu and Walker 1991, eq. 23)."""
     figure = sheet(2.8)
     axes = figure.subplots()
-    tasks = {"as described": study.task, "with counterweights": study.counterweights.balanced}
+    tasks = {"as described": study.task, "with counterweights": study.counterweights.balanced_task}
     for i, (label, task) in enumerate(tasks.items()):
         errors = percent_errors(np.sort(np.abs(task.matrix("components") @ task.parameters))[::-1])
         shown = errors > 1e-8
@@ -271,11 +271,11 @@ def as_builtins(study: DesignStudy, detail: AddedMass | None = None, runs: Seque
     (0.1 for 10 % more). Its keys are `robot`, name and hash; `task`, its `states` in words and their number, `samples`;
     `before`, the costs of the motion (as `costs` returns them); the `body` to add, its mass and inertia; `links`, for
     each link its mass, the positions where the body's mass makes the energy least and greatest, with the change of
-    energy, and the body's effect at the link's centre of mass; `counterweights`, with the costs after them; `removals`,
-    changes that remove parameters, with the floating-point operations saved; `bodies`, the changes of energy by common
-    bodies. `detail`, the effect of a body at one position, is `added`, and what `runs` in closed loop asked is `runs`;
-    both are left out where there is none, the default. Raises `RankError` where the mechanism's rank, its number of
-    base parameters, cannot be certified."""
+    energy, and the body's effect at the link's centre of mass; `counterweights`, with the costs after them;
+    `simplifications`, changes that remove parameters, with the floating-point operations saved; `bodies`, the changes
+    of energy by common bodies. `detail`, the effect of a body at one position, is `added`, and what `runs` in closed
+    loop asked is `runs`; both are left out where there is none, the default. Raises `RankError` where the mechanism's
+    rank, its number of base parameters, cannot be certified."""
     task, mechanism = study.task, study.task.mechanism
     content: dict[str, Any] = {
         "schema": SCHEMA,
@@ -294,7 +294,7 @@ def as_builtins(study: DesignStudy, detail: AddedMass | None = None, runs: Seque
             for cost, added in zip(study.links, study.added, strict=True)
         ],
         "counterweights": _counterweights(study),
-        "removals": [_removal(removal) | {"operations_saved": saved} for removal, saved in study.worthwhile],
+        "simplifications": [_removal(removal) | {"operations_saved": saved} for removal, saved in study.recommended],
     }
     content |= {} if detail is None else {"added": _added(detail)}
     content["bodies"] = study.bodies
@@ -303,8 +303,8 @@ def as_builtins(study: DesignStudy, detail: AddedMass | None = None, runs: Seque
 
 def costs(task: DesignTask, percent: float) -> dict[str, Any]:
     """Costs of a mechanism's motion over a design `task`, a dict in JSON's types. Root mean squares (RMS) are over the
-    task's states, torques without friction. `rank` is the number of fundamental (base) parameters, `carried` the number
-    of those that each contribute more than 1e-6 of the energy. `energy` is the RMS, about its mean, of kinetic plus
+    task's states, torques without friction. `rank` counts base parameters, `nonzero_parameters` counts
+    those that each contribute more than 1e-6 of the energy. `energy` is the RMS, about its mean, of kinetic plus
     potential energy, J; `components` is the number of essential components (combinations of inertial parameters) that
     keep it to an error of `percent` (%), itself an entry. `torque` is the RMS of the torques divided by their limits,
     no unit, squares summed over joints; `torques` are RMS, one a joint, N m (N if prismatic). `coupling`, kg m^2, is
@@ -313,7 +313,7 @@ def costs(task: DesignTask, percent: float) -> dict[str, Any]:
     number of at least 0, `RankError` where the rank cannot be certified."""
     return {
         "rank": task.basis.rank,
-        "carried": len(task.carried()),
+        "nonzero_parameters": len(task.nonzero_parameters()),
         "components": task.components(percent),
         "percent": percent,
         **{objective: task.cost(objective) for objective in ("energy", "torque", "coupling")},
@@ -329,7 +329,7 @@ def _added(added: AddedMass) -> dict[str, Any]:
         "mass": added.body.mass,
         **{name: getattr(added, name) for name in names},
         "torques": added.torques.tolist(),
-        "becomes_essential": list(added.becomes_essential),
+        "newly_identifiable": list(added.newly_identifiable),
         "changed": dict(added.changed),
     }
 
@@ -338,16 +338,16 @@ def _counterweights(study: DesignStudy) -> dict[str, Any]:
     found = study.counterweights
     bounds = [(p.link, p.lower.tolist(), p.upper.tolist(), p.mass) for p in found.within]
     return {
-        **{name: getattr(found, name) for name in ("objective", "cost_before", "cost_after", "saved")},
+        **{name: getattr(found, name) for name in ("objective", "cost_before", "cost_after", "relative_reduction")},
         "bounds": [dict(zip(("link", "lower", "upper", "mass"), bound, strict=True)) for bound in bounds],
         "weights": [{"link": w.link, "mass": w.mass, "place": w.place.tolist()} for w in found.weights],
-        "after": costs(found.balanced, found.percent),
+        "after": costs(found.balanced_task, found.percent),
         "inconsistent_links": list(found.inconsistent),
     }
 
 
-def _removal(removal: Removal) -> dict[str, Any]:
-    lists = {name: list(getattr(removal, name)) for name in ("gone", "before", "after")}
+def _removal(removal: Simplification) -> dict[str, Any]:
+    lists = {name: list(getattr(removal, name)) for name in ("eliminated", "before", "after")}
     place = None if removal.place is None else removal.place.tolist()
-    what = {"way": removal.way, "link": removal.link, "what": removal.words, "rank": removal.rank}
+    what = {"kind": removal.kind, "link": removal.link, "what": removal.description, "rank": removal.rank}
     return what | {"mass": removal.mass, "place": place} | lists

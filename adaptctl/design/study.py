@@ -13,8 +13,8 @@ from adaptctl.description import GROUND, Link
 from adaptctl.design.added_mass import PERCENT, AddedMass, CostMap, LinkCost, added_mass, cost_map
 from adaptctl.design.bodies import CATALOGUE, point
 from adaptctl.design.counterweights import Counterweights, optimal_counterweights
-from adaptctl.design.places import BEYOND, SHARE, PlaceBounds, bounds
-from adaptctl.design.removals import Removal, operations_saved, removals
+from adaptctl.design.mounting_bounds import BEYOND, SHARE, MountingBounds, bounds
+from adaptctl.design.simplifications import Simplification, operations_saved, simplifications
 from adaptctl.design.task import DesignTask
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError
@@ -33,19 +33,19 @@ class DesignStudy:
     """Results of a design study: added masses, counterweights and removable parameters of a mechanism over a `task`, a
     `DesignTask`.
 
-    `body` is the `Payload` to add, `within` holds the bounds (`PlaceBounds`) of masses and positions on every link,
+    `body` is the `Payload` to add, `within` holds the bounds (`MountingBounds`) of masses and positions on every link,
     `percent` is the energy error (%) that numbers of essential components (parts of the inertial parameters along the
     right singular vectors of the energies) allow, `counterweights`, a `Counterweights`, has the optimal ones, and
-    `removals` has all design changes that remove fundamental (base) parameters, one `Removal` each, those that leave
-    the fewest first. Made by `design_study`; nothing is checked at construction.
+    `simplifications` has all design changes that remove fundamental (base) parameters, one `Simplification` each, those
+    that leave the fewest first. Made by `design_study`; nothing is checked at construction.
     """
 
     task: DesignTask
     body: Payload
-    within: tuple[PlaceBounds, ...]
+    within: tuple[MountingBounds, ...]
     percent: float
     counterweights: Counterweights
-    removals: tuple[Removal, ...]
+    simplifications: tuple[Simplification, ...]
 
     @cached_property
     def map(self) -> CostMap:
@@ -57,7 +57,7 @@ class DesignStudy:
     @cached_property
     def links(self) -> tuple[LinkCost, ...]:
         """The cheapest and the dearest position on every link for a point mass, that of the study's `body`, one
-        `LinkCost` for each of its `within`, the bounds (`PlaceBounds`) of links' boxes for the mass, in that order.
+        `LinkCost` for each of its `within`, the bounds (`MountingBounds`) of links' boxes for the mass, in that order.
         They are found among 9 positions along each edge of the link's box: positions (3,), m in the link's frame, and
         relative changes (unitless) of the root mean square energy, kinetic plus potential, about its mean over the
         task's states. Raises `InputError` for a body without mass and a task with constant energy, `NonFiniteError` for
@@ -86,16 +86,16 @@ class DesignStudy:
         }
 
     @cached_property
-    def worthwhile(self) -> tuple[tuple[Removal, int], ...]:
-        """Pairs (removal, number) of a design change that removes fundamental (base) parameters, a `Removal`, and the
-        number of floating-point operations that it saves an adaptive controller in each control period. First come at
-        most six changes that make a link symmetric, then at most six that add or move mass, of each kind those that
-        leave the fewest parameters, the fewest first. Of changes of one kind that remove the same parameters, the one
-        with the least mass is taken. Raises `RankError` where the number of identifiable parameters cannot be
+    def recommended(self) -> tuple[tuple[Simplification, int], ...]:
+        """Pairs (removal, number) of a design change that removes fundamental (base) parameters, a `Simplification`,
+        and the number of floating-point operations that it saves an adaptive controller in each control period. First
+        come at most six changes that make a link symmetric, then at most six that add or move mass, of each kind those
+        that leave the fewest parameters, the fewest first. Of changes of one kind that remove the same parameters, the
+        one with the least mass is taken. Raises `RankError` where the number of identifiable parameters cannot be
         certified, `LoopError` where kinematic loops cannot be closed."""
-        lightest: dict[tuple[tuple[str, ...], bool], Removal] = {}
-        for removal in self.removals:
-            lightest.setdefault((removal.gone, removal.way == "symmetry"), removal)
+        lightest: dict[tuple[tuple[str, ...], bool], Simplification] = {}
+        for removal in self.simplifications:
+            lightest.setdefault((removal.eliminated, removal.kind == "symmetry"), removal)
         chosen = [
             removal
             for by_shape in (True, False)
@@ -109,8 +109,8 @@ def design_study(
     body: Payload | str | float = 1.0,
     *,
     links: Iterable[str] = (),
-    share: float = SHARE,
-    beyond: float = BEYOND,
+    mass_ratio: float = SHARE,
+    max_offset: float = BEYOND,
     objective: str = "energy",
     percent: float = PERCENT,
     seed: int = 0,
@@ -132,10 +132,10 @@ def design_study(
     `RankError` where the number of identifiable parameters cannot be certified.
     """
     carried = named_body(body)
-    every = bounds(task.mechanism, task.mechanism.description.body_names, share, beyond)
-    chosen = bounds(task.mechanism, tuple(links) or _heaviest(task.mechanism, every), share, beyond)
+    every = bounds(task.mechanism, task.mechanism.description.body_names, mass_ratio, max_offset)
+    chosen = bounds(task.mechanism, tuple(links) or _heaviest(task.mechanism, every), mass_ratio, max_offset)
     found = optimal_counterweights(task, chosen, objective, percent=percent, seed=seed)
-    return DesignStudy(task, carried, every, percent, found, removals(task, every))
+    return DesignStudy(task, carried, every, percent, found, simplifications(task, every))
 
 
 def named_body(body: Payload | str | float) -> Payload:
@@ -152,7 +152,7 @@ def named_body(body: Payload | str | float) -> Payload:
     return found
 
 
-def _heaviest(mechanism: Mechanism, every: tuple[PlaceBounds, ...]) -> tuple[str, ...]:
+def _heaviest(mechanism: Mechanism, every: tuple[MountingBounds, ...]) -> tuple[str, ...]:
     """The links with the heaviest counterweights, but for those that turn about the vertical on the ground."""
     idle = {link.name for link in mechanism.links if _lifts_nothing(link, mechanism.description.gravity)}
     later = [places for places in every if places.mass > 0.0 and places.link not in idle] or list(every)
@@ -162,6 +162,6 @@ def _heaviest(mechanism: Mechanism, every: tuple[PlaceBounds, ...]) -> tuple[str
 
 def _lifts_nothing(link: Link, gravity: Array) -> bool:
     """True if a link turns on the ground about an axis along gravity, so that it lifts no mass."""
-    axis = link.near.rotation @ link.joint.axis
+    axis = link.parent_to_joint.rotation @ link.joint.axis
     upright = float(np.linalg.norm(np.cross(axis, gravity))) <= UPRIGHT * float(np.linalg.norm(gravity))
-    return link.parent == GROUND and link.joint.kind.turns and upright
+    return link.parent == GROUND and link.joint.kind.is_revolute and upright

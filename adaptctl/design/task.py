@@ -139,7 +139,7 @@ class DesignTask:
         mechanism's order, its mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx,
         I_xy, I_yy, I_xz, I_yz, I_zz (kg m^2), about the origin of its frame, then rotor inertias (kg m^2, or kg for a
         prismatic joint). Read-only."""
-        own = self.mechanism.inertial_parameters[: self.mechanism.energetic]
+        own = self.mechanism.inertial_parameters[: self.mechanism.num_energy_parameters]
         return frozen_array(own, own.shape, "parameters")
 
     @cached_property
@@ -149,7 +149,7 @@ class DesignTask:
         200 random states at up to 2 rad/s (m/s) and 10 rad/s^2 (m/s^2), and at least 1 N m (N). Read-only."""
         return frozen(finite_torque_limits(self.mechanism))
 
-    def require_energy(self, parameters: ArrayLike | None = None) -> None:
+    def validate_energy(self, parameters: ArrayLike | None = None) -> None:
         """Raise `InputError` unless the mechanism's energy, kinetic plus potential, varies over the task's states: its
         root mean square about its mean must be above 1e-12 of its root mean square. `parameters` are the P inertial
         ones (P,) in SI units, by default (None) the mechanism's own. Nothing is returned. Raises `InputError` too for
@@ -209,7 +209,7 @@ class DesignTask:
         be certified."""
         return int(component_counts(self._applied(self._components, parameters), percent))
 
-    def carried(self, parameters: ArrayLike | None = None, share: float = CARRIED) -> tuple[str, ...]:
+    def nonzero_parameters(self, parameters: ArrayLike | None = None, share: float = CARRIED) -> tuple[str, ...]:
         """Names of the fundamental (base) parameters whose contribution to the energy is more than a fraction `share`
         (unitless, by default 1e-6) of the whole, in the order of the property `basis`. Energies, kinetic plus
         potential, are root mean squares about their mean over the task's states; a contribution is the energy that one
@@ -228,9 +228,9 @@ class DesignTask:
         order of the property `basis`: its root mean square energy about the mean over the task's states, divided by
         that of all. They need not sum to 1. `parameters` are the P inertial ones (P,) in SI units, in the order of the
         property `parameters`, by default (None) the mechanism's own. Raises `InputError` where the energy is constant
-        (the test of `require_energy`), and for another shape of parameters, `NonFiniteError` where one is not finite or
-        the energy overflows, `RankError` where the number of identifiable parameters cannot be certified."""
-        self.require_energy(parameters)
+        (the test of `validate_energy`), and for another shape of parameters, `NonFiniteError` where one is not finite
+        or the energy overflows, `RankError` where the number of identifiable parameters cannot be certified."""
+        self.validate_energy(parameters)
         D = self._given(parameters)
         each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)
         return each * np.abs(self.basis.regrouping @ D) / self.cost("energy", D)
@@ -257,7 +257,7 @@ class DesignTask:
         Raises `InputError` for another shape of parameters, a link's parameter above 1e20 in size and a rotor inertia
         below 0 or above 1e20, `NonFiniteError` where one is not finite."""
         own = np.array(self.mechanism.inertial_parameters)
-        own[: self.mechanism.energetic] = self._given(parameters)
+        own[: self.mechanism.num_energy_parameters] = self._given(parameters)
         return replace(self, mechanism=self.mechanism.with_parameters(own))
 
     def _given(self, parameters: ArrayLike | None) -> Array:
@@ -287,7 +287,7 @@ class DesignTask:
 
     @cached_property
     def _joint_torques(self) -> Array:
-        Y = self.mechanism.torque_regressor(self.p, self.v, self.a, range(self.mechanism.energetic))
+        Y = self.mechanism.torque_regressor(self.p, self.v, self.a, range(self.mechanism.num_energy_parameters))
         return np.stack([triangle(Y[:, j]) for j in range(Y.shape[1])]) / np.sqrt(len(Y))
 
     @cached_property
@@ -299,8 +299,8 @@ class DesignTask:
         weightless = Mechanism(replace(self.mechanism.description, gravity=np.zeros(3)))
         rest, unit = np.zeros_like(self.p), np.eye(self.mechanism.dof)
         length = characteristic_length(self.mechanism)
-        arms = [1.0 if joint.kind.turns else length for joint in self.mechanism.primary_joints]
-        columns = range(self.mechanism.energetic)
+        arms = [1.0 if joint.kind.is_revolute else length for joint in self.mechanism.primary_joints]
+        columns = range(self.mechanism.num_energy_parameters)
         rows = [np.zeros((1, len(columns)))]
         for j in range(1, self.mechanism.dof):
             forces = weightless.torque_regressor(self.p, rest, rest + unit[j], columns)

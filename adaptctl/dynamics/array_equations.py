@@ -133,7 +133,7 @@ class ArrayEquation:
         if kernel is not None and samples:
             return self._mapped(kernel, given, samples, out)
         if kernel is not None and self.call == self._generally:  # code of a single state, once there is one
-            self.call = kernel.otherwise(self._generally)
+            self.call = kernel.with_fallback(self._generally)
         found = self._in_python(given, samples) if kernel is None else np.asarray(kernel(*given))
         if out is None:
             return found
@@ -296,7 +296,7 @@ class ArrayMechanism(Protocol):
     def configuration(self, p: ArrayLike) -> Array:
         """The closed configuration (..., n) of the spanning tree's n joints at positions `p` (..., r)."""
 
-    def require_mass(self) -> None:
+    def validate_mass(self) -> None:
         """Raise `InputError` where torques do not determine the accelerations."""
 
 
@@ -328,7 +328,7 @@ class ArrayEquations:
             return [Column(row) for row in mechanism.equations.mass_matrix(q, parameters)]
 
         def accelerations(q: Column, v: Column, torque: Column, parameters: Column) -> Column:
-            mechanism.require_mass()
+            mechanism.validate_mass()
             return mechanism.equations.forward_dynamics(q, v, torque, parameters)
 
         self.inverse_dynamics = self.of(torque, "v", "a", "parameters")
@@ -397,4 +397,4 @@ class ArrayEquations:
     def _all_powers(self, q: Column, v: Column, v_r: Column, a_r: Column, s: Column) -> Column:
         """Y' s, of which each row of Y is that of a unit vector s."""
         equations = self._mechanism.equations
-        return equations.motion(q, v, v_r, a_r).powers(s, range(equations.parameters))
+        return equations.motion(q, v, v_r, a_r).regressor_transpose_product(s, range(equations.parameters))

@@ -42,14 +42,16 @@ class ConstrainedMotion(Motion):
         rows = self.whole.regressor(needed)
         return [self.equations.combined(dict(zip(needed, row, strict=True)), columns) for row in rows]
 
-    def powers(self, s: Column, columns: Sequence[int]) -> Column:
+    def regressor_transpose_product(self, s: Column, columns: Sequence[int]) -> Column:
         """The powers (Y N)' s (k,), W per unit of each, for the k of the Z free inertial and friction parameters whose
         indices `columns` are, at rates `s` (r,) of the r primary (independent) joints, rad/s (m/s if prismatic). Y N
         (r, Z), whose transpose is (Y N)', is the Slotine-Li regressor in the free parameters z, which is not formed; by
         linear constraints all P parameters are D = D0 + N z. Raises `IndexError` for an index of Z or more,
         `IndexError` or `ValueError` for too short an s; negative indices are not refused."""
         needed = self.equations.needed(columns)
-        return self.equations.combined(dict(zip(needed, self.whole.powers(s, needed), strict=True)), columns)
+        return self.equations.combined(
+            dict(zip(needed, self.whole.regressor_transpose_product(s, needed), strict=True)), columns
+        )
 
     @property
     def numbers(self) -> Column:
@@ -169,10 +171,10 @@ class ConstrainedEquations(Equations):
         """
         return self.whole.forward_dynamics(q, v, torque, self.expanded(parameters))
 
-    def weightless(self) -> ConstrainedEquations:
+    def massless_joints(self) -> ConstrainedEquations:
         """A copy of these equations without gravity: same mechanism, sizes and constraints, but no gravity torque and
         no potential energy."""
-        return replace(self, whole=self.whole.weightless())
+        return replace(self, whole=self.whole.massless_joints())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
         """Mass matrix (r, r) of the r primary (independent) joints, as r rows of r scalars: symmetric, rotor inertias

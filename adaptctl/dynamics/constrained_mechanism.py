@@ -130,10 +130,10 @@ class ConstrainedMechanism(Mechanism):
         return frozen_array(values, values.shape, "parameters")
 
     @property
-    def energetic(self) -> int:
+    def num_energy_parameters(self) -> int:
         """Number of the free parameters that enter the kinetic or potential energy: all but friction terms. They are
         the first of the Z free inertial and friction parameters; free friction terms come after them."""
-        return sum(i < self.whole.energetic for i in self.parametrisation.left)
+        return sum(i < self.whole.num_energy_parameters for i in self.parametrisation.left)
 
     @property
     def geometry_sha256(self) -> str:
@@ -171,7 +171,7 @@ class ConstrainedMechanism(Mechanism):
         singularity of the loops."""
         return Mechanism(self.description).energy(p, v)
 
-    def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
+    def constraint_bias_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Torque (..., r), N m (N if prismatic), of the r primary (independent) joints due to the constant term D0 of
         all parameters D = D0 + N z, which regressors times the free parameters z leave out. It is at positions p,
         velocities v and accelerations a, all (..., r), rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic). Raises

@@ -45,7 +45,7 @@ def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -
 
     def tick(q: Column, v: Column, v_r: Column, a_r: Column, s: Column, beta: Column) -> tuple[Column, Column]:
         motion = equations.motion(q, v, v_r, a_r)
-        return motion.torque(spread(beta, kept, P)), motion.powers(s, kept)
+        return motion.torque(spread(beta, kept, P)), motion.regressor_transpose_product(s, kept)
 
     def forward(q: Column, v: Column, torque: Column, beta: Column) -> Column:
         return equations.forward_dynamics(q, v, torque, spread(beta, kept, P))

@@ -79,7 +79,7 @@ class Motion(ABC):
         index of P or more, `TypeError` for one not whole; negative ones are not refused, and may mean any parameter."""
 
     @abstractmethod
-    def powers(self, s: Column, columns: Sequence[int]) -> Column:
+    def regressor_transpose_product(self, s: Column, columns: Sequence[int]) -> Column:
         """The powers Y' s (k,), W per unit of each parameter, for the k of the P inertial and friction parameters whose
         indices `columns` are, at rates `s` (r,) of the r primary (independent) joints, rad/s (m/s if prismatic). Y' is
         the transpose of the Slotine-Li regressor Y (r, k), which is not formed. Raises `IndexError` for an index of P
@@ -248,7 +248,7 @@ class Equations(ABC):
         """
 
     @abstractmethod
-    def weightless(self) -> Equations:
+    def massless_joints(self) -> Equations:
         """A copy of these equations without gravity: same mechanism and sizes, but no gravity torque and no potential
         energy."""
 

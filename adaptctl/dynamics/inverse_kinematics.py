@@ -75,7 +75,7 @@ class Tip:
             place, jacobian = self._moved(q)
             p = p + self._step(jacobian, begin + share * (aim - begin) - place)
             q = self._closed(p, q)
-        self._require_reached(aim, self._moved(q)[0])
+        self._validate_reached(aim, self._moved(q)[0])
         return p
 
     def _step(self, jacobian: Array, way: Array) -> Array:
@@ -92,7 +92,7 @@ class Tip:
         except SingularityError as error:
             raise InputError(f"{self.mechanism.name}: {self.link} cannot reach every goal: {error}") from error
 
-    def _require_reached(self, aim: Array, place: Array) -> None:
+    def _validate_reached(self, aim: Array, place: Array) -> None:
         gaps = np.linalg.norm(place - aim, axis=-1)
         if not np.all(gaps < REACHED):
             worst = int(np.nan_to_num(gaps, nan=np.inf).argmax())

@@ -56,12 +56,12 @@ class LoopMotion(Motion):
         by_column = [self.following.primary([row[k] for row in rows]) for k in range(len(columns))]
         return [Column(column[i] for column in by_column) for i in range(len(self.following.slopes))]
 
-    def powers(self, s: Column, columns: Sequence[int]) -> Column:
+    def regressor_transpose_product(self, s: Column, columns: Sequence[int]) -> Column:
         """The powers Y' s (k,), W per unit of each parameter, for the k of the P inertial and friction parameters whose
         indices `columns` are, at rates `s` (r,) of the r primary (independent) joints, rad/s (m/s if prismatic). Y' is
         the transpose of the Slotine-Li regressor Y (r, k), which is not formed. Raises `IndexError` for an index of P
         or more, `ValueError` for s of a wrong length."""
-        return self.tree.powers(self.following.tree(s), columns)
+        return self.tree.regressor_transpose_product(self.following.tree(s), columns)
 
     @property
     def numbers(self) -> Column:
@@ -229,10 +229,10 @@ class LoopEquations(Equations):
         bias = self._motion(posture, q, v, v, Column.zeros(self.dof)).torque(parameters)
         return inertia.solved(torque - bias)
 
-    def weightless(self) -> LoopEquations:
+    def massless_joints(self) -> LoopEquations:
         """A copy of these equations without gravity: same mechanism and sizes, but no gravity torque and no potential
         energy."""
-        return replace(self, tree=self.tree.weightless())
+        return replace(self, tree=self.tree.massless_joints())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
         """Mass matrix J' M J (r, r) of the r primary (independent) joints, as r rows of r scalars: symmetric, rotor

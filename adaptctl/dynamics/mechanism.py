@@ -18,9 +18,9 @@ from adaptctl.dynamics.array_equations import ArrayEquations
 from adaptctl.dynamics.equations import Equations
 from adaptctl.dynamics.parameter_layout import required_columns
 from adaptctl.dynamics.tree_equations import TreeEquations
-from adaptctl.errors import InputError, LoopError, require_kind
+from adaptctl.errors import InputError, LoopError, validate_kind
 from adaptctl.markup import table, titled
-from adaptctl.packages import needed
+from adaptctl.optional_packages import needed
 
 if TYPE_CHECKING:
     import mujoco
@@ -41,7 +41,7 @@ class Mechanism:
     configuration; construction raises `InputError` for what is no `Description`."""
 
     def __init__(self, description: Description) -> None:
-        require_kind(description, Description, "mechanism", "as read(...) gives one; load(...) gives mechanisms")
+        validate_kind(description, Description, "mechanism", "as read(...) gives one; load(...) gives mechanisms")
         self.description = description
 
     def __repr__(self) -> str:
@@ -104,7 +104,7 @@ class Mechanism:
         return Continuation(*self._looped)
 
     @property
-    def home(self) -> Array:
+    def neutral_configuration(self) -> Array:
         """Home configuration: positions (r,) of the r primary (independent) joints, rad (m if prismatic), in the closed
         reference configuration; zeros for a tree. Raises `LoopError` where loops cannot be closed."""
         loops = self.continuation
@@ -167,9 +167,9 @@ class Mechanism:
         return np.eye(len(self.parameter_names))
 
     @property
-    def energetic(self) -> int:
+    def num_energy_parameters(self) -> int:
         """Number of parameters that enter the energy, the first of all P: ten a body, then rotors. Friction is last."""
-        return self.description.energetic
+        return self.description.num_energy_parameters
 
     @property
     def geometry_sha256(self) -> str:
@@ -193,7 +193,7 @@ class Mechanism:
         size, and rotor inertia, viscous or Coulomb friction below 0."""
         return Mechanism(self.description.with_parameters(parameters))
 
-    def on_columns(self, regressor: str, columns: Sequence[int]) -> OnArrays:
+    def column_regressor(self, regressor: str, columns: Sequence[int]) -> OnArrays:
         """The equation on arrays of a `regressor`, "torque_regressor" or "slotine_li_regressor", for the k parameters
         of indices `columns`. Its `call` takes the arrays p, v, a or p, v, v_r, a_r of that method, (..., r) of r
         primary (independent) joints, rad, rad/s, rad/s^2 (m, m/s, m/s^2), and returns (..., r, k), N m (N if prismatic)
@@ -239,7 +239,7 @@ class Mechanism:
         `InputError` on a wrong shape or index, `NonFiniteError` on NaN, infinity, `SingularityError` near loop
         singularities."""
         own = self._arrays.torque_regressor
-        equation = own if columns is None else self.on_columns("torque_regressor", columns)
+        equation = own if columns is None else self.column_regressor("torque_regressor", columns)
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
 
     def slotine_li_regressor(
@@ -258,7 +258,7 @@ class Mechanism:
         (..., r, k); None for all. `out`, float64 like Y_r, is filled and returned; None: a new one. Raises `InputError`
         on a wrong shape or index, `NonFiniteError` on NaN, infinity, `SingularityError` near loop singularities."""
         own = self._arrays.slotine_li_regressor
-        equation = own if columns is None else self.on_columns("slotine_li_regressor", columns)
+        equation = own if columns is None else self.column_regressor("slotine_li_regressor", columns)
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
 
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
@@ -270,7 +270,7 @@ class Mechanism:
             return self._arrays.inverse_dynamics.call(p, v, a, self.inertial_parameters)
         return self._arrays.inverse_dynamics.into(out, p, v, a, self.inertial_parameters)
 
-    def known_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
+    def constraint_bias_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Torque (..., r), N m (N if prismatic), due to values that linear constraints on parameters fix, which
         regressors leave out: zero without any. p, v, a are positions, velocities, accelerations (..., r) of r primary
         (independent) joints, rad, rad/s, rad/s^2 (m, m/s, m/s^2). Raises `InputError` on a wrong shape,
@@ -288,11 +288,11 @@ class Mechanism:
             return self._arrays.forward_dynamics.call(p, v, torque, self.inertial_parameters)
         return self._arrays.forward_dynamics.into(out, p, v, torque, self.inertial_parameters)
 
-    def require_mass(self) -> None:
+    def validate_mass(self) -> None:
         """Raise `InputError`, naming them, for a tree's links that have neither inertia nor rotor, nor a descendant
         with either: torques do not determine their joints' accelerations. Mechanisms with loops pass."""
-        if self.description.weightless:
-            names = ", ".join(self.description.weightless)
+        if self.description.massless_joints:
+            names = ", ".join(self.description.massless_joints)
             raise InputError(f"{self.name}: links move without mass and carry none, give them some: {names}")
 
     def mass_matrix(self, p: ArrayLike, out: Array | None = None) -> Array:

@@ -14,7 +14,7 @@ from adaptctl.dynamics.parameter_layout import ParameterLayout
 from adaptctl.dynamics.recursion import energy
 from adaptctl.dynamics.recursion.articulated_bodies import accelerations
 from adaptctl.dynamics.recursion.drive import DriveTerm
-from adaptctl.dynamics.recursion.held_axes import HeldAxes
+from adaptctl.dynamics.recursion.frame_choice import FrameChoice
 from adaptctl.dynamics.recursion.mass_matrix import mass_matrix
 from adaptctl.dynamics.recursion.motion import LinkMotion, motions
 from adaptctl.dynamics.recursion.newton_euler import joint_torques, powers, torque_regressor
@@ -73,7 +73,7 @@ class TreeMotion(Motion):
                 by_column[joint][column] = share
         return [Column(row.get(column, 0.0) for column in columns) for row in by_column]
 
-    def powers(self, s: Column, columns: Sequence[int]) -> Column:
+    def regressor_transpose_product(self, s: Column, columns: Sequence[int]) -> Column:
         """The powers Y' s (k,), W per unit of each parameter, for the k of the P inertial and friction parameters whose
         indices `columns` are, at rates `s` (n,) of the tree's n joints, rad/s (m/s if prismatic). Y' is the transpose
         of the Slotine-Li regressor Y (n, k), which is not formed. Raises `IndexError` for an index of P or more, or for
@@ -90,7 +90,7 @@ class TreeMotion(Motion):
 
         They are of every link in turn the cosine and sine of the angle by which it is turned, its joint's or a sum with
         those of parallel joints before it (or its joint's displacement, m); then of every link its twelve
-        `LinkMotion.numbers`, in the axes in which its vectors are held (`HeldAxes`); then of every rotor or friction
+        `LinkMotion.numbers`, in the axes in which its vectors are held (`FrameChoice`); then of every rotor or friction
         term of the drives its torque per unit of the parameter.
         """
         placed = (x for place in self.places for x in place.coordinates)
@@ -115,7 +115,9 @@ class TreeEquations(Equations):
     def of(cls, description: Description) -> TreeEquations:
         """The equations of motion of the tree of a `description`: of all its links, joints and drives under its
         gravity. Closures and couplings of its loops, if it has any, are left out. Nothing is checked."""
-        drives = tuple(DriveTerm(description.shaft(joint), kind) for joint, kind in description.drive_parameters)
+        drives = tuple(
+            DriveTerm(description.drive_coupling(joint), kind) for joint, kind in description.drive_parameters
+        )
         layout = ParameterLayout(len(description.links), description.bodies, drives)
         return cls(segments(description), Vec(*description.gravity.tolist()), layout)
 
@@ -243,8 +245,8 @@ class TreeEquations(Equations):
         return accelerations(motion.places, motion.links, self.layout.tens(parameters), rotors, Column(own))
 
     @cached_property
-    def _held(self) -> HeldAxes:
-        return HeldAxes.of(self.segments)
+    def _held(self) -> FrameChoice:
+        return FrameChoice.of(self.segments)
 
     def _placements(self, p: Column) -> list[Placement]:
         """The links' poses in the axes in which their vectors are held."""
@@ -257,7 +259,7 @@ class TreeEquations(Equations):
         coupled = any(len(term.arms) > 1 for term in self.layout.drives if not term.kind.is_friction)
         return sum(deep) >= ARTICULATED * len(deep) and not coupled
 
-    def weightless(self) -> TreeEquations:
+    def massless_joints(self) -> TreeEquations:
         """A copy of these equations without gravity: same mechanism and sizes, but no gravity torque and no potential
         energy."""
         return replace(self, gravity=ZERO)

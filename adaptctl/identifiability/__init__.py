@@ -1,5 +1,5 @@
 """Offline: the inertial parameters that a motion depends on, and smallest sets of them that are enough."""
 
-from adaptctl.packages import imported_lazily
+from adaptctl.optional_packages import imported_lazily
 
 __all__, __getattr__, __dir__ = imported_lazily(__name__)

@@ -29,7 +29,7 @@ SMALLEST_SINGULAR_VALUE = 1e-9
 """Least sigma_k/sigma_1 of the scaled energy differences."""
 ROUND_OFF = 1e-14
 """Values beyond the gap above this, relative to sigma_1, are named: they are more than round-off."""
-LARGEST_LEFTOVER = 1e-8
+MAX_RESIDUAL_SINGULAR_VALUE = 1e-8
 """Values beyond the gap above this, relative to sigma_1, are far more than round-off, and refuse the rank: 1e-11 of an
 angle, times a thousand where a small column is scaled up."""
 LISTED = 80
@@ -49,11 +49,11 @@ class NearRightAngle:
     parent: str
     child: str
     degrees: int
-    miss: float
+    deviation: float
 
     def __str__(self) -> str:
         return (
-            f"{self.parent} and {self.child} miss {self.degrees} degrees by {abs(self.miss):.1e} rad: "
+            f"{self.parent} and {self.child} miss {self.degrees} degrees by {abs(self.deviation):.1e} rad: "
             "if a right angle is meant, write it exactly, or snap it (`snapped`)"
         )
 
@@ -81,7 +81,7 @@ def near_right_angles(description: Description, exact: float = EXACT) -> tuple[N
 
 
 @dataclass(frozen=True)
-class Leftover:
+class ResidualSingularValue:
     """A singular value after the first k that the rank k counts as zero, though it is more than round-off (above 1e-14
     of the largest).
 
@@ -116,11 +116,11 @@ class Certificate:
     largest change by a combination of these that by geometry makes none, relative to the largest that one of its size
     can make.
 
-    `rank_exact` is that of exact geometry, computed in the arithmetic that `exact_by` names ("a prime field" or "60
-    digits"); None, and "", where it was not asked for. `leftovers` are singular values after sigma_k that are above
-    1e-14 of sigma_1, `near_right_angles` pairs of successive joint axes whose angle is within 1e-3 rad of a multiple of
-    90 degrees, but not exactly that; both are empty where there are none. Nothing is checked at construction: `faults`
-    and `require_accepted` judge it.
+    `rank_exact` is that of exact geometry, computed in the arithmetic that `proof_method` names ("a prime field" or "60
+    digits"); None, and "", where it was not asked for. `residual_singular_values` are singular values after sigma_k
+    that are above 1e-14 of sigma_1, `near_right_angles` pairs of successive joint axes whose angle is within 1e-3 rad
+    of a multiple of 90 degrees, but not exactly that; both are empty where there are none. Nothing is checked at
+    construction: `faults` and `validate_accepted` judge it.
     """
 
     rank_energy: int
@@ -130,12 +130,12 @@ class Certificate:
     samples: int
     seed: int
     null_residual: float
-    leftovers: tuple[Leftover, ...] = ()
+    residual_singular_values: tuple[ResidualSingularValue, ...] = ()
     near_right_angles: tuple[NearRightAngle, ...] = ()
     rank_torque: int | None = None
     rank_geometry: int | None = None
     rank_exact: int | None = None
-    exact_by: str = ""
+    proof_method: str = ""
 
     @property
     def rank(self) -> int:
@@ -144,14 +144,14 @@ class Certificate:
         return self.rank_energy
 
     @property
-    def faults(self) -> tuple[str, ...]:
+    def failures(self) -> tuple[str, ...]:
         """Reasons, as texts, for which the rank k cannot be accepted; empty when it can. These are a ratio
         sigma_k/sigma_k+1 of successive singular values (`gap`) below 1e6, a ratio sigma_k/sigma_1 (`relative_smallest`)
         below 1e-9, ranks found in different ways that are not all equal, and a singular value after sigma_k above 1e-8
         of sigma_1."""
         other, what = self._other
         ranks = (self.rank_energy, other, self.rank_doubled)
-        largest = max((leftover.value for leftover in self.leftovers), default=0.0)
+        largest = max((leftover.value for leftover in self.residual_singular_values), default=0.0)
         wrong = {
             f"the gap at {self.rank} is {self.gap:.1e}, at least {SMALLEST_GAP:.0e} is needed": (
                 self.gap < SMALLEST_GAP
@@ -162,27 +162,30 @@ class Certificate:
             f"energies say {ranks[0]}, {what} {ranks[1]}, energies of twice as many samples {ranks[2]}": (
                 len(set(ranks)) > 1
             ),
-            f"beyond the gap there is {largest:.1e} of sigma_1, far more than round-off": largest > LARGEST_LEFTOVER,
-            f"energies say {self.rank_energy}, exact geometry over {self.exact_by} says {self.rank_exact}": (
+            f"beyond the gap there is {largest:.1e} of sigma_1, far more than round-off": largest
+            > MAX_RESIDUAL_SINGULAR_VALUE,
+            f"energies say {self.rank_energy}, exact geometry over {self.proof_method} says {self.rank_exact}": (
                 self.rank_exact not in (None, self.rank_energy)
             ),
         }
         return tuple(text for text, holds in wrong.items() if holds)
 
     @property
-    def remarks(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[str, ...]:
         """Remarks, as texts, on findings that do not refuse the rank; empty where there are none. They are first one
         for each singular value beyond the rank that is above 1e-14 of the largest, then one for each pair of joint axes
         that meet within 1e-3 rad of a multiple of 90 degrees, but not exactly."""
-        leftovers = [f"beyond the gap, {leftover} is more than round-off" for leftover in self.leftovers]
-        return (*leftovers, *map(str, self.near_right_angles))
+        residual_singular_values = [
+            f"beyond the gap, {leftover} is more than round-off" for leftover in self.residual_singular_values
+        ]
+        return (*residual_singular_values, *map(str, self.near_right_angles))
 
     def __str__(self) -> str:
         return (
             f"rank {self.rank} by the energies of {self.samples} and of {2 * self.samples} states and by "
             f"{self._other[1]}; "
             f"gap {self.gap:.1e}, sigma_k/sigma_1 {self.relative_smallest:.1e}"
-            + (f"; the same exactly, over {self.exact_by}" if self.rank_exact is not None else "")
+            + (f"; the same exactly, over {self.proof_method}" if self.rank_exact is not None else "")
         )
 
     @property
@@ -192,16 +195,16 @@ class Certificate:
             return self.rank_geometry, "geometry"
         return self.rank_torque, "torques"
 
-    def require_accepted(self, mechanism: str, spectrum: Array, suspects: Sequence[object] = ()) -> None:
+    def validate_accepted(self, mechanism: str, spectrum: Array, suspects: Sequence[object] = ()) -> None:
         """Raise `RankError` unless the rank, the number of identifiable parameters, can be accepted, that is unless
         this certificate's `faults`, reasons to refuse it, are empty. The error's `singular_values` are the n scaled
         singular values `spectrum` (n,), in descending order, no unit, an array that is not checked; its message names
         the `mechanism`, the faults and the `suspects`, possible causes, none by default."""
-        if not self.faults:
+        if not self.failures:
             return
         hints = "".join(f"; {suspect}" for suspect in suspects)
         raise RankError(
-            f"{mechanism}: the rank cannot be certified: {'; '.join(self.faults)}{hints}. "
+            f"{mechanism}: the rank cannot be certified: {'; '.join(self.failures)}{hints}. "
             f"Scaled singular values over the largest: {_listing(spectrum / spectrum.max(initial=1e-300), self.rank)}",
             tuple(spectrum.tolist()),
         )

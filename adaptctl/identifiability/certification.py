@@ -13,12 +13,12 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability.certificate import (
-    LARGEST_LEFTOVER,
+    MAX_RESIDUAL_SINGULAR_VALUE,
     ROUND_OFF,
     Certificate,
-    Leftover,
     Method,
     Near,
+    ResidualSingularValue,
     near_right_angles,
 )
 from adaptctl.identifiability.energy_matrix import (
@@ -83,7 +83,7 @@ def certified(
         if hindrance:
             raise InputError(f"method: transfers are for trees, but {mechanism.name} has {hindrance}; use svd")
         return certified_by_transfers(mechanism, samples, seed, proof)
-    if method == "automatic" and not hindrance and mechanism.energetic >= LONG:
+    if method == "automatic" and not hindrance and mechanism.num_energy_parameters >= LONG:
         with suppress(RankError):
             return certified_by_transfers(mechanism, samples, seed, proof)
     return certified_by_decomposition(mechanism, samples, seed, proof)
@@ -92,7 +92,7 @@ def certified(
 def _no_tree(mechanism: Mechanism) -> str:
     """The property that keeps a mechanism from being a tree with ten parameters a link; empty where none does."""
     if mechanism.is_plain_tree:
-        return "drives that turn with several joints" if mechanism.description.shafts else ""
+        return "drives that turn with several joints" if mechanism.description.drive_couplings else ""
     return "relations among its parameters" if mechanism.description.loops is None else "loops"
 
 
@@ -121,14 +121,17 @@ def certified_by_decomposition(
         samples=samples,
         seed=seed,
         null_residual=null_residual(rows, unscaled_bases(scaled.null_basis, scaled.scales)[0], scaled.scales),
-        leftovers=leftovers(
-            scaled.singular_values, scaled.vectors, scaled.rank, mechanism.parameter_names[: mechanism.energetic]
+        residual_singular_values=residual_singular_values(
+            scaled.singular_values,
+            scaled.vectors,
+            scaled.rank,
+            mechanism.parameter_names[: mechanism.num_energy_parameters],
         ),
         near_right_angles=near_right_angles(mechanism.description),
         rank_exact=None if proof is None else proof.rank,
-        exact_by="" if proof is None else proof.method,
+        proof_method="" if proof is None else proof.method,
     )
-    _require_accepted(mechanism, certificate, scaled.singular_values)
+    _validate_accepted(mechanism, certificate, scaled.singular_values)
     found = DecomposedNullSpace(scaled, energy_scales(mechanism, seed))
     energies = partial(getattr, factor, "triangle")
     return CertifiedNullSpace(found, certificate, energies, _origin(mechanism, samples, seed), proof)
@@ -161,7 +164,7 @@ def certified_by_transfers(
     few = FEW_STATES // 2
     changes = energy_changes(mechanism, found.transfers, random_states(mechanism, FEW_STATES, generator))
     once, twice = (transfer_evidence(found.transfers, changes[:, :count]) for count in (few, 2 * few))
-    far = (Leftover(twice.leftover, (f"bodies on {mechanism.links[twice.worst].name}",)),)
+    far = (ResidualSingularValue(twice.leftover, (f"bodies on {mechanism.links[twice.worst].name}",)),)
     certificate = Certificate(
         rank_energy=found.rank + once.surplus,
         rank_geometry=found.rank,
@@ -171,12 +174,12 @@ def certified_by_transfers(
         samples=few,
         seed=seed,
         null_residual=twice.residual,
-        leftovers=far if twice.leftover > LARGEST_LEFTOVER else (),
+        residual_singular_values=far if twice.leftover > MAX_RESIDUAL_SINGULAR_VALUE else (),
         near_right_angles=near_right_angles(mechanism.description),
         rank_exact=None if proof is None else proof.rank,
-        exact_by="" if proof is None else proof.method,
+        proof_method="" if proof is None else proof.method,
     )
-    _require_accepted(mechanism, certificate, once.weakest)
+    _validate_accepted(mechanism, certificate, once.weakest)
 
     def energies() -> Array:
         some, _ = random_halves(mechanism, samples, np.random.default_rng(seed))
@@ -189,23 +192,25 @@ def _origin(mechanism: Mechanism, samples: int, seed: int) -> str:
     return f"{samples} random states {whereabouts(mechanism)}, seed {seed}"
 
 
-def _require_accepted(mechanism: Mechanism, certificate: Certificate, spectrum: Array) -> None:
+def _validate_accepted(mechanism: Mechanism, certificate: Certificate, spectrum: Array) -> None:
     # An angle that is taken as exact elsewhere may be what spoils a gap.
-    suspects = near_right_angles(mechanism.description, exact=ROUND_OFF) if certificate.faults else ()
-    certificate.require_accepted(mechanism.name, spectrum, suspects)
+    suspects = near_right_angles(mechanism.description, exact=ROUND_OFF) if certificate.failures else ()
+    certificate.validate_accepted(mechanism.name, spectrum, suspects)
 
 
-def leftovers(spectrum: Array, vectors: Array, rank: int, names: Sequence[str]) -> tuple[Leftover, ...]:
+def residual_singular_values(
+    spectrum: Array, vectors: Array, rank: int, names: Sequence[str]
+) -> tuple[ResidualSingularValue, ...]:
     """The singular values that a rank counts as zero though they are more than round-off, above 1e-14 of the largest: a
-    `Leftover` each, with the names of the parameters that dominate its right singular vector. These are its four
-    largest entries in size, as far as they are above a tenth of the largest.
+    `ResidualSingularValue` each, with the names of the parameters that dominate its right singular vector. These are
+    its four largest entries in size, as far as they are above a tenth of the largest.
 
     `spectrum` (P,) has the singular values, in descending order, in any unit; `vectors` (P, P) a right singular vector
     in each column; the first `rank` are not looked at; `names` (P,) are the parameters'. Nothing is checked.
     """
     relative = spectrum / spectrum.max(initial=1e-300)
     beyond = [i for i in range(rank, len(spectrum)) if relative[i] > ROUND_OFF]
-    return tuple(Leftover(float(relative[i]), _dominant(vectors[:, i], names)) for i in beyond)
+    return tuple(ResidualSingularValue(float(relative[i]), _dominant(vectors[:, i], names)) for i in beyond)
 
 
 def _dominant(vector: Array, names: Sequence[str], most: int = 4) -> tuple[str, ...]:

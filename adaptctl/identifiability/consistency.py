@@ -41,17 +41,17 @@ class Lift:
 
     parameters: Array
     fundamental: Array
-    wanted: Array
+    target: Array
 
     @cached_property
     def distance(self) -> float:
         """The relative distance |fundamental - wanted| / |wanted|, no unit, of the lift's fundamental (base) parameters
         from those asked for: |.| is the root of the sum of squares of the values in SI units, whatever their units. It
         is |fundamental| where all asked for are zero."""
-        return float(np.linalg.norm(self.fundamental - self.wanted)) / _size(self.wanted)
+        return float(np.linalg.norm(self.fundamental - self.target)) / _size(self.target)
 
     @property
-    def realisable(self) -> bool:
+    def is_feasible(self) -> bool:
         """True if some rigid bodies have the fundamental (base) parameters asked for: if the lift's `distance` from
         them, relative to their size, no unit, is below 1e-6."""
         return self.distance < REALISABLE
@@ -129,7 +129,7 @@ class _Bodies:
         """The consistent parameters nearest to the prior among those almost as near to beta as any are: with the least
         slack that the solver can do, and keeps; the nearest to beta where it can do none."""
         least = max(nearest.distance, 0.5 * REALISABLE)
-        for within in (*([None] if nearest.realisable else []), *(least * (1.0 + slack) for slack in SLACKS)):
+        for within in (*([None] if nearest.is_feasible else []), *(least * (1.0 + slack) for slack in SLACKS)):
             with suppress(AdaptctlError):
                 found = self.likeliest(wanted, within)
                 if Lift(found, self._regrouping @ found, wanted).distance < (within or REALISABLE):

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, numbers, real_number
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.constrained_mechanism import ConstrainedMechanism, Parametrisation
-from adaptctl.errors import FileError, InputError, NotFoundError, printable, require_kind
+from adaptctl.errors import FileError, InputError, NotFoundError, printable, validate_kind
 from adaptctl.files import read_toml
 from adaptctl.identifiability.energy_matrix import length_scales
 from adaptctl.identifiability.priority import Priority, or_default, suggestion
@@ -49,7 +49,7 @@ class Relation:
 
     def __post_init__(self) -> None:
         what = f"relation {self.name!r}" if self.name else "relation"
-        _require_by_name(self.weights, f"{what}: weights")
+        _validate_by_name(self.weights, f"{what}: weights")
         weights = {name: real_number(weight, f"{what}: weight of {name!r}") for name, weight in self.weights.items()}
         object.__setattr__(self, "weights", MappingProxyType(weights))
         object.__setattr__(self, "value", real_number(self.value, f"{what}: value"))
@@ -72,7 +72,7 @@ class Constraints:
     relations: tuple[Relation, ...] = ()
 
     def __post_init__(self) -> None:
-        _require_by_name(self.known, "known")
+        _validate_by_name(self.known, "known")
         known = {name: real_number(value, f"known: {name!r}") for name, value in self.known.items()}
         object.__setattr__(self, "known", MappingProxyType(known))
         if not isinstance(self.relations, Iterable):
@@ -157,9 +157,9 @@ def constrained(
     parameter twice, and a mechanism that is constrained already. Raises `NotFoundError` for a parameter, of constraints
     or priority, that the mechanism does not have, or that is friction.
     """
-    require_kind(mechanism, Mechanism, "constrained", "as load(...) gives one")
-    require_kind(constraints, Constraints, "constrained", "as Constraints({...}) is one")
-    names = mechanism.parameter_names[: mechanism.energetic]
+    validate_kind(mechanism, Mechanism, "constrained", "as load(...) gives one")
+    validate_kind(constraints, Constraints, "constrained", "as Constraints({...}) is one")
+    names = mechanism.parameter_names[: mechanism.num_energy_parameters]
     A, b = _system(constraints.every, names)
     scales = length_scales(names, characteristic_length(mechanism))
     kept = _independent(constraints.every, A * scales, b)
@@ -167,7 +167,7 @@ def constrained(
     return ConstrainedMechanism(mechanism, _parametrisation(A[kept] * scales, b[kept], scales, order, mechanism))
 
 
-def _require_by_name(given: object, what: str) -> None:
+def _validate_by_name(given: object, what: str) -> None:
     if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
         raise InputError(f"{what}: expected a mapping from parameters' names to numbers, got {printable(repr(given))}")
 

@@ -39,7 +39,7 @@ def energies(mechanism: Mechanism, states: States) -> Array:
     mechanism's P inertial parameters (all but friction). `states` are `samples` positions and velocities of the primary
     (independent) joints. Raises `InputError` for states of another number of joints, `SingularityError` near a
     singularity of closed loops."""
-    return mechanism.energy_regressor(states.p, states.v)[..., : mechanism.energetic]
+    return mechanism.energy_regressor(states.p, states.v)[..., : mechanism.num_energy_parameters]
 
 
 def energy_blocks(mechanism: Mechanism, states: Iterable[States]) -> Iterator[Array]:
@@ -48,7 +48,7 @@ def energy_blocks(mechanism: Mechanism, states: Iterable[States]) -> Iterator[Ar
     parameters (all but friction). `states` is an iterable of `States`. Raises, in the course of the iteration,
     `InputError` for states of another number of joints and `SingularityError` near a singularity of closed loops."""
     for some in states:
-        for part in some.parts(max(BLOCK, 4 * mechanism.energetic)):
+        for part in some.parts(max(BLOCK, 4 * mechanism.num_energy_parameters)):
             yield energies(mechanism, part)
 
 
@@ -92,16 +92,16 @@ class EnergyFactor:
         `ValueError` when there is no block and no factor before, and for blocks of different widths."""
         factor = before
         for block in blocks:
-            factor = cls._begun(block) if factor is None else factor.followed_by(block)
+            factor = cls._started(block) if factor is None else factor.then(block)
         if factor is None:
             raise ValueError("no states")
         return factor
 
     @classmethod
-    def _begun(cls, energies: Array) -> EnergyFactor:
+    def _started(cls, energies: Array) -> EnergyFactor:
         return cls(triangle(np.diff(energies, axis=0)), np.square(energies).sum(axis=0), energies[-1:])
 
-    def followed_by(self, energies: Array) -> EnergyFactor:
+    def then(self, energies: Array) -> EnergyFactor:
         """The triangular factor R (n, P), n at most P, of the differences H = Q R, Q orthonormal, of energies between
         the states of this factor and m more after them, as a new `EnergyFactor`. `energies` (m, P) are those of the m
         states, in J per SI unit of each of P parameters. Raises `ValueError` for another number of parameters."""
@@ -118,13 +118,13 @@ def torque_rows(mechanism: Mechanism, generator: np.random.Generator) -> Array:
     Forces of prismatic joints are multiplied by the mechanism's characteristic length in m. Raises `InputError` for a
     reference configuration that breaks the mechanism's conditions (bounds on its positions).
     """
-    columns = range(mechanism.energetic)
+    columns = range(mechanism.num_energy_parameters)
     samples = max(2, -(-2 * len(columns) // mechanism.dof))
     states = random_states(mechanism, samples, generator)
     a = random_accelerations(mechanism, samples, generator)
     Y = mechanism.torque_regressor(states.p, states.v, a, columns)
     length = characteristic_length(mechanism)
-    arms = [1.0 if joint.kind.turns else length for joint in mechanism.primary_joints]
+    arms = [1.0 if joint.kind.is_revolute else length for joint in mechanism.primary_joints]
     return (Y * np.array(arms)[:, None]).reshape(samples * mechanism.dof, len(columns))
 
 
@@ -141,8 +141,8 @@ def parameter_units(mechanism: Mechanism, length: float) -> Array:
     """Units (P,) of a mechanism's P inertial parameters (all but friction) when lengths are counted in a `length` L
     (m): 1, L and L^2 for masses (kg), first moments (kg m) and moments of inertia (kg m^2). Rotor inertias count as
     masses at prismatic joints, as moments of inertia at others. Nothing is checked."""
-    slides = {f"{k.joint.name}.rotor_inertia" for k in mechanism.links if not k.joint.kind.turns}
-    names = mechanism.parameter_names[: mechanism.energetic]
+    slides = {f"{k.joint.name}.rotor_inertia" for k in mechanism.links if not k.joint.kind.is_revolute}
+    names = mechanism.parameter_names[: mechanism.num_energy_parameters]
     return np.where([name in slides for name in names], 1.0, length_scales(names, length))
 
 
@@ -174,7 +174,9 @@ def energy_scales(mechanism: Mechanism, seed: int) -> Array:
     """
     E = energies(mechanism, random_states(mechanism, FEW_STATES, np.random.default_rng(seed)))
     return column_scales(
-        np.linalg.norm(E, axis=0), mechanism.parameter_names[: mechanism.energetic], characteristic_length(mechanism)
+        np.linalg.norm(E, axis=0),
+        mechanism.parameter_names[: mechanism.num_energy_parameters],
+        characteristic_length(mechanism),
     )
 
 
@@ -190,7 +192,7 @@ class NumericalRank:
     smallest: float
 
     @classmethod
-    def of(cls, singular_values: ArrayLike) -> NumericalRank:
+    def from_singular_values(cls, singular_values: ArrayLike) -> NumericalRank:
         """The numerical rank k of a matrix from its `singular_values` sigma_1, ..., sigma_n, an array (n,), in
         descending order: the k, from 1 to n, at which sigma_k/sigma_k+1 is largest, as a `NumericalRank`.
 
@@ -236,7 +238,7 @@ class ScaledRegressor:
 
     @classmethod
     def _scaled(cls, mechanism: Mechanism, R: Array, square_sums: Array) -> ScaledRegressor:
-        names, length = mechanism.parameter_names[: mechanism.energetic], characteristic_length(mechanism)
+        names, length = mechanism.parameter_names[: mechanism.num_energy_parameters], characteristic_length(mechanism)
         scales = column_scales(np.sqrt(square_sums), names, length)
         return cls(scales, R * scales)
 
@@ -259,7 +261,7 @@ class ScaledRegressor:
         """The numerical rank k of the regressor (energies or torques at sampled states) with its P columns scaled to be
         comparable, as a `NumericalRank`: with k come the gap sigma_k/sigma_k+1 between its singular values there, and
         sigma_k/sigma_1, the smallest that counts over the largest. Raises `numpy.linalg.LinAlgError` for NaN."""
-        return NumericalRank.of(self.singular_values)
+        return NumericalRank.from_singular_values(self.singular_values)
 
     @property
     def rank(self) -> int:
@@ -286,7 +288,7 @@ class ScaledRegressor:
         changes no rank.
         """
         shares = (self.vectors * self.singular_values)[list(columns)]
-        return NumericalRank.of(np.linalg.svd(shares, compute_uv=False)).rank
+        return NumericalRank.from_singular_values(np.linalg.svd(shares, compute_uv=False)).rank
 
 
 @dataclass(frozen=True, eq=False)

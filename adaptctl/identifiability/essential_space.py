@@ -14,7 +14,7 @@ from adaptctl.arrays import Array, checked, frozen, frozen_array, real_number, w
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.compilation.object_cache import kept
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, printable, require_kind
+from adaptctl.errors import InputError, printable, validate_kind
 from adaptctl.identifiability.certificate import Certificate, Method, Near
 from adaptctl.identifiability.factorisation import right_vectors, singular_values
 from adaptctl.identifiability.regrouping import NullSpace, unscaled_bases
@@ -50,7 +50,7 @@ class Search:
 
     mechanism: Mechanism
     method: Method
-    near: Near
+    near_singular: Near
     prove: bool | None
     samples: int
     seed: int
@@ -61,7 +61,7 @@ class Search:
         They are the SHA-256 hashes (hexadecimal) of the mechanism's description and of its geometry, which counts
         linear constraints on parameters, then the search's settings `method`, `near`, `prove`, `samples` and `seed`, as
         Python's repr writes them."""
-        settings = self.method, self.near, self.prove, self.samples, self.seed
+        settings = self.method, self.near_singular, self.prove, self.samples, self.seed
         return [self.mechanism.description.sha256, self.mechanism.geometry_sha256, *map(repr, settings)]
 
     @cached_property
@@ -73,7 +73,7 @@ class Search:
         turn with several joints."""
         from adaptctl.identifiability.certification import certified  # a tenth of the time to the first torque
 
-        return certified(self.mechanism, self.method, self.near, self.prove, self.samples, self.seed)
+        return certified(self.mechanism, self.method, self.near_singular, self.prove, self.samples, self.seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ class EssentialSpace:
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the P inertial parameters, all but friction, such as ``link3.I_xx``, in the mechanism's order."""
-        return self.mechanism.parameter_names[: self.mechanism.energetic]
+        return self.mechanism.parameter_names[: self.mechanism.num_energy_parameters]
 
     @property
     def rank(self) -> int:
@@ -203,7 +203,7 @@ def essential_space(
     seed: int = 0,
     states: States | None = None,
     method: Method = "automatic",
-    near: Near = "refuse",
+    near_singular: Near = "refuse",
     prove: bool | None = None,
 ) -> EssentialSpace:
     """The essential parameter space of a mechanism: the k directions of its P inertial parameters (all but friction)
@@ -227,10 +227,17 @@ def essential_space(
     a `method` that is unknown or not for this mechanism, for another `near`, `prove` or `seed`, for `samples` that are
     too few or no whole number, and for `states` that are no `States`, or of another number of joints.
     """
-    require_kind(mechanism, Mechanism, "essential_space", "as load(...) gives one")
+    validate_kind(mechanism, Mechanism, "essential_space", "as load(...) gives one")
     seed = whole_number(seed, "seed", 0, 2**32 - 1)
     given = None if states is None else partial(_same, _triangle(mechanism, states))
-    search = Search(mechanism, method, near, _proof_asked(prove), _sample_count(samples, mechanism.energetic), seed)
+    search = Search(
+        mechanism,
+        method,
+        near_singular,
+        _proof_asked(prove),
+        _sample_count(samples, mechanism.num_energy_parameters),
+        seed,
+    )
     inputs, kind = search.inputs, tuple[Certificate, str]
     certificate, random = kept("certificate", inputs, kind, lambda: (search.found.certificate, search.found.states))
     return EssentialSpace(search, certificate, random if states is None else states.origin, given)
@@ -287,14 +294,14 @@ class Reduction:
     weights: Array
     order: tuple[int, ...]
     percent_errors: Array
-    kept: int
+    num_components: int
 
     @property
     def percent_error(self) -> float:
         """The energy error, in percent, of the reduced parameters D', the sum of the kept components: 100 |H (D' - D)|
         / |H D| for the parameters D. H D are the differences (J) of kinetic plus potential energy between successive
         states, and |.| is the root of the summed squares."""
-        return float(self.percent_errors[self.kept])
+        return float(self.percent_errors[self.num_components])
 
     def parameters(self, components: int | None = None) -> Array:
         """Reduced values (P,) of the P inertial parameters in SI units, without friction: the sum of the first
@@ -303,7 +310,7 @@ class Reduction:
         The components are the parts (P,) of the parameters along the k directions that change energies. Raises
         `InputError` unless `components` is a whole number from 0 to k.
         """
-        count = self.kept if components is None else _checked_count(components, len(self.weights))
+        count = self.num_components if components is None else _checked_count(components, len(self.weights))
         return self.components[:count].sum(axis=0)
 
 
@@ -325,11 +332,11 @@ def reduce(
     given, the other None; for an `energy_error` below 0, not finite or no number, and `components` out of range or no
     whole number; and for parameters of a wrong shape, not finite, or without energy differences between the states.
     """
-    require_kind(space, EssentialSpace, "reduce", "as essential_space(mechanism) gives one")
+    validate_kind(space, EssentialSpace, "reduce", "as essential_space(mechanism) gives one")
     if (energy_error is None) == (components is None):
         raise InputError("give one of energy_error, in percent, and components, a number")
     if isinstance(parameters, Mechanism):
-        parameters = np.asarray(parameters.inertial_parameters)[: parameters.energetic]
+        parameters = np.asarray(parameters.inertial_parameters)[: parameters.num_energy_parameters]
     D = frozen_array(parameters, (len(space.parameter_names),), "parameters")
     alpha = space.basis.T @ D
     beta = space.singular_values[: space.rank] * alpha
@@ -342,7 +349,7 @@ def reduce(
         weights=frozen(beta[order]),
         order=tuple(order.tolist()),
         percent_errors=frozen(errors),
-        kept=_checked_count(count, space.rank),
+        num_components=_checked_count(count, space.rank),
     )
 
 

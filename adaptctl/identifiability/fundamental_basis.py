@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, checked, frozen_array, positive_number
 from adaptctl.caching import cached_property
 from adaptctl.compilation import object_cache
-from adaptctl.errors import FileError, InputError, RankError, printable, require_kind
+from adaptctl.errors import FileError, InputError, RankError, printable, validate_kind
 from adaptctl.files import read_json, write_json
 from adaptctl.identifiability.essential_space import EssentialSpace
 from adaptctl.identifiability.priority import Priority, or_default
@@ -147,7 +147,7 @@ class FundamentalBasis:
     scales: Array
     gap: float
     """The gap sigma_k/sigma_k+1 of the rank's certificate."""
-    passed_over: tuple[str, ...] = ()
+    kept_despite_priority: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         P, columns = len(self.parameter_names), self.columns
@@ -263,7 +263,7 @@ def fundamental_basis(
     very nearly depend on each other. Raises `InputError` for another tolerance, and for a `priority` that is no
     `Priority`, or whose names are given twice or (`NotFoundError`) unknown.
     """
-    require_kind(space, EssentialSpace, "fundamental_basis", "as essential_space(mechanism) gives one")
+    validate_kind(space, EssentialSpace, "fundamental_basis", "as essential_space(mechanism) gives one")
     order = or_default(priority).indices(space.parameter_names)
     inputs = [space.search.inputs, [int(j) for j in order], repr(tolerance), bool(prove)]
     chosen = object_cache.kept("fundamental basis", inputs, Chosen, lambda: _chosen(space, order, tolerance, prove))
@@ -275,7 +275,7 @@ def fundamental_basis(
         regrouping=np.reshape(chosen.regrouping, (len(chosen.columns), len(space.parameter_names))),
         scales=np.array(chosen.scales),
         gap=space.certificate.gap,
-        passed_over=chosen.passed_over,
+        kept_despite_priority=chosen.kept_despite_priority,
     )
 
 
@@ -288,13 +288,13 @@ class Chosen(NamedTuple):
     columns: tuple[int, ...]
     regrouping: list[list[float]]
     scales: list[float]
-    passed_over: tuple[str, ...]
+    kept_despite_priority: tuple[str, ...]
 
 
 def _chosen(space: EssentialSpace, order: Sequence[int], tolerance: float, prove: bool) -> Chosen:
     found = space.null_space.regrouping(order, tolerance)
-    _require_conditioned(space, found)
-    passed_over = {*found.passed_over, *_kept_against_the_order(space, found, order, prove, tolerance)}
+    _validate_conditioned(space, found)
+    passed_over = {*found.kept_despite_priority, *_kept_against_the_order(space, found, order, prove, tolerance)}
     if found.rank != space.rank:
         raise RankError(
             f"{space.mechanism.name}: the kept columns have rank {found.rank}, not {space.rank}; "
@@ -329,7 +329,7 @@ def _kept_against_the_order(
     return tuple(others)
 
 
-def _require_conditioned(space: EssentialSpace, found: Regrouping) -> None:
+def _validate_conditioned(space: EssentialSpace, found: Regrouping) -> None:
     if found.determined:
         return
     weights = np.linalg.svd(found.coefficients)[2][0]

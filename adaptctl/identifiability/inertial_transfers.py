@@ -83,12 +83,12 @@ class JointFrames:
         distance from a joint to the next or to its link's frame, 1 m where there is none). Loop closures are left out.
         Nothing is checked."""
         links, length = mechanism.links, characteristic_length(mechanism)
-        on_parent = _matrices([(k.near.rotation, k.near.translation) for k in links], length)
-        far = _matrices([(k.far.rotation, k.far.translation) for k in links], length)
+        on_parent = _matrices([(k.parent_to_joint.rotation, k.parent_to_joint.translation) for k in links], length)
+        far = _matrices([(k.joint_to_link.rotation, k.joint_to_link.translation) for k in links], length)
         hangs = np.array([k.parent != GROUND for k in links])
         parents = np.array([k.parent for k in links])
         near = np.where(hangs[:, None, None], far[parents], np.eye(4)) @ on_parent
-        turns = np.array([k.joint.kind.turns for k in links])[:, None]
+        turns = np.array([k.joint.kind.is_revolute for k in links])[:, None]
         axes = np.array([k.joint.axis for k in links])
         twists = np.hstack([np.where(turns, axes, 0.0), np.where(turns, 0.0, axes)])
         gravity = mechanism.description.gravity

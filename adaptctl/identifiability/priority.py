@@ -50,7 +50,7 @@ class Priority:
         """The default priority, the order in which a mechanism's dependent inertial parameters are removed by Table 4
         of Sheu and Walker (1991). It goes kind by kind, m, mc_x, mc_y, mc_z, I_xy, I_xz, I_yz, I_xx, I_yy, I_zz, then
         rotor inertias, each from the mechanism's first link to its last. Nothing is raised."""
-        return cls(_default_order(mechanism.parameter_names[: mechanism.energetic]))
+        return cls(_default_order(mechanism.parameter_names[: mechanism.num_energy_parameters]))
 
     @classmethod
     def read(cls, path: str | Path, mechanism: Mechanism) -> Priority:
@@ -81,8 +81,8 @@ class Priority:
         """
         table = read_toml(path, _Table)
         try:
-            priority = _from_table(table, mechanism.parameter_names[: mechanism.energetic])
-            priority.indices(mechanism.parameter_names[: mechanism.energetic])
+            priority = _from_table(table, mechanism.parameter_names[: mechanism.num_energy_parameters])
+            priority.indices(mechanism.parameter_names[: mechanism.num_energy_parameters])
         except InputError as error:
             raise FileError(f"{path}: {error}") from error
         return priority
@@ -97,12 +97,12 @@ class Priority:
         rotor inertia.
         """
         named = (*self.order, *self.keep)
-        _require_known(named, parameter_names, "parameter")
-        _require_once(named, "parameter")
+        _validate_known(named, parameter_names, "parameter")
+        _validate_once(named, "parameter")
         rest = [name for name in _default_order(parameter_names) if name not in set(named)]
         place = {name: i for i, name in enumerate(parameter_names)}
         if len(place) < len(parameter_names):
-            _require_once(parameter_names, "parameter")
+            _validate_once(parameter_names, "parameter")
         return tuple(place[name] for name in (*self.order, *rest, *reversed(self.keep)))
 
 
@@ -143,8 +143,8 @@ def _links(table: _Table, parameter_names: Sequence[str]) -> list[str]:
     parts = (name.rpartition(".") for name in parameter_names)
     known = list(dict.fromkeys(link for link, _, kind in parts if kind in KINDS))
     links = known if table.links is None else table.links
-    _require_known(links, known, "link")
-    _require_once(links, "link")
+    _validate_known(links, known, "link")
+    _validate_once(links, "link")
     return links
 
 
@@ -178,8 +178,8 @@ def _our_name(name: str) -> str:
 
 def _kinds(given: Iterable[str]) -> list[str]:
     kinds = [PAPER_KINDS.get(kind, kind) for kind in given]
-    _require_known(kinds, KINDS, "kind of parameter")
-    _require_once(kinds, "kind of parameter")
+    _validate_known(kinds, KINDS, "kind of parameter")
+    _validate_once(kinds, "kind of parameter")
     return kinds
 
 
@@ -195,13 +195,13 @@ def _default_order(parameter_names: Sequence[str]) -> tuple[str, ...]:
     return tuple(sorted(parameter_names, key=lambda name: kinds.index(name.rpartition(".")[2])))
 
 
-def _require_known(given: Sequence[str], known: Sequence[str], what: str) -> None:
+def _validate_known(given: Sequence[str], known: Sequence[str], what: str) -> None:
     for name in given:
         if name not in known:
             raise NotFoundError(f"unknown {what} {name!r}; {suggestion(name, known)}")
 
 
-def _require_once(given: Sequence[str], what: str) -> None:
+def _validate_once(given: Sequence[str], what: str) -> None:
     for name in given:
         if given.count(name) > 1:
             raise InputError(f"{what} {name!r} is given more than once")

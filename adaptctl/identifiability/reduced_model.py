@@ -15,7 +15,7 @@ from adaptctl.caching import cached_property
 from adaptctl.compilation.object_cache import kept
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.array_equations import ArrayEquation, ArrayEquations, OnArrays
-from adaptctl.errors import InputError, printable, require_kind
+from adaptctl.errors import InputError, printable, validate_kind
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
 from adaptctl.scalars import Column, Keyed, spread
 
@@ -47,7 +47,7 @@ class ReducedModel(Keyed):
     basis: FundamentalBasis | None
 
     def __post_init__(self) -> None:
-        require_kind(self.mechanism, Mechanism, "reduced model", "as load(...) gives one")
+        validate_kind(self.mechanism, Mechanism, "reduced model", "as load(...) gives one")
         if self.basis is None:
             return
         if not isinstance(self.basis, FundamentalBasis):
@@ -58,7 +58,7 @@ class ReducedModel(Keyed):
                 f"the basis was found for {self.basis.mechanism_name!r}, whose geometry, gravity, link names or "
                 f"constraints are not those of {self.mechanism.name!r}: find the basis of {self.mechanism.name!r}"
             )
-        _require_energies(self.mechanism, self.basis)
+        _validate_energies(self.mechanism, self.basis)
 
     @classmethod
     def full(cls, mechanism: Mechanism) -> ReducedModel:
@@ -73,7 +73,7 @@ class ReducedModel(Keyed):
         everything = range(len(self.mechanism.parameter_names))
         if self.basis is None:
             return tuple(everything)
-        return (*self.basis.columns, *everything[self.mechanism.energetic :])
+        return (*self.basis.columns, *everything[self.mechanism.num_energy_parameters :])
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -85,7 +85,7 @@ class ReducedModel(Keyed):
     def regrouping(self) -> Array:
         """The regrouping matrix K (k, P), read-only, that maps the P inertial and friction parameters D (P,) to the k
         fundamental (base) ones beta = K D, in SI units."""
-        P, energetic = len(self.mechanism.parameter_names), self.mechanism.energetic
+        P, energetic = len(self.mechanism.parameter_names), self.mechanism.num_energy_parameters
         K = np.eye(P)[list(self.columns)]
         if self.basis is not None:
             K[: len(self.basis.columns), :energetic] = self.basis.regrouping
@@ -154,11 +154,11 @@ class ReducedModel(Keyed):
 
     @cached_property
     def _torque_regressor(self) -> OnArrays:
-        return self.mechanism.on_columns("torque_regressor", self.columns)
+        return self.mechanism.column_regressor("torque_regressor", self.columns)
 
     @cached_property
     def _slotine_li_regressor(self) -> OnArrays:
-        return self.mechanism.on_columns("slotine_li_regressor", self.columns)
+        return self.mechanism.column_regressor("slotine_li_regressor", self.columns)
 
     def embed(self, beta: ArrayLike) -> Array:
         """Values (..., P) of all P inertial and friction parameters D_I = F1 beta with the same torques as k
@@ -174,7 +174,7 @@ class ReducedModel(Keyed):
 
 
 @lru_cache(maxsize=32)  # neither changes, and sweeps make many models of them
-def _require_energies(mechanism: Mechanism, basis: FundamentalBasis) -> None:
+def _validate_energies(mechanism: Mechanism, basis: FundamentalBasis) -> None:
     """Raise `InputError` for a basis whose regrouping changes energies; tried once, also for later processes."""
     numbers = basis.regrouping.tobytes() + basis.scales.tobytes()
     content = [list(basis.columns), list(basis.parameter_names), hashlib.sha256(numbers).hexdigest()]
@@ -183,11 +183,11 @@ def _require_energies(mechanism: Mechanism, basis: FundamentalBasis) -> None:
 
 
 def _keeps_energies(mechanism: Mechanism, basis: FundamentalBasis) -> bool:
-    require_energies(mechanism, basis)
+    validate_energies(mechanism, basis)
     return True
 
 
-def require_energies(mechanism: Mechanism, basis: FundamentalBasis) -> None:
+def validate_energies(mechanism: Mechanism, basis: FundamentalBasis) -> None:
     """Raise `InputError`, naming a parameter, unless a fundamental (base) `basis` reproduces the energies of a
     `mechanism`: H = H[:, columns] K must hold in each of the P columns, but for about 1e-4 of its entries' size.
 
@@ -218,5 +218,5 @@ def _few_states(mechanism: Mechanism) -> States:
     generator = np.random.default_rng(0)
     if mechanism.description.loops is None:
         return random_states(mechanism, SAMPLES, generator)
-    p: Array = mechanism.home + NEAR * generator.uniform(-1.0, 1.0, (SAMPLES, mechanism.dof))
+    p: Array = mechanism.neutral_configuration + NEAR * generator.uniform(-1.0, 1.0, (SAMPLES, mechanism.dof))
     return States(p, generator.normal(size=p.shape), "about the reference")

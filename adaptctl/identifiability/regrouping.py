@@ -42,7 +42,7 @@ ALIKE = 1e-9
 """Relative difference below which coefficients are the same one."""
 
 
-def require_tolerance(tolerance: float, parameters: int) -> None:
+def validate_tolerance(tolerance: float, parameters: int) -> None:
     """Raise `InputError` unless a `tolerance` is a number above 0 and below 1/sqrt(P), P the number of `parameters`. A
     row of the orthonormal null vectors (P, P-k), k the rank, counts as independent where it, less its projection on the
     rows taken before, is longer than the tolerance (no unit); a larger tolerance may not find all P-k independent
@@ -75,7 +75,7 @@ def removed_and_passed_over(
     tolerance.
     """
     rows, needed = null_basis.shape
-    require_tolerance(tolerance, rows)
+    validate_tolerance(tolerance, rows)
     left, directions, taken, passed = null_basis.copy(), np.zeros((0, needed)), list[int](), list[int]()
     for j in order:
         if len(taken) == needed:
@@ -133,7 +133,7 @@ class Regrouping:
     removed: tuple[int, ...]
     coefficients: Array
     rank: int
-    passed_over: tuple[int, ...] = ()
+    kept_despite_priority: tuple[int, ...] = ()
     """Kept parameters that the order alone would remove: so little of their rows is left that others go instead."""
 
     @cached_property

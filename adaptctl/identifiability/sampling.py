@@ -15,7 +15,7 @@ from adaptctl.description import GROUND
 from adaptctl.description.description import STANDARD_GRAVITY
 from adaptctl.description.pose import Pose
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, require_kind
+from adaptctl.errors import InputError, validate_kind
 
 REGULAR = 0.2
 """Fraction of its reference value that the loops' smallest singular value keeps: nearer to a singularity, dependent
@@ -151,8 +151,8 @@ def characteristic_length(mechanism: Mechanism) -> float:
     the inertia in it.
     """
     links = mechanism.links
-    offsets = [_offset(links[k.parent].far, k.near) for k in links if k.parent != GROUND]
-    offsets += [k.far.translation for k in links]
+    offsets = [_offset(links[k.parent].joint_to_link, k.parent_to_joint) for k in links if k.parent != GROUND]
+    offsets += [k.joint_to_link.translation for k in links]
     longest = float(np.linalg.norm(np.reshape(offsets, (-1, 3)), axis=1).max(initial=0.0))
     return longest if longest > 1e-9 else 1.0
 
@@ -177,7 +177,7 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
     reference configuration, within limits and away from singularity (see `positions_on_branch`): beyond, another branch
     may have another rank.
     """
-    require_kind(mechanism, Mechanism, "random_states", "as load(...) gives one")
+    validate_kind(mechanism, Mechanism, "random_states", "as load(...) gives one")
     samples = whole_number(samples, "samples", 2, sys.maxsize)
     length, turns = characteristic_length(mechanism), _turns(mechanism)
     p = generator.uniform(-1.0, 1.0, (samples, mechanism.dof)) * np.where(turns, np.pi, length)
@@ -243,14 +243,14 @@ def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> S
     fewer than two samples, and for a seed that is not a whole number from 0 to 2^32 - 1, `LoopError` where loops cannot
     be closed.
     """
-    require_kind(mechanism, Mechanism, "states_within_limits", "as load(...) gives one")
+    validate_kind(mechanism, Mechanism, "states_within_limits", "as load(...) gives one")
     samples = whole_number(samples, "samples", 2, sys.maxsize)
     generator = np.random.default_rng(whole_number(seed, "seed", 0, 2**32 - 1))
     length, turns = characteristic_length(mechanism), _turns(mechanism)
     limits = [joint.limits for joint in mechanism.primary_joints]
     reach = np.where(turns, np.pi, length)
     lower, upper = np.array([b.lower for b in limits]), np.array([b.upper for b in limits])
-    lower, upper = _range(lower, upper, 2.0 * reach, mechanism.home)
+    lower, upper = _range(lower, upper, 2.0 * reach, mechanism.neutral_configuration)
     speed = np.array([b.velocity for b in limits])
     speed = np.where(np.isfinite(speed), speed, characteristic_rate(mechanism) * np.where(turns, 1.0, length))
     draw = partial(_uniform, generator, lower, upper)
@@ -272,7 +272,7 @@ def _range(lower: Array, upper: Array, width: Array, center: Array) -> tuple[Arr
 
 
 def _turns(mechanism: Mechanism) -> Array:
-    return np.array([joint.kind.turns for joint in mechanism.primary_joints])
+    return np.array([joint.kind.is_revolute for joint in mechanism.primary_joints])
 
 
 def characteristic_rate(mechanism: Mechanism) -> float:

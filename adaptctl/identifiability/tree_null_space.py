@@ -32,7 +32,7 @@ from adaptctl.identifiability.regrouping import (
     Regrouping,
     by_null_vectors,
     independent_columns,
-    require_tolerance,
+    validate_tolerance,
 )
 from adaptctl.identifiability.sampling import States
 from adaptctl.scalars import column
@@ -172,7 +172,7 @@ class TreeNullSpace:
     def rank(self) -> int:
         """The rank k: the number of independent directions of the tree's P inertial parameters (all but friction) that
         change energies and torques."""
-        return self.mechanism.energetic - self.transfers.nullity
+        return self.mechanism.num_energy_parameters - self.transfers.nullity
 
     @cached_property
     def scales(self) -> Array:
@@ -187,8 +187,8 @@ class TreeNullSpace:
     def null_basis(self) -> Array:
         """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of the tree's P inertial parameters
         D, divided by this object's `scales` (P,), D / scales in J, that change no energy."""
-        found = self._by_links(range(self.mechanism.energetic), TOLERANCE)
-        vectors = np.zeros((self.mechanism.energetic, len(found.removed)))
+        found = self._by_links(range(self.mechanism.num_energy_parameters), TOLERANCE)
+        vectors = np.zeros((self.mechanism.num_energy_parameters, len(found.removed)))
         vectors[list(found.removed), range(len(found.removed))] = 1.0
         vectors[list(found.kept)] = -found.coefficients
         return np.linalg.qr(vectors)[0]
@@ -203,7 +203,7 @@ class TreeNullSpace:
         longer. Where that would remove other parameters, the regrouping is made in this way, which takes longer. Raises
         `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
         """
-        require_tolerance(tolerance, self.mechanism.energetic)
+        validate_tolerance(tolerance, self.mechanism.num_energy_parameters)
         with suppress(np.linalg.LinAlgError):  # Of what is hardly independent, round-off may leave nothing.
             found = self._by_links(order, CLEAR)
             if found.leaves_more_than(tolerance, order):

@@ -1,5 +1,5 @@
 """Identification of a robot's parameters from its logs: reading, preparation, estimators, uncertainty, validation."""
 
-from adaptctl.packages import imported_lazily
+from adaptctl.optional_packages import imported_lazily
 
 __all__, __getattr__, __dir__ = imported_lazily(__name__)

@@ -78,7 +78,7 @@ def choose(
     found.
     """
     judged = judged_at(evidence)
-    first = FIRST_WEIGHT if weight is None else positive_number(weight, "weight: expected a positive number")
+    first = FIRST_WEIGHT if weight is None else positive_number(weight, "prior_weight: expected a positive number")
     if cutoff is not None and cutoff not in evidence.rows:
         raise InputError(f"cutoff: expected one of {', '.join(f'{c:g}' for c in evidence.rows)} Hz, got {cutoff!r}")
     settings = FitSettings(friction or FrictionModel(), first, judged if cutoff is None else cutoff)

@@ -19,8 +19,8 @@ from adaptctl.identification.drives_file import (
     Drives,
     MotorEntry,
     Units,
-    require_fitting,
     spaced,
+    validate_fitting,
 )
 from adaptctl.identification.log_files import LogTable
 
@@ -45,7 +45,7 @@ class JointLog:
         return len(self.time)
 
 
-def joint_log(log: LogTable, drives: Drives, rate: float | None = None) -> JointLog:
+def joint_log(log: LogTable, drives: Drives, sample_rate: float | None = None) -> JointLog:
     """The log of a robot's joints, a `JointLog`, from the table `log` of its motors' positions, torques and, if logged,
     velocities. Columns, units and the transmission from motors to joints are those of `drives`, in whose order the
     joints are.
@@ -55,13 +55,13 @@ def joint_log(log: LogTable, drives: Drives, rate: float | None = None) -> Joint
     samples, positions or torques that are the same in every row, and times that do not rise from row to row or only
     count rows.
     """
-    time = _time(log, drives, rate)
+    time = _time(log, drives, sample_rate)
     position = np.stack([log.column(m.position, f"position of {m.name}") for m in drives.motors], axis=-1)
     torque = np.stack([log.column(m.torque, f"torque of {m.name}") for m in drives.motors], axis=-1)
     if len(log) < FEWEST:
         raise FileError(f"{log.source}: has {len(log)} samples; at least {FEWEST} are needed, some seconds of motion")
-    _require_change(log, [m.position for m in drives.motors], position, "the joint is at rest throughout")
-    _require_change(log, [m.torque for m in drives.motors], torque, "no torque was logged there")
+    _validate_change(log, [m.position for m in drives.motors], position, "the joint is at rest throughout")
+    _validate_change(log, [m.torque for m in drives.motors], torque, "no torque was logged there")
     constants = np.nan_to_num(drives.constants, nan=1.0)
     return JointLog(
         log.source,
@@ -95,12 +95,12 @@ def _time(log: LogTable, drives: Drives, rate: float | None) -> Array:
     if len(steps) and np.all(steps == 1.0) and drives.units.time > 1e-3:
         raise FileError(
             f"{log.source}: column {drives.time!r} counts rows (0, 1, 2, ...), it is no time: give the sampling rate "
-            "with --rate HZ"
+            "with --sample-rate HZ"
         )
     return np.asarray(stamps * drives.units.time)
 
 
-def _require_change(log: LogTable, names: list[str], values: Array, meaning: str) -> None:
+def _validate_change(log: LogTable, names: list[str], values: Array, meaning: str) -> None:
     for name, still in zip(names, np.ptp(values, axis=0) == 0.0, strict=True):
         if still:
             raise FileError(
@@ -165,9 +165,9 @@ def joint_columns(
         for j, joint in enumerate(joints)
     )
     r = len(joints)
-    _require_own(found, joints)
+    _validate_own(found, joints)
     symbols = _units(log, {"time": [time], **found}, stated)
-    require_fitting(symbols, {joint.name: joint.kind.turns for joint in mechanism.primary_joints})
+    validate_fitting(symbols, {joint.name: joint.kind.is_revolute for joint in mechanism.primary_joints})
     checked = _checked_units(log, symbols)
     return Drives(tuple(joints), np.eye(r), np.zeros(r), motors, time, checked)
 
@@ -223,7 +223,7 @@ def _one_of(symbols: list[str], what: str, source: str) -> str:
     return symbols[0]
 
 
-def _require_own(names: dict[str, list[str]], joints: list[str]) -> None:
+def _validate_own(names: dict[str, list[str]], joints: list[str]) -> None:
     """Raise `InputError` where two joints have one column."""
     for what, columns in names.items():
         for j, name in enumerate(columns):

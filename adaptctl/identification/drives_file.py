@@ -56,7 +56,7 @@ class Units:
         )
 
 
-def require_fitting(symbols: Mapping[str, str], turns: Mapping[str, bool]) -> None:
+def validate_fitting(symbols: Mapping[str, str], turns: Mapping[str, bool]) -> None:
     """Raise `InputError`, naming the joint, where a unit cannot be that of a joint's column: one of angles for a joint
     that slides, or one of lengths for one that turns. `symbols` has the units' symbols by "position", "velocity" and
     "torque", other keys do not count, and `turns` by joint whether it turns. SI units are those of joints of both kinds
@@ -185,7 +185,7 @@ class Drives:
         if len(self.motors) != r:
             raise InputError(f"drives: motors: expected one for each of {r} joints, got {len(self.motors)}")
         transmission = frozen_array(self.transmission, (r, r), "drives: transmission")
-        _require_turning(transmission, self.joints, self.motors, "drives: transmission")
+        _validate_turning(transmission, self.joints, self.motors, "drives: transmission")
         object.__setattr__(self, "transmission", transmission)
         object.__setattr__(self, "offsets", frozen_array(self.offsets, (r,), "drives: offsets"))
 
@@ -274,13 +274,13 @@ def _checked(content: DrivesFile) -> Drives:
             f"of {r} joints, as many motors as joints"
         )
     transmission = frozen_array(content.transmission, (r, r), "$.transmission")
-    _require_turning(transmission, content.joints, content.motors, "$.transmission")
+    _validate_turning(transmission, content.joints, content.motors, "$.transmission")
     for i, motor in enumerate(content.motors):
         k = motor.torque_constant
         if isinstance(k, float) and not (math.isfinite(k) and k > 0.0):
             raise InputError(f"$.motors[{i}].torque_constant: expected a positive number or 'unknown', got {k}")
     units = Units.checked(**{name: getattr(content.units, name) for name in ("time", "position", "torque", "velocity")})
-    _require_constants(content, units)
+    _validate_constants(content, units)
     return Drives(
         tuple(content.joints),
         transmission,
@@ -293,7 +293,7 @@ def _checked(content: DrivesFile) -> Drives:
     )
 
 
-def _require_turning(transmission: Array, joints: Sequence[str], motors: Sequence[MotorEntry], what: str) -> None:
+def _validate_turning(transmission: Array, joints: Sequence[str], motors: Sequence[MotorEntry], what: str) -> None:
     """Raise `InputError` unless each motor turns its own joint, and the joints follow from the motors."""
     for i, (motor, joint) in enumerate(zip(motors, joints, strict=True)):
         if not transmission[i, i]:
@@ -302,7 +302,7 @@ def _require_turning(transmission: Array, joints: Sequence[str], motors: Sequenc
         raise InputError(f"{what}: the joints do not follow from the motors: two rows are alike")
 
 
-def _require_constants(content: DrivesFile, units: Units) -> None:
+def _validate_constants(content: DrivesFile, units: Units) -> None:
     for i, motor in enumerate(content.motors):
         if units.torque is None and motor.torque_constant is None:
             raise InputError(

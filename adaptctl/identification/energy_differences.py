@@ -63,10 +63,10 @@ def _of_motion(motion: SmoothMotion, mechanism: Mechanism, window: float) -> tup
     """Integrals by the trapezium rule at the motion's rate."""
     p, v = motion.position, motion.velocity
     energy = mechanism.energy_regressor(p, v)
-    friction = range(mechanism.energetic, len(mechanism.parameter_names))
+    friction = range(mechanism.num_energy_parameters, len(mechanism.parameter_names))
     rubbing = mechanism.torque_regressor(p, v, np.zeros_like(v), friction)
     power = np.einsum("nj,njf->nf", v, rubbing)
-    energy[:, mechanism.energetic :] = _integral(power, motion.rate)
+    energy[:, mechanism.num_energy_parameters :] = _integral(power, motion.rate)
     work = _integral(np.sum(v * _torque(motion), axis=-1)[:, None], motion.rate)[:, 0]
     length = max(1, round(window * motion.rate))
     starts = np.arange(0, len(p) - length, max(1, length // OVERLAPPING))

@@ -144,8 +144,8 @@ def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float,
     asked for. Raises `AdaptctlError` where that does not converge either, as for parameters whose scales differ too
     much.
     """
-    begun = prior.start(len(b)) if start is None else start
-    x, done = _newton(A, b, prior, weight, 1.0, begun)
+    started = prior.start(len(b)) if start is None else start
+    x, done = _newton(A, b, prior, weight, 1.0, started)
     if done:
         return x
     x = prior.start(len(b))

@@ -23,7 +23,7 @@ from adaptctl.recording.wording import parameter_unit, torque_error_unit, torque
 
 ROBOT, URDF, ESTIMATES, VALIDATION = "robot.toml", "robot.urdf", "estimates.json", "validation.parquet"
 SUMMARY_SCHEMA, ESTIMATES_SCHEMA, VALIDATION_SCHEMA = (
-    "adaptctl/identification-summary/1",
+    "adaptctl/identification-summary/2",
     "adaptctl/estimates/1",
     "adaptctl/validation/1",
 )
@@ -90,7 +90,7 @@ def summary(found: Identification) -> dict[str, Any]:
         "unexcited": [combination.words for combination in found.unexcited],
         "trials": [trial._asdict() for trial in found.choice.trials],
         "steps": {step.name: step.outcome for step in found.steps},
-        "remarks": list(found.remarks),
+        "warnings": list(found.warnings),
     }
 
 

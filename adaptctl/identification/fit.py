@@ -141,7 +141,7 @@ class LogEvidence:
         parameters and the r coefficients of load-dependent friction (its torque over that of the joint without
         friction). First come the fundamental (base) parameters, which the motion can tell apart, then those of the
         `friction` model. Nothing is raised."""
-        energetic = self.mechanism.energetic
+        energetic = self.mechanism.num_energy_parameters
         others = [c for c in np.flatnonzero(self.mask(friction)).tolist() if c >= energetic]
         return np.array([*self.basis.columns, *others])
 
@@ -203,7 +203,7 @@ class LogEvidence:
         A, b = equations.whitened(deviations)
         A, b = A * np.outer(mask, mask), b * mask
         prior = self.prior_of(settings.friction)
-        x = consistent_estimate(A, b, prior, settings.weight, None if start is None else _begun(start, prior, mask))
+        x = consistent_estimate(A, b, prior, settings.weight, None if start is None else _started(start, prior, mask))
         return Fit(x, deviations, A, settings)
 
     def prior_of(self, friction: FrictionModel) -> EntropicPrior:
@@ -226,7 +226,7 @@ class LogEvidence:
         return weighted_least_squares(self.equations(cutoff, blocks), self.independent(friction))[0]
 
 
-def _begun(start: Array, prior: EntropicPrior, mask: Array) -> Array:
+def _started(start: Array, prior: EntropicPrior, mask: Array) -> Array:
     """Start of a search: parameters that must be positive and are not begin at their scale."""
     x = start * mask
     x[prior.positive] = np.where(x[prior.positive] > 0.0, x[prior.positive], prior.scales)

@@ -121,4 +121,4 @@ def _unfiltered(motion: SmoothMotion, rigid: Mechanism, drives: Drives) -> Array
 def _friction(mechanism: Mechanism) -> Array:
     """(P,) 1 for friction's parameters."""
     P = len(mechanism.parameter_names)
-    return (np.arange(P) >= mechanism.energetic).astype(np.float64)
+    return (np.arange(P) >= mechanism.num_energy_parameters).astype(np.float64)

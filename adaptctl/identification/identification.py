@@ -31,7 +31,7 @@ class Identification:
     where it was not chosen. `validation` compares torques on rows (filtered equations) that the fit which it judges has
     not seen, `alternatives` are simpler models' validations on the same rows, by name; `choice` is the choice of the
     fit's settings (friction, low-pass cut-off, prior's weight), `steps` are those of the logs' preparation and
-    `remarks` texts on logs and prior.
+    `warnings` texts on logs and prior.
 
     `misfit_ratio`, without a unit, is the ratio of the root mean square of the fitted rows' torque residuals, each
     divided by its joint's standard deviation, to that of plain least squares. `space` is the essential space
@@ -51,7 +51,7 @@ class Identification:
     alternatives: dict[str, Validation]
     choice: Choice
     steps: tuple[PreparationStep, ...]
-    remarks: tuple[str, ...]
+    warnings: tuple[str, ...]
     misfit_ratio: float
     space: EssentialSpace
     components: int
@@ -85,15 +85,15 @@ class Identification:
         a twentieth of the estimate's magnitude."""
         return np.maximum(2.0 * self.deviations, 0.05 * np.abs(self.estimate))
 
-    def adaptation_gain(self, rate: float = 0.6) -> Array:
+    def adaptation_gain(self, gain_scale: float = 0.6) -> Array:
         """Diagonal (k,) of an adaptive controller's gain matrix Gamma for k fundamental (base) parameters, in units of
         the parameters squared per J. Gamma is that of d(estimate)/dt = -Gamma Y^T s, with the torque regressor Y (r,
         k), its transpose Y^T, and the sliding variable s (r,) of r joints. An entry is `rate` (1/J, 0.6 by default;
         larger adapts faster) times the square of the parameter's prior range, this object's `prior_ranges`, or of 1e-9
         times the greatest of these where the range is smaller. Raises `InputError` for a rate that is not positive and
         finite."""
-        rate = positive_number(rate, "adaptation gain: rate: expected a positive number")
-        return rate * np.maximum(self.prior_ranges, 1e-9 * np.max(self.prior_ranges)) ** 2
+        gain_scale = positive_number(gain_scale, "adaptation gain: rate: expected a positive number")
+        return gain_scale * np.maximum(self.prior_ranges, 1e-9 * np.max(self.prior_ranges)) ** 2
 
     @property
     def unexcited(self) -> list[Combination]:

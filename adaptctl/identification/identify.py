@@ -28,7 +28,7 @@ from adaptctl.identification.normal_equations import block_edges
 from adaptctl.identification.preparation import PreparationStep, prepare
 from adaptctl.identification.torque_constants import known_drives, torque_constants, with_constants, without_payloads
 from adaptctl.identification.uncertainty import combinations, essential_components, uncertainty
-from adaptctl.identification.validation import Validation, alternatives, predicted_torques, require_plausible
+from adaptctl.identification.validation import Validation, alternatives, predicted_torques, validate_plausible
 
 HELD_OUT = 0.4
 """Of the blocks, from the end, where no log for validation is given."""
@@ -43,13 +43,13 @@ def identify(
     validate: str | Path | Sequence[str | Path] = (),
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
-    rate: float | None = None,
+    sample_rate: float | None = None,
     topic: str | None = None,
-    skip: Collection[str] = (),
+    skip_steps: Collection[str] = (),
     friction: str | None = None,
     cutoff: float | None = None,
-    weight: float | None = None,
-    instruments: bool = False,
+    prior_weight: float | None = None,
+    instrumental_variables: bool = False,
 ) -> Identification:
     """The identification, an `Identification`, of a robot's inertial and friction parameters from `logs` of its motion.
 
@@ -82,30 +82,30 @@ def identify(
     given = _paths(logs)
     if not given:
         raise InputError("logs: expected at least one log, got none")
-    _require_different(given, _paths(validate))
+    _validate_different(given, _paths(validate))
     if drives is not None and (columns or units):
         raise InputError(f"columns, units: expected none, as the drives name theirs, got {columns or units!r}")
-    if rate is not None:
-        positive_number(rate, "rate: expected a positive number of Hz")
-    _require_settings(cutoff, weight)
+    if sample_rate is not None:
+        positive_number(sample_rate, "sample_rate: expected a positive number of Hz")
+    _validate_settings(cutoff, prior_weight)
     mechanism = load(robot, snap=True) if not isinstance(robot, Mechanism) else robot
     known = read_drives(drives) if isinstance(drives, str | Path) else drives
     if known is None:
         known = joint_columns(mechanism, read_log(given[0], topic), columns, units)
     turned = known.of(mechanism)
-    train = [joint_log(read_log(path, topic), turned, rate) for path in given]
-    test = [joint_log(read_log(path, topic), turned, rate) for path in _paths(validate)]
+    train = [joint_log(read_log(path, topic), turned, sample_rate) for path in given]
+    test = [joint_log(read_log(path, topic), turned, sample_rate) for path in _paths(validate)]
     terms = None if friction is None else FrictionModel.named(friction)
     return identified(
         mechanism,
         turned,
         train,
         test,
-        skip=skip,
+        skip_steps=skip_steps,
         friction=terms,
         cutoff=cutoff,
-        weight=weight,
-        instruments=instruments,
+        prior_weight=prior_weight,
+        instrumental_variables=instrumental_variables,
     )
 
 
@@ -117,7 +117,7 @@ def _paths(given: str | Path | Sequence[str | Path]) -> list[str | Path]:
     return list(given)
 
 
-def _require_different(logs: Sequence[str | Path], others: Sequence[str | Path]) -> None:
+def _validate_different(logs: Sequence[str | Path], others: Sequence[str | Path]) -> None:
     """Raise `InputError` for a log that would count twice, or be judged by itself."""
     fitted = [Path(log).resolve() for log in logs]
     judged = [Path(log).resolve() for log in others]
@@ -130,11 +130,11 @@ def _require_different(logs: Sequence[str | Path], others: Sequence[str | Path])
             raise InputError(f"validate: {other} is one of the logs that are fitted; give another, or none")
 
 
-def _require_settings(cutoff: float | None, weight: float | None) -> None:
+def _validate_settings(cutoff: float | None, weight: float | None) -> None:
     if cutoff is not None:
         positive_number(cutoff, "cutoff: expected a positive number of Hz")
     if weight is not None:
-        positive_number(weight, "weight: expected a positive number")
+        positive_number(weight, "prior_weight: expected a positive number")
 
 
 def identified(
@@ -143,11 +143,11 @@ def identified(
     train: Sequence[JointLog],
     test: Sequence[JointLog] = (),
     *,
-    skip: Collection[str] = (),
+    skip_steps: Collection[str] = (),
     friction: FrictionModel | None = None,
     cutoff: float | None = None,
-    weight: float | None = None,
-    instruments: bool = False,
+    prior_weight: float | None = None,
+    instrumental_variables: bool = False,
 ) -> Identification:
     """The identification, an `Identification`, of a robot's inertial and friction parameters from logs that have been
     read.
@@ -166,21 +166,21 @@ def identified(
     constants that they do not determine; `RankError` where the number of identifiable parameters cannot be certified,
     `SingularityError` near a singularity of kinematic loops, `AdaptctlError` where no consistent estimate is found.
     """
-    _require_settings(cutoff, weight)
-    drives, train, test, known = _with_constants(mechanism, drives, train, test, skip)
-    measured, steps, remarks = gathered(mechanism, drives, train, skip, cutoff)
-    evidence = freed_of_noise(measured) if instruments else measured
+    _validate_settings(cutoff, prior_weight)
+    drives, train, test, known = _with_constants(mechanism, drives, train, test, skip_steps)
+    measured, steps, remarks = gathered(mechanism, drives, train, skip_steps, cutoff)
+    evidence = freed_of_noise(measured) if instrumental_variables else measured
     held_out = [] if test else list(range(round((1.0 - HELD_OUT) * evidence.blocks), evidence.blocks))
     training = evidence.part([b for b in range(evidence.blocks) if b not in held_out])
-    require_plausible(training, train[0].source, judged_at(training))
-    choice = choose(training, friction, weight, cutoff)
+    validate_plausible(training, train[0].source, judged_at(training))
+    choice = choose(training, friction, prior_weight, cutoff)
     every = range(training.blocks)
     fit = training.fit(choice.settings, every)
     plain = _plain(training, fit)
     if held_out:
         judged = replace(measured, edges=evidence.edges).part(held_out)
     else:
-        judged = gathered(mechanism, drives, test, skip, cutoff)[0]
+        judged = gathered(mechanism, drives, test, skip_steps, cutoff)[0]
     origin = "the last 40 % of the logs, held out" if held_out else ", ".join(log.source for log in test)
     validation = _validated(judged, fit.x, origin)
     others = {other.name: _validated(judged, other.x, origin) for other in alternatives(training, fit, plain)}
@@ -227,11 +227,11 @@ def gathered(
     full, (tens, remarks) = with_all_friction(mechanism, drives), prior_links(mechanism)
     motions = list(motions_of(pieces))
     if cutoff is not None:
-        _require_between(cutoff, motions)
+        _validate_between(cutoff, motions)
     cutoffs = cutoffs_for(min(piece.rate for piece in pieces))
     cutoffs = cutoffs if cutoff is None or cutoff in cutoffs else (*cutoffs, cutoff)
     rows = dict(zip(cutoffs, _rows_without_payloads(motions, full, drives, cutoffs), strict=True))
-    _require_enough(pieces[0].source, min(len(part) for part in rows.values()), full)
+    _validate_enough(pieces[0].source, min(len(part) for part in rows.values()), full)
     positive, scales = positive_columns(full, tens)
     basis = fundamental_basis(essential_space(full))
     edges = block_edges(rows[cutoffs[0]], BLOCKS)
@@ -259,7 +259,7 @@ def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
     pairs = [halves(motion.log) for motion in evidence.motions]
     cutoffs = [cutoff for cutoff in evidence.rows if cutoff <= 0.1 * min(log.rate for log, _ in pairs)]
     if not cutoffs:
-        raise InputError("instruments: the log is too slow to be split into even and odd samples")
+        raise InputError("instrumental_variables: the log is too slow to be split into even and odd samples")
     motions = [SmoothMotion.of(own, number) for number, (own, _) in enumerate(pairs)]
     others = [SmoothMotion.of(other, number) for number, (_, other) in enumerate(pairs)]
     own = _rows_without_payloads(motions, evidence.mechanism, evidence.drives, cutoffs)
@@ -268,14 +268,14 @@ def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
     return replace(evidence, motions=motions, rows=rows, edges=block_edges(rows[cutoffs[0]], BLOCKS))
 
 
-def _require_between(cutoff: float, motions: Sequence[SmoothMotion]) -> None:
+def _validate_between(cutoff: float, motions: Sequence[SmoothMotion]) -> None:
     """Raise `InputError` for a cut-off (Hz) that filters no motion: longer than one, or not below half its rate."""
     least, most = max(2.0 * m.rate / len(m.position) for m in motions), 0.5 * min(m.rate for m in motions)
     if not least < cutoff < most:
         raise InputError(f"cutoff: expected between {least:.3g} and {most:.3g} Hz for these logs, got {cutoff:g}")
 
 
-def _require_enough(source: str, rows: int, mechanism: Mechanism) -> None:
+def _validate_enough(source: str, rows: int, mechanism: Mechanism) -> None:
     if rows < 2 * BLOCKS:
         raise InputError(
             f"{source}: only {rows} independent instants of motion are left of the log; at least {2 * BLOCKS} are "

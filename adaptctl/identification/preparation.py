@@ -123,10 +123,10 @@ def prepare(
     than 0.25 rad (m) beyond limits, speeds or torques (99th percentiles) above three times theirs, and a log with fewer
     than 50 samples of motion.
     """
-    _require_known(skip)
+    _validate_known(skip)
     steps = [PreparationStep(name, "skipped") for name in STEPS if name in skip]
     pieces = list(_pieces(log))
-    _require_plausible_rate(log)
+    _validate_plausible_rate(log)
     if "resample" not in skip:
         done = [_resampled(piece) for piece in pieces]
         pieces = [piece for piece, _ in done]
@@ -154,14 +154,14 @@ def prepare(
     return [_prepared(piece, where) for piece, where in zip(pieces, moving, strict=True)], steps
 
 
-def _require_known(skip: Collection[str]) -> None:
+def _validate_known(skip: Collection[str]) -> None:
     if isinstance(skip, str):
-        raise InputError(f"skip: expected a list of names, got the text {skip!r}")
+        raise InputError(f"skip_steps: expected a list of names, got the text {skip!r}")
     if unknown := [name for name in skip if name not in STEPS]:
-        raise InputError(f"skip: expected {', '.join(STEPS)}, got {unknown[0]!r}")
+        raise InputError(f"skip_steps: expected {', '.join(STEPS)}, got {unknown[0]!r}")
 
 
-def _require_plausible_rate(log: JointLog) -> None:
+def _validate_plausible_rate(log: JointLog) -> None:
     rate = 1.0 / float(np.median(np.diff(log.time)))
     if not SLOWEST <= rate <= FASTEST:
         likely = "ms taken for s" if rate < SLOWEST else "s taken for ms"
@@ -210,7 +210,7 @@ def _resampling(each: list[str], pieces: int) -> str:
 
 
 def _unwrapped(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, int]:
-    turns = np.array([joint.kind.turns for joint in mechanism.primary_joints])
+    turns = np.array([joint.kind.is_revolute for joint in mechanism.primary_joints])
     continued = np.where(turns, np.unwrap(log.position, axis=0), log.position)
     offset = np.abs(np.diff(continued - log.position, axis=0)) > 1.0
     return replace(log, position=continued), int(offset.sum())
@@ -269,7 +269,8 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
         if fastest[j] > TOO_FAST * limits.velocity:
             raise InputError(
                 f"{source}: joint {joint.name!r} moves at {fastest[j]:.3g} {joint.kind.position_unit}/s, its robot at "
-                f"most at {limits.velocity:.3g}: are the positions in {'deg' if joint.kind.turns else 'mm'}, the time "
+                f"most at {limits.velocity:.3g}: are the positions in {'deg' if joint.kind.is_revolute else 'mm'}, "
+                f"the time "
                 "in ms, or is the gear ratio wrong?"
             )
         if low < limits.lower - TOO_FAR or high > limits.upper + TOO_FAR:

@@ -172,7 +172,7 @@ def _excited(found: Identification) -> Section:
 
 def _chosen(found: Identification) -> Section:
     trials = found.choice.trials
-    steps = [*((step.name, step.outcome) for step in found.steps), *(("prior", remark) for remark in found.remarks)]
+    steps = [*((step.name, step.outcome) for step in found.steps), *(("prior", remark) for remark in found.warnings)]
     rows = [(t.what, t.candidate, f"{t.rms:.4g}", "taken" if t.taken else "") for t in trials]
     taken = [k for k, trial in enumerate(trials) if trial.taken]
     choices = Table(("choice", "candidate", "error, rms", "taken"), rows, align="llr", marked=taken)

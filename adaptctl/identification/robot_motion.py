@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, per_joint, positive_number
-from adaptctl.control.excitation.exciting_reference import MotionLimits, exciting_reference
+from adaptctl.control.excitation.excitation_trajectory import MotionLimits, excitation_trajectory
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -43,7 +43,11 @@ class RobotLimits:
 
     @classmethod
     def of(
-        cls, mechanism: Mechanism, share: float, acceleration: ArrayLike | None = None, jerk: ArrayLike | None = None
+        cls,
+        mechanism: Mechanism,
+        limit_share: float,
+        acceleration: ArrayLike | None = None,
+        jerk: ArrayLike | None = None,
     ) -> RobotLimits:
         """The limits, a `RobotLimits`, of a `mechanism`: `share`, a fraction (unitless, not checked), of its own speed
         and torque limits, and limits of `acceleration` (rad/s^2, or m/s^2 for a prismatic joint) and `jerk` (rad/s^3 or
@@ -51,7 +55,9 @@ class RobotLimits:
         `InputError` for another shape and what is not positive, `NonFiniteError` for NaN."""
         speeds = np.array([joint.limits.velocity for joint in mechanism.primary_joints])
         bends = _each(acceleration, mechanism.dof, "acceleration")
-        return cls(share * speeds, bends, _each(jerk, mechanism.dof, "jerk"), share * mechanism.effort_limits)
+        return cls(
+            limit_share * speeds, bends, _each(jerk, mechanism.dof, "jerk"), limit_share * mechanism.effort_limits
+        )
 
 
 def _each(limit: ArrayLike | None, dof: int, what: str) -> Array:
@@ -77,20 +83,20 @@ class RobotMotion:
     end: Array
     period: float
     fade: float
-    slower: float = 1.0
+    time_scale: float = 1.0
 
     @property
     def duration(self) -> float:
         """Duration of the whole motion, s: its factor `slower` times the sum of its `period` and of both blends, `fade`
         each."""
-        return self.slower * (self.period + 2.0 * self.fade)
+        return self.time_scale * (self.period + 2.0 * self.fade)
 
     def at(self, time: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """Positions (rad, or m for a prismatic joint), velocities (rad/s, m/s), accelerations (rad/s^2, m/s^2) and
         jerks (rad/s^3, m/s^3) of the motion, (n, r) each for r joints, at n times `time` (n,) in s from its start.
         Before and after the motion the robot rests at its first and last pose. Raises `IndexError` for a scalar
         time."""
-        t = np.asarray(time, dtype=np.float64) / self.slower
+        t = np.asarray(time, dtype=np.float64) / self.time_scale
         whole = self.period + 2.0 * self.fade
         entering, leaving = _blend(t / self.fade, 1.0 / self.fade), _blend((whole - t) / self.fade, -1.0 / self.fade)
         swing = self._swing(t - self.fade)
@@ -99,7 +105,7 @@ class RobotMotion:
         b = [np.where(late, after[:, None], before[:, None]) for before, after in zip(entering, leaving, strict=True)]
         off = [swing[0] - pose, *swing[1:]]
         found = [sum(comb(k, i) * b[i] * off[k - i] for i in range(k + 1)) for k in range(4)]
-        p, v, a, jerk = (found[k] / self.slower**k for k in range(4))
+        p, v, a, jerk = (found[k] / self.time_scale**k for k in range(4))
         return pose + p, v, a, jerk
 
     def sampled(self, rate: float = RATE) -> tuple[Array, Array, Array, Array, Array]:
@@ -136,7 +142,7 @@ def exciting_motion(
     duration: float = 14.0,
     fade: float = 2.0,
     harmonics: int = 5,
-    share: float = 0.8,
+    limit_share: float = 0.8,
     seed: int = 0,
     iterations: int = 10,
     allowed: Allowed | None = None,
@@ -146,7 +152,7 @@ def exciting_motion(
     `end` (r,), rad (m for a prismatic joint), by default (None) the middle of the joints' ranges.
 
     The reference has `harmonics` (5 by default) of the frequency 1/(`duration` - 2 `fade`) Hz and is the best of a
-    search of at most `iterations` (10) steps, begun from references drawn by `seed` (0; equal seeds give equal
+    search of at most `iterations` (10) steps, started from references drawn by `seed` (0; equal seeds give equal
     motions), within a fraction `share` (unitless, 0.8) of the joints' own ranges, speeds and torques. `duration` (s,
     14) is that of the whole motion, `fade` (s, 2) of each blend; the motion takes longer where it must be slowed until
     its speeds, accelerations, jerks and torques, friction included, are within `limits`. `allowed` is a function that
@@ -163,19 +169,25 @@ def exciting_motion(
     if not 0.0 < 2.0 * fade < duration:
         raise InputError(f"fade: expected a time up to half of the duration of {duration:g} s, got {fade:g}")
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
-    space = MotionLimits.of(model, share)
+    space = MotionLimits.of(model, limit_share)
     middle = 0.5 * (space.lower + space.upper)
     first, last = (middle if pose is None else checked(pose, mechanism.dof, "pose") for pose in (start, end))
-    _require_poses(mechanism, first, last, limits, allowed)
+    _validate_poses(mechanism, first, last, limits, allowed)
     period = duration - 2.0 * fade
-    found = exciting_reference(
-        model, frequency=1.0 / period, harmonics=harmonics, share=share, limits=space, iterations=iterations, seed=seed
+    found = excitation_trajectory(
+        model,
+        frequency=1.0 / period,
+        harmonics=harmonics,
+        limit_share=limit_share,
+        limits=space,
+        iterations=iterations,
+        seed=seed,
     )
     motion = RobotMotion(found.reference, first, last, period, fade)
     return _slowed(_smaller(motion, allowed), mechanism, limits)
 
 
-def _require_poses(
+def _validate_poses(
     mechanism: Mechanism, start: Array, end: Array, limits: RobotLimits, allowed: Allowed | None
 ) -> None:
     still = np.zeros(mechanism.dof)
@@ -221,7 +233,7 @@ def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> R
     if _use(motion, mechanism, limits) <= 1.0:
         return motion
     slow, fast = 1.0, 1.0
-    while _use(at_pace(motion, slow), mechanism, limits) > 1.0:
+    while _use(time_scaled(motion, slow), mechanism, limits) > 1.0:
         fast, slow = slow, 1.5 * slow
         if slow > SLOWEST:
             raise InputError(
@@ -229,15 +241,15 @@ def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> R
             )
     for _ in range(HALVINGS):
         middle = 0.5 * (slow + fast)
-        slow, fast = (middle, fast) if _use(at_pace(motion, middle), mechanism, limits) <= 1.0 else (slow, middle)
-    return at_pace(motion, slow)
+        slow, fast = (middle, fast) if _use(time_scaled(motion, middle), mechanism, limits) <= 1.0 else (slow, middle)
+    return time_scaled(motion, slow)
 
 
-def at_pace(motion: RobotMotion, slower: float) -> RobotMotion:
+def time_scaled(motion: RobotMotion, time_scale: float) -> RobotMotion:
     """A copy of a `motion`, a `RobotMotion`, on the same path at another pace: `slower` (unitless), the factor by which
     times are longer than its reference's, replaces its own: at 2 the motion takes twice as long. The number is not
     checked."""
-    return RobotMotion(motion.reference, motion.start, motion.end, motion.period, motion.fade, slower)
+    return RobotMotion(motion.reference, motion.start, motion.end, motion.period, motion.fade, time_scale)
 
 
 def _use(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> float:

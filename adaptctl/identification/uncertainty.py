@@ -143,7 +143,7 @@ def essential_components(mechanism: Mechanism, p: Array, v: Array) -> tuple[Esse
     motion of other shapes or without energy differences, `RankError` where the number of identifiable parameters cannot
     be certified."""
     space = essential_space(mechanism, states=States(p, v, "the log's motion"))
-    return space, reduce(space, mechanism, energy_error=ENERGY_ERROR).kept
+    return space, reduce(space, mechanism, energy_error=ENERGY_ERROR).num_components
 
 
 def _words(vector: Array, names: Sequence[str]) -> str:

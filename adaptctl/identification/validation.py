@@ -158,7 +158,7 @@ UNEXPLAINED = 0.5
 """Share of the torques that least squares may leave of its own rows."""
 
 
-def require_plausible(evidence: LogEvidence, source: str, cutoff: float) -> None:
+def validate_plausible(evidence: LogEvidence, source: str, cutoff: float) -> None:
     """Raise `InputError` where logs cannot be of their robot: where least squares finds friction that drives a joint's
     motion, so that a sign must be wrong, or where its residuals are more than half of the torques, as root mean squares
     over all joints. Friction drives where its mean power is below -0.3 times the product of the joint's root mean
@@ -191,7 +191,7 @@ def require_plausible(evidence: LogEvidence, source: str, cutoff: float) -> None
 def _is_needed(evidence: LogEvidence, equations: NormalEquations, joint: str, deviations: Array) -> bool:
     """True if the rows are fitted much worse without a joint's friction; else its values may be anything."""
     names, columns = evidence.mechanism.parameter_names, evidence.independent(FrictionModel())
-    energetic = evidence.mechanism.energetic
+    energetic = evidence.mechanism.num_energy_parameters
     others = np.array([c for c in columns.tolist() if c < energetic or not names[c].startswith(joint)])
     whitened, weight = equations.whitened(deviations), 1.0 / deviations**2
     best, without = (equations.misfit(least_squares(*whitened, kept)) @ weight for kept in (columns, others))

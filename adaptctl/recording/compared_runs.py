@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import per_joint
 from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, NotFoundError, require_kind
+from adaptctl.errors import InputError, NotFoundError, validate_kind
 from adaptctl.identifiability import FundamentalBasis, essential_space, fundamental_basis
 from adaptctl.recording.comparison import Comparison, ControllerRun
 from adaptctl.simulation.run import Rollout
@@ -50,7 +50,7 @@ def compared_runs(
     if not runs:
         raise InputError("compared_runs: expected at least one run")
     for label, rollout in runs.items():
-        require_kind(rollout, Rollout, f"run {label!r}", "as simulate(...) gives one")
+        validate_kind(rollout, Rollout, f"run {label!r}", "as simulate(...) gives one")
         if not len(rollout.time):
             raise InputError(f"run {label!r}: expected at least one sample, got none")
     if adaptation_off is not None and adaptation_off not in runs:
@@ -79,11 +79,11 @@ def compared_runs(
         without_adaptation=off,
         truth_known=truth_known,
     )
-    _require_fit(compared)
+    _validate_fit(compared)
     return compared
 
 
-def _require_fit(compared: Comparison) -> None:
+def _validate_fit(compared: Comparison) -> None:
     dof, known = compared.mechanism.dof, len(compared.model.names)
     for run in compared.runs:
         if run.rollout.p.shape[1] != dof:

@@ -109,7 +109,7 @@ class ControllerRun:
 
     def _lasts(self, length: float) -> bool:
         """True if the run lasts that many seconds, to half a sample."""
-        return self.duration > length - 0.5 * self.rollout.spacing
+        return self.duration > length - 0.5 * self.rollout.sample_time
 
     def moving_rms_error(self, window: float) -> Array:
         """Root mean square of the run's tracking errors (positions less desired ones) over a moving window, an array
@@ -124,7 +124,7 @@ class ControllerRun:
         squares = np.mean(self.rollout.error**2, axis=1)
         sums = np.cumsum(np.concatenate([[0.0], squares]))
         stop = np.arange(1, len(squares) + 1)
-        width = max(1, round(min(window / self.rollout.spacing, len(squares))))
+        width = max(1, round(min(window / self.rollout.sample_time, len(squares))))
         start = np.maximum(stop - width, 0)
         with np.errstate(invalid="ignore"):
             return np.sqrt(np.maximum(sums[stop] - sums[start], 0.0) / (stop - start))
@@ -195,7 +195,7 @@ class Leading:
         return float(np.sqrt(np.mean(np.square(self.errors[run.name][late]))))
 
 
-def _require_errors(leading: Leading, run: ControllerRun) -> None:
+def _validate_errors(leading: Leading, run: ControllerRun) -> None:
     """Raise `InputError` unless there is a leading error for every sample of a run."""
     samples = run.rollout.time.shape
     if (given := np.shape(leading.errors.get(run.name, ()))) != samples:
@@ -278,7 +278,7 @@ class Comparison:
             raise InputError(f"torque_limits: expected {self.mechanism.dof} positive numbers, got {limits.tolist()}")
         if self.leading is not None:
             for run in self.runs:
-                _require_errors(self.leading, run)
+                _validate_errors(self.leading, run)
 
     def _repr_html_(self) -> str:
         """Notebook's view of the comparison: a table with a row a run."""

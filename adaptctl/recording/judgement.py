@@ -39,7 +39,7 @@ def _failures(comparison: Comparison) -> Iterator[tuple[Failure, str]]:
         yield Failure.STOPPED, f"{run.label} was stopped at {run.duration:.2f} s, an error being beyond bounds."
     elif not (worst := _last_error(comparison)) < ASTRAY:
         yield Failure.DIVERGED, f"{run.label} diverged: an error of {worst:.3g} rad or m at the end."
-    limited = comparison.limited_steps(run) * run.rollout.spacing
+    limited = comparison.limited_steps(run) * run.rollout.sample_time
     if limited > SATURATED:
         yield Failure.SATURATED, f"{run.label} was at a torque limit for {limited:.1f} of {run.duration:.1f} s."
     if comparison.complete and not run.rollout.terminated and not _beats_adaptation_off(comparison):

@@ -21,9 +21,9 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import positive_number
 from adaptctl.description.writers.mechanism_file import mechanism_toml
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, LiveViewWarning, MissingExtraError, NonFiniteError, require_kind
-from adaptctl.files import require_place
-from adaptctl.packages import viewer_program
+from adaptctl.errors import InputError, LiveViewWarning, MissingExtraError, NonFiniteError, validate_kind
+from adaptctl.files import validate_place
+from adaptctl.optional_packages import viewer_program
 
 HOST, PORT = "127.0.0.1", 9876
 PATIENCE, WRITING = 10.0, 60.0
@@ -61,7 +61,7 @@ class Live:
         start_viewer: bool = True,
         inline: bool = False,
     ) -> None:
-        require_kind(mechanism, Mechanism, "live view", "as load(...) gives one")
+        validate_kind(mechanism, Mechanism, "live view", "as load(...) gives one")
         self._pause = 1.0 / positive_number(rate, "rate: expected a positive number of samples a second")
         self._dof, self._latest = mechanism.dof, -np.inf
         self.sent, self.dropped = 0, 0
@@ -71,7 +71,7 @@ class Live:
         if not isinstance(place, str):
             raise InputError(f"to: expected the text {HOST}:PORT or a file's that ends in .rrd, got {to!r}")
         if is_file := place.endswith(".rrd"):
-            require_place(place)
+            validate_place(place)
         self.url = place if is_file else reachable(place, start_viewer, inline)
         if self.url is not None:
             self._begin(mechanism, self.url)

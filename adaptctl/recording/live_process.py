@@ -38,7 +38,7 @@ def main(descriptor: int, url: str) -> None:
         rows = _Rows(samples, 1 + 3 * mechanism.dof)
         first = rows.next()
         if first is not None:
-            recording, parts = _begun(mechanism, url, first)
+            recording, parts = _started(mechanism, url, first)
             _draw(recording, mechanism, parts, first)
             while (more := rows.next()) is not None:
                 _draw(recording, mechanism, parts, more)
@@ -75,7 +75,7 @@ class _Rows:
         return np.stack(rows) if rows else None
 
 
-def _begun(mechanism: Mechanism, url: str, first: Array) -> tuple[rr.RecordingStream, Skeleton]:
+def _started(mechanism: Mechanism, url: str, first: Array) -> tuple[rr.RecordingStream, Skeleton]:
     recording = rr.RecordingStream("adaptctl-live", make_default=False)
     recording.save(url) if url.endswith(".rrd") else recording.connect_grpc(url)
     parts, r = skeleton(mechanism), mechanism.dof

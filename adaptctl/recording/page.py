@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 from adaptctl.files import write_json, write_text
-from adaptctl.packages import needed
+from adaptctl.optional_packages import needed
 from adaptctl.recording.drawing import Drawing, write_drawings
 from adaptctl.recording.result import FIGURES, RECORDING, REPORT, SUMMARY, Fact, Progress, all_or_none, silent
 

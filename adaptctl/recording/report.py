@@ -231,7 +231,7 @@ def _measured(comparison: Comparison) -> Table | None:
     return _of_runs(comparison, heads, rows, "l" + "r" * len(heads), told)
 
 
-SCHEMA = "adaptctl/summary/1"
+SCHEMA = "adaptctl/summary/2"
 
 
 def summary(comparison: Comparison) -> dict[str, Any]:

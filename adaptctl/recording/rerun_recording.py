@@ -309,6 +309,6 @@ def _beginning(run: ControllerRun, count: int) -> ControllerRun:
     """A run's first samples, so many of them."""
     rollout = run.rollout
     arrays: dict[str, Any] = {name: x[:count] for name, x in vars(rollout).items() if isinstance(x, np.ndarray)}
-    marks = {name: values[:count] for name, values in rollout.marks.items()}
+    marks = {name: values[:count] for name, values in rollout.flags.items()}
     lyapunov = None if run.lyapunov is None else run.lyapunov[:count]
-    return replace(run, rollout=replace(rollout, **arrays, marks=marks), lyapunov=lyapunov)
+    return replace(run, rollout=replace(rollout, **arrays, flags=marks), lyapunov=lyapunov)

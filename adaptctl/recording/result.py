@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from adaptctl.errors import FileError
-from adaptctl.files import cleaned_of_the_dead, name_beside, reason, require_place
+from adaptctl.files import name_beside, reason, remove_stale_temporaries, validate_place
 from adaptctl.folders import made_folder
 
 
@@ -142,7 +142,7 @@ def all_or_none(folder: str | Path, last: str = SUMMARY) -> Iterator[Path]:
     others, so that what is half done does not say that it is complete; when the block fails `folder` stays as it was.
     Raises `FileError`, which names the file's own place, where one cannot be written or the folder cannot be made."""
     path, made = Path(folder), list[Path]()
-    cleaned_of_the_dead(path, STAGED)
+    remove_stale_temporaries(path, STAGED)
     beside = name_beside(path / STAGED)
     try:
         made += _made(path)
@@ -169,7 +169,7 @@ def _made(place: Path) -> list[Path]:
 
 def _move_in(beside: Path, path: Path, last: str) -> None:
     files = [file for file in beside.rglob("*") if file.is_file()]
-    places = [(file, require_place(path / file.relative_to(beside))) for file in files]
+    places = [(file, validate_place(path / file.relative_to(beside))) for file in files]
     for file, place in sorted(places, key=lambda one: one[0].name == last):
         try:
             shutil.move(file, place)

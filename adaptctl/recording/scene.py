@@ -103,7 +103,7 @@ def log_base(
     `floor`, m. A body that hangs above its own links, such as a humanoid's hips, gets none. `parts` are the shapes that
     the mechanism is drawn by; they set the pedestals' size. Nothing is raised."""
     radius = 1.15 * ROOT_RADIUS * parts.reach
-    feet = np.array([link.near.translation for link in mechanism.links if link.parent == GROUND])
+    feet = np.array([link.parent_to_joint.translation for link in mechanism.links if link.parent == GROUND])
     shown = visuals(mechanism.description)
     if own := _log_visuals(recording, f"{WORLD}/{name}", shown.get(GROUND, ()), BASE, False):
         lowest = min(float(visual.pose.translation[2]) for visual, _ in own)

@@ -105,7 +105,7 @@ def _link_shapes(links: tuple[Link, ...], index: int, ends: Sequence[Array], rad
         for a, b in ((start, corner), (corner, goal)):
             if np.linalg.norm(b - a) > SHORTEST:
                 yield Shape(index, Solid.LINK, a, b, radius)
-    half = (1.25 if link.joint.kind.turns else 2.5) * radius * axis
+    half = (1.25 if link.joint.kind.is_revolute else 2.5) * radius * axis
     yield Shape(index, Solid.JOINT, start - half, start + half, 1.2 * radius)
 
 
@@ -135,7 +135,7 @@ class Viewpoint:
         origins = poses.translations
         tips = origins[:, parts.tip_link] + poses.rotations[:, parts.tip_link] @ parts.tip
         center = (origins.reshape(-1, 3).min(axis=0) + origins.reshape(-1, 3).max(axis=0)) / 2.0
-        feet = np.array([link.near.translation for link in mechanism.links if link.parent < 0])
+        feet = np.array([link.parent_to_joint.translation for link in mechanism.links if link.parent < 0])
         outward = feet[-1] - feet[0] if len(feet) > 1 else origins[:, parts.tip_link].mean(axis=0)
         azimuth = float(np.arctan2(outward[1], outward[0])) - 1.1
         away = np.array([np.cos(azimuth), np.sin(azimuth), 0.4])
@@ -165,5 +165,5 @@ def floor_height(mechanism: Mechanism, parts: Skeleton, p: Array) -> float:
     where kinematic loops cannot be closed, `SingularityError` near a singularity of these.
     """
     heights = link_poses(mechanism, p[:: max(1, -(-len(p) // POSITIONS))]).translations[..., 2]
-    lowest = min(float(heights.min()), min(link.near.translation[2] for link in mechanism.links[:1]))
+    lowest = min(float(heights.min()), min(link.parent_to_joint.translation[2] for link in mechanism.links[:1]))
     return 0.0 if lowest > 0.0 else lowest - 0.6 * parts.reach

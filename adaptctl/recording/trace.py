@@ -18,8 +18,8 @@ from adaptctl.recording.wording import parameter_unit
 if TYPE_CHECKING:
     import pyarrow as pa
 
-SCHEMA = "adaptctl/trace/1"
-MARKS = {
+SCHEMA = "adaptctl/trace/2"
+FLAGS = {
     "payload": ("kg", "mass that is held"),
     "torque_limited": ("1", "1 where a limit held a torque back"),
     "rate_limited": ("1", "1 where a torque would have changed too fast"),
@@ -28,7 +28,7 @@ MARKS = {
     "ringing": ("1", "1 where a sliding variable changes its sign every control period"),
     "stopped": ("1", "1 from where the arm is braked"),
 }
-"""Units and meanings of the marks of plants and guards."""
+"""Units and meanings of the flags of plants and guards."""
 
 
 class Quantity(NamedTuple):
@@ -82,7 +82,7 @@ def write_columns(path: str | Path, columns: Sequence[Quantity], about: dict[str
 def quantities(run: ControllerRun, mechanism: Mechanism, parameters: tuple[str, ...]) -> Iterator[Quantity]:
     """Columns of the table of a `run` of a `mechanism`, each a `Quantity` of T samples: `time` (s), `energy`, kinetic
     plus potential (J), `reward` of the environment (no unit), `clipped`, 1 where a torque was clipped, else 0,
-    `lyapunov` (J) where the control law has such a function, and `mark.NAME` for each flag of the plant or the
+    `lyapunov` (J) where the control law has such a function, and `flag.NAME` for each flag of the plant or the
     controller's guards.
 
     Flags are 1 where set, else 0: `torque_limited`, `rate_limited`, `frozen` (nothing is learned), `bounded` (an
@@ -100,9 +100,9 @@ def quantities(run: ControllerRun, mechanism: Mechanism, parameters: tuple[str, 
     yield Quantity("energy", "J", "kinetic plus potential energy", rollout.energy)
     yield Quantity("reward", "1", "reward of the environment", rollout.reward)
     yield Quantity("clipped", "1", "1 where a torque was clipped", rollout.clipped)
-    for mark, values in rollout.marks.items():
-        unit, meaning = MARKS.get(mark, ("1", "marked by the plant or by the controller's guards"))
-        yield Quantity(f"mark.{mark}", unit, meaning, values)
+    for name, values in rollout.flags.items():
+        unit, meaning = FLAGS.get(name, ("1", "set by the plant or by the controller's guards"))
+        yield Quantity(f"flag.{name}", unit, meaning, values)
     if run.lyapunov is not None:
         yield Quantity("lyapunov", "J", "Lyapunov function of the adaptive law", run.lyapunov)
     for name, values in zip(parameters, rollout.estimate.T, strict=False):

@@ -73,7 +73,7 @@ def coupling_unit(mechanism: Mechanism) -> str:
     """Unit, as text, of the entries off the diagonal of a mechanism's mass matrix, over all pairs of its primary
     (independent) joints: "kg m²" where all are revolute or there is one joint alone, "kg" where all are prismatic, "kg
     m" for one of each kind; with more joints of both kinds, those that occur, joined by "or". Nothing is raised."""
-    turns = [joint.kind.turns for joint in mechanism.primary_joints]
+    turns = [joint.kind.is_revolute for joint in mechanism.primary_joints]
     found = {first + second for i, first in enumerate(turns) for second in turns[:i]}
     return " or ".join(("kg", "kg m", "kg m²")[power] for power in sorted(found or {2}, reverse=True))
 
@@ -92,6 +92,6 @@ def parameter_unit(name: str, mechanism: Mechanism) -> str:
     "coulomb", "stribeck" and "offset" N m; all others, moments and rotor inertias, kg m^2. Drives of prismatic joints
     have N s/m, N s^1/2 m^-1/2, N, and kg for a rotor's inertia. No name raises an error."""
     owner, _, kind = name.rpartition(".")
-    slides = any(link.joint.name == owner and not link.joint.kind.turns for link in mechanism.links)
+    slides = any(link.joint.name == owner and not link.joint.kind.is_revolute for link in mechanism.links)
     units = SLIDING if slides else TURNING
     return units.get(kind, "kg m" if kind.startswith("mc_") else "kg m^2")

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
-from adaptctl.errors import InputError, NotFoundError, nearest_name
+from adaptctl.errors import InputError, NotFoundError, suggested_name
 from adaptctl.scalars.column import Column
 
 
@@ -119,7 +119,7 @@ class Tunable:
         that name, such as "adaptation.gain". They are scalars of any kind (float, dual number, node of an expression
         graph), or arrays of which leading axes are samples; those not given stay. Values are not checked. Raises
         `NotFoundError` for an unknown name."""
-        self._require_named(numbers, self._names)
+        self._validate_named(numbers, self._names)
         return self._having(numbers)
 
     def _having(self, numbers: Mapping[str, Any]) -> Self:
@@ -151,7 +151,7 @@ class Tunable:
 
         Raises `NotFoundError` for an unknown name, and what the class itself raises for its attributes.
         """
-        self._require_named(numbers, self.numbers)
+        self._validate_named(numbers, self.numbers)
         own: dict[str, Any] = {name: value for name, value in numbers.items() if "." not in name}
         parts = {name: part.tuned(_within(name, numbers)) for name, part in self.tunable_parts.items()}
         return replace(self, **own, **parts)  # type: ignore[type-var]  # what has names to tune is a dataclass
@@ -162,10 +162,10 @@ class Tunable:
         parts = self.tunable_parts.items()
         return *self.tunable, *(f"{part}.{name}" for part, of in parts for name in of._names)
 
-    def _require_named(self, names: Iterable[str], known: Collection[str]) -> None:
+    def _validate_named(self, names: Iterable[str], known: Collection[str]) -> None:
         for name in names:
             if name not in known:
-                guess, there = nearest_name(name, known), ", ".join(known) or "none"
+                guess, there = suggested_name(name, known), ", ".join(known) or "none"
                 raise NotFoundError(f"{type(self).__name__} has no number {name!r} to tune{guess}; there are: {there}")
 
     @cached_property

@@ -17,9 +17,9 @@ from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.control.controller import GAINS, Controller, Reference, ReferencePoint
-from adaptctl.control.memory import leaves, like
+from adaptctl.control.pytree import leaves, like
 from adaptctl.dynamics.equations import ClosedPositions
-from adaptctl.errors import InputError, require_kind
+from adaptctl.errors import InputError, validate_kind
 from adaptctl.scalars import Column, Structure
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.plant import Plant
@@ -38,7 +38,7 @@ class Sample(NamedTuple):
     sensors measured of these, (0,) without sensors; `energy` (1,), J, is kinetic plus potential. `torque` (r,), N m
     (N), was commanded, and `applied` (r,) reached the joints; `clipped` (1,) is 1 where the command was beyond the
     plant's torque limits, else 0. `estimate` (k,) has the controller's k parameter estimates, SI units, after the
-    period's evaluation of its law, k = 0 where it has none. `marks` (h,), named in `ClosedLoop.marks`, are 1 where an
+    period's evaluation of its law, k = 0 where it has none. `flags` (h,), named in `ClosedLoop.flags`, are 1 where an
     actuator effect or a guard of the controller acted, else 0. `learning` (l,) has the l numbers that the adaptation
     law records of its internal state, l = 0 where it records none.
     """
@@ -52,8 +52,8 @@ class Sample(NamedTuple):
     applied: Any
     clipped: Any
     estimate: Any
-    marks: Any
-    learning: Any
+    flags: Any
+    logged_state: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +72,8 @@ class ClosedLoop:
     controller: Controller[Any]
 
     def __post_init__(self) -> None:
-        require_kind(self.plant, Plant, "closed loop", "as Plant(mechanism, 1e-3) is one")
-        require_kind(self.controller, Controller, "closed loop", "as SlotineLi(...) is one")
+        validate_kind(self.plant, Plant, "closed loop", "as Plant(mechanism, 1e-3) is one")
+        validate_kind(self.controller, Controller, "closed loop", "as SlotineLi(...) is one")
         if self.plant.dof != self.controller.dof:
             raise InputError(
                 f"closed loop: the plant has {self.plant.dof} joints, the controller is for {self.controller.dof}"
@@ -135,18 +135,18 @@ class ClosedLoop:
         torque, after = law.law(*observed, reference, memory)
         outcome = self.plant.equation({**columns, "torque": torque})
         next_measured = (outcome.measured_p, outcome.measured_v) if self._senses else _NOTHING
-        marks = Column((*outcome.marks, *(mark[0] for mark in guards(after))))
+        flags = Column((*outcome.flags, *(flag[0] for flag in guards(after))))
         estimate = Column(getattr(after, "estimate", ()))
         energy = Column((self.plant.energy_equation(q, v, columns["parameters"], columns["drives"]),))
-        done = torque, outcome.applied, outcome.clipped, estimate, marks, Column(getattr(after, "recorded", ()))
+        done = torque, outcome.applied, outcome.clipped, estimate, flags, Column(getattr(after, "logged_state", ()))
         return [*outcome[:4], *next_measured, *leaves(after)], Sample(q, v, *measured, energy, *done)
 
     @cached_property
-    def marks(self) -> tuple[str, ...]:
+    def flags(self) -> tuple[str, ...]:
         """Names of the flags in a `Sample`, the record of a control period, in their order. Each is 1 in a period in
         which its effect or guard acted, else 0: first the plant's actuator effects that have a flag for a change of a
-        torque, then the guards of a `Guarded` controller, such as "torque_limited"."""
-        return (*self.plant.marks, *getattr(guards(self._blank), "_fields", ()))
+        torque, then the guards of a `SafetyFilter` controller, such as "torque_limited"."""
+        return (*self.plant.flags, *getattr(guards(self._blank), "_fields", ()))
 
     def __eq__(self, other: object) -> bool:
         """True if the plants are equal, and the controllers but for their gains."""
@@ -166,7 +166,7 @@ class ClosedLoop:
         the 8 loops used last is kept. Raises `TraceError` where the controller's law cannot be traced into an
         expression graph."""
         shared, name = self.reference | self.noise, type(self.controller).__name__
-        return compile_step(self.step, state=self.state, held=self.held, shared=shared, lanes=1, name=name)
+        return compile_step(self.step, state=self.state, constants=self.held, inputs=shared, lanes=1, name=name)
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
         """The closed loop's state after one control period, then the fields of the `Sample` recorded of the period, all
@@ -184,7 +184,7 @@ class ClosedLoop:
         all arms, or (M, length), length being that of its column. The plants' parameters, `arms.held["parameters"]`,
         are not changed. Returns nothing. Raises `InputError` for arms of another loop and where arrays do not fit the
         arms, `ValueError` for an internal state of another number of arrays."""
-        self._require_own(arms)
+        self._validate_own(arms)
         plant = state.q, state.v, state.drives, state.sensors
         measured = (state.measured_p, state.measured_v) if self._senses else np.zeros((2, 0))
         for name, values in zip(self.state, (*plant, *measured, *leaves(memory)), strict=True):
@@ -195,17 +195,17 @@ class ClosedLoop:
     def now(self, arms: Ensemble, time: float, member: int = 0) -> tuple[PlantState, Any]:
         """The plant's state and the controller's internal state, a pair, of one of the `arms` (copies of the compiled
         step): the arm of zero-based index `member`, 0 by default. `time` (s) is put into the state as it is. The
-        state's `applied` (the torques applied), `clipped` and `marks` (flags of effects), which arms do not keep, are
+        state's `applied` (the torques applied), `clipped` and `flags` (flags of effects), which arms do not keep, are
         zero. Raises `InputError` for an index that no arm has and for arms of another loop."""
-        self._require_own(arms)
+        self._validate_own(arms)
         member = whole_number(member, "closed loop: member", 0, arms.members - 1)
         q, v, drives, sensors, *rest = (arms.state[name][member] for name in self.state)
         p = self.plant.positions(q)
         measured, memory = rest[:2] if self._senses else (p, v), like(self._blank, rest[2:])
-        done = np.zeros(len(p)), False, np.zeros(len(self.plant.marks))
+        done = np.zeros(len(p)), False, np.zeros(len(self.plant.flags))
         return PlantState(time, p, v, q, measured[0], measured[1], *done, drives, sensors), memory
 
-    def _require_own(self, arms: Ensemble) -> None:
+    def _validate_own(self, arms: Ensemble) -> None:
         """Raise `InputError` for arms without one of the columns of `state`; they may have others besides."""
         for name, length in self.state.items():
             found = arms.state.columns.get(name, "none")
@@ -215,7 +215,7 @@ class ClosedLoop:
     @cached_property
     def _blank(self) -> Any:
         """A memory, to learn its layout from."""
-        return self.controller.start(self.controller.home, np.zeros(self.controller.dof))
+        return self.controller.initial_state(self.controller.neutral_configuration, np.zeros(self.controller.dof))
 
     @property
     def _senses(self) -> bool:
@@ -237,7 +237,7 @@ class Driven(ABC):
 
     loop: ClosedLoop
     steps: int
-    period: float
+    control_period: float
 
     @property
     @abstractmethod
@@ -270,16 +270,16 @@ class Driven(ABC):
     def ahead(self, most: int) -> Array:
         """Times, s, of the next control periods, `most` at most and one at least, in which the true parameters stay as
         they are. Nothing is raised."""
-        times = self.period * np.arange(self.count, min(self.steps, self.count + most))
-        return np.asarray(times[: max(1, int(np.searchsorted(times, self.loop.plant.until(times[0]))))])
+        times = self.control_period * np.arange(self.count, min(self.steps, self.count + most))
+        return np.asarray(times[: max(1, int(np.searchsorted(times, self.loop.plant.next_change_time(times[0]))))])
 
 
 def guards(memory: Any) -> tuple[Any, ...]:
-    """The flags of a controller's guards in `memory`, its internal state: where the controller is `Guarded`, a named
-    tuple of columns or arrays (1,) each, such as `torque_limited`, that are 1 where that guard acted in the last
+    """The flags of a controller's guards in `memory`, its internal state: where the controller is `SafetyFilter`, a
+    named tuple of columns or arrays (1,) each, such as `torque_limited`, that are 1 where that guard acted in the last
     control period, else 0; an empty tuple for a controller without guards. Nothing is raised."""
-    marks = getattr(memory, "marks", ())
-    return marks if isinstance(marks, tuple) else ()
+    flags = getattr(memory, "flags", ())
+    return flags if isinstance(flags, tuple) else ()
 
 
 Judge: TypeAlias = Callable[[Array, Array, ReferencePoint, Array], tuple[Array, NDArray[np.bool_]]]

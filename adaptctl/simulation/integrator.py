@@ -61,7 +61,7 @@ class Integrator(Protocol):
         ...
 
 
-def require_integrator(given: object) -> None:
+def validate_integrator(given: object) -> None:
     """Raise `InputError` unless `given` is an `Integrator`, an object with the members `step` and `implicit` such as
     `RungeKutta4()`. A class given for an object is refused."""
     if isinstance(given, type) or not (hasattr(given, "step") and hasattr(given, "implicit")):
@@ -186,9 +186,9 @@ def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> 
     where the mass matrix is singular, for settings of effects that do not fit r joints, and where loops reach none of
     the configurations.
     """
-    extra = sum((np.diag(effect.steepest(mechanism.dof)) for effect in effects), np.zeros((mechanism.dof,) * 2))
+    extra = sum((np.diag(effect.max_slope(mechanism.dof)) for effect in effects), np.zeros((mechanism.dof,) * 2))
     description = mechanism.description
-    columns = range(description.energetic, len(description.parameter_names))
+    columns = range(description.num_energy_parameters, len(description.parameter_names))
     if not columns and not np.any(extra):
         return 0.0
     p = sampled_configurations(mechanism)
@@ -231,7 +231,7 @@ def integration(
     steps, and, with friction or springs, where loops reach none of 200 random configurations.
     """
     if integrator is not None:
-        require_integrator(integrator)
+        validate_integrator(integrator)
     waves, decay = 0.0, 0.0
     if transmission is not None:
         waves, decay = transmission.rates(mechanism, sampled_configurations(mechanism))
@@ -244,7 +244,7 @@ def integration(
     return Integration(max(1, resolved, stable), integrator or RungeKutta4())
 
 
-def require_substeps(mechanism: Mechanism, transmission: Transmission, control_period: float, substeps: int) -> None:
+def validate_substeps(mechanism: Mechanism, transmission: Transmission, control_period: float, substeps: int) -> None:
     """Raise `InputError` where `substeps` explicit integration steps of a control period of `control_period` (s) are
     too few to be stable with the springs and dampers of a mechanism's elastic joints, `transmission`: step times the
     fastest frequency (rad/s) or decay (1/s) must be at most 2.5. It is also raised where more than MOST_FOR_SPRINGS

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from adaptctl.arrays import Array, numbers, whole_count
 from adaptctl.control.adaptation.law import AdaptationLaw
 from adaptctl.control.controller import Controller
-from adaptctl.dynamics.loops.single_precision import require_single_precision
+from adaptctl.dynamics.loops.single_precision import validate_single_precision
 from adaptctl.errors import InputError
 from adaptctl.scalars import Tunable
 from adaptctl.simulation.closed_loop import ClosedLoop
@@ -42,15 +42,15 @@ class Noise(NamedTuple):
     size: int
 
     @classmethod
-    def of(cls, seed: Seeds, members: int, herd: int, size: int) -> list[Noise]:
-        """Sources of sensor noise for `members` arms, a list with one `Noise` for each group of at most `herd` arms, in
-        the arms' order; an arm takes `size` numbers in a control period. `seed` is one whole number for all arms, None
-        for another noise each time, or an array of one for each arm, whose noise then does not depend on the other
+    def of(cls, seed: Seeds, members: int, batch: int, size: int) -> list[Noise]:
+        """Sources of sensor noise for `members` arms, a list with one `Noise` for each group of at most `batch` arms,
+        in the arms' order; an arm takes `size` numbers in a control period. `seed` is one whole number for all arms,
+        None for another noise each time, or an array of one for each arm, whose noise then does not depend on the other
         arms; the same seeds give the same noise. Raises `ValueError` for a seed below 0."""
-        counts = [min(herd, members - first) for first in range(0, members, herd)]
+        counts = [min(batch, members - first) for first in range(0, members, batch)]
         if isinstance(seed, np.ndarray) and size:
             each = [np.random.default_rng(int(x)) for x in seed]
-            return [cls(each[k * herd : k * herd + n], n, size) for k, n in enumerate(counts)]
+            return [cls(each[k * batch : k * batch + n], n, size) for k, n in enumerate(counts)]
         root = np.random.SeedSequence(seed if isinstance(seed, int) else None)
         sources = [root, *root.spawn(len(counts) - 1)]
         return [cls([np.random.default_rng(x)], n, size) for x, n in zip(sources, counts, strict=True)]
@@ -111,7 +111,7 @@ def _require(controller: Controller[Any], each: Mapping[str, Array]) -> None:
     """Raise what the controller's class raises for its numbers, unless each arm's would make a controller.
 
     The largest of every number are tried first: where they are accepted, so is what needs less, without a search for
-    each set (`require_hold`)."""
+    each set (`validate_sampling_ratio`)."""
     with suppress(InputError):
         controller.tuned({name: x.max(axis=0) for name, x in each.items()})
     rows = np.concatenate([x.reshape(len(x), -1) for x in each.values()], axis=1)
@@ -134,13 +134,13 @@ LONGEST = 2**24
 """Control periods that single precision can count."""
 
 
-def require_single(loop: ClosedLoop, steps: int) -> None:
+def validate_single(loop: ClosedLoop, steps: int) -> None:
     """Raise `InputError` unless a closed loop can be simulated in single precision (float32) for so many `steps`,
     control periods. It cannot where that leaves the mechanism's kinematic loops open by more than 1e-5 m or rad; with
     an adaptation law whose internal state is a k x k matrix for k parameters, as its small eigenvalues would be lost;
     and for more than 2^24 periods, the most that it counts. Raises `LoopError`, a subclass of it, where loops cannot be
     closed."""
-    require_single_precision(loop.plant.mechanism, "precision")
+    validate_single_precision(loop.plant.mechanism, "precision")
     for part in _parts(loop.controller):
         if isinstance(part, AdaptationLaw) and part.needs_double:
             kind = type(part).__name__

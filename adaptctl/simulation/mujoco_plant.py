@@ -101,7 +101,7 @@ class MuJoCoPlant(Plant):
         """
         p, v = (self._vector(x, what).astype(np.float64) for x, what in ((p, "p"), (v, "v")))
         scene = self._scene.having(parameters)
-        return self._state(0.0, *scene.begun(p, v), np.zeros(self.dof), False)
+        return self._state(0.0, *scene.started(p, v), np.zeros(self.dof), False)
 
     def step(
         self,
@@ -191,7 +191,7 @@ class _Scene:
         vars(self._plant)["_scene"] = new
         return new
 
-    def begun(self, p: Array, v: Array) -> tuple[Array, Array, Array]:
+    def started(self, p: Array, v: Array) -> tuple[Array, Array, Array]:
         """The arm at p, v (r,), the rest as the scene draws it: p, v and the whole state."""
         import mujoco
 

@@ -66,7 +66,7 @@ def fundamental_motion(mechanism: Mechanism) -> FundamentalMotion | None:
         return None
     turned = Mechanism(with_joint_frames(mechanism.description))
     try:
-        model = ReducedModel(turned, fundamental_basis(essential_space(turned, near="as_is")))
+        model = ReducedModel(turned, fundamental_basis(essential_space(turned, near_singular="as_is")))
     except AdaptctlError:
         return None
     matrix = np.zeros((len(turned.parameter_names), len(mechanism.parameter_names)))
@@ -206,7 +206,7 @@ def joined(links: Column, motors: Column) -> Column:
 def _secants(friction: Sequence[JointEffect], v: Column) -> Column:
     """Friction of the effects over velocity (r,), N m s/rad."""
     total = sum((effect.torque(v) for effect in friction), Column.zeros(len(v)))
-    steepest = np.sum([effect.steepest(len(v)) for effect in friction], axis=0)
+    steepest = np.sum([effect.max_slope(len(v)) for effect in friction], axis=0)
     moving = [absolute(x) > STILL for x in v]
     speeds = (where(moves, x, 1.0) for moves, x in zip(moving, v, strict=True))
     pairs = zip(moving, total, speeds, steepest.tolist(), strict=True)
@@ -223,7 +223,7 @@ class PlantState(NamedTuple):
 
     Of the last control period: `applied` (r,), N m (N), the torques that reached the joints, at time zero those that
     held them if there are actuator effects or springs, else 0; `clipped`, True if the torque commanded was beyond the
-    plant's limits; `marks` (h,), one for each of the h effects named in `Plant.marks`, 1 if it changed a torque, else
+    plant's limits; `flags` (h,), one for each of the h effects named in `Plant.flags`, 1 if it changed a torque, else
     0.
 
     `drives` (d,) are the internal states of the actuator effects, one after the other, followed, with `ElasticJoints`,
@@ -239,7 +239,7 @@ class PlantState(NamedTuple):
     measured_v: Array
     applied: Array
     clipped: bool
-    marks: Array
+    flags: Array
     drives: Array
     sensors: Array
 
@@ -253,7 +253,7 @@ class PeriodOutcome(NamedTuple):
     actuator effects, followed, with elastic joints, by the motors' positions (r,) and velocities (r,); `sensors` (s,)
     is that of the sensor effects. `measured_p` and `measured_v` (r,) are what the sensors measure at the end, in rad
     (m) and rad/s (m/s). `applied` (r,), N m (N), reached the joints; `clipped` (1,) is 1 where the torque commanded was
-    beyond the plant's limits, else 0; `marks` (h,), named in `Plant.marks`, are 1 where that actuator effect changed a
+    beyond the plant's limits, else 0; `flags` (h,), named in `Plant.flags`, are 1 where that actuator effect changed a
     torque, else 0.
     """
 
@@ -265,7 +265,7 @@ class PeriodOutcome(NamedTuple):
     measured_v: Column
     applied: Column
     clipped: Column
-    marks: Column
+    flags: Column
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,10 +296,10 @@ class ControlPeriod:
         without sensors, and parameters (P,); others are left alone."""
         q, v, torque = columns["q"], columns["v"], columns["torque"]
         applied = limited = self.limited(torque)
-        drives, marks, springs = columns["drives"], Column(()), 2 * len(v) if self.effects.elastic is not None else 0
+        drives, flags, springs = columns["drives"], Column(()), 2 * len(v) if self.effects.elastic is not None else 0
         drives, motors = Column(drives.of[: len(drives) - springs]), Column(drives.of[len(drives) - springs :])
         if self.effects.actuators:
-            driven, drives, marks = self.effects.driven(limited, drives, self.length)
+            driven, drives, flags = self.effects.driven(limited, drives, self.length)
             applied = self.limited(driven)
         q, v, motors = self._moved(q, v, motors, applied, columns["parameters"])
         motor_side = (Column(motors.of[: len(v)]), Column(motors.of[len(v) :])) if self.effects.senses_motors else None
@@ -307,7 +307,7 @@ class ControlPeriod:
         measured = self.effects.measured(*(motor_side or (p, v)), columns["noise"], columns["sensors"], self.length)
         drives = joined(drives, motors)
         clipped = Column((differs(torque, limited),))
-        return PeriodOutcome(q, v, drives, measured[2], *measured[:2], applied, clipped, marks)
+        return PeriodOutcome(q, v, drives, measured[2], *measured[:2], applied, clipped, flags)
 
     def _moved(
         self, q: Column, v: Column, motors: Column, torque: Column, parameters: Column

@@ -17,11 +17,11 @@ from adaptctl.caching import cached_property
 from adaptctl.compilation.kernel import native_or_floats
 from adaptctl.control.gains.gains import torque_limits
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, NonFiniteError, require_kind
+from adaptctl.errors import InputError, NonFiniteError, validate_kind
 from adaptctl.scalars import Column, Scalar, Structure, Tunable, column
 from adaptctl.simulation.effects import Effect, LoadEffect, PlantEffects
 from adaptctl.simulation.effects.plant_effects import listed
-from adaptctl.simulation.integrator import Integrator, RungeKutta4, require_integrator, require_substeps
+from adaptctl.simulation.integrator import Integrator, RungeKutta4, validate_integrator, validate_substeps
 from adaptctl.simulation.period import ControlPeriod, PlantState, held_motion
 from adaptctl.simulation.transmission import Motors, Transmission
 
@@ -56,19 +56,19 @@ class Plant(Tunable):
     effects: Iterable[Effect] = ()
 
     def __post_init__(self) -> None:
-        require_kind(self.mechanism, Mechanism, "plant", "as load(...) gives one")
+        validate_kind(self.mechanism, Mechanism, "plant", "as load(...) gives one")
         period = positive_number(self.control_period, "control_period: expected a positive time in s")
         object.__setattr__(self, "control_period", period)
         whole_number(self.substeps, "substeps", 1, MOST_SUBSTEPS)
-        require_integrator(self.integrator)
-        self.mechanism.require_mass()
+        validate_integrator(self.integrator)
+        self.mechanism.validate_mass()
         object.__setattr__(self, "torque_limits", torque_limits(self.mechanism, self.torque_limits))
         object.__setattr__(self, "effects", listed(self.effects))
-        self._effects.require(self.dof, self._links, self.control_period)
+        self._effects.validate(self.dof, self._links, self.control_period)
         if self.loads:
-            require_ten_a_link(self.mechanism)
+            validate_ten_a_link(self.mechanism)
         if self._transmission is not None and not self.integrator.implicit:
-            require_substeps(self.mechanism, self._transmission, self.control_period, self.substeps)
+            validate_substeps(self.mechanism, self._transmission, self.control_period, self.substeps)
 
     @property
     def dof(self) -> int:
@@ -81,9 +81,9 @@ class Plant(Tunable):
         return self._effects.loads
 
     @property
-    def marks(self) -> tuple[str, ...]:
+    def flags(self) -> tuple[str, ...]:
         """Names of the flags, such as "torque_limited", that actuator effects set in periods in which they act."""
-        return self._effects.marks
+        return self._effects.flags
 
     @cached_property
     def noise_size(self) -> int:
@@ -106,9 +106,9 @@ class Plant(Tunable):
         `own` (..., P), of arms alone, plus effects' loads. Raises `InputError` for too few for a payload's link."""
         return self._effects.loaded(own, self._links, time)
 
-    def until(self, time: float) -> float:
+    def next_change_time(self, time: float) -> float:
         """Time, s, until which the true parameters stay as at `time` (s), at least `time`; infinity for ever."""
-        return min((load.until(time) for load in self.loads), default=math.inf)
+        return min((load.next_change_time(time) for load in self.loads), default=math.inf)
 
     def payload(self, time: float) -> float:
         """The total mass of the effects' loads, such as payloads, at `time` (s), kg; 0 without loads."""
@@ -138,8 +138,8 @@ class Plant(Tunable):
         sensed = theta if self._effects.senses_motors else p
         sensors = self._effects.sensor_memory(sensed, v, self.control_period)
         measured = self._measured(sensed, v, self._silence if noise is None else noise, sensors)
-        marks = np.zeros((*arms, len(self.marks)))
-        return PlantState(0.0, p, v, q, *measured[:2], held, False, marks, drives, measured[2])
+        flags = np.zeros((*arms, len(self.flags)))
+        return PlantState(0.0, p, v, q, *measured[:2], held, False, flags, drives, measured[2])
 
     def step(
         self,
@@ -163,9 +163,9 @@ class Plant(Tunable):
         if not math.isfinite(q.dot(q) + v.dot(v)):
             self._blame(state, true)
         p = q if self._primary is None else q[self._primary]
-        measured_p, measured_v, marks, drives, sensors = chained or (p, v, state.marks, state.drives, state.sensors)
+        measured_p, measured_v, flags, drives, sensors = chained or (p, v, state.flags, state.drives, state.sensors)
         time = state.time + self.control_period
-        return PlantState(time, p, v, q, measured_p, measured_v, applied, clipped > 0.0, marks, drives, sensors)
+        return PlantState(time, p, v, q, measured_p, measured_v, applied, clipped > 0.0, flags, drives, sensors)
 
     def limited(self, torque: ArrayLike) -> Array:
         """The torque (r,) of r joints, N m (N if prismatic), clipped to plus and minus `torque_limits`. Raises
@@ -192,7 +192,7 @@ class Plant(Tunable):
         """Positions (..., r), rad (m), of the r primary (independent) joints among all n of the tree, q (..., n)."""
         return q if self._primary is None else q[..., self._primary]
 
-    def may_work(self, q: Array) -> NDArray[np.bool_]:
+    def is_valid_configuration(self, q: Array) -> NDArray[np.bool_]:
         """Mask (...) of configurations q (..., n), rad (m), of the tree's n joints: True where the loops' regularity is
         at least 0.05 and primary joints are within the description's bounds; True for a tree. Nothing is checked."""
         if self.mechanism.continuation is None:
@@ -241,7 +241,7 @@ class Plant(Tunable):
 
         def period(**columns: Column) -> tuple[Any, ...]:
             outcome = self.equation({"drives": empty, "sensors": empty, "noise": empty, **columns})
-            after = outcome.measured_p, outcome.measured_v, outcome.marks, outcome.drives, outcome.sensors
+            after = outcome.measured_p, outcome.measured_v, outcome.flags, outcome.drives, outcome.sensors
             return outcome.q, outcome.v, outcome.applied, outcome.clipped[0], *(after if chained else ())
 
         moving = {name: self.sizes[name] for name in ("q", "v")} | {"torque": self.dof}
@@ -362,7 +362,7 @@ def _shared(structure: Structure, name: str) -> Callable[..., Any]:
     return made
 
 
-def require_ten_a_link(mechanism: Mechanism) -> None:
+def validate_ten_a_link(mechanism: Mechanism) -> None:
     """Raise `InputError` for a mechanism with linear relations among its inertial parameters, which are then fewer than
     ten for each link and those of its drives: the parameters with a payload would not satisfy them."""
     if len(mechanism.inertial_parameters) < len(mechanism.description.inertial_parameters):

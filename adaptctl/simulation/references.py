@@ -25,7 +25,7 @@ ALLOWED = 0.05
 """of the largest derivative, at the median: a corner of a path here and there is none"""
 
 
-def require_point(point: object) -> None:
+def validate_point(point: object) -> None:
     """Raise `InputError` unless `point`, the value that a reference trajectory returned, has the attributes p, v and a
     of a `ReferencePoint`: positions, velocities and accelerations. Their shapes are not checked."""
     if not all(hasattr(point, name) for name in ReferencePoint._fields):
@@ -48,7 +48,7 @@ def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: fl
         return
     before, now, after = points = [reference(time + shift) for shift in (-STEP, 0.0, STEP)]
     for point in points:
-        require_point(point)
+        validate_point(point)
     for what, of, stated, low, high in (
         ("velocity", "position", now.v, before.p, after.p),
         ("acceleration", "velocity", now.a, before.v, after.v),
@@ -93,7 +93,7 @@ def sampled(reference: Reference, times: Array, size: int, out: Array | None = N
             _put_sinusoids(points, reference, times)
             return parts
     point = reference(times)
-    require_point(point)
+    validate_point(point)
     for name, part in parts._asdict().items():
         part[...] = _checked(point, name, len(times), size)
     return parts

@@ -15,7 +15,7 @@ from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import position_units
-from adaptctl.errors import InputError, require_kind
+from adaptctl.errors import InputError, validate_kind
 from adaptctl.simulation.closed_loop import guards
 from adaptctl.simulation.references import REFERENCE
 from adaptctl.simulation.run import Rollout
@@ -47,11 +47,11 @@ class KeptSamples:
         control period, which is not checked. Raises `InputError` for an `every` that is not an int of at least 1, and
         for a `last` that is not a positive finite number."""
         if isinstance(every, bool) or not isinstance(every, int) or every < 1:
-            raise InputError(f"every: expected a whole number of control periods, at least 1, got {every!r}")
+            raise InputError(f"record_every: expected a whole number of control periods, at least 1, got {every!r}")
         if last is None:
             return cls(every)
         if isinstance(last, bool) or not isinstance(last, int | float) or not 0.0 < last < np.inf:
-            raise InputError(f"last: expected a positive time in s, got {last!r}")
+            raise InputError(f"keep_last: expected a positive time in s, got {last!r}")
         return cls(every, max(1, round(min(last / (every * period), MOST))))
 
     def room(self, steps: int) -> int:
@@ -101,8 +101,8 @@ def rollout(
     seed: int | None = None,
     options: dict[str, Any] | None = None,
     progress: Callable[[float], object] | None = None,
-    every: int = 1,
-    last: float | None = None,
+    record_every: int = 1,
+    keep_last: float | None = None,
 ) -> Rollout:
     """The run, a `Rollout`, of a Gymnasium environment driven by a controller, from reset to termination or truncation.
 
@@ -115,18 +115,18 @@ def rollout(
     `info` may have keys that are recorded: `applied_torque` (r,), N m (N), the commanded torque where it is missing;
     `energy` (J), NaN where missing; `clipped`, the number of control periods with a clipped torque so far, 0 where
     missing; and `time` (s), the number of control periods times their length where missing. It may have the true
-    positions `p` and velocities `v`, and `marks`, a mapping from names of events to numbers; the controller's state may
-    have a NamedTuple `marks` of arrays (1,), such as that of `Guarded`. `progress`, if given, is called about a hundred
-    times with the fraction done, 0 to 1, where the run's length is known. The run has a sample of one in `every`
-    control periods, the first one included, and only those of its last `last` seconds, None for the whole run; no
-    memory is allocated for more.
+    positions `p` and velocities `v`, and `flags`, a mapping from names of events to numbers; the controller's state may
+    have a NamedTuple `flags` of arrays (1,), such as that of `SafetyFilter`. `progress`, if given, is called about a
+    hundred times with the fraction done, 0 to 1, where the run's length is known. The run has a sample of one in
+    `every` control periods, the first one included, and only those of its last `last` seconds, None for the whole run;
+    no memory is allocated for more.
 
     Ctrl-C ends the run but keeps what was computed; the run's `complete` is then False. Raises `InputError` for an
     environment that cannot be driven or has another number of joints than the controller, an `every` that is not a
     whole number of at least 1, and a `last` that is not positive and finite; what controller and environment raise,
     such as `NonFiniteError`, passes.
     """
-    loop = _SteppedRun(env, controller, seed, options, every, last)
+    loop = _SteppedRun(env, controller, seed, options, record_every, keep_last)
     interval = max(1, (loop.steps or 0) // 100)
     complete, started = False, perf_counter()
     try:
@@ -163,10 +163,10 @@ class _SteppedRun:
         controller.step(self._state, p, v, reference)  # pure: it is compiled now, before the clock starts
         self.count, self.terminated, self.truncated = 0, False, False
         self._true = "p" in self._info and "v" in self._info
-        self._marks = (*self._info.get("marks", ()), *getattr(guards(self._state), "_fields", ()))
+        self._flags = (*self._info.get("flags", ()), *getattr(guards(self._state), "_fields", ()))
         self._widths = {"observed": len(self._kept), "true": 2 * p.size if self._true else 0}
         self._widths |= {"torque": p.size, "applied": p.size, "estimate": _estimate(self._state).size}
-        self._widths |= {"learning": _told(self._state).size, "scalars": 4, "marks": len(self._marks)}
+        self._widths |= {"logged_state": _told(self._state).size, "scalars": 4, "flags": len(self._flags)}
         self._samples = np.empty((self._kept_samples.room(self.steps or 1024), sum(self._widths.values())))
 
     def tick(self) -> None:
@@ -190,8 +190,8 @@ class _SteppedRun:
         sample += [torque, info.get("applied_torque", torque), _estimate(state), _told(state)]
         time, energy = before.get("time", self.count * self.control_period), before.get("energy", np.nan)
         sample.append((time, energy, reward, info.get("clipped", 0) != before.get("clipped", 0)))
-        if self._marks:
-            sample.append((*info.get("marks", {}).values(), *(float(mark[0]) for mark in guards(state))))
+        if self._flags:
+            sample.append((*info.get("flags", {}).values(), *(float(flag[0]) for flag in guards(state))))
         np.concatenate(sample, out=self._samples[row])
 
     def result(self, wall_time: float, complete: bool) -> Rollout:
@@ -203,11 +203,11 @@ class _SteppedRun:
             columns["measured_p"], columns["measured_v"] = columns["p"], columns["v"]
             columns["p"], columns["v"] = np.split(parts["true"], 2, axis=1)
         columns |= zip(("time", "energy", "reward", "clipped"), parts["scalars"].T, strict=True)
-        columns |= {name: parts[name] for name in ("torque", "applied", "estimate", "learning")}
-        marks = zip(self._marks, parts["marks"].T, strict=True)
+        columns |= {name: parts[name] for name in ("torque", "applied", "estimate", "logged_state")}
+        flags = zip(self._flags, parts["flags"].T, strict=True)
         return Rollout(
             **{name: frozen(values.copy()) for name, values in columns.items()},
-            marks=MappingProxyType({name: frozen(values.copy()) for name, values in marks}),
+            flags=MappingProxyType({name: frozen(values.copy()) for name, values in flags}),
             control_period=self.control_period,
             wall_time=wall_time,
             complete=complete,
@@ -235,8 +235,8 @@ def interface(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> tupl
     """
     import gymnasium
 
-    require_kind(env, gymnasium.Env, "environment", "as gymnasium.make(...) gives one")
-    require_kind(controller, Controller, "controller", "as SlotineLi(...) is one")
+    validate_kind(env, gymnasium.Env, "environment", "as gymnasium.make(...) gives one")
+    validate_kind(controller, Controller, "controller", "as SlotineLi(...) is one")
     slices = getattr(env.unwrapped, "observation_slices", None)
     period = getattr(env.unwrapped, "control_period", None)
     if not isinstance(slices, Mapping) or not isinstance(period, float):
@@ -246,11 +246,11 @@ def interface(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> tupl
         )
     if missing := [name for name in PARTS if name not in slices]:
         raise InputError(f"{env}: observation_slices must name {', '.join(PARTS)}; missing: {', '.join(missing)}")
-    _require_joints(env, controller, [slices[name] for name in PARTS])
+    _validate_joints(env, controller, [slices[name] for name in PARTS])
     return [slices[name] for name in PARTS], period
 
 
-def _require_joints(env: gymnasium.Env[Any, Any], controller: Controller[Any], parts: list[slice]) -> None:
+def _validate_joints(env: gymnasium.Env[Any, Any], controller: Controller[Any], parts: list[slice]) -> None:
     shape = env.observation_space.shape
     if shape is None or len(shape) != 1:
         raise InputError(f"{env}: expected observations of shape (n,), got a space of shape {shape}")
@@ -281,4 +281,4 @@ def _estimate(state: object) -> Array:
 
 
 def _told(state: object) -> Array:
-    return np.asarray(getattr(state, "recorded", ()), dtype=np.float64)
+    return np.asarray(getattr(state, "logged_state", ()), dtype=np.float64)

@@ -13,13 +13,13 @@ import numpy as np
 
 from adaptctl.arrays import Array, frozen
 from adaptctl.errors import FileError, InputError, printable
-from adaptctl.files import replacing
-from adaptctl.packages import needed
+from adaptctl.files import earlier_schema, replacing
+from adaptctl.optional_packages import needed
 
 if TYPE_CHECKING:
     import pyarrow
 
-SCHEMA = "adaptctl/rollout/1"
+SCHEMA = "adaptctl/rollout/2"
 WHOLE = ("control_period", "wall_time", "complete", "terminated")
 """Entries on the whole run that every run has."""
 KEPT = (*WHOLE, "every", "position_units")
@@ -39,13 +39,13 @@ OF_JOINTS = {
 }
 """Arrays of a run that have a column a joint, by name, with their units where a joint is revolute, where prismatic."""
 OF_TIME = {"time": "s", "clipped": "1", "energy": "J", "reward": "1"}
-OF_LAWS = ("estimate", "learning")
+OF_LAWS = ("estimate", "logged_state")
 """A run's arrays of as many columns as the controller has."""
 
 
 class RolloutFile:
     """Writer of a run's Parquet file at `path`, a context manager to which samples are appended as they come: a row for
-    each sample, columns of float64 such as `time`, `p.joint1`, `estimate.0` and `mark.payload`, with their units as
+    each sample, columns of float64 such as `time`, `p.joint1`, `estimate.0` and `flag.payload`, with their units as
     metadata.
 
     When the context ends the file appears, whole; after an error there is none, and a file that was there before stays.
@@ -73,12 +73,12 @@ class RolloutFile:
         self._beside = self._held.enter_context(replacing(self._path))
         return self
 
-    def append(self, columns: Mapping[str, Array | None], marks: Mapping[str, Array]) -> None:
+    def append(self, columns: Mapping[str, Array | None], flags: Mapping[str, Array]) -> None:
         """Append T samples of r joints to the file. `columns` maps the names of a `Rollout`'s arrays to their values in
         SI units: "time", "clipped", "energy" and "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a",
         "torque", "applied", "measured_p" and "measured_v" (T, r), None for one that the file is to leave out;
-        "estimate" (T, k), the controller's k parameter estimates, and "learning" (T, l), the l numbers that the
-        adaptation law records of its internal state. `marks` maps names of events to arrays (T,). Both have the same
+        "estimate" (T, k), the controller's k parameter estimates, and "logged_state" (T, l), the l numbers that the
+        adaptation law records of its internal state. `flags` maps names of events to arrays (T,). Both have the same
         names at every call; later calls without samples write nothing.
 
         Raises `KeyError` where an array is missing, `ValueError` for other columns than at the first call, and
@@ -88,7 +88,7 @@ class RolloutFile:
 
         if self._writer is not None and not len(columns["time"]):  # type: ignore[arg-type]
             return
-        table = rollout_table(columns, marks, self._names, position_units=self._units)
+        table = rollout_table(columns, flags, self._names, position_units=self._units)
         if self._writer is None:
             style = {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": True}
             self._writer = self._held.enter_context(pq.ParquetWriter(self._beside, table.schema, **style))
@@ -133,27 +133,27 @@ def stated_units(dof: int, given: Sequence[str]) -> tuple[str, ...]:
 
 def rollout_table(
     columns: Mapping[str, Array | None],
-    marks: Mapping[str, Array],
+    flags: Mapping[str, Array],
     joints: Sequence[str],
     about: Mapping[str, object] = MappingProxyType({}),
     position_units: Sequence[str] = (),
 ) -> pyarrow.Table:
     """The samples of a run as an Arrow table: a row for each of T samples, columns of float64 such as `time`,
-    `p.joint1`, `estimate.0` and `mark.payload`. Units are the columns' metadata; the entries of `about`, which JSON
+    `p.joint1`, `estimate.0` and `flag.payload`. Units are the columns' metadata; the entries of `about`, which JSON
     must be able to hold, are the table's own metadata, none by default.
 
     `columns` maps the names of a `Rollout`'s arrays to their values in SI units: "time", "clipped", "energy" and
     "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a", "torque", "applied", "measured_p" and
     "measured_v" (T, r), None for one that is left out; "estimate" (T, k), the controller's k parameter estimates, and
-    "learning" (T, l), the l numbers that the adaptation law records of its internal state. `marks` maps names of events
-    to arrays (T,); `joints` (r,) names the r joints, and `position_units` (r,) has "rad" for revolute joints and "m"
-    for prismatic ones; empty, the default, as if all were revolute. Raises `KeyError` where an array is missing,
+    "logged_state" (T, l), the l numbers that the adaptation law records of its internal state. `flags` maps names of
+    events to arrays (T,); `joints` (r,) names the r joints, and `position_units` (r,) has "rad" for revolute joints and
+    "m" for prismatic ones; empty, the default, as if all were revolute. Raises `KeyError` where an array is missing,
     `ValueError` for other than r units, and `ModuleNotFoundError` without pyarrow.
     """
     import pyarrow as pa
 
     slides = [unit == "m" for unit in position_units] or [False] * len(joints)
-    stored = dict(_file_columns(columns, marks, dict(zip(joints, slides, strict=True))))
+    stored = dict(_file_columns(columns, flags, dict(zip(joints, slides, strict=True))))
     fields = [pa.field(name, pa.float64(), metadata={"unit": unit}) for name, (unit, _) in stored.items()]
     header = {"schema": SCHEMA, **{name: json.dumps(value) for name, value in about.items()}}
     return pa.Table.from_arrays([pa.array(x) for _, x in stored.values()], schema=pa.schema(fields, metadata=header))
@@ -164,11 +164,11 @@ def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array],
     the whole run. The first has the arrays of a `Rollout` of T samples of r joints in SI units, read-only: "time",
     "clipped", "energy" and "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a", "torque", "applied",
     "measured_p" and "measured_v" (T, r), in the file's order of joints; and "estimate" (T, k), the controller's k
-    parameter estimates, and "learning" (T, l), the l numbers that the adaptation law records of its internal state. The
-    second has arrays (T,) of events, 1 where there was one. The third has, of the whole run, "control_period" and
+    parameter estimates, and "logged_state" (T, l), the l numbers that the adaptation law records of its internal state.
+    The second has arrays (T,) of events, 1 where there was one. The third has, of the whole run, "control_period" and
     "wall_time", s, "complete" and "terminated", bools, "every", the number of control periods from one sample to the
     next, and "position_units", a list of "rad" or "m" for each joint, empty where they are not known. Arrays of joints,
-    events and entries that the file lacks are missing; "estimate" and "learning" are then (T, 0).
+    events and entries that the file lacks are missing; "estimate" and "logged_state" are then (T, 0).
 
     Raises `FileError` for a file that cannot be read, was not written as a run by this package or is damaged, and
     `ModuleNotFoundError` without pyarrow.
@@ -183,16 +183,18 @@ def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array],
         raise FileError(f"{path}: cannot be read as Parquet ({str(error).splitlines()[0]})") from error
     about = {key.decode(): value.decode() for key, value in metadata.items() if key != b"ARROW:schema"}
     if about.get("schema") != SCHEMA:
-        raise FileError(f"{path}: not a run of ours: expected the schema {SCHEMA!r}, got {about.get('schema')!r}")
+        found = about.get("schema")
+        more = earlier_schema(str(found), SCHEMA)
+        raise FileError(f"{path}: not a run of ours: expected the schema {SCHEMA!r}, got {found!r}{more}")
     try:
-        columns, marks = _arrays(table)
-        return columns, marks, {name: json.loads(about[name]) for name in KEPT if name in about}
+        columns, flags = _arrays(table)
+        return columns, flags, {name: json.loads(about[name]) for name in KEPT if name in about}
     except (KeyError, TypeError, ValueError) as error:
         raise FileError(f"{path}: {type(error).__name__}: {error}; it is not whole") from error
 
 
 def _file_columns(
-    columns: Mapping[str, Array | None], marks: Mapping[str, Array], joints: Mapping[str, bool]
+    columns: Mapping[str, Array | None], flags: Mapping[str, Array], joints: Mapping[str, bool]
 ) -> Iterator[tuple[str, tuple[str, Array]]]:
     """Names of a file's columns, and their units and values, of joints that slide or turn."""
     yield from ((name, (unit, np.asarray(columns[name]))) for name, unit in OF_TIME.items())
@@ -203,21 +205,21 @@ def _file_columns(
     for name in OF_LAWS:
         for i, column in enumerate(np.asarray(columns[name]).T):
             yield f"{name}.{i}", ("", np.ascontiguousarray(column))
-    yield from ((f"mark.{name}", ("", values)) for name, values in marks.items())
+    yield from ((f"flag.{name}", ("", values)) for name, values in flags.items())
 
 
 def _arrays(table: Any) -> tuple[dict[str, Array], Mapping[str, Array]]:
-    """A run's arrays and its marks, of the columns of its file."""
+    """A run's arrays and its flags, of the columns of its file."""
     parts: dict[str, list[Array]] = {name: [] for name in (*OF_JOINTS, *OF_LAWS)}
-    marks: dict[str, Array] = {}
+    flags: dict[str, Array] = {}
     for name in table.column_names:
         kind, _, rest = name.partition(".")
         values = table[name].to_numpy()
-        if kind == "mark":
-            marks[rest] = frozen(values.copy())
+        if kind == "flag":
+            flags[rest] = frozen(values.copy())
         elif rest:
             parts[kind].append(values)
     gathered = {name: frozen(np.stack(columns, axis=-1)) for name, columns in parts.items() if columns}
     single = {name: frozen(table[name].to_numpy().copy()) for name in OF_TIME}
     blank = {name: frozen(np.empty((table.num_rows, 0))) for name in OF_LAWS}
-    return blank | single | gathered, MappingProxyType(marks)
+    return blank | single | gathered, MappingProxyType(flags)

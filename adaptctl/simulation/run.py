@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, checked, frozen, numbers, positive_number
 from adaptctl.caching import sent_as_made
 from adaptctl.errors import FileError, InputError
-from adaptctl.packages import needed
+from adaptctl.optional_packages import needed
 from adaptctl.simulation.rollout_file import (
     KEPT,
     OF_JOINTS,
@@ -53,7 +53,7 @@ class Rollout:
     in rad/s^2 (m/s^2), torques in N m (N).
 
     (T,): `time`, s; `clipped`, 1 where a torque was clipped, else 0; `energy`, J, NaN where not known; `reward` of the
-    control period that begins, no unit. `marks` maps names of events to arrays (T,): 1 where there was one, such as
+    control period that begins, no unit. `flags` maps names of events to arrays (T,): 1 where there was one, such as
     "torque_limited", else 0; "payload" is the mass held, kg. (T, r): positions `p` and velocities `v`, the true ones
     where the environment gives them; `reference_p`, `reference_v`, `reference_a`; `torque`, the one commanded, and
     `applied`, the one after the limits; `measured_p` and `measured_v`, None where these are p and v. `estimate` (T, k)
@@ -85,13 +85,13 @@ class Rollout:
     info: dict[str, object] = field(default_factory=dict)
     measured_p: Array | None = None
     measured_v: Array | None = None
-    marks: Mapping[str, Array] = field(default_factory=dict)
+    flags: Mapping[str, Array] = field(default_factory=dict)
     every: int = 1
-    learning: Array = field(default_factory=partial(np.empty, (0, 0)))
+    logged_state: Array = field(default_factory=partial(np.empty, (0, 0)))
     position_units: tuple[str, ...] = ()
 
     @property
-    def spacing(self) -> float:
+    def sample_time(self) -> float:
         """Time between successive samples of the run, s: its `every` times its `control_period`."""
         return self.every * self.control_period
 
@@ -117,25 +117,25 @@ class Rollout:
         """Write the run to a Parquet file at `path`, whole or not at all, which `adaptctl identify` reads too. There is
         a row for each sample, and columns of float64: one for `time`, `clipped`, `energy` and `reward`, one a joint for
         arrays (T, r), such as `p.joint1`, one a number for `estimate` and `learning`, such as `estimate.0`, and one an
-        event, such as `mark.payload`, with their units as metadata, as if all joints were revolute where
+        event, such as `flag.payload`, with their units as metadata, as if all joints were revolute where
         `position_units` is empty. `joints` (r,) names the r joints, None for joint1, joint2, ...
 
         The environment's last `info` is left out. Raises `InputError` for other than r different names, `FileError`
         where the file cannot be written, and `MissingExtraError` without pyarrow.
         """
         with RolloutFile(path, self.p.shape[1], joints, self.position_units) as file:
-            file.append(self._columns, self.marks)
+            file.append(self._columns, self.flags)
             file.about = self._about
 
     @needed("Rollout.to_arrow")
     def to_arrow(self, joints: Sequence[str] | None = None) -> pyarrow.Table:
         """The run as an Arrow table: a row for each sample, and columns of float64. There is one for `time`, `clipped`,
         `energy` and `reward`, one a joint for arrays (T, r), such as `p.joint1`, one a number for `estimate` and
-        `learning`, such as `estimate.0`, and one an event, such as `mark.payload`, with their units as metadata, as if
+        `learning`, such as `estimate.0`, and one an event, such as `flag.payload`, with their units as metadata, as if
         all joints were revolute where `position_units` is empty. `joints` (r,) names the r joints, None for joint1,
         joint2, ... Raises `InputError` for other than r different names, `MissingExtraError` without pyarrow."""
         names = joint_names(self.p.shape[1], joints)
-        return rollout_table(self._columns, self.marks, names, self._about, self.position_units)
+        return rollout_table(self._columns, self.flags, names, self._about, self.position_units)
 
     @property
     def _columns(self) -> dict[str, Array | None]:
@@ -149,7 +149,7 @@ class Rollout:
         """The run as a pandas data frame: a row for each sample, and columns of float64 in SI units: rad (m if
         prismatic), s, N m (N), J. There is one for `time`, `clipped`, `energy` and `reward`, one a joint for arrays (T,
         r), such as `p.joint1`, one a number for `estimate` and `learning`, such as `estimate.0`, and one an event, such
-        as `mark.payload`. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for other
+        as `flag.payload`. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for other
         than r different names, `MissingExtraError` without pandas or pyarrow."""
         with needed("Rollout.to_pandas"):
             return self.to_arrow(joints).to_pandas()
@@ -263,11 +263,11 @@ class Rollout:
     def load(cls, path: str | Path) -> Rollout:
         """The run that `Rollout.save` wrote to the Parquet file `path`. Raises `FileError` for a file that cannot be
         read, was not written so or is damaged, and `MissingExtraError` without pyarrow."""
-        columns, marks, about = read_rollout(path)
+        columns, flags, about = read_rollout(path)
         try:
             whole = {name: about[name] for name in KEPT if name in about or name in WHOLE}
             units = stated_units(columns["p"].shape[1], whole.pop("position_units", ()))
-            return cls(**columns, marks=marks, **whole, position_units=units)
+            return cls(**columns, flags=flags, **whole, position_units=units)
         except (KeyError, TypeError, ValueError) as error:
             raise FileError(f"{path}: {type(error).__name__}: {error}; it is not whole") from error
 
@@ -279,9 +279,9 @@ def _table(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Array:
     return np.asarray(array, dtype=np.float64)
 
 
-def _times(time: ArrayLike | None, count: int, period: float) -> Array:
+def _times(time: ArrayLike | None, count: int, control_period: float) -> Array:
     if time is None:
-        return np.asarray(period * np.arange(count), dtype=np.float64)
+        return np.asarray(control_period * np.arange(count), dtype=np.float64)
     times = np.asarray(checked(time, count, "time"), dtype=np.float64)
     if times.shape != (count,) or np.any(np.diff(times) <= 0.0):
         raise InputError(f"time: expected {count} increasing numbers, s")

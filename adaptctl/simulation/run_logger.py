@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import positive_number
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError, LostSamplesWarning
-from adaptctl.files import require_place
+from adaptctl.files import validate_place
 from adaptctl.simulation.rollout_file import RolloutFile, joint_names, stated_units
 from adaptctl.simulation.run import Rollout
 
@@ -59,11 +59,11 @@ class RunLogger:
                 raise InputError(f"{what}: expected a whole number of at least {least}, got {number!r}")
         self.control_period = positive_number(control_period, "control_period: expected a positive time in s")
         width = 7 * dof + estimates + 1
-        _require_memory(8 * capacity * width, capacity)
+        _validate_memory(8 * capacity * width, capacity)
         self._joints, self._units = joint_names(dof, joints), stated_units(dof, position_units)
         if path is not None:  # what is missing should be known before the loop, not after it
             RolloutFile(path, dof, joints)
-            require_place(path)
+            validate_place(path)
         self._rows, self._dof, self._path = np.zeros((capacity, width)), dof, path
         self._sample, self._lengths = np.zeros(width), [dof] * 7 + [estimates]
         self.count, self.faulty = 0, 0
@@ -145,7 +145,7 @@ class RunLogger:
             self.rollout(complete=kind is None).save(self._path, self._joints)
 
 
-def _require_memory(size: int, capacity: int) -> None:
+def _validate_memory(size: int, capacity: int) -> None:
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if size > SHARE_OF_MEMORY * memory:
         raise InputError(

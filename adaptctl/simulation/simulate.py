@@ -37,8 +37,8 @@ def simulate(
     seed: int | None = None,
     options: dict[str, Any] | None = None,
     progress: Callable[[float], object] | None = None,
-    every: int = 1,
-    last: float | None = None,
+    record_every: int = 1,
+    keep_last: float | None = None,
     stream: str | Path | None = None,
 ) -> Rollout:
     """The run, a `Rollout`, of an environment driven by a controller, from reset to termination or truncation, computed
@@ -63,12 +63,20 @@ def simulate(
     cannot be written, `MissingExtraError` without pyarrow.
     """
     _, period = interface(env, controller)
-    kept = KeptSamples.of(every, last, period)
+    kept = KeptSamples.of(record_every, keep_last, period)
     try:
         episode = _episode(env, controller, seed, options)
     except NotImplementedError as reason:
         warnings.warn(f"simulate: {reason}: rollout drives it, step by step", NotCompiledWarning, stacklevel=2)
-        run = rollout(env, controller, seed=seed, options=options, progress=progress, every=every, last=last)
+        run = rollout(
+            env,
+            controller,
+            seed=seed,
+            options=options,
+            progress=progress,
+            record_every=record_every,
+            keep_last=keep_last,
+        )
         if stream is not None:
             run.save(stream)
         return run
@@ -128,13 +136,16 @@ class EpisodeRun(Driven):
         file: RolloutFile | None = None,
     ) -> None:
         self.loop, self.episode, self.kept, self.file = ClosedLoop(episode.plant, controller), episode, kept, file
-        self.steps, self.period = episode.steps, episode.plant.control_period
+        self.steps, self.control_period = episode.steps, episode.plant.control_period
         self.arms = self.loop.compiled().ensemble(1)
         self.loop.begin(self.arms, episode.state, controller.init(*_measured(episode.state)))
         self.whole = file is None and kept == KeptSamples()  # then the buffers are the result, and nothing is copied
         self.longest = self.steps if self.whole else min(LONGEST, self.steps)
-        self.room, self.signals = self.arms.room(self.longest + 1), self.arms.signals(self.longest + 1)
-        self.recorded = Sample(*map(self.room.view, self.room.columns))
+        self.records, self.signals = (
+            self.arms.allocate_outputs(self.longest + 1),
+            self.arms.signals(self.longest + 1),
+        )
+        self.recorded = Sample(*map(self.records.view, self.records.columns))
         self.samples = {name: np.empty(self.kept.room(self.steps)) for name in ("reward", "payload")}
         self._count, self.clips, self.terminated = 0, 0, False
         self.place, self.end = self._place(), episode.state
@@ -183,7 +194,7 @@ class EpisodeRun(Driven):
         self._return()
         if not self.count:
             return self.end
-        own = {name: getattr(self.end, name) for name in ("applied", "clipped", "marks")}
+        own = {name: getattr(self.end, name) for name in ("applied", "clipped", "flags")}
         return self.loop.now(self.arms, self.end.time)[0]._replace(**own)
 
     @property
@@ -203,13 +214,13 @@ class EpisodeRun(Driven):
             self.samples[name][rows] = values[len(values) - len(rows) :]
         self.clips += int(stretch.sample.clipped[:count].sum())
         if self.file is not None:
-            marks = columns.pop("marks"), columns.pop("payload")
-            self.file.append({"measured_p": None, "measured_v": None, **columns}, self._marks(*marks))
+            flags = columns.pop("flags"), columns.pop("payload")
+            self.file.append({"measured_p": None, "measured_v": None, **columns}, self._flags(*flags))
 
     def _columns(self, stretch: Stretch) -> dict[str, Array]:
         """A stretch's columns by their names in a `Rollout`."""
         plant, sample = self.episode.plant, stretch.sample
-        names = "v", "torque", "applied", "estimate", "marks", "learning"
+        names = "v", "torque", "applied", "estimate", "flags", "logged_state"
         columns = {name: getattr(sample, name) for name in names} | {"p": plant.positions(sample.q)}
         columns |= {"clipped": sample.clipped[:, 0], "energy": sample.energy[:, 0], "time": stretch.time[:-1]}
         columns |= {f"reference_{name}": part for name, part in stretch.reference._asdict().items()}
@@ -220,8 +231,8 @@ class EpisodeRun(Driven):
 
     def _last(self, time: float, sample: Sample) -> PlantState:
         """The time after the last sample, and what that keeps of a plant's state; the rest is in `place`."""
-        marks, clipped = sample.marks[-1, : len(self.episode.plant.marks)].copy(), bool(sample.clipped[-1, 0])
-        return self.end._replace(time=time, applied=sample.applied[-1].copy(), clipped=clipped, marks=marks)
+        flags, clipped = sample.flags[-1, : len(self.episode.plant.flags)].copy(), bool(sample.clipped[-1, 0])
+        return self.end._replace(time=time, applied=sample.applied[-1].copy(), clipped=clipped, flags=flags)
 
     def _judged(self, sample: Sample, reference: ReferencePoint) -> tuple[Array, bool]:
         """Rewards of the control periods up to the end of the run or the first number that is not finite; and True if
@@ -243,7 +254,7 @@ class EpisodeRun(Driven):
         """The times of the next stretch and its end: few control periods at first, for a run may soon be over, then as
         many as fit in one call, as long as nothing changes."""
         times = self.ahead(min(LONGEST, max(CHUNK, 4 * self.count)))
-        return np.append(times, self.period * (self.count + len(times)))
+        return np.append(times, self.control_period * (self.count + len(times)))
 
     def _parameters(self, time: float) -> Array:
         return self.episode.plant.parameters(self.episode.parameters, time)
@@ -259,7 +270,7 @@ class EpisodeRun(Driven):
         rows, size = slice(self._first, self._first + count), self.loop.noise["noise"]
         if size:
             self.signals.shared.view("noise")[rows] = self.episode.rng.standard_normal((count, size))
-        self.arms.record_into(self.room, self._first, count, self.signals)
+        self.arms.record_into(self.records, self._first, count, self.signals)
         return Sample(*(part[rows] for part in self.recorded))
 
     def _place(self) -> tuple[Array, Any]:
@@ -280,15 +291,15 @@ class EpisodeRun(Driven):
 
     def _result(self, wall_time: float, complete: bool) -> Rollout:
         columns = self._kept()
-        marks, state = (columns.pop("marks"), columns.pop("payload")), self.reached
+        flags, state = (columns.pop("flags"), columns.pop("payload")), self.reached
         return Rollout(
             **columns,
-            control_period=self.period,
+            control_period=self.control_period,
             wall_time=wall_time,
             complete=complete,
             terminated=self.terminated,
             info=self.episode.info(self.episode.parameters, state, self.count, self.clips, self._energy_reached()),
-            marks=self._marks(*marks),
+            flags=self._flags(*flags),
             every=self.kept.every,
             position_units=position_units(self.episode.plant.mechanism),
         )
@@ -296,7 +307,7 @@ class EpisodeRun(Driven):
     def _energy_reached(self) -> float:
         """The energy, J, at the end of all that counts, as the next control period would record it."""
         self.arms.held["parameters"] = self._parameters(self.end.time)
-        self.arms.record_into(self.room, self._first, 1, self.signals)
+        self.arms.record_into(self.records, self._first, 1, self.signals)
         self._return()
         return float(self.recorded.energy[self._first, 0])
 
@@ -310,16 +321,16 @@ class EpisodeRun(Driven):
 
     def _recorded(self, done: slice) -> Stretch:
         """The stretch of some control periods, as the buffers have it."""
-        time = np.asarray(self.period * np.arange(done.start, done.stop + 1))
+        time = np.asarray(self.control_period * np.arange(done.start, done.stop + 1))
         reference = ReferencePoint(*(self.signals.shared.view(name)[done] for name in REFERENCE))
         sample, own = Sample(*(part[done] for part in self.recorded)), (self.samples["reward"], self.samples["payload"])
         return Stretch(time, sample, reference, *(values[done] for values in own))
 
-    def _marks(self, values: Array, payload: Array) -> Mapping[str, Array]:
-        """Marks by their names, the plant's own first, with the mass held if there are loads."""
-        own, by_name = self.episode.plant, dict(zip(self.loop.marks, map(frozen, values.T), strict=True))
+    def _flags(self, values: Array, payload: Array) -> Mapping[str, Array]:
+        """SafetyFlags by their names, the plant's own first, with the mass held if there are loads."""
+        own, by_name = self.episode.plant, dict(zip(self.loop.flags, map(frozen, values.T), strict=True))
         loaded = {"payload": frozen(payload)} if own.loads else {}
-        return MappingProxyType({name: by_name[name] for name in own.marks} | loaded | by_name)
+        return MappingProxyType({name: by_name[name] for name in own.flags} | loaded | by_name)
 
 
 def _measured(state: PlantState) -> tuple[Array, Array]:

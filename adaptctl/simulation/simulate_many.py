@@ -17,11 +17,11 @@ from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.compilation.lanes import Precision
 from adaptctl.compilation.stepper import Source
 from adaptctl.control.controller import GAINS, Controller, Reference
-from adaptctl.control.memory import leaves, like
+from adaptctl.control.pytree import leaves, like
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 from adaptctl.simulation.closed_loop import ClosedLoop, Driven, not_compiled
-from adaptctl.simulation.members import Noise, Seeds, arms_of, checked_seeds, differing, gains_of, require_single
+from adaptctl.simulation.members import Noise, Seeds, arms_of, checked_seeds, differing, gains_of, validate_single
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.references import REFERENCE, ReferenceForm, ReferencesOfMany, warn_of_derivatives
 from adaptctl.simulation.summaries import (
@@ -40,7 +40,7 @@ from adaptctl.simulation.summaries import (
 
 HERD, STRETCH, MEMORY = 512, 2000, 2**23
 """Arms and control periods, at most, and bytes that one native call reads and writes, so that these fit the caches: one
-herd of arms takes a stretch of time after the other. In between progress is reported, and Ctrl-C handled."""
+batch of arms takes a stretch of time after the other. In between progress is reported, and Ctrl-C handled."""
 RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estimate")
 
 
@@ -86,7 +86,7 @@ class Rollouts:
     rms_error: Array
     largest_error: Array
     final_rms_error: Array
-    return_time: Array
+    settling_time: Array
     diverged_at: Array
     diverged_joint: NDArray[np.int64]
     lyapunov_rise: Array
@@ -115,16 +115,16 @@ def simulate_many(
     reference: Reference | Sequence[Reference],
     *,
     duration: float,
-    members: int | None = None,
+    batch_size: int | None = None,
     parameters: ArrayLike | None = None,
     p: ArrayLike | None = None,
     v: ArrayLike | None = None,
     memory: Any = None,
     gains: Mapping[str, ArrayLike] | None = None,
     seed: int | Sequence[int] | None = None,
-    every: int | None = 1,
-    within: ArrayLike = np.inf,
-    beyond: ArrayLike = np.inf,
+    record_every: int | None = 1,
+    tolerance: ArrayLike = np.inf,
+    divergence_bound: ArrayLike = np.inf,
     threads: int = 1,
     progress: Callable[[float], object] | None = None,
     precision: Precision = "double",
@@ -154,15 +154,18 @@ def simulate_many(
     Raises `InputError` for a duration that is below a control period or infinite, an `every`, `threads` or `members`
     that is not a whole number of at least 1, a `seed` that is not one of at least 0, shapes that do not fit and unlike
     numbers of rows, controllers that differ in more than numbers or come with `gains`, a controller with a task-space
-    reference or a `step` of its own, in single precision a case that needs double (`require_single`), and for more than
-    LARGEST_COMPILED (100) links; `NonFiniteError` for NaN or infinity in `parameters`, `p` or `v` and NaN in a bound,
-    `NotFoundError` for an unknown name in `gains` and what a new controller raises for theirs, and `SingularityError`
-    where loops cannot be followed to `p`.
+    reference or a `step` of its own, in single precision a case that needs double (`validate_single`), and for more
+    than LARGEST_COMPILED (100) links; `NonFiniteError` for NaN or infinity in `parameters`, `p` or `v` and NaN in a
+    bound, `NotFoundError` for an unknown name in `gains` and what a new controller raises for theirs, and
+    `SingularityError` where loops cannot be followed to `p`.
     """
     law, differ = differing(controller, gains or {})
-    run = _Runs(ClosedLoop(plant, law), reference, duration, every, threads, precision)
-    bounds = {"within": per_joint(within, plant.dof, "within"), "beyond": per_joint(beyond, plant.dof, "beyond")}
-    run.begin(members, checked_seeds(seed), memory, differ, bounds, {"parameters": parameters, "p": p, "v": v})
+    run = _Runs(ClosedLoop(plant, law), reference, duration, record_every, threads, precision)
+    bounds = {
+        "within": per_joint(tolerance, plant.dof, "tolerance"),
+        "beyond": per_joint(divergence_bound, plant.dof, "divergence_bound"),
+    }
+    run.begin(batch_size, checked_seeds(seed), memory, differ, bounds, {"parameters": parameters, "p": p, "v": v})
     return run.result(*run.drive(progress))
 
 
@@ -184,15 +187,15 @@ def _compiled(loop: ClosedLoop, form: ReferenceForm, precision: Precision) -> St
     return compile_step(
         step,
         state=loop.state | {"clock": 1} | sum_sizes(r) | rise_sizes(law),
-        held=loop.held | form.held | judged_by(r) | truth_sizes(law),
-        shared=form.shared,
-        driven=form.driven | loop.noise,
+        constants=loop.held | form.held | judged_by(r) | truth_sizes(law),
+        inputs=form.shared,
+        per_member_inputs=form.driven | loop.noise,
         name=type(loop.controller).__name__,
         precision=precision,
     )
 
 
-class _Herd(NamedTuple):
+class _Batch(NamedTuple):
     """Arms that take a stretch of time together: which of all they are, the native code's copies of them, their
     references and the source of their noise."""
 
@@ -214,18 +217,23 @@ class _Runs(Driven):
         threads: int,
         precision: Precision,
     ) -> None:
-        self.loop, self.period, self.threads, self.precision = loop, loop.plant.control_period, threads, precision
-        what = f"duration: expected at least a control period of {self.period:g} s"
-        if positive_number(duration, what) < self.period:
+        self.loop, self.control_period, self.threads, self.precision = (
+            loop,
+            loop.plant.control_period,
+            threads,
+            precision,
+        )
+        what = f"duration: expected at least a control period of {self.control_period:g} s"
+        if positive_number(duration, what) < self.control_period:
             raise InputError(f"{what}, got {duration}")
-        for name, number in (("every", 1 if every is None else every), ("threads", threads)):
+        for name, number in (("record_every", 1 if every is None else every), ("threads", threads)):
             whole_count(number, name, 1)
-        _require_compilable(loop)
-        self.steps, self.every = round(duration / self.period), every
+        _validate_compilable(loop)
+        self.steps, self.every = round(duration / self.control_period), every
         if precision == "single":
-            require_single(loop, self.steps)
+            validate_single(loop, self.steps)
         self.references = ReferencesOfMany.of(reference, loop.controller.reference_size)
-        self.final = max(0, self.steps - round(SETTLED / self.period))
+        self.final = max(0, self.steps - round(SETTLED / self.control_period))
         first = reference[0] if isinstance(reference, Sequence) else reference
         warn_of_derivatives(first, [joint.name for joint in loop.plant.mechanism.primary_joints], duration, 4)
 
@@ -249,7 +257,7 @@ class _Runs(Driven):
         own = {"parameters": loop.plant.mechanism.inertial_parameters, "p": start[0], "v": start[1]}
         rows = {name: checked(_given(given[name], x), x.shape[-1], name) for name, x in own.items()}
         if members is not None:
-            whole_count(members, "members", 1)
+            whole_count(members, "batch_size", 1)
         remembered = [] if memory is None else self._remembered(memory)
         axes = {"reference": self.references.arms} | {name: x.shape[:-1] for name, x in rows.items()}
         axes |= {f"memory {k}": np.shape(part)[:-1] for k, part in enumerate(remembered)}
@@ -261,25 +269,25 @@ class _Runs(Driven):
         self.herds, sources = [], Noise.of(seeds, count, HERD, loop.noise["noise"])
         for first, noise in zip(range(0, count, HERD), sources, strict=True):
             arms = slice(first, first + noise.members)
-            herd = _Herd(arms, stepper.ensemble(noise.members), self.references.of_arms(arms), noise)
+            batch = _Batch(arms, stepper.ensemble(noise.members), self.references.of_arms(arms), noise)
             chosen = {name: x[arms] for name, x in gains.items()}
-            self._start(herd, p[arms], v[arms], _of_arms(memory, arms), chosen, bounds)
-            self.herds.append(herd)
+            self._start(batch, p[arms], v[arms], _of_arms(memory, arms), chosen, bounds)
+            self.herds.append(batch)
         self.records = tuple(np.empty((self._samples(self.steps), count, *shape)) for shape in stepper.outputs)
         self.longest = self._longest(stepper)
         self._done = 0, self._sums(), self._rises()
 
     def _start(
-        self, herd: _Herd, p: Array, v: Array, memory: Any, gains: dict[str, Array], bounds: Mapping[str, Array]
+        self, batch: _Batch, p: Array, v: Array, memory: Any, gains: dict[str, Array], bounds: Mapping[str, Array]
     ) -> None:
-        """Put a herd at time zero, with a new memory if it has none."""
-        loop, arms, own = self.loop, herd.arms, self.parameters[herd.members]
-        state = loop.plant.init(p, v, loop.plant.parameters(own, 0.0), herd.noise.drawn(1)[0])
+        """Put a batch at time zero, with a new memory if it has none."""
+        loop, arms, own = self.loop, batch.arms, self.parameters[batch.members]
+        state = loop.plant.init(p, v, loop.plant.parameters(own, 0.0), batch.noise.drawn(1)[0])
         new = loop.controller.init(state.measured_p, state.measured_v, gains) if memory is None else memory
         loop.begin(arms, state, new)
         rise, true = first_rise(watched(loop, self.precision), own, gains)
         largest = float(np.finfo(arms.stepper.dtype).max)
-        held: dict[str, Any] = {"parameters": own, **herd.references.held, "final": float(self.final), **true}
+        held: dict[str, Any] = {"parameters": own, **batch.references.held, "final": float(self.final), **true}
         held |= {name: np.minimum(bound, largest) for name, bound in bounds.items()}
         if gains:
             held[GAINS] = np.concatenate([x.reshape(len(x), -1) for x in gains.values()], axis=1)
@@ -322,12 +330,12 @@ class _Runs(Driven):
 
     def _sums(self) -> ErrorSums:
         """Sums of errors of all arms so far."""
-        parts = (np.concatenate([herd.arms.state[name] for herd in self.herds]) for name in ErrorSums._fields)
+        parts = (np.concatenate([batch.arms.state[name] for batch in self.herds]) for name in ErrorSums._fields)
         return ErrorSums(*parts)
 
     def _rises(self) -> Array:
         """The largest rises of V so far (M,)."""
-        rises = np.concatenate([herd.arms.state["lyapunov_rise"] for herd in self.herds])
+        rises = np.concatenate([batch.arms.state["lyapunov_rise"] for batch in self.herds])
         return np.asarray(rises[:, 0]) if rises.shape[1] else np.full(len(rises), np.nan)
 
     def _samples(self, count: int) -> int:
@@ -342,11 +350,11 @@ class _Runs(Driven):
         columns: dict[str, Any] = dict(zip(RECORDED, parts, strict=True))
         return Rollouts(
             **columns,
-            **summary(sums, count, min(self.final, count), self.period, self.beyond),
+            **summary(sums, count, min(self.final, count), self.control_period, self.beyond),
             lyapunov_rise=frozen(rises),
-            time=frozen(np.asarray(np.arange(samples) * (self.every or 1) * self.period)),
+            time=frozen(np.asarray(np.arange(samples) * (self.every or 1) * self.control_period)),
             parameters=frozen(self.parameters.copy()),
-            control_period=self.period,
+            control_period=self.control_period,
             wall_time=wall_time,
             complete=complete,
         )
@@ -363,7 +371,7 @@ def _given(values: ArrayLike | None, own: Array) -> ArrayLike:
     return own if values is None else values
 
 
-def _require_compilable(loop: ClosedLoop) -> None:
+def _validate_compilable(loop: ClosedLoop) -> None:
     if reason := not_compiled(loop.plant, loop.controller):
         raise InputError(f"simulate_many: {reason}: use `rollout` for one run after the other")
     if loop.controller.reference_size != loop.controller.dof:
@@ -373,7 +381,9 @@ def _require_compilable(loop: ClosedLoop) -> None:
 def _members(given: int | None, rows: Mapping[str, tuple[int, ...]]) -> int:
     """Number of arms: as given, or as the arguments that have a row each say. Raises `InputError` where they
     disagree."""
-    named_rows = {name: axes for name, axes in rows.items() if axes} | ({} if given is None else {"members": (given,)})
+    named_rows = {name: axes for name, axes in rows.items() if axes} | (
+        {} if given is None else {"batch_size": (given,)}
+    )
     if any(len(axes) > 1 for axes in named_rows.values()) or len(set(named_rows.values())) > 1:
         counts = ", ".join(f"{name} {'×'.join(map(str, axes))}" for name, axes in named_rows.items())
         raise InputError(f"members: expected a row for each arm, as many everywhere, got {counts}")

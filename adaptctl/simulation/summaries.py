@@ -114,7 +114,7 @@ def summary(sums: ErrorSums, count: int, final: int, period: float, beyond: Arra
         rms[lost], largest[lost] = np.nan, np.nan
     back = np.where(lost | (sums.outside[:, 0] >= count), np.nan, sums.outside[:, 0] * period)
     gone = np.where(lost, counted * period, np.nan)
-    summaries = {"rms_error": rms, "largest_error": largest, "final_rms_error": last, "return_time": back}
+    summaries = {"rms_error": rms, "largest_error": largest, "final_rms_error": last, "settling_time": back}
     return {name: frozen(x) for name, x in (summaries | {"diverged_at": gone, "diverged_joint": joint}).items()}
 
 
@@ -161,7 +161,7 @@ def truth_sizes(law: SlotineLi | None) -> dict[str, int]:
     return {TRUTH: k} | ({METRIC: k * (k + 1) // 2} if _whole_gain(law) is not None else {})
 
 
-@lru_cache(maxsize=8)  # asked for by every herd of arms
+@lru_cache(maxsize=8)  # asked for by every batch of arms
 def watched(loop: ClosedLoop, precision: Precision) -> SlotineLi | None:
     """The controller of a closed `loop`, if its Lyapunov function V can be computed in the run from joints, estimate
     and true parameters alone; else None. The answers for the 8 loops used last are kept.
@@ -179,7 +179,7 @@ def watched(loop: ClosedLoop, precision: Precision) -> SlotineLi | None:
     if law.model.mechanism.equations != plant.mechanism.equations or plant.mechanism.equations.has_known_share:
         return None
     start = np.asarray(law.initial)
-    known = law.adaptation_law is None or law.adaptation_law.distance(law.model, start, start) is not None
+    known = law.adaptation_law is None or law.adaptation_law.lyapunov_distance(law.model, start, start) is not None
     return law if known else None
 
 

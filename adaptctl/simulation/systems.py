@@ -12,10 +12,10 @@ from adaptctl.arrays import Array, numbers, positive_number
 from adaptctl.compilation import compile_function
 from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.control.controller import Controller, ReferencePoint
-from adaptctl.control.memory import leaves, like
+from adaptctl.control.pytree import leaves, like
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.packages import needed
+from adaptctl.optional_packages import needed
 from adaptctl.scalars import Column
 from adaptctl.simulation.effects import JointEffect
 from adaptctl.simulation.plant import Plant
@@ -69,7 +69,7 @@ def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem
 
 @needed("controller_system")
 def controller_system(
-    controller: Controller[Any], period: float, name: str = "controller"
+    controller: Controller[Any], control_period: float, name: str = "controller"
 ) -> control.NonlinearIOSystem:
     """A discrete-time python-control system of a controller, called `name`, whose control law is evaluated every
     `period` (s).
@@ -85,9 +85,9 @@ def controller_system(
     """
     import control
 
-    period = _ticked(controller, period)
+    control_period = _ticked(controller, control_period)
     r, m = controller.dof, controller.reference_size
-    blank = controller.start(controller.home, np.zeros(r))
+    blank = controller.initial_state(controller.neutral_configuration, np.zeros(r))
     sizes = [len(part) for part in leaves(blank)]
 
     def tick(x: Array, u: Array) -> tuple[Array, Array]:
@@ -102,7 +102,7 @@ def controller_system(
         inputs=[*_signals(("p", "v"), r), *_signals(REFERENCE, m)],
         outputs=_signals(("torque",), r),
         states=_signals(("memory",), sum(sizes)),
-        dt=period,
+        dt=control_period,
         name=name,
     )
 
@@ -158,13 +158,15 @@ def _of_joints(update: Any, r: int, name: str, **timing: float) -> control.Nonli
     )
 
 
-def _ticked(controller: Controller[Any], period: float) -> float:
+def _ticked(controller: Controller[Any], control_period: float) -> float:
     """The period, s. Raises `InputError` unless it is positive and the controller's own, where that has one."""
-    period = positive_number(period, "period: expected a positive time in s")
-    own = getattr(controller, "period", None)
-    if own is not None and not math.isclose(own, period):
-        raise InputError(f"period: {type(controller).__name__} is for {own:g} s, its own period, got {period:g} s")
-    return period
+    control_period = positive_number(control_period, "control_period: expected a positive time in s")
+    own = getattr(controller, "control_period", None)
+    if own is not None and not math.isclose(own, control_period):
+        raise InputError(
+            f"control_period: {type(controller).__name__} is for {own:g} s, its own period, got {control_period:g} s"
+        )
+    return control_period
 
 
 def _accelerations(mechanism: Mechanism) -> Any:

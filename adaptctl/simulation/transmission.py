@@ -191,7 +191,7 @@ def _rotors(mechanism: Mechanism) -> tuple[int | None, ...]:
         if kind is DriveParameter.ROTOR_INERTIA:
             found[joint] = first + k
     for joint in found:
-        if joint in description.primary and len(description.shaft(joint)) > 1:
+        if joint in description.primary and len(description.drive_coupling(joint)) > 1:
             raise InputError(
                 f"elastic joints: the rotor of {description.joint_names[joint]} of {mechanism.name} turns with several "
                 "joints, and a spring is taken to be in one: take the mechanism without `turns_with`"

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from adaptctl.errors import InputError
-from adaptctl.packages import needed
+from adaptctl.optional_packages import needed
 from adaptctl.sweeps.folder import Folder
 from adaptctl.sweeps.rows import rows_of
 from adaptctl.version import __version__
@@ -83,14 +83,14 @@ class Cluster:
                     yield client
                 return
             with self._connected(distributed) as client:
-                _require_workers(client)
+                _validate_workers(client)
                 yield client
 
     def _connected(self, distributed: Any) -> Any:
         given: dict[str, Any] = {"timeout": PATIENCE}
         if self.tls is not None:
             paths = zip(("tls_ca_file", "tls_client_cert", "tls_client_key"), map(str, self.tls), strict=True)
-            given["security"] = distributed.Security(**dict(paths), require_encryption=True)
+            given["security"] = distributed.Security(**dict(paths), validate_encryption=True)
         place = self.scheduler or str(self.scheduler_file)
         given["address" if self.scheduler else "scheduler_file"] = place
         try:
@@ -105,7 +105,7 @@ def versions() -> str:
     return __version__
 
 
-def _require_workers(client: Any) -> None:
+def _validate_workers(client: Any) -> None:
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError as error:

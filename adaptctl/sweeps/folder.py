@@ -19,7 +19,7 @@ from adaptctl.sweeps.rows import columns_of
 from adaptctl.sweeps.study import SweepStudy
 from adaptctl.version import __version__
 
-SCHEMA: Literal["adaptctl/sweep/1"] = "adaptctl/sweep/1"
+SCHEMA: Literal["adaptctl/sweep/2"] = "adaptctl/sweep/2"
 TABLE, STUDY = "sweep.parquet", "study.json"
 
 
@@ -33,7 +33,7 @@ class Saved(msgspec.Struct, forbid_unknown_fields=True):
     all runs; and `shard`, the number of runs in one file of rows. `schema` is the file format's name. Types are checked
     where a file is read, not at construction."""
 
-    schema: Literal["adaptctl/sweep/1"]
+    schema: Literal["adaptctl/sweep/2"]
     version: str
     sha256: str
     experiment: str
@@ -65,8 +65,8 @@ class Folder:
 
     @classmethod
     def opened(cls, path: Path, study: SweepStudy, shard: int, command: Sequence[str]) -> Folder:
-        """The `Folder` of the sweep of a `study` at `path`. A folder that was begun earlier keeps its number of runs in
-        a shard (a file of rows); a new one is made, with `shard` runs in each, and its study.json written. `command`
+        """The `Folder` of the sweep of a `study` at `path`. A folder that was started earlier keeps its number of runs
+        in a shard (a file of rows); a new one is made, with `shard` runs in each, and its study.json written. `command`
         has the command line's words, which study.json records. Raises `InputError` for a folder with the sweep of
         another study or of another version of adaptctl, or with other files; `FileError` where study.json cannot be
         read or written or the folder cannot be made."""
@@ -75,7 +75,7 @@ class Folder:
             if saved.sha256 != study.sha256:
                 raise InputError(f"{path}: has the sweep of another study, of {saved.experiment}: choose another --out")
             if saved.version != __version__:
-                raise InputError(f"{path}: was begun by adaptctl {saved.version}, this is {__version__}: use that")
+                raise InputError(f"{path}: was started by adaptctl {saved.version}, this is {__version__}: use that")
             return cls(path, study, saved.shard)
         if path.is_dir() and any(not one.name.startswith(".") for one in path.iterdir()):
             raise InputError(f"{path}: is not empty, and no sweep's: choose another --out")

@@ -178,7 +178,7 @@ def _error(row: dict[str, Any]) -> float | None:
     """A run's error over its last two seconds, over all of a shorter one; None where it was not done."""
     if row["status"] != "done":
         return None
-    found: float | None = row["rms_error" if row["rms_error_last"] is None else "rms_error_last"]
+    found: float | None = row["rms_error" if row["final_rms_error"] is None else "final_rms_error"]
     return found
 
 
@@ -207,7 +207,7 @@ def _of_controller(report: SweepReport, name: str) -> Section:
         Drawing(f"{name or 'runs'}-{k}", f"{name}: {shown.x} and {shown.y}", partial(map_figure, shown))
         for k, shown in enumerate(report.maps(name))
     ]
-    columns = (*report.study.swept, "status", "rms_error_last")
+    columns = (*report.study.swept, "status", "final_rms_error")
     rows = [(*(str(row[column]) for column in columns), report.replay(row)) for row in report.worst(name)]
     heads = (*report.study.swept, "status", "error at the end", "command")
     title = "The worst, and how to see them again"

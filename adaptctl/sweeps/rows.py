@@ -41,7 +41,7 @@ class RunOutcome(NamedTuple):
     """Outcome of one run of a sweep. `status` is "done", "diverged" or "failed", and `reason` says why it is not
     "done". Errors are of joint positions, actual less reference, rad (m if prismatic), joints of both kinds counting
     alike: `rms_error` is their root mean square over all joints and control periods until the run ended or diverged,
-    `rms_error_last` that over the last two seconds (None for a run that diverged or is shorter), `largest_error` the
+    `final_rms_error` that over the last two seconds (None for a run that diverged or is shorter), `largest_error` the
     largest magnitude of any joint. `diverged_at` is the time, s, and `diverged_joint` the joint, from 1, of the first
     error out of bounds; `lyapunov_rise`, J, is the largest rise of the control law's Lyapunov function from one sample
     to the next. None stands for a number that is not known. Nothing is checked."""
@@ -49,7 +49,7 @@ class RunOutcome(NamedTuple):
     status: str
     reason: str = ""
     rms_error: float | None = None
-    rms_error_last: float | None = None
+    final_rms_error: float | None = None
     largest_error: float | None = None
     diverged_at: float | None = None
     diverged_joint: int | None = None
@@ -127,7 +127,7 @@ def batched(
     return outcomes
 
 
-def begun(experiment: Learning, mechanism: Mechanism, known: Begun) -> tuple[Episode, Any]:
+def started(experiment: Learning, mechanism: Mechanism, known: Begun) -> tuple[Episode, Any]:
     """The initial `Episode` of an `experiment` on a `mechanism`, its plant, state, true parameters and reference after
     a reset with the experiment's seed and options; and the environment that it is of, without wrappers.
 
@@ -162,7 +162,7 @@ def _trials(experiment: Learning, controllers: Sequence[str], known: Begun) -> l
     own = type(experiment).mechanism is not Learning.mechanism
     mechanism = interned(experiment.mechanism()) if own else robot(experiment.robot)
     chosen = named(experiment.contenders(mechanism, offline(mechanism)), controllers)
-    episode, env = begun(experiment, mechanism, known)
+    episode, env = started(experiment, mechanism, known)
     plant, reference = episode.plant, episode.reference
     simple = not plant.effects and isinstance(reference, Sinusoids) and plant.mechanism.continuation is None
     if not simple or any(one.controller.reference_size != plant.dof for one in chosen):
@@ -234,8 +234,8 @@ def _tried(trials: Sequence[Trial], precision: Precision) -> list[RunOutcome]:
                 parameters=np.stack([one.parameters for one in episodes]),
                 p=np.stack([one.state.p for one in episodes]),
                 v=np.stack([one.state.v for one in episodes]),
-                every=None,
-                beyond=trials[0][2].error_bound,
+                record_every=None,
+                divergence_bound=trials[0][2].error_bound,
                 precision=precision,
             )
         )
@@ -250,7 +250,7 @@ OUTCOME = {
     "status": ("string", "done, diverged, or failed"),
     "reason": ("string", "why, where it is not done"),
     "rms_error": ("double", "root mean square of the errors of all joints, rad or m; until it diverged"),
-    "rms_error_last": ("double", "the same over the last two seconds, rad or m; None of shorter runs"),
+    "final_rms_error": ("double", "the same over the last two seconds, rad or m; None of shorter runs"),
     "largest_error": ("double", "of any joint, rad or m"),
     "diverged_at": ("double", "s"),
     "diverged_joint": ("int64", "from 1"),
@@ -344,7 +344,7 @@ def _outcome(run: ControllerRun) -> RunOutcome:
         status="diverged" if gone else "done",
         reason="the environment ended the run" if gone else "",
         rms_error=run.rms_error(),
-        rms_error_last=None if gone else run.final_rms_error,
+        final_rms_error=None if gone else run.final_rms_error,
         largest_error=float(error.max()) if error.size else None,
         diverged_at=run.duration if gone else None,
         diverged_joint=int(error[-1].argmax()) + 1 if gone and len(error) else None,

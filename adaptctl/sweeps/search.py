@@ -11,7 +11,7 @@ import numpy as np
 
 from adaptctl.errors import InputError
 from adaptctl.files import toml_string, write_text
-from adaptctl.packages import needed
+from adaptctl.optional_packages import needed
 from adaptctl.sweeps.rows import OUTCOME, rows_of
 from adaptctl.sweeps.study import Span, SweepStudy, Values
 
@@ -34,7 +34,7 @@ class BestSettings:
 
 def search(
     study: SweepStudy,
-    minimise: str,
+    objective: str,
     trials: int,
     progress: Callable[[float], object] = lambda share: None,
     seed: int = 0,
@@ -50,8 +50,8 @@ def search(
     """
     with needed("a search"):
         import optuna
-    if minimise not in SMALLEST:
-        raise InputError(f"minimise: expected one of {', '.join(SMALLEST)}, got {minimise!r}")
+    if objective not in SMALLEST:
+        raise InputError(f"minimise: expected one of {', '.join(SMALLEST)}, got {objective!r}")
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     asked = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed, constant_liar=True))
     best: BestSettings | None = None
@@ -62,14 +62,14 @@ def search(
         controllers = controllers or _first_controller(study, settings)
         rows = rows_of(study.experiment, settings, controllers, study.precision)
         for trial, chosen, row in zip(batch, settings, rows, strict=True):
-            value = row[minimise] if row["status"] == "done" and row[minimise] is not None else np.inf
+            value = row[objective] if row["status"] == "done" and row[objective] is not None else np.inf
             asked.tell(trial, min(value, 1e300))
             if np.isfinite(value) and (best is None or value < best.value):
                 best = BestSettings(chosen, row["controller"], float(value), trials)
         progress(min(1.0, (first + TOGETHER) / trials))
     if best is None:
         raise InputError(
-            f"search: none of {trials} runs of {study.experiment} was done and has {minimise}: widen the ranges, or "
+            f"search: none of {trials} runs of {study.experiment} was done and has {objective}: widen the ranges, or "
             "minimise rms_error where runs are shorter than two seconds"
         )
     return best
@@ -80,7 +80,7 @@ def write_settings(path: Path, study: SweepStudy, found: BestSettings) -> None:
     run of the experiment of `study`, in its precision; nothing is returned. Raises `FileError` where the file cannot be
     written."""
     lines = [
-        'schema = "adaptctl/study/1"',
+        'schema = "adaptctl/study/2"',
         f"experiment = {toml_string(study.experiment)}",
         f"controllers = [{toml_string(found.controller)}]",
         f"precision = {toml_string(study.precision)}",

@@ -15,8 +15,8 @@ import msgspec
 import numpy as np
 
 from adaptctl.caching import cached_property
-from adaptctl.compilation.lanes import Precision, require_precision
-from adaptctl.errors import FileError, InputError, NotFoundError, nearest_name
+from adaptctl.compilation.lanes import Precision, validate_precision
+from adaptctl.errors import FileError, InputError, NotFoundError, suggested_name
 from adaptctl.experiments import EXPERIMENTS, RENAMED, find
 from adaptctl.experiments.experiment import CheckedSettings
 from adaptctl.files import hashed, read_toml
@@ -57,7 +57,7 @@ class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
     or "sobol" for `samples` draws by `sampling_seed`; `precision`, "double" by default, is that of runs that are
     simulated together. `schema` is the file format's name. Types are checked where a file is read."""
 
-    schema: Literal["adaptctl/study/1"]
+    schema: Literal["adaptctl/study/2"]
     experiment: str
     question: str = ""
     settings: dict[str, str | float | int | bool | list[str | float | int | bool]] = {}
@@ -84,7 +84,7 @@ class SweepStudy:
     precision: Precision = "double"
 
     def __post_init__(self) -> None:
-        require_precision(self.precision)
+        validate_precision(self.precision)
         drawn = [name for name, values in self.settings.items() if isinstance(values, Span)]
         if self.sampling == "grid" and drawn:
             raise InputError(
@@ -106,13 +106,13 @@ class SweepStudy:
         setting cannot have, and for options that do not fit.
         """
         if target in (*(entry.name for entry in EXPERIMENTS), *RENAMED):
-            return cls._made(StudyFile("adaptctl/study/1", target), given, options)
+            return cls._made(StudyFile("adaptctl/study/2", target), given, options)
         path = STUDIES / f"{target}.toml"
         if not path.is_file():
             path = Path(target)
         if path.suffix != ".toml":
             names = [*(entry.name for entry in EXPERIMENTS), *shipped()]
-            guess = nearest_name(target, names, least=0.4)
+            guess = suggested_name(target, names, least=0.4)
             raise NotFoundError(f"unknown experiment or study {target!r}{guess}; there are: {', '.join(names)}")
         try:
             return cls._made(read_toml(path, StudyFile), given, options)
@@ -126,7 +126,7 @@ class SweepStudy:
         typed |= {name.replace("-", "_"): text for name, text in given.items()}
         for name in typed:
             if name not in known:
-                guess = nearest_name(name, known)
+                guess = suggested_name(name, known)
                 raise NotFoundError(f"{file.experiment} has no setting {name!r}{guess}; settings: {', '.join(known)}")
         chosen = msgspec.structs.asdict(file) | {"controllers": tuple(file.controllers)}
         chosen |= {name: value for name, value in options.items() if value}

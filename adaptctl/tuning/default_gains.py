@@ -18,9 +18,9 @@ from adaptctl.control.gains.workspace import Workspace, reachable
 from adaptctl.description import GROUND
 from adaptctl.description.reach import reach_behind
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, require_kind
-from adaptctl.tuning.carried_gains import WIDTH, CarriedGains, carried_gains, common_error, recoverable_error
-from adaptctl.tuning.workable_reference import WorkableReference, judged_reference, motion_ranges, workable_reference
+from adaptctl.errors import InputError, validate_kind
+from adaptctl.tuning.feasible_gains import WIDTH, FeasibleGains, common_error, feasible_gains, recoverable_error
+from adaptctl.tuning.feasible_reference import FeasibleReference, feasible_reference, judged_reference, motion_ranges
 
 BANDWIDTH, HOLD = 4.0, 0.5
 """1/s, and T lambda_max((M + T B)^-1 K), a third of what a hold of a period may carry"""
@@ -55,10 +55,10 @@ class Proposal:
     lambda_max the largest eigenvalue.
     """
 
-    carried: CarriedGains
+    feasible: FeasibleGains
     gain: Array
-    hold: float
-    adaptation: float
+    sampling_ratio: float
+    adaptation_ratio: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +74,9 @@ class DefaultGains:
     """
 
     mechanism: Mechanism
-    period: float
+    control_period: float
     limits: Array
-    found: WorkableReference
+    found: FeasibleReference
     initial_error: Array
     points: ReferencePoint
     postures: Array
@@ -87,7 +87,7 @@ class DefaultGains:
         cls,
         mechanism: Mechanism,
         *,
-        period: float = 1e-3,
+        control_period: float = 1e-3,
         reference: Reference | None = None,
         initial_error: ArrayLike | None = None,
         seed: int = 0,
@@ -104,17 +104,17 @@ class DefaultGains:
         `reference`, `NonFiniteError` where its points are not finite and `SingularityError` where kinematic loops
         cannot be closed at its first one.
         """
-        require_kind(mechanism, Mechanism, "tune", "as load(...) gives one")
-        period, seed = at_most("period", period, 0.1), whole_count(seed, "seed")
+        validate_kind(mechanism, Mechanism, "tune", "as load(...) gives one")
+        control_period, seed = at_most("control_period", control_period, 0.1), whole_count(seed, "seed")
         given = None if initial_error is None else _given_error(mechanism, initial_error)
         limits = finite_torque_limits(mechanism)
         if reference is None:
-            found = workable_reference(mechanism, limits, seed)
+            found = feasible_reference(mechanism, limits, seed)
         else:
             found = judged_reference(mechanism, limits, reference)
         error = given if given is not None else recoverable_error(mechanism, limits, found.reference)
         rng, points = np.random.default_rng(seed), found.reference(np.linspace(0.0, HORIZON, _samples(mechanism)))
-        return cls(mechanism, period, limits, found, error, points, *_around(mechanism, points.p, error, rng))
+        return cls(mechanism, control_period, limits, found, error, points, *_around(mechanism, points.p, error, rng))
 
     @property
     def reference(self) -> Reference:
@@ -128,32 +128,32 @@ class DefaultGains:
         over 200 random positions, is not positive."""
         return prior_ranges(self.mechanism)
 
-    def carried(self, bandwidth: float = BANDWIDTH, hold: float = HOLD) -> CarriedGains:
-        """The largest tracking gains, a `CarriedGains`, with a bandwidth of at most `bandwidth` (1/s), 4 by default,
+    def carried(self, bandwidth: float = BANDWIDTH, hold: float = HOLD) -> FeasibleGains:
+        """The largest tracking gains, a `FeasibleGains`, with a bandwidth of at most `bandwidth` (1/s), 4 by default,
         and a damping number of at most `hold`, no unit, 0.5 by default, at the positions near the reference and within
         the torque limits. The damping number is T lambda_max((M + T B)^-1 K), stable below 2: T is the control period,
         M the mass matrix, B viscous friction, K the damping and lambda_max the largest eigenvalue. The last 8 results
         are kept. Raises `InputError` for a bandwidth above 1000 1/s or a hold above 1.5, joints that move nothing that
         has inertia, and where M is not positive definite."""
-        return self._carried(at_most("bandwidth", bandwidth, 1e3), at_most("hold", hold, 1.5))
+        return self._carried(at_most("bandwidth", bandwidth, 1e3), at_most("sampling_ratio", hold, 1.5))
 
     @lru_cache(maxsize=8)  # noqa: B019  # a search asks for the same few again and again, and they take longest
-    def _carried(self, bandwidth: float, hold: float) -> CarriedGains:
+    def _carried(self, bandwidth: float, hold: float) -> FeasibleGains:
         off = np.maximum(np.abs(self.initial_error), SMALLEST_ERROR)
-        return carried_gains(self.mechanism, self.limits, self.postures, off, self.period, bandwidth, hold)
+        return feasible_gains(self.mechanism, self.limits, self.postures, off, self.control_period, bandwidth, hold)
 
     def proposed(self, bandwidth: float, hold: float, adaptation: float, shares: Shares) -> Proposal:
         """Proposal of gains, a `Proposal`, with the tracking gains `carried(bandwidth, hold)` and an adaptation number
         T lambda_max(K^-1 Y Gamma Y') of `adaptation`, no unit and stable below 2: T is the control period, K the
         damping, Y the torque regressor and Y' its transpose, lambda_max the largest eigenvalue. `shares` says what the
-        adaptation gain Gamma is in proportion to, as in `carried_gain`. Raises `InputError` as `carried` does, and for
+        adaptation gain Gamma is in proportion to, as in `feasible_gain`. Raises `InputError` as `carried` does, and for
         an `adaptation` above 1."""
-        adaptation = at_most("adaptation", adaptation, 1.0)
+        adaptation = at_most("adaptation_ratio", adaptation, 1.0)
         mechanism, points, carried = self.mechanism, self.points, self.carried(bandwidth, hold)
         rates, damping = carried.gains.bandwidth, carried.gains.damping
         v_r, a_r = points.v - rates * self.errors, points.a + rates**2 * self.errors
         regressor = mechanism.slotine_li_regressor(points.p + self.errors, points.v, v_r, a_r)
-        gain = carried_gain(mechanism, regressor, damping, self.ranges, self.period, adaptation, shares)
+        gain = feasible_gain(mechanism, regressor, damping, self.ranges, self.control_period, adaptation, shares)
         return Proposal(carried, gain, hold, adaptation)
 
 
@@ -216,7 +216,7 @@ def prior_ranges(mechanism: Mechanism, heaviest: float = HEAVIEST) -> Array:
     return np.concatenate([by_owner[name.rpartition(".")[0]].of((name,)) for name in names])
 
 
-def adaptation_number(regressor: Array, damping: Array, gain: Array, period: float) -> float:
+def achieved_adaptation_ratio(regressor: Array, damping: Array, gain: Array, control_period: float) -> float:
     """The adaptation number T lambda_max(K^-1 Y Gamma Y'), without a unit, the greatest over S samples: sampled
     adaptation is stable below 2.
 
@@ -225,11 +225,17 @@ def adaptation_number(regressor: Array, damping: Array, gain: Array, period: flo
     squared per J, T the control `period`, s, and lambda_max the largest eigenvalue. Nothing is checked.
     """
     scaled = regressor * np.sqrt(gain) / np.sqrt(damping)[:, None]
-    return period * float(np.linalg.eigvalsh(scaled @ np.swapaxes(scaled, -1, -2))[:, -1].max())
+    return control_period * float(np.linalg.eigvalsh(scaled @ np.swapaxes(scaled, -1, -2))[:, -1].max())
 
 
-def carried_gain(
-    mechanism: Mechanism, regressor: Array, damping: Array, ranges: Array, period: float, number: float, shares: Shares
+def feasible_gain(
+    mechanism: Mechanism,
+    regressor: Array,
+    damping: Array,
+    ranges: Array,
+    control_period: float,
+    number: float,
+    shares: Shares,
 ) -> Array:
     """The diagonal (P,) of an adaptation gain Gamma on all P parameters of a `mechanism`, scaled so that the adaptation
     number is `number`. It is in the order of the mechanism's `parameter_names` and in their units squared per J.
@@ -244,20 +250,22 @@ def carried_gain(
     """
     gain = ranges**2
     if shares == "links":
-        gain = _each_link(mechanism, regressor, damping, gain, period)
+        gain = _each_link(mechanism, regressor, damping, gain, control_period)
     elif shares == "parameters":
         gain = _each_parameter(mechanism, regressor, damping, gain)
     elif shares == "mixed":
-        parts = gain, _each_link(mechanism, regressor, damping, gain, period)
-        gain = np.sum([part / adaptation_number(regressor, damping, part, period) for part in parts], axis=0)
-    return gain * number / adaptation_number(regressor, damping, gain, period)
+        parts = gain, _each_link(mechanism, regressor, damping, gain, control_period)
+        gain = np.sum(
+            [part / achieved_adaptation_ratio(regressor, damping, part, control_period) for part in parts], axis=0
+        )
+    return gain * number / achieved_adaptation_ratio(regressor, damping, gain, control_period)
 
 
-def _each_link(mechanism: Mechanism, regressor: Array, damping: Array, gain: Array, period: float) -> Array:
+def _each_link(mechanism: Mechanism, regressor: Array, damping: Array, gain: Array, control_period: float) -> Array:
     """Gamma whose part for each link, and for each drive, has the same number."""
     found = gain.copy()
     for group in _groups(mechanism):
-        number = adaptation_number(regressor[..., group], damping, gain[group], period)
+        number = achieved_adaptation_ratio(regressor[..., group], damping, gain[group], control_period)
         found[group] = gain[group] / number if number > 0.0 else 0.0
     return _positive(found)
 
@@ -286,7 +294,7 @@ def _groups(mechanism: Mechanism) -> list[list[int]]:
     groups: dict[tuple[str, bool], list[int]] = {}
     for k, name in enumerate(mechanism.parameter_names):
         owner = name.rpartition(".")[0]
-        groups.setdefault((links.get(owner, owner), k >= mechanism.energetic), []).append(k)
+        groups.setdefault((links.get(owner, owner), k >= mechanism.num_energy_parameters), []).append(k)
     return list(groups.values())
 
 

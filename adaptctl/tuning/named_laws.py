@@ -12,9 +12,9 @@ from adaptctl.control import (
     Composite,
     ComputedTorque,
     Controller,
-    Guarded,
     PassivityIntegral,
     PDGravity,
+    SafetyFilter,
     SlotineLi,
     TaskSpaceSlotineLi,
     adaptation_gain,
@@ -55,9 +55,13 @@ def named_law(law: str, tuning: Tuning, model: ReducedModel) -> Controller[Any]:
     """
     if law not in LAWS:
         raise NotFoundError(f"law: unknown law {law!r}; laws: {', '.join(LAWS)}")
-    gains, period, mechanism = tuning.gains, tuning.period, tuning.mechanism
-    gain, true = adaptation_gain(model, gains=gains, period=period), model.fundamental_parameters
-    shared: dict[str, Any] = {"period": period, "workspace": tuning.workspace, "torque_limits": tuning.torque_limits}
+    gains, period, mechanism = tuning.gains, tuning.control_period, tuning.mechanism
+    gain, true = adaptation_gain(model, gains=gains, control_period=period), model.fundamental_parameters
+    shared: dict[str, Any] = {
+        "control_period": period,
+        "workspace": tuning.workspace,
+        "torque_limits": tuning.torque_limits,
+    }
     match law:
         case "slotine-li":
             return SlotineLi(model, gains.bandwidth, gains.damping, gain, **shared)
@@ -74,29 +78,31 @@ def named_law(law: str, tuning: Tuning, model: ReducedModel) -> Controller[Any]:
             return TaskSpaceSlotineLi(model, slowest, gains.damping, gain, **joints, **shared)  # type: ignore[arg-type]
         case "adaptive-computed-torque":
             limits = tuning.torque_limits
-            return AdaptiveComputedTorque(model, gains.bandwidth, true, gain, period=period, torque_limits=limits)
+            return AdaptiveComputedTorque(
+                model, gains.bandwidth, true, gain, control_period=period, torque_limits=limits
+            )
         case "computed-torque":
             return ComputedTorque.on(model, gains.bandwidth)
         case _:
             return PDGravity(mechanism, gains.bandwidth * gains.damping, gains.damping)
 
 
-def guarded(law: Controller[Any], tuning: Tuning) -> Guarded:
-    """The control law `law` behind guards, a `Guarded`: its torques are limited to the torque limits of a `tuning`, and
-    it brakes the arm, with the tuning's damping, where a joint is outside the mechanism's position limits or too fast.
-    Too fast is faster than the joint's velocity limit or, where that is infinite or 0, than the greater of 2 rad/s (m/s
-    if prismatic) and 1.5 times its reference's greatest speed in the first 20 s. Raises `InputError` for settings that
-    `Guarded` refuses, such as two equal position limits of a joint."""
+def guarded(law: Controller[Any], tuning: Tuning) -> SafetyFilter:
+    """The control law `law` behind guards, a `SafetyFilter`: its torques are limited to the torque limits of a
+    `tuning`, and it brakes the arm, with the tuning's damping, where a joint is outside the mechanism's position limits
+    or too fast. Too fast is faster than the joint's velocity limit or, where that is infinite or 0, than the greater of
+    2 rad/s (m/s if prismatic) and 1.5 times its reference's greatest speed in the first 20 s. Raises `InputError` for
+    settings that `SafetyFilter` refuses, such as two equal position limits of a joint."""
     joints = [joint.limits for joint in tuning.mechanism.primary_joints]
     speed = np.array([limits.velocity for limits in joints])
     asked = np.abs(tuning.reference(np.linspace(0.0, 20.0, 400)).v).max(axis=0)
     found: Array = np.where(np.isfinite(speed) & (speed > 0.0), speed, np.maximum(SLOWEST, WIDER * asked))
     lower, upper = np.array([limits.lower for limits in joints]), np.array([limits.upper for limits in joints])
-    return Guarded(
+    return SafetyFilter(
         law,
         tuning.torque_limits,
         stop_damping=tuning.gains.damping,
-        period=tuning.period,
+        control_period=tuning.control_period,
         position_limits=(lower, upper),
         velocity_limits=found,
     )

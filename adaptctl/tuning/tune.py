@@ -21,8 +21,9 @@ from adaptctl.errors import InputError, VerdictError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import Integrator, Plant
 from adaptctl.simulation.integrator import MOST, integration
-from adaptctl.tuning.carried_gains import SLOW, CarriedGains, limitations
 from adaptctl.tuning.default_gains import BANDWIDTH, HOLD, DefaultGains, Proposal, Shares, at_most, near_reference
+from adaptctl.tuning.feasible_gains import SLOW, FeasibleGains, limitations
+from adaptctl.tuning.feasible_reference import TORQUE_SHARE, FeasibleReference
 from adaptctl.tuning.verification import (
     ASTRAY,
     CLIPPED,
@@ -34,7 +35,6 @@ from adaptctl.tuning.verification import (
     scaled_links,
     verifications,
 )
-from adaptctl.tuning.workable_reference import TORQUE_SHARE, WorkableReference
 
 STATIC, LITTLE = 0.95, 3.0
 """share of a torque limit at rest, and ratio of errors without and with adaptation, that are noted"""
@@ -56,12 +56,12 @@ class Tuning:
     `torque_limits` (r,) are in N m (N); `torque_share` (r,) is the largest fraction of them that the reference asks
     for, no unit.
 
-    `hold_number` is the upper bound that K was made for of the damping number T lambda_max((M + T B)^-1 K) at random
+    `sampling_ratio` is the upper bound that K was made for of the damping number T lambda_max((M + T B)^-1 K) at random
     positions near the reference, with the mass matrix M, the viscous friction B and lambda_max the largest eigenvalue;
-    K is below it where torque limits are tighter. The hold number of a `HoldNumber` is another: it is found, not asked
-    for, counts Lambda too, takes friction into account exactly, and comes from a local search over a set of positions.
-    `adaptation_number` is T lambda_max(K^-1 Y Gamma Y'), the greatest over samples of the reference, with the regressor
-    Y (r, P) and its transpose Y'. Both have no unit and are stable below 2.
+    K is below it where torque limits are tighter. The sampling ratio of a `SamplingRatio` is another: it is found, not
+    asked for, counts Lambda too, takes friction into account exactly, and comes from a local search over a set of
+    positions. `achieved_adaptation_ratio` is T lambda_max(K^-1 Y Gamma Y'), the greatest over samples of the reference,
+    with the regressor Y (r, P) and its transpose Y'. Both have no unit and are stable below 2.
 
     `limited_by` (r,) are sentences on what limits each joint's gains, `verified` the `Verification` runs with these
     gains, none for a mechanism of more than 100 links, for which no native code is made, and `notes` sentences on what
@@ -69,7 +69,7 @@ class Tuning:
     """
 
     mechanism: Mechanism
-    period: float
+    control_period: float
     reference: Reference
     initial_error: Array
     gains: Gains
@@ -78,8 +78,8 @@ class Tuning:
     integrator: Integrator
     torque_limits: Array
     torque_share: Array
-    hold_number: float
-    adaptation_number: float
+    sampling_ratio: float
+    adaptation_ratio: float
     limited_by: tuple[str, ...]
     verified: tuple[Verification, ...]
     notes: tuple[str, ...] = ()
@@ -106,26 +106,26 @@ class Tuning:
         unless `anyway`; `GainError` where the gains are too large for the period at a position in the tuning's
         `workspace`, `InputError` for a model of another number of joints or, with adaptation, of parameters."""
         if adaptation and not anyway:
-            self.require_learned("anyway=True")
+            self.validate_learning("anyway=True")
         gain, gains = self.gain_on(model) if adaptation else None, self.gains
-        given = None, self.period, self.workspace, self.torque_limits
+        given = None, self.control_period, self.workspace, self.torque_limits
         return SlotineLi(model, gains.bandwidth, gains.damping, gain, *given)
 
     @property
-    def learns(self) -> bool:
+    def is_learning(self) -> bool:
         """True if the arm as described learns with these gains, in the first verifying run of 20 s; False where nothing
         was run. The run must stay near the reference: no joint's tracking error reaches 1 rad (m if prismatic), and in
         at most 5 % of the second half a torque is at its limit. Its RMS tracking error over all joints and the last 2 s
         must be at most a third of that of the first second and of that of the last 2 s with adaptation off."""
-        return bool(self.verified) and self.verified[0].learns
+        return bool(self.verified) and self.verified[0].is_learning
 
     @property
     def failed(self) -> bool:
         """True if the arm as described was run with these gains and does not learn; False also where nothing was
         run."""
-        return bool(self.verified) and not self.verified[0].learns
+        return bool(self.verified) and not self.verified[0].is_learning
 
-    def require_learned(self, otherwise: str) -> None:
+    def validate_learning(self, otherwise: str) -> None:
         """Raise `VerdictError` where the tuning has `failed`; `otherwise` says in the message how to take the gains
         all the same."""
         if self.failed:
@@ -138,12 +138,12 @@ class Tuning:
 def tune(
     mechanism: Mechanism,
     *,
-    period: float = 1e-3,
+    control_period: float = 1e-3,
     reference: Reference | None = None,
     initial_error: ArrayLike | None = None,
     bandwidth: float = BANDWIDTH,
-    hold: float = HOLD,
-    adaptation: float = 0.5,
+    sampling_ratio: float = HOLD,
+    adaptation_ratio: float = 0.5,
     search: int = 0,
     seed: int = 0,
 ) -> Tuning:
@@ -177,18 +177,20 @@ def tune(
     `NonFiniteError` where its points are not finite and `SingularityError` where kinematic loops cannot be closed at
     its first one.
     """
-    bandwidth, hold = at_most("bandwidth", bandwidth, 1e3), at_most("hold", hold, 1.5)
-    adaptation, search = at_most("adaptation", adaptation, 1.0), whole_count(search, "search")
-    rule = DefaultGains.on(mechanism, period=period, reference=reference, initial_error=initial_error, seed=seed)
-    first, limits = rule.proposed(bandwidth, hold, adaptation, "mixed"), rule.limits
-    plant = _plant(mechanism, rule.period, tuple(limits.tolist()))
+    bandwidth, sampling_ratio = at_most("bandwidth", bandwidth, 1e3), at_most("sampling_ratio", sampling_ratio, 1.5)
+    adaptation_ratio, search = at_most("adaptation_ratio", adaptation_ratio, 1.0), whole_count(search, "search")
+    rule = DefaultGains.on(
+        mechanism, control_period=control_period, reference=reference, initial_error=initial_error, seed=seed
+    )
+    first, limits = rule.proposed(bandwidth, sampling_ratio, adaptation_ratio, "mixed"), rule.limits
+    plant = _plant(mechanism, rule.control_period, tuple(limits.tolist()))
     trials = Trials(plant, rule.reference, rule.initial_error)
     chosen = _searched(trials, rule, first, search, seed) if search and trials.possible else first
-    carried, gain = chosen.carried, chosen.gain
+    carried, gain = chosen.feasible, chosen.gain
     verified = verifications(trials, carried.gains, gain, seed) if trials.possible else ()
     return Tuning(
         mechanism,
-        rule.period,
+        rule.control_period,
         rule.reference,
         rule.initial_error,
         carried.gains,
@@ -197,8 +199,8 @@ def tune(
         plant.integrator,
         limits,
         rule.found.asked,
-        chosen.hold,
-        chosen.adaptation,
+        chosen.sampling_ratio,
+        chosen.adaptation_ratio,
         limitations(mechanism, carried),
         verified,
         (*_notes(mechanism, rule.found, carried, plant), *_run_remarks(verified, trials.possible)),
@@ -206,9 +208,9 @@ def tune(
 
 
 @lru_cache(maxsize=8)
-def _plant(mechanism: Mechanism, period: float, limits: tuple[float, ...]) -> Plant:
+def _plant(mechanism: Mechanism, control_period: float, limits: tuple[float, ...]) -> Plant:
     """The plant of trials, kept, and the code of its trials with it."""
-    return Plant(mechanism, period, *integration(mechanism, (), period), np.array(limits))
+    return Plant(mechanism, control_period, *integration(mechanism, (), control_period), np.array(limits))
 
 
 def _searched(trials: Trials, rule: DefaultGains, first: Proposal, count: int, seed: int) -> Proposal:
@@ -225,7 +227,7 @@ def _searched(trials: Trials, rule: DefaultGains, first: Proposal, count: int, s
     tried = [first, *_drawn(rule, count, seed)]
     arms = [scaled_links(trials.plant.mechanism, LINKS_OFF, seed + k) for k in (1, 2)]
     settings = [
-        TrialSetting(one.carried.gains.bandwidth, one.carried.gains.damping, one.gain, true, late)
+        TrialSetting(one.feasible.gains.bandwidth, one.feasible.gains.damping, one.gain, true, late)
         for one in tried
         for true, late in zip(arms, (False, True), strict=True)
     ]
@@ -249,7 +251,7 @@ def _drawn(rule: DefaultGains, count: int, seed: int) -> list[Proposal]:
     return found
 
 
-def _notes(mechanism: Mechanism, found: WorkableReference, carried: CarriedGains, plant: Plant) -> Iterator[str]:
+def _notes(mechanism: Mechanism, found: FeasibleReference, carried: FeasibleGains, plant: Plant) -> Iterator[str]:
     """Sentences on a mechanism that is hard to tune: a joint that can only creep, a slow bandwidth, impossible
     parameters."""
     for j, joint in enumerate(mechanism.primary_joints):
@@ -272,6 +274,6 @@ def _run_remarks(verified: tuple[Verification, ...], possible: bool) -> Iterator
     if not possible:
         yield "too many links to compile: nothing was searched or verified"
     for run in verified[:1]:
-        ratio = run.off / run.last if run.last > 0.0 else math.inf
+        ratio = run.parameter_error / run.last if run.last > 0.0 else math.inf
         if ratio < LITTLE:
             yield "adaptation off tracks nearly as well: there is little to learn on this reference"

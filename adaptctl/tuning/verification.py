@@ -27,32 +27,32 @@ EVERY = 50
 
 @dataclass(frozen=True, eq=False)
 class Delayed(Controller[AdaptiveState]):
-    """Slotine and Li's law, `of`, whose torques come one control period late where `late` is 1, and in time where it is
-    0, the default. `late` is a tunable number, an argument of the native code, so that arms with and without the delay
-    share one code. Nothing is checked here."""
+    """Slotine and Li's law, `inner`, whose torques come one control period late where `delayed` is 1, and in time where
+    it is 0, the default. `delayed` is a tunable number, an argument of the native code, so that arms with and without
+    the delay share one code. Nothing is checked here."""
 
-    tunable = ("late",)
+    tunable = ("delayed",)
 
-    of: SlotineLi
-    late: float = 0.0
+    inner: SlotineLi
+    delayed: float = 0.0
 
     @property
     def dof(self) -> int:
         """Number r of the joints that the wrapped control law moves."""
-        return self.of.dof
+        return self.inner.dof
 
     @property
-    def home(self) -> Array:
+    def neutral_configuration(self) -> Array:
         """Positions (r,) of the r joints, rad (m if prismatic), at the mechanism's home configuration, where its
         kinematic loops are known to close; zeros without loops."""
-        return self.of.home
+        return self.inner.neutral_configuration
 
-    def start(self, p: Array, v: Array) -> AdaptiveState:
+    def initial_state(self, p: Array, v: Array) -> AdaptiveState:
         """The internal state before the first control period, the wrapped law's own, of arms at positions p in rad (m
         if prismatic) and velocities v in rad/s (m/s), (..., r) for r joints; its torque is zero. Raises `InputError` on
         a wrong shape of p, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a singularity of the
         kinematic loops."""
-        return self.of.start(p, v)
+        return self.inner.initial_state(p, v)
 
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
@@ -63,8 +63,8 @@ class Delayed(Controller[AdaptiveState]):
         positions, velocities and accelerations (r,), in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic);
         `memory` is the internal state of the last control period. Nothing is checked here: the method `step` checks
         shapes."""
-        _, after = self.of.law(p, v, reference, memory)
-        late = self.late > 0.5
+        _, after = self.inner.law(p, v, reference, memory)
+        late = self.delayed > 0.5
         return Column(where(late, old, new) for old, new in zip(memory.torque, after.torque, strict=True)), after
 
 
@@ -75,14 +75,14 @@ class TrialSetting(NamedTuple):
     `bandwidth` (r,) is in 1/s and `damping` (r,) in N m s/rad (N s/m if prismatic); `gain` (P,) is the diagonal of the
     adaptation gain on all P inertial and friction parameters, in their units squared per J, zero for adaptation off.
     `parameters` (P,) are the arm's true inertial and friction ones, SI units, in the order of
-    `Mechanism.parameter_names`. With `late` True, False by default, torques come a control period late.
+    `Mechanism.parameter_names`. With `delayed` True, False by default, torques come a control period late.
     """
 
     bandwidth: Array
     damping: Array
     gain: Array
     parameters: Array
-    late: bool = False
+    delayed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,13 +114,13 @@ class Trials:
         law, parameters = _law(self.plant, tuple(p.tolist())), np.array([one.parameters for one in settings])
         laws = [law.having(_numbers(law, one)) for one in settings]
         start = {"parameters": parameters, "p": p + self.off, "v": np.zeros(law.dof)}
-        return simulate_many(self.plant, laws, self.reference, duration=duration, every=EVERY, **start)
+        return simulate_many(self.plant, laws, self.reference, duration=duration, record_every=EVERY, **start)
 
 
 def _numbers(law: Delayed, one: TrialSetting) -> dict[str, object]:
     """All of a law's numbers by name, those of a setting among them: as they are, for tuning has judged them."""
     of = {"bandwidth": one.bandwidth, "damping": one.damping, "adaptation.gain": one.gain}
-    return {**law.numbers, "late": float(one.late), **{f"of.{name}": value for name, value in of.items()}}
+    return {**law.numbers, "delayed": float(one.delayed), **{f"inner.{name}": value for name, value in of.items()}}
 
 
 @lru_cache(maxsize=8)
@@ -159,31 +159,31 @@ class Verification:
     name: str
     first: float
     last: float
-    off: float
+    parameter_error: float
     largest: float
     limited: float
     unit: str = "mrad"
 
     @property
-    def stayed(self) -> bool:
+    def is_bounded(self) -> bool:
         """True if no joint's tracking error reached 1 rad (m if prismatic) in the run, and a torque was at its limit in
         at most 5 % of its second half."""
         return self.largest < ASTRAY and self.limited <= CLIPPED
 
     @property
-    def learns(self) -> bool:
+    def is_learning(self) -> bool:
         """True if the run stayed near the reference and its error became small. It stayed near if no joint's tracking
         error reached 1 rad (m if prismatic) and a torque was at its limit in at most 5 % of the second half. The RMS
         tracking error over all joints and the last 2 s must be at most a third of that of the first second and of that
         of the last 2 s with adaptation off."""
-        return self.stayed and self.last <= LEARNED * min(self.first, self.off)
+        return self.is_bounded and self.last <= LEARNED * min(self.first, self.parameter_error)
 
     def __str__(self) -> str:
-        if not self.stayed:
+        if not self.is_bounded:
             astray = self.largest >= ASTRAY
             why = f"an error of {self.largest:.2g}" if astray else f"{self.limited:.0%} at a torque limit"
             return f"{self.name}: fails, {why}"
-        without = f"{1e3 * self.off:.3g} {self.unit}" if np.isfinite(self.off) else "falls"
+        without = f"{1e3 * self.parameter_error:.3g} {self.unit}" if np.isfinite(self.parameter_error) else "falls"
         return f"{self.name}: {1e3 * self.first:.3g} to {1e3 * self.last:.3g} {self.unit}; adaptation off {without}"
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import adaptctl
-from adaptctl.control import FadedIn, Guarded
+from adaptctl.control import FadeIn, SafetyFilter
 
 PERIOD = 1e-3
 RATE = 950.0
@@ -39,7 +39,7 @@ def control(
             measured, passed = active.readOnce()
             p, v = np.asarray(measured.q), np.asarray(measured.dq)
             if state is None:
-                state, reference = controller.init(p, v), FadedIn(reference, p, LEAD_IN)
+                state, reference = controller.init(p, v), FadeIn(reference, p, LEAD_IN)
             else:
                 time += passed.to_sec()
             point = reference.at(time)
@@ -47,7 +47,7 @@ def control(
             command = torques(torque.tolist())
             command.motion_finished = time >= duration
             active.writeOnce(command)
-            log.append(time, p, v, point, torque, estimate=state.of.estimate)
+            log.append(time, p, v, point, torque, estimate=state.inner.estimate)
     except Exception:
         robot.stop()
         raise
@@ -61,9 +61,11 @@ def weightless(arm: adaptctl.Mechanism) -> adaptctl.Mechanism:
 def prepared(arm: adaptctl.Mechanism) -> tuple[Any, Any]:
     """A guarded adaptive controller, compiled, and a reference within the arm's limits."""
     arm = weightless(arm)
-    tuning = adaptctl.tune(arm, period=PERIOD)
+    tuning = adaptctl.tune(arm, control_period=PERIOD)
     model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
-    guarded = Guarded(tuning.controller(model), torque_limits=tuning.torque_limits, rate_limits=RATE, period=PERIOD)
+    guarded = SafetyFilter(
+        tuning.controller(model), torque_limits=tuning.torque_limits, rate_limits=RATE, control_period=PERIOD
+    )
     return guarded.compile(), tuning.reference
 
 
@@ -73,7 +75,7 @@ def main(address: str, kernel: str = "") -> None:
 
     controller, reference = prepared(adaptctl.load("fr3.urdf"))
     robot = Robot(address, RealtimeConfig.kIgnore if kernel == "--any-kernel" else RealtimeConfig.kEnforce)
-    with adaptctl.RunLogger(7, PERIOD, "run.parquet", estimates=controller.of.model.regrouping.shape[0]) as log:
+    with adaptctl.RunLogger(7, PERIOD, "run.parquet", estimates=controller.inner.model.regrouping.shape[0]) as log:
         control(robot, Torques, controller, reference, 10.0, log)
 
 

@@ -21,7 +21,7 @@ def track(scene: str, body: str | None, duration: float, path: str | None = None
     joints = [joint.name for joint in arm.primary_joints]
     places = [int(model.joint(name).qposadr[0]) for name in joints]
     speeds = [int(model.joint(name).dofadr[0]) for name in joints]
-    tuning = adaptctl.tune(arm, period=PERIOD)
+    tuning = adaptctl.tune(arm, control_period=PERIOD)
     reduced = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
     controller, reference = tuning.controller(reduced).compile(), tuning.reference
     data.qpos[places] = reference.at(0.0).p + tuning.initial_error

@@ -179,8 +179,8 @@ def train(env: LearningVectorEnv, settings: Settings) -> Policy:
     sizes = env.single_observation_space.shape[0], env.single_action_space.shape[0]
     policy, arms = Policy(*sizes, settings.width, settings.log_std_init), Arms(env, settings)
     optimiser = torch.optim.Adam(policy.parameters(), eps=1e-5)
-    begun, updates, told = time.process_time(), 0, 0.0
-    while (share := (time.process_time() - begun) / settings.seconds) < 1.0:
+    started, updates, told = time.process_time(), 0, 0.0
+    while (share := (time.process_time() - started) / settings.seconds) < 1.0:
         optimiser.param_groups[0]["lr"] = settings.learning_rate * (1.0 - 0.9 * share)
         bound = settings.log_std_init + share * (settings.log_std_last - settings.log_std_init)
         policy.log_std.data.clamp_(max=bound)
@@ -191,7 +191,7 @@ def train(env: LearningVectorEnv, settings: Settings) -> Policy:
         updates += 1
         if share >= told:
             steps, told = updates * settings.horizon * settings.arms, told + 0.05
-            seconds = time.process_time() - begun
+            seconds = time.process_time() - started
             print(f"{steps:>9} steps {seconds:6.0f} s  return with noise {np.mean(arms.returns):9.2f}", flush=True)
     return policy
 
@@ -218,7 +218,7 @@ def environment(task: str, arms: int) -> LearningVectorEnv:
         return LearningVectorEnv(Puma560VectorTrackingEnv(arms, **about))
     if task == "residual":
         env = Puma560VectorTrackingEnv(arms, effects=[FRICTION], **about)
-        return LearningVectorEnv(ResidualVectorEnv(env, controller(env), share=0.1))
+        return LearningVectorEnv(ResidualVectorEnv(env, controller(env), residual_scale=0.1))
     env = Puma560VectorTrackingEnv(arms, **about)
     return LearningVectorEnv(
         TuningVectorEnv(env, controller(env, hold=0.5), ["bandwidth", "damping", "adaptation.gain"])
@@ -228,7 +228,9 @@ def environment(task: str, arms: int) -> LearningVectorEnv:
 def controller(env: Puma560VectorTrackingEnv, hold: float = 1.0) -> adaptctl.SlotineLi:
     """Slotine and Li's law, which begins knowing nothing, with the gains that the control period carries."""
     arm, reference = env.single.mechanism, env.single.trajectory
-    tuning = adaptctl.tune(arm, period=0.02, reference=reference, initial_error=0.1, bandwidth=8.0, hold=hold)
+    tuning = adaptctl.tune(
+        arm, control_period=0.02, reference=reference, initial_error=0.1, bandwidth=8.0, sampling_ratio=hold
+    )
     return tuning.controller(adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm))))
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import adaptctl
-from adaptctl.control import FadedIn, Guarded
+from adaptctl.control import FadeIn, SafetyFilter
 
 PERIOD = 0.002
 STALE = 0.05
@@ -31,7 +31,7 @@ class Tracking:
         self.state: Any = None
         self.followed: Any = None
         self.measured: tuple[float, Any, Any] | None = None
-        self.begun = 0.0
+        self.started = 0.0
 
     def heard(self, now: float, names: Sequence[str], positions: Sequence[float], velocities: Sequence[float]) -> None:
         """Joint states, in whatever order their message has them; a message without all of ours is another's."""
@@ -47,18 +47,18 @@ class Tracking:
             return None
         _, p, v = self.measured
         if self.state is None:
-            self.state, self.begun = self.controller.init(p, v), now
-            self.followed = FadedIn(self.reference, p, LEAD_IN)
-        torque, self.state = self.controller.step(self.state, p, v, self.followed.at(now - self.begun))
+            self.state, self.started = self.controller.init(p, v), now
+            self.followed = FadeIn(self.reference, p, LEAD_IN)
+        torque, self.state = self.controller.step(self.state, p, v, self.followed.at(now - self.started))
         return torque.tolist()
 
 
 def prepared(arm: adaptctl.Mechanism) -> tuple[Any, Any]:
     """A guarded adaptive controller that starts from the file's parameters, and a reference within the arm's limits."""
-    tuning = adaptctl.tune(arm, period=PERIOD)
+    tuning = adaptctl.tune(arm, control_period=PERIOD)
     model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
     law = replace(tuning.controller(model), initial=model.fundamental_parameters)
-    return Guarded(law, torque_limits=tuning.torque_limits), tuning.reference
+    return SafetyFilter(law, torque_limits=tuning.torque_limits), tuning.reference
 
 
 def main(urdf: str) -> None:

@@ -60,12 +60,12 @@ class Progress(BaseCallback):
 
     def __init__(self, steps: int) -> None:
         super().__init__()
-        self.every, self.told, self.begun = steps / REPORTS, 0.0, time.process_time()
+        self.every, self.told, self.started = steps / REPORTS, 0.0, time.process_time()
 
     def _on_step(self) -> bool:
         if self.num_timesteps >= self.told:
             self.told += self.every
-            seconds, returns = time.process_time() - self.begun, evaluate(self.model)
+            seconds, returns = time.process_time() - self.started, evaluate(self.model)
             print(f"{self.num_timesteps:>9} steps {seconds:6.0f} s  return {returns:9.2f}", flush=True)
         return True
 

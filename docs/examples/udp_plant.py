@@ -26,15 +26,15 @@ def main(robot: str, seconds: float = 20.0, port: int = 5150) -> None:
     mechanism = adaptctl.load(robot)
     plant = adaptctl.Plant(mechanism, PERIOD)
     r = plant.dof
-    state = plant.init(mechanism.home, np.zeros(r))
+    state = plant.init(mechanism.neutral_configuration, np.zeros(r))
     plant.compile()
     plant.step(state, np.zeros(r))
     link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     link.connect((LOOPBACK, port))
     torque, missed, statuses, trips, late, in_a_row = np.zeros(r), 0, 0, [], 0, 0
-    begun = time.perf_counter()
+    started = time.perf_counter()
     for k in range(round(seconds / PERIOD)):
-        due = begun + k * PERIOD
+        due = started + k * PERIOD
         while (ahead := due - time.perf_counter()) > 0.0:
             time.sleep(ahead)
         sent = time.perf_counter()

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import adaptctl
-from adaptctl.control import FadedIn, Guarded
+from adaptctl.control import FadeIn, SafetyFilter
 
 PERIOD = 1 / 500
 LEAD_IN = 5.0
@@ -32,8 +32,8 @@ def control(
     cannot be kept."""
     controller.compile()
     p, v = np.array(receive.getActualQ()), np.array(receive.getActualQd())
-    state, late, reference = controller.init(p, v), 0, FadedIn(reference, p, LEAD_IN)
-    begun = time.monotonic()
+    state, late, reference = controller.init(p, v), 0, FadeIn(reference, p, LEAD_IN)
+    started = time.monotonic()
     try:
         for k in range(round(duration / PERIOD)):
             tick = command.initPeriod()
@@ -42,8 +42,8 @@ def control(
             torque, state = controller.step(state, p, v, point)
             if not command.directTorque(torque.tolist()):
                 raise RuntimeError("the arm refuses torques: look at the teach pendant")
-            log.append(k * PERIOD, p, v, point, torque, estimate=state.of.estimate)
-            late = late + 1 if time.monotonic() - begun > (k + 2) * PERIOD else 0
+            log.append(k * PERIOD, p, v, point, torque, estimate=state.inner.estimate)
+            late = late + 1 if time.monotonic() - started > (k + 2) * PERIOD else 0
             if late > LATE:
                 raise RuntimeError(f"more than {LATE} periods came late: use a real-time kernel, or a longer period")
             command.waitPeriod(tick)
@@ -58,16 +58,18 @@ def main(address: str) -> None:
 
     arm = adaptctl.load("ur5e.urdf")  # with its gravity, which `prepared` takes out
     controller, reference = prepared(arm)
-    with adaptctl.RunLogger(6, PERIOD, "run.parquet", estimates=controller.of.model.regrouping.shape[0]) as log:
+    with adaptctl.RunLogger(6, PERIOD, "run.parquet", estimates=controller.inner.model.regrouping.shape[0]) as log:
         control(RTDEReceiveInterface(address), RTDEControlInterface(address), controller, reference, 10.0, log)
 
 
 def prepared(arm: adaptctl.Mechanism) -> tuple[Any, Any]:
     """A guarded adaptive controller, and a reference within its limits, for an arm that compensates its weight."""
     arm = adaptctl.Mechanism(replace(arm.description, gravity=np.zeros(3)))
-    tuning = adaptctl.tune(arm, period=PERIOD)
+    tuning = adaptctl.tune(arm, control_period=PERIOD)
     model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
-    return Guarded(tuning.controller(model), torque_limits=tuning.torque_limits, velocity_limits=2.0), tuning.reference
+    return SafetyFilter(
+        tuning.controller(model), torque_limits=tuning.torque_limits, velocity_limits=2.0
+    ), tuning.reference
 
 
 if __name__ == "__main__":

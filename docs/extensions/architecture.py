@@ -8,7 +8,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent.parent
 PICTURE = ROOT / "docs" / "images" / "architecture.svg"
-BELOW = {"errors", "packages", "version", "lazily", "caching", "files", "folders", "arrays"}
+BELOW = {"errors", "optional_packages", "renamed", "version", "caching", "files", "folders", "arrays"}
 """Single files that all others may use, drawn as one row."""
 GROUPS = (
     ("what users run", ("cli", "sweeps", "experiments", "envs")),

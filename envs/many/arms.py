@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array, frozen
 from adaptctl.caching import State, cached_property, restored, without_caches
 from adaptctl.compilation import Ensemble, Kernel, Stepper, compile_function, compile_step
-from adaptctl.compilation.lanes import Precision, require_precision
+from adaptctl.compilation.lanes import Precision, validate_precision
 from adaptctl.control.controller import Reference
 from adaptctl.control.references import SinusoidNumbers, Sinusoids
-from adaptctl.dynamics.loops.single_precision import require_single_precision
+from adaptctl.dynamics.loops.single_precision import validate_single_precision
 from adaptctl.envs.many.episodes import ArmOptions, ArmStreams
 from adaptctl.envs.random_reference import Trajectory, all_drawn
 from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, Scalar, where
-from adaptctl.simulation.plant import require_ten_a_link
+from adaptctl.simulation.plant import validate_ten_a_link
 from adaptctl.simulation.references import Preview, ReferenceForm
 
 LARGEST = 1e300
@@ -35,8 +35,8 @@ Told = dict[str, Any]
 """What is told of k arms of r joints after a control period or at the beginning of an episode, by name, a row for each:
 "observation" (k, n), in the environment's units; "reward" (k,); "terminated" and "truncated" (k,), bools; "time" (k,),
 s since the reset; "energy" (k,), J; "clipped" (k,), control periods since the reset in which a torque was clipped; "p"
-and "v" (k, r), the true ones; "torque" (k, r), N m (N), as applied at the joints; "marks" (k, h), flags of the actuator
-effects named in `Plant.marks`.
+and "v" (k, r), the true ones; "torque" (k, r), N m (N), as applied at the joints; "flags" (k, h), flags of the actuator
+effects named in `Plant.flags`.
 """
 
 
@@ -79,9 +79,9 @@ class Arms:
 
     def __init__(self, single: TrackingEnv, count: int, precision: Precision = "double") -> None:
         self.single, self.count, self.precision = single, count, precision
-        require_precision(precision)
+        validate_precision(precision)
         if precision == "single":
-            require_single_precision(single.mechanism, "precision")
+            validate_single_precision(single.mechanism, "precision")
         self._dof, self._loops = single.plant.dof, single.mechanism.continuation is not None
         self.all = np.arange(count)
         self.steps, self.clipped = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
@@ -107,7 +107,7 @@ class Arms:
         error = chosen.numbers(options.get("initial_error", single.initial_error), r, "initial_error")
         own, last = single.mechanism.inertial_parameters, len(single.mechanism.description.bodies) - 1
         if "payload" in options:
-            require_ten_a_link(single.mechanism)
+            validate_ten_a_link(single.mechanism)
         self._own[arms] = chosen.parameters(options, own, last)
         self._follow(arms, chosen.each(options.get("trajectory", single.trajectory), "trajectory"))
         self.steps[arms], self.clipped[arms] = 0, 0
@@ -126,7 +126,7 @@ class Arms:
             "p": state.p,
             "v": state.v,
             "torque": np.zeros_like(state.v),
-            "marks": state.marks,
+            "flags": state.flags,
         }
 
     def advance(self, torque: Array, moving: Numbers) -> Told:
@@ -148,8 +148,8 @@ class Arms:
         else:
             held["row"] = self.rows(self.all)
         observation, numbers, true = self._lanes.run()
-        facts, marks = Facts(*np.ascontiguousarray(numbers.T)[: len(Facts._fields)]), numbers[:, len(Facts._fields) :]
-        self._require_finite(facts.finite, moving)
+        facts, flags = Facts(*np.ascontiguousarray(numbers.T)[: len(Facts._fields)]), numbers[:, len(Facts._fields) :]
+        self._validate_finite(facts.finite, moving)
         self.clipped += facts.clipped > 0.0
         terminated = self._terminated(facts)
         told: Told = {
@@ -163,16 +163,16 @@ class Arms:
         }
         told |= zip(("p", "v", "torque"), (true[:, k * self._dof : (k + 1) * self._dof] for k in range(3)), strict=True)
         self._reload(told)
-        return told | {"marks": marks}
+        return told | {"flags": flags}
 
     @property
     def positions(self) -> Array:
         """True positions (N, r) of the r primary (independent) joints of all N arms now, rad (m if prismatic), once
-        they have begun."""
+        they have started."""
         return self.single.plant.positions(self._lanes.state["q"])
 
     def rows(self, arms: Numbers) -> Array:
-        """The references' rows (k, 3r + r L) of the k arms of indices `arms`, which have begun, now: positions,
+        """The references' rows (k, 3r + r L) of the k arms of indices `arms`, which have started, now: positions,
         velocities and accelerations of r joints, then positions at each of L look-ahead times, in rad, rad/s, rad/s^2
         (m, m/s, m/s^2 if prismatic)."""
         steps = self.steps[arms]
@@ -232,7 +232,7 @@ class Arms:
             held = {"torque": plant.dof, "noise": plant.noise_size} | self._reference
             held["parameters"] = plant.mechanism.equations.parameters
             self._steppers[self._terms] = compile_step(
-                self._step, state=plant.sizes, held=held, name="vector_step", precision=self.precision
+                self._step, state=plant.sizes, constants=held, name="vector_step", precision=self.precision
             )
         return self._steppers[self._terms].ensemble(self.count)
 
@@ -255,7 +255,7 @@ class Arms:
         return Column(x for part in (*now, *(point.p for point in ahead)) for x in part)
 
     def _step(self, **columns: Column) -> tuple[Column, ...]:
-        """The plant's state after a control period; the observation; `Facts` and marks; the true p, v and torque."""
+        """The plant's state after a control period; the observation; `Facts` and flags; the true p, v and torque."""
         plant = self.single.plant
         row, after = self._row(**columns), plant.equation(columns)
         p, wanted_p = plant.primary(after.q), Column(row.of[: plant.dof])
@@ -270,7 +270,7 @@ class Arms:
             after.clipped[0],
         )
         observation = Column((*after.measured_p, *after.measured_v, *row))
-        return *after[:4], observation, Column((*facts, *after.marks)), Column((*p, *after.v, *after.applied))
+        return *after[:4], observation, Column((*facts, *after.flags)), Column((*p, *after.v, *after.applied))
 
     def _surely_works(self, q: Column, p: Column) -> Scalar:
         """1 where loops are surely away from singularities and within their conditions, else 0."""
@@ -292,7 +292,7 @@ class Arms:
         for time in np.unique(times).tolist() if plant.loads else ():
             now = times == time
             rows[now] = plant.parameters(rows[now], time)
-            self.payload[arms[now]], self._until[arms[now]] = plant.payload(time), plant.until(time)
+            self.payload[arms[now]], self._until[arms[now]] = plant.payload(time), plant.next_change_time(time)
         parameters = self.parameters.copy()
         parameters[arms] = rows
         self.parameters = frozen(parameters)
@@ -312,10 +312,10 @@ class Arms:
         terminated: Flags = facts.lost > 0.0
         doubtful = np.flatnonzero(facts.sure < 1.0) if self._loops else self.all[:0]
         if doubtful.size:
-            terminated[doubtful] |= ~self.single.plant.may_work(self._lanes.state["q"][doubtful])
+            terminated[doubtful] |= ~self.single.plant.is_valid_configuration(self._lanes.state["q"][doubtful])
         return terminated
 
-    def _require_finite(self, finite: Array, moving: Numbers) -> None:
+    def _validate_finite(self, finite: Array, moving: Numbers) -> None:
         lost = moving[finite[moving] < 1.0] if not finite.all() else moving[:0]
         if lost.size:
             time = self.single.control_period * self.steps[lost[0]]

@@ -79,7 +79,7 @@ class LearnerView:
         a), a numbers an arm in [-1, 1], are fractions of the largest action, such as the torque limits, and are not
         clipped here.
 
-        An arm that is done has begun its next episode; its info has `terminal_observation` (n,) and
+        An arm that is done has started its next episode; its info has `terminal_observation` (n,) and
         `TimeLimit.truncated`, others are empty. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and
         infinity and where a motion diverges to non-finite values, Gymnasium's `ResetNeeded` before the first reset.
         """

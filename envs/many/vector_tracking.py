@@ -83,7 +83,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     ## Information
 
     As in `TrackingEnv`, with a leading axis of arms: `time`, `parameters`, `applied_torque`, `energy`, `clipped`, and
-    with effects `p`, `v` and `marks`. For every key a mask `_key` (N,) says which arms have it. `parameters` and the
+    with effects `p`, `v` and `flags`. For every key a mask `_key` (N,) says which arms have it. `parameters` and the
     masks are read-only.
 
     ## Arguments
@@ -129,7 +129,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         if not isinstance(num_envs, int | np.integer) or num_envs < 1:
             raise InputError(f"num_envs: expected a whole number of at least 1, got {num_envs}")
         self.single, self.num_envs = self.kind(**settings), int(num_envs)
-        self._require_short()
+        self._validate_short()
         self.reset_options = known_options(reset_options, OPTIONS)
         self.autoreset_mode = _mode(autoreset_mode)
         self.metadata = self.single.metadata | {"autoreset_mode": self.autoreset_mode}
@@ -159,8 +159,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         row of observations has, for r joints and L look-ahead times, the measured positions and velocities, the
         reference's positions, velocities and accelerations, (r,) each, then its positions at each time ahead in turn;
         rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic). `info` has `time`, `parameters`, `applied_torque`, `energy`
-        and `clipped` and, with effects, `p`, `v` and `marks`, as in `step`, and for each key a mask `_key` (N,) of the
-        arms that have begun.
+        and `clipped` and, with effects, `p`, `v` and `flags`, as in `step`, and for each key a mask `_key` (N,) of the
+        arms that have started.
 
         `seed` s gives arm i, from 0, the seed s + i, a list has one for each arm, and None lets the random numbers go
         on. `options`, None for those in `reset_options` alone, replace these, for all arms or one each: `payload` (a
@@ -178,11 +178,11 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         for arm, own in self._seeds(seed):
             if mask[arm]:
                 self._arms.streams.seed(arm, own)
-        begun = self._arms.begin(chosen, {**self.reset_options, **given})
+        started = self._arms.begin(chosen, {**self.reset_options, **given})
         if self._latest is None or chosen.size == self.num_envs:
-            self._latest = begun
+            self._latest = started
         else:
-            put(self._latest, chosen, begun)
+            put(self._latest, chosen, started)
         self._over = self._over & ~mask
         result = _copied(self._latest)
         return result["observation"], self._info(result, mask)
@@ -201,7 +201,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         bounds that the robot's file states, `truncated` where the duration is over. `info` has `time` (N,), s,
         `parameters` (N, P), the P true inertial and friction ones (SI units, in the order of
         `Mechanism.parameter_names`), `applied_torque` (N, r), N m (N), `energy` (N,), kinetic plus potential, J, and
-        `clipped` (N,), the number of actions clipped so far; with effects also the true `p` and `v` (N, r) and `marks`,
+        `clipped` (N,), the number of actions clipped so far; with effects also the true `p` and `v` (N, r) and `flags`,
         a dict of events; for each key a mask `_key` (N,) of arms; with `autoreset_mode` "SameStep" `final_obs` and
         `final_info` of episodes that ended. Raises `InputError` on a wrong shape and `NonFiniteError`, naming joint and
         arm, on NaN and infinity, before anything has moved; `NonFiniteError`, naming the arm, for a motion that
@@ -209,7 +209,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         "Disabled" where an arm's episode is over.
         """
         again = self._over if self.autoreset_mode is AutoresetMode.NEXT_STEP else self._none
-        self._require_running(self._over & ~again)
+        self._validate_running(self._over & ~again)
         moving = np.flatnonzero(~again) if again.any() else self._arms.all
         result = self._arms.advance(finite_actions(actions, self.action_space, "joint", again), moving)
         self._begin(result, again)
@@ -228,7 +228,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         """Tuple of RGB images (480, 640, 3), uint8, one an arm, each of the arm now and a translucent ghost of it on
         its reference; None, with a warning in Gymnasium's log, without a render mode. Raises Gymnasium's `ResetNeeded`
         before the first reset."""
-        self._require_running(self._none)
+        self._validate_running(self._none)
         if self.render_mode is None:
             gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
             return None
@@ -263,10 +263,10 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         info |= {"parameters": self._arms.parameters, "applied_torque": result["torque"]}
         plant = self.single.plant
         if plant.effects:
-            marks = dict(zip(plant.marks, result["marks"].T, strict=True))
+            flags = dict(zip(plant.flags, result["flags"].T, strict=True))
             if plant.loads:
-                marks["payload"] = self._arms.payload.copy()
-            info |= {"p": result["p"], "v": result["v"], "marks": masked(marks, mask)}
+                flags["payload"] = self._arms.payload.copy()
+            info |= {"p": result["p"], "v": result["v"], "flags": masked(flags, mask)}
         return masked(info, mask)
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[tuple[int, int]]:
@@ -301,7 +301,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
             raise ResetNeeded("reset_mask: there is no episode yet: reset all arms first")
         return mask
 
-    def _require_running(self, over: Flags) -> None:
+    def _validate_running(self, over: Flags) -> None:
         if self._latest is None:
             raise ResetNeeded("there is no episode yet: call env.reset() first")
         if over.any():
@@ -309,7 +309,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
                 f"the episode of arm {int(over.argmax())} is over: call env.reset(options={{'reset_mask': ...}}) first"
             )
 
-    def _require_short(self) -> None:
+    def _validate_short(self) -> None:
         mechanism = self.single.mechanism
         if len(mechanism.links) > LARGEST_COMPILED:
             raise InputError(

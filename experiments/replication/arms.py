@@ -297,6 +297,6 @@ def near_parallelogram(share: float) -> Mechanism:
     """Parallelogram arm whose link 4 is longer than the opposite side, link 2, by the fraction `share`."""
     description = load("semi_direct_drive_parallelogram").description
     links = list(description.links)
-    near = links[4].near
-    links[4] = replace(links[4], near=Pose(near.rotation, (1.0 + share) * near.translation))
+    near = links[4].parent_to_joint
+    links[4] = replace(links[4], parent_to_joint=Pose(near.rotation, (1.0 + share) * near.translation))
     return Mechanism(replace(description, name=f"{description.name}, unequal", links=tuple(links)))

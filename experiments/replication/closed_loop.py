@@ -68,7 +68,7 @@ class ArmOnPath(TaskSpaceTracking):
 
         def law(on: ReducedModel, adapts: bool = True) -> SlotineLi:
             gain = self.adaptation(on) if adapts else None
-            return SlotineLi(on, gains.bandwidth, gains.damping, gain, period=self.control_period)
+            return SlotineLi(on, gains.bandwidth, gains.damping, gain, control_period=self.control_period)
 
         return [
             Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", partial(law, model)),

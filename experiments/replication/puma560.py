@@ -214,7 +214,9 @@ def table5(study: Study) -> Computation:
     columns = {index(row, link) for row, link, text in study.paper.items["table5"].entries() if text != BLANK}
     states = random_states(mechanism, 4 * len(space.parameter_names), np.random.default_rng(study.seed))
     own = sorted(columns)
-    found = NumericalRank.of(singular_values(energy_differences(mechanism, states)[:, own] * space.scales[own]))
+    found = NumericalRank.from_singular_values(
+        singular_values(energy_differences(mechanism, states)[:, own] * space.scales[own])
+    )
     rounded = {text: rounded_set(mechanism, angle, arm.order) for text, angle in QUARTERS.items()}
     return Computation(
         {
@@ -239,7 +241,7 @@ def rounded_set(mechanism: Mechanism, quarter: float, priority: Priority) -> tup
     indices that are kept, the condition number of F2' V2, and D_I (P,) of equation 25, SI units. Raises `RankError`
     where the rank cannot be certified."""
     links = tuple(
-        replace(link, far=Pose(rotation_about((1, 0, 0), n * quarter), link.far.translation))
+        replace(link, joint_to_link=Pose(rotation_about((1, 0, 0), n * quarter), link.joint_to_link.translation))
         for link, n in zip(mechanism.links, TURNS, strict=True)
     )
     space = essential_space(Mechanism(replace(mechanism.description, links=links)))

@@ -65,7 +65,7 @@ def table10(study: Study) -> Computation:
 def with_base_tilt(mechanism: Mechanism, quarter: float) -> Mechanism:
     """Copy of a semi-direct-drive arm whose first frame is turned about x by minus `quarter` (rad), not pi/2."""
     first = mechanism.links[0]
-    base = replace(first, near=Pose(rotation_about((1, 0, 0), -quarter), first.near.translation))
+    base = replace(first, parent_to_joint=Pose(rotation_about((1, 0, 0), -quarter), first.parent_to_joint.translation))
     return Mechanism(replace(mechanism.description, links=(base, *mechanism.links[1:])))
 
 
@@ -108,7 +108,7 @@ def table13(study: Study) -> Computation:
             "torque_rank": space.certificate.rank_torque or 0,
             "gap": space.certificate.gap,
             "whole": undifferenced(study.puma),
-            "loop": NumericalRank.of(singular_values(E * arm.space.scales)).rank,
+            "loop": NumericalRank.from_singular_values(singular_values(E * arm.space.scales)).rank,
         },
         lambda row, column: counts[column][row],
     )
@@ -117,7 +117,7 @@ def table13(study: Study) -> Computation:
 def undifferenced(arm: Arm) -> int:
     """Rank of the energies of an `arm` that are not subtracted from each other."""
     states = random_states(arm.mechanism, 4 * len(arm.parameters), np.random.default_rng(0))
-    return NumericalRank.of(singular_values(energies(arm.mechanism, states) * arm.space.scales)).rank
+    return NumericalRank.from_singular_values(singular_values(energies(arm.mechanism, states) * arm.space.scales)).rank
 
 
 def _counts(arm: Arm) -> Mapping[str, float]:
@@ -253,7 +253,7 @@ def decoupled(mechanism: Mechanism) -> Mechanism:
 
 def _length(mechanism: Mechanism, link: int) -> float:
     """Distance (m) from the joint before a link's joint to it."""
-    return float(mechanism.links[link].near.translation[0])
+    return float(mechanism.links[link].parent_to_joint.translation[0])
 
 
 def conclusions(study: Study) -> Computation:

@@ -1,7 +1,7 @@
 from adaptctl.control.adaptation.composite import Composite as Composite
 from adaptctl.control.adaptation.composite_learning import CompositeLearning as CompositeLearning
 from adaptctl.control.adaptation.concurrent_learning import ConcurrentLearning as ConcurrentLearning
-from adaptctl.control.adaptation.consistent_lift import ConsistentLift as ConsistentLift
+from adaptctl.control.adaptation.consistent_adaptation import ConsistentAdaptation as ConsistentAdaptation
 from adaptctl.control.adaptation.gradient import DeadZone as DeadZone
 from adaptctl.control.adaptation.gradient import EModification as EModification
 from adaptctl.control.adaptation.gradient import Gradient as Gradient

@@ -60,7 +60,7 @@ class TorqueFilter:
     """
 
     cutoff: float
-    period: float
+    control_period: float
 
     def start(self, model: ReducedModel, q: Array | Column, v: Array | Column) -> Filtered:
         """The internal state of the torque filters before the first control period, a `Filtered`, from which the
@@ -107,12 +107,12 @@ class TorqueFilter:
     @property
     def _keep(self) -> Any:
         """Share of a filter's state that is left after a period."""
-        return decayed(self.cutoff * self.period)[0]
+        return decayed(self.cutoff * self.control_period)[0]
 
     @property
     def _new(self) -> Any:
         """Weight of a linear input's value at the end of a period."""
-        return 1.0 - decayed(self.cutoff * self.period)[1]
+        return 1.0 - decayed(self.cutoff * self.control_period)[1]
 
     @property
     def _old(self) -> Any:
@@ -154,32 +154,32 @@ def momentum_columns(model: ReducedModel) -> list[list[int]]:
     return [[j for j in range(k) if not always_zero[k * i + j]] for i in range(r)]
 
 
-def require_filter(law: str, weight: ArrayLike, cutoff: float) -> None:
+def validate_filter(law: str, weight: ArrayLike, cutoff: float) -> None:
     """Raise `InputError` unless the `cutoff` of a torque filter, in rad/s, and the `weight` of its prediction errors,
     one number or one a joint, are positive and finite. `law` is the adaptation law's name in messages."""
     positive_number(cutoff, "torque filter: cutoff: expected a positive number in rad/s")
     positive_numbers(weight, f"{law}: weight")
 
 
-def require_cutoff(cutoff: float, period: float) -> None:
+def validate_cutoff(cutoff: float, control_period: float) -> None:
     """Raise `InputError` unless the `cutoff` of a torque filter, in rad/s, is positive and finite, and times the
     control `period` in s at most 1, without a unit."""
     positive_number(cutoff, "torque filter: cutoff: expected a positive number in rad/s")
-    if cutoff * period > 1.0:
+    if cutoff * control_period > 1.0:
         raise InputError(
-            f"torque filter: cutoff: {cutoff:g} rad/s is too fast for a control period of {period:g} s; "
-            f"use at most {1.0 / period:g} rad/s"
+            f"torque filter: cutoff: {cutoff:g} rad/s is too fast for a control period of {control_period:g} s; "
+            f"use at most {1.0 / control_period:g} rad/s"
         )
 
 
-def require_predicted(law: str, model: ReducedModel, weight: ArrayLike, cutoff: float, period: float) -> None:
+def validate_predicted(law: str, model: ReducedModel, weight: ArrayLike, cutoff: float, control_period: float) -> None:
     """Raise `InputError` unless filtered torques of a `model` of r joints can be predicted in each control `period`, s:
     the `weight` is one number or (r,), the `cutoff`, rad/s, times the period at most 1, and no linear constraint fixes
     a parameter of the mechanism at a value other than zero. The torque of such a parameter is known and has no column
     in the regressor. The message begins with `law`, the adaptation law's name."""
     mechanism = model.mechanism
     positive_per_joint(weight, mechanism.dof, f"{law}: weight")
-    require_cutoff(cutoff, period)
+    validate_cutoff(cutoff, control_period)
     if mechanism.equations.has_known_share:
         fixed = mechanism.with_parameters(np.zeros(len(mechanism.parameter_names))).description
         pairs = zip(fixed.parameter_names, fixed.inertial_parameters.tolist(), strict=True)
@@ -218,16 +218,16 @@ class Composite(Descent[Filtered]):
     parameter.
     """
 
-    tunable = ("gain", "weight", "cutoff")
+    tunable = ("gain", "prediction_weight", "cutoff")
 
-    weight: Array = 1.0  # type: ignore[assignment]  # a number becomes an array for the model's joints
+    prediction_weight: Array = 1.0  # type: ignore[assignment]  # a number becomes an array for the model's joints
     cutoff: float = 20.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_filter("composite", self.weight, self.cutoff)
+        validate_filter("composite", self.prediction_weight, self.cutoff)
 
-    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+    def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """Raise `InputError` unless the adaptation law fits the `model`, of k parameters and r joints, and the control
         `period` T_c (s). Required are an adaptation gain for k parameters, one positive weight of prediction errors or
         one for each joint, a cutoff of the torque filter (rad/s) of at most 1/T_c, and no linear constraint that fixes
@@ -235,10 +235,10 @@ class Composite(Descent[Filtered]):
 
         `initial`, the initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
         """
-        super().require(model, initial, period)
-        require_predicted("composite", model, self.weight, self.cutoff, period)
+        super().validate(model, initial, control_period)
+        validate_predicted("composite", model, self.prediction_weight, self.cutoff, control_period)
 
-    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Filtered:
+    def initial_state(self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float) -> Filtered:
         """The internal state before the first control period, a `Filtered`: the torque filters with zero output, that
         is, a filtered regressor and filtered torques of zero.
 
@@ -248,7 +248,7 @@ class Composite(Descent[Filtered]):
         `regressor` then has them too, all else is the same for all arms. Raises `InputError` for a `model` whose linear
         constraints fix parameters at values other than zero; nothing else is checked.
         """
-        return TorqueFilter(self.cutoff, period).start(model, q, v)
+        return TorqueFilter(self.cutoff, control_period).start(model, q, v)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Filtered) -> tuple[Column, Filtered]:
         """The estimate (k,) of the model's k parameters, in their SI units, and the torque filters' internal state
@@ -259,11 +259,11 @@ class Composite(Descent[Filtered]):
         `period` describes. Nothing is checked here.
         """
         moved = estimate - self.applied(period.gradient(period.integral))
-        rows, torque, after = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory)
+        rows, torque, after = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory)
         loaded = [self.applied(row) for row in rows]
-        firm = Column(1.0 / (weight * period.length) for weight in each(self.weight, model.mechanism.dof))
+        firm = Column(1.0 / (weight * period.period) for weight in each(self.prediction_weight, model.mechanism.dof))
         force = solve_symmetric(_products(rows, loaded, firm), residual(rows, moved, torque))
-        return moved - period.share * combined(loaded, force), after
+        return moved - period.dt_ratio * combined(loaded, force), after
 
 
 def residual(rows: list[Column], estimate: Column, torque: Column) -> Column:

@@ -42,7 +42,7 @@ class LearningMemory(NamedTuple):
     filtered: Filtered
 
     @property
-    def recorded(self) -> Any:
+    def logged_state(self) -> Any:
         """Number (1,), 0 to r, of the r joints whose equation for the filtered torque was learned from in the last
         control period: the field `learned`, the part of this internal state that is stored with each sample of a
         recorded run."""
@@ -90,26 +90,28 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     Cholesky factorisation, k^3/3, and storage for k (k + 3)/2 numbers.
     """
 
-    tunable = ("gain", "weight", "cutoff", "forgetting", "recall", "threshold", "alarm")
+    tunable = ("gain", "prediction_weight", "cutoff", "forgetting", "recall", "excitation_threshold", "reset_power")
     needs_double = True
 
     called: ClassVar[str] = "composite learning"
 
     recall: float = 2.0
-    threshold: float = 0.0
-    alarm: float = np.inf
+    excitation_threshold: float = 0.0
+    reset_power: float = np.inf
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, unit in (("recall", "1/s"), ("threshold", "1/s")):
+        for name, unit in (("recall", "1/s"), ("excitation_threshold", "1/s")):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"{self.called}: {name}: expected a finite number of at least 0 {unit}, got {value}")
 
-        if not self.alarm > 0.0:
-            raise InputError(f"{self.called}: alarm: expected a positive number of W, or infinity, got {self.alarm}")
+        if not self.reset_power > 0.0:
+            raise InputError(
+                f"{self.called}: alarm: expected a positive number of W, or infinity, got {self.reset_power}"
+            )
 
-    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+    def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """Raise `InputError` unless the adaptation law fits the `model`, of k parameters and r joints, and the control
         `period` T_c (s). Required are an adaptation gain of k numbers, one positive weight of prediction errors or one
         for each joint, a cutoff of the torque filter (rad/s) of at most 1/T_c, a rate `recall` (1/s), an attribute, of
@@ -118,14 +120,16 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         `recall` is the rate at which the estimate goes to the least-squares solution of the past data. `initial`, the
         initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
         """
-        super().require(model, initial, period)
-        if self.recall * period > 0.5:
+        super().validate(model, initial, control_period)
+        if self.recall * control_period > 0.5:
             raise InputError(
-                f"{self.called}: recall: {self.recall:g} 1/s is too fast for a control period of {period:g} s; "
-                f"use at most {0.5 / period:g} 1/s"
+                f"{self.called}: recall: {self.recall:g} 1/s is too fast for a control period of {control_period:g} s; "
+                f"use at most {0.5 / control_period:g} 1/s"
             )
 
-    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LearningMemory:
+    def initial_state(
+        self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
+    ) -> LearningMemory:
         """The internal state before the first control period: no information on the k parameters, and the torque
         filters with zero output. The upper triangle (k (k + 1)/2,) of the information matrix Q (k, k), the vector z
         (k,), which is Q times the true parameters, and the number (1,) of joints' torque equations learned from are all
@@ -138,7 +142,7 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         parameters at values other than zero; nothing else is checked.
         """
         k = len(model.columns)
-        filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
+        filtered = TorqueFilter(self.cutoff, control_period).start(model, q, v)
         return LearningMemory(np.zeros(k * (k + 1) // 2), np.zeros(k), np.zeros(1), filtered)
 
     def law(
@@ -153,30 +157,30 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         the true parameters, both in units of the initial gain Gamma, the number (1,) of joints' torque equations
         learned from, and the torque filters. Nothing is checked here.
         """
-        rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
-        missed, weights = residual(rows, estimate, torque), each(self.weight, model.mechanism.dof)
+        rows, torque, filtered = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory.filtered)
+        missed, weights = residual(rows, estimate, torque), each(self.prediction_weight, model.mechanism.dof)
         kept, scale = self._kept(missed @ (weights * missed), period), self._scale
         information, known = kept * memory.information, kept * memory.known
         slope, learned = scale * period.gradient(period.integral), 0.0
-        forgotten = self.forgetting * period.elapsed / (1.0 + self.forgetting * period.elapsed)
+        forgotten = self.forgetting * period.dt / (1.0 + self.forgetting * period.dt)
         for row, measured, miss, weight in zip(rows, torque, missed, weights, strict=True):
             root = sqrt(weight)
             scaled = (root * scale) * row
-            counts = where(scaled @ scaled > self.threshold, 1.0, 0.0)
-            shares = Column((counts * forgotten, counts * period.elapsed))
+            counts = where(scaled @ scaled > self.excitation_threshold, 1.0, 0.0)
+            shares = Column((counts * forgotten, counts * period.dt))
             information, known = _remembered(information, known, scaled, root * measured, shares)
             slope = slope + (shares[1] * root * miss) * scaled
-            learned = learned + counts * period.share
+            learned = learned + counts * period.dt_ratio
         inverse_scale = Column(1.0 / x for x in scale)
         error = symmetric_product(information, inverse_scale * estimate) - known
-        slope = slope + (self.recall * period.elapsed) * error
+        slope = slope + (self.recall * period.dt) * error
         step = solve_symmetric(_gained(information, len(estimate)), slope)
         return estimate - scale * step, LearningMemory(information, known, Column((learned,)), filtered)
 
     def _kept(self, power: Scalar, period: Period) -> Scalar:
         """The share of all memory that is left after a period with so much power missed (W)."""
-        excess = maximum(power / self.alarm - 1.0, 0.0)
-        return 1.0 / (1.0 + (self.forgetting * period.elapsed) * excess)
+        excess = maximum(power / self.reset_power - 1.0, 0.0)
+        return 1.0 / (1.0 + (self.forgetting * period.dt) * excess)
 
     def covariance(self, memory: LearningMemory) -> Array:
         """Covariance P (k, k) of the estimate of k parameters, symmetric, in units of the parameters squared per J: the

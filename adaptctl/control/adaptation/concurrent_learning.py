@@ -14,8 +14,8 @@ from adaptctl.control.adaptation.composite import (
     Filtered,
     TorqueFilter,
     momentum_columns,
-    require_filter,
-    require_predicted,
+    validate_filter,
+    validate_predicted,
 )
 from adaptctl.control.adaptation.gradient import Descent
 from adaptctl.control.adaptation.law import Period
@@ -43,7 +43,7 @@ class Stack(NamedTuple):
     filtered: Filtered
 
     @property
-    def recorded(self) -> Any:
+    def logged_state(self) -> Any:
         """Flag (1,): 1 where the last control period's sample was put on the stack of samples, else 0. It is the field
         `learned`, the part of this internal state that is stored with each sample of a recorded run."""
         return self.learned
@@ -81,30 +81,32 @@ class ConcurrentLearning(Descent[Stack]):
     forgets by direction, and has one rate. Costs 4 operations for each entry of the stack.
     """
 
-    tunable = ("gain", "weight", "cutoff", "threshold")
+    tunable = ("gain", "prediction_weight", "cutoff", "novelty_threshold")
 
-    weight: Array = 1.0  # type: ignore[assignment]  # a number becomes an array for the model's joints
+    prediction_weight: Array = 1.0  # type: ignore[assignment]  # a number becomes an array for the model's joints
     cutoff: float = 20.0
-    samples: int = 12
-    threshold: float = 1.0
+    stack_size: int = 12
+    novelty_threshold: float = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_filter("concurrent learning", self.weight, self.cutoff)
-        if isinstance(self.samples, bool) or not isinstance(self.samples, int | np.integer):
-            raise InputError(f"concurrent learning: samples: expected a whole number, got {self.samples!r}")
-        if not 1 <= self.samples <= LONGEST:
+        validate_filter("concurrent learning", self.prediction_weight, self.cutoff)
+        if isinstance(self.stack_size, bool) or not isinstance(self.stack_size, int | np.integer):
+            raise InputError(f"concurrent learning: samples: expected a whole number, got {self.stack_size!r}")
+        if not 1 <= self.stack_size <= LONGEST:
             raise InputError(
-                f"concurrent learning: samples: a stack has from 1 to {LONGEST} samples, got {self.samples}: without "
+                f"concurrent learning: samples: a stack has from 1 to {LONGEST} samples, got {self.stack_size}: "
+                f"without "
                 "any it is Gradient"
             )
-        if not (np.isfinite(self.threshold) and self.threshold > 0.0):
+        if not (np.isfinite(self.novelty_threshold) and self.novelty_threshold > 0.0):
             raise InputError(
-                f"concurrent learning: threshold: expected a positive number of 1/s, got {self.threshold}: with none, "
+                f"concurrent learning: threshold: expected a positive number of 1/s, got {self.novelty_threshold}: "
+                f"with none, "
                 "every period would push an older sample out"
             )
 
-    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+    def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """Raise `InputError` unless the adaptation law fits the `model`, of k parameters and r joints, and the control
         `period` T_c (s). Required are an adaptation gain for k parameters, one positive weight of prediction errors or
         one for each joint, a cutoff of the torque filter (rad/s) of at most 1/T_c, and no linear constraint that fixes
@@ -112,10 +114,10 @@ class ConcurrentLearning(Descent[Stack]):
 
         `initial`, the initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
         """
-        super().require(model, initial, period)
-        require_predicted("concurrent learning", model, self.weight, self.cutoff, period)
+        super().validate(model, initial, control_period)
+        validate_predicted("concurrent learning", model, self.prediction_weight, self.cutoff, control_period)
 
-    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Stack:
+    def initial_state(self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float) -> Stack:
         """The internal state before the first control period, a `Stack`: an empty stack of samples, all zero, and the
         torque filters with zero output, that is, a filtered regressor and filtered torques of zero.
 
@@ -126,8 +128,8 @@ class ConcurrentLearning(Descent[Stack]):
         constraints fix parameters at values other than zero; nothing else is checked.
         """
         entries, r = sum(map(len, momentum_columns(model))), model.mechanism.dof
-        filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
-        return Stack(np.zeros(self.samples * entries), np.zeros(self.samples * r), np.zeros(1), filtered)
+        filtered = TorqueFilter(self.cutoff, control_period).start(model, q, v)
+        return Stack(np.zeros(self.stack_size * entries), np.zeros(self.stack_size * r), np.zeros(1), filtered)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Stack) -> tuple[Column, Stack]:
         """The estimate (k,) of the model's k parameters, in their SI units, and the internal state after a control
@@ -141,25 +143,29 @@ class ConcurrentLearning(Descent[Stack]):
         was put on the stack, else 0, and the torque filters. Nothing is checked here.
         """
         estimate = estimate - self.applied(period.gradient(period.integral))
-        rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
+        rows, torque, filtered = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory.filtered)
         sample = Column(row[j] for row, places in zip(rows, momentum_columns(model), strict=True) for j in places)
-        new = where(self._novelty(model, sample, memory.rows) > self.threshold, period.share, 0.0)
+        new = where(self._novelty(model, sample, memory.rows) > self.novelty_threshold, period.dt_ratio, 0.0)
         kept, torques = _pushed(memory.rows, sample, new), _pushed(memory.torques, torque, new)
         for row, measured, weight in self._equations(model, kept, torques):
-            estimate = _solved(estimate, self.applied(row), row, Column((measured, weight * period.elapsed)))
+            estimate = _solved(estimate, self.applied(row), row, Column((measured, weight * period.dt)))
         return estimate, Stack(kept, torques, Column((new,)), filtered)
 
     def _novelty(self, model: ReducedModel, sample: Column, kept: Column) -> Any:
         """Weighted squared distance between a sample and the newest one kept."""
         apart, total = sample - Column(kept.of[: len(sample)]), 0.0
-        for row, weight in _sorted_out(model, apart, each(self.weight, model.mechanism.dof)):
+        for row, weight in _sorted_out(model, apart, each(self.prediction_weight, model.mechanism.dof)):
             total = total + weight * (row @ self.applied(row))
         return total
 
     def _equations(self, model: ReducedModel, kept: Column, torques: Column) -> Iterator[tuple[Column, Scalar, Scalar]]:
         """Rows (k,), torques and weights of all that is kept."""
-        weights, size, r = each(self.weight, model.mechanism.dof), len(kept) // self.samples, model.mechanism.dof
-        for k in range(self.samples):
+        weights, size, r = (
+            each(self.prediction_weight, model.mechanism.dof),
+            len(kept) // self.stack_size,
+            model.mechanism.dof,
+        )
+        for k in range(self.stack_size):
             measured, block = torques.of[k * r : (k + 1) * r], Column(kept.of[k * size : (k + 1) * size])
             for (row, weight), torque in zip(_sorted_out(model, block, weights), measured, strict=True):
                 yield row, torque, weight

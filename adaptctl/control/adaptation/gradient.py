@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, numbers, per_joint, positive_numbers, positive_per_joint
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
-from adaptctl.control.gains.hold import scaled_eigenvalues
-from adaptctl.control.memory import Memory
+from adaptctl.control.gains.sampling_ratio import scaled_eigenvalues
+from adaptctl.control.pytree import Memory
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
@@ -36,10 +36,10 @@ class Descent(AdaptationLaw[Memory]):
         super().__post_init__()
         object.__setattr__(self, "gain", checked_gain(self.gain))
 
-    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+    def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """Raise `InputError` where the adaptation gain is for another number of parameters than the `model`'s k.
         `initial`, the initial estimate (k,), and `period`, the control period in s, are not used."""
-        require_size(self.gain, model, "adaptation gain")
+        validate_size(self.gain, model, "adaptation gain")
 
     @property
     def by_parameter(self) -> bool:
@@ -88,7 +88,7 @@ def checked_gain(gain: ArrayLike) -> Array:
     return array
 
 
-def require_size(values: Array, model: ReducedModel, what: str) -> None:
+def validate_size(values: Array, model: ReducedModel, what: str) -> None:
     """Raise `InputError` unless `values`, an array (k, ...), has one row for each of the `model`'s k parameters. `what`
     names it in the message."""
     k, given = len(model.columns), len(values)
@@ -166,17 +166,17 @@ class Gradient(Descent[NoMemory]):
         `estimate` (k,), in the parameters' SI units, and the internal state `memory` are those before the control
         period that `period` describes. Nothing is checked here.
         """
-        s = period.after if self.theta == 1.0 else period.before + self.theta * (period.after - period.before)
+        s = period.s if self.theta == 1.0 else period.s_prev + self.theta * (period.s - period.s_prev)
         slope = period.gradient(s)
         step = self.applied(slope)
-        return estimate - (period.elapsed * self._share(period, s, slope @ step)) * step, memory
+        return estimate - (period.dt * self._share(period, s, slope @ step)) * step, memory
 
     def _share(self, period: Period, s: Column, square: Any) -> Any:
         """n, for x'Gamma x."""
         if self.cap == 0.0:
             return 1.0
         power = s @ (period.damping * s)
-        return power / (power + (self.cap * period.length) * square + TINY)
+        return power / (power + (self.cap * period.period) * square + TINY)
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,11 +229,11 @@ class DeadZone(Descent[NoMemory]):
             raise InputError(f"dead zone: torque: expected numbers of at least 0, got {d.tolist()}")
         return cls(np.asarray(gain), np.sqrt((d**2 / K).sum() / K))
 
-    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+    def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """Raise `InputError` unless the adaptation gain is for the `model`'s k parameters, and the half-width of the
         dead zone is one positive number or one for each of its r joints. `initial`, the initial estimate (k,), and
         `period`, the control period in s, are not used."""
-        super().require(model, initial, period)
+        super().validate(model, initial, control_period)
         positive_per_joint(self.width, model.mechanism.dof, "dead zone: width")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
@@ -258,20 +258,20 @@ class DeadZone(Descent[NoMemory]):
 class _Leaking(Descent[NoMemory]):
     """Gradient descent that leaks, at a `rate`, to a `prior` (k,), zero when not given."""
 
-    rate: float = 0.1
+    leakage: float = 0.1
     prior: Array | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (np.isfinite(self.rate) and self.rate > 0.0):
-            raise InputError(f"leakage rate: expected a positive number, got {self.rate}")
+        if not (np.isfinite(self.leakage) and self.leakage > 0.0):
+            raise InputError(f"leakage rate: expected a positive number, got {self.leakage}")
         prior = np.zeros(len(self.gain)) if self.prior is None else self.prior
         object.__setattr__(self, "prior", frozen_array(prior, (len(self.gain),), "leakage: prior"))
 
     def leaked(self, estimate: Column, period: Period, rate: Any) -> Column:
         """The estimate after a step down the gradient by the trapezium, and of the leak by the implicit rule, so that
         no rate (1/s) is too large for the period."""
-        share = period.elapsed * rate
+        share = period.dt * rate
         moved = estimate - self.applied(period.gradient(period.integral))
         return (1.0 / (1.0 + share)) * (moved + share * column(self.prior))
 
@@ -300,7 +300,7 @@ class SigmaModification(_Leaking):
     when s is zero, and bursts may follow (Hsu and Costa 1987).
     """
 
-    tunable = ("gain", "rate", "prior")
+    tunable = ("gain", "leakage", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (k,) of the `model`'s k parameters after a control period, and the empty internal state. The
@@ -313,7 +313,7 @@ class SigmaModification(_Leaking):
         (m/s if prismatic). `estimate` (k,), in the parameters' SI units, and the internal state `memory` are those
         before the control period that `period` describes. Nothing is checked here.
         """
-        return self.leaked(estimate, period, self.rate), memory
+        return self.leaked(estimate, period, self.leakage), memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +336,7 @@ class EModification(_Leaking):
     small, so the bound is looser than sigma-modification's.
     """
 
-    tunable = ("gain", "rate", "prior")
+    tunable = ("gain", "leakage", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (k,) of the `model`'s k parameters after a control period, and the empty internal state. The
@@ -350,4 +350,4 @@ class EModification(_Leaking):
         those before the control period that `period` describes. Nothing is checked here.
         """
         s = period.mean
-        return self.leaked(estimate, period, self.rate * sqrt(s @ s)), memory
+        return self.leaked(estimate, period, self.leakage * sqrt(s @ s)), memory

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, cast
 import numpy as np
 
 from adaptctl.arrays import Array, numbers, real_number, same_samples
-from adaptctl.control.memory import Memory
+from adaptctl.control.pytree import Memory
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, Tunable
@@ -35,33 +35,33 @@ class Period(NamedTuple):
     """
 
     gradient: Callable[[Column], Column]
-    before: Column
-    after: Column
+    s_prev: Column
+    s: Column
     torque: Column
     q: Column
     v: Column
-    length: float
-    elapsed: Any
+    period: float
+    dt: Any
     damping: Column
 
     @property
-    def share(self) -> Any:
+    def dt_ratio(self) -> Any:
         """Fraction of the control period to learn from, without a unit: 1, or 0 where nothing is to be learned, that
         is, before the first control period and while adaptation is frozen."""
-        return self.elapsed * (1.0 / self.length)
+        return self.dt * (1.0 / self.period)
 
     @property
     def mean(self) -> Column:
         """The mean (r,) of the sliding variable of r joints at the start and at the end of the control period, in rad/s
         (m/s for a prismatic joint)."""
-        return 0.5 * (self.before + self.after)
+        return 0.5 * (self.s_prev + self.s)
 
     @property
     def integral(self) -> Column:
         """The integral (r,) of the sliding variable of r joints over the control period by the trapezium rule, in rad
         (m for a prismatic joint). It is 0 where nothing is to be learned: before the first control period and while
         adaptation is frozen."""
-        return (0.5 * self.elapsed) * (self.before + self.after)
+        return (0.5 * self.dt) * (self.s_prev + self.s)
 
 
 class AdaptationLaw(Tunable, ABC, Generic[Memory]):
@@ -91,11 +91,11 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
                 real_number(getattr(self, field.name), f"{type(self).__name__}: {field.name}")
 
     @abstractmethod
-    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+    def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """Raise `InputError` where the adaptation law's settings, such as a gain, do not fit the `model`'s k parameters
         and r joints, the initial estimate `initial` (k,), in SI units, or the control `period` in s."""
 
-    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
+    def initial_state(self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float) -> Memory:
         """The adaptation law's internal state before the first control period, for an initial estimate `initial` (k,)
         of the model's k parameters, in SI units. q (..., n) are the positions of the spanning tree's n joints in rad (m
         for a prismatic joint), v (..., r) the velocities of the r primary (independent) joints in rad/s (m/s), leading
@@ -133,7 +133,7 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
         depends on more than the estimate. Nothing is checked."""
         return None
 
-    def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
+    def lyapunov_distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
         """The parameters' term (...), in J, of the adaptation law's Lyapunov function at estimates (..., k) of the
         model's k parameters: the method `lyapunov_term` on arrays. `true`, (k,) or (..., k), are the true values; both
         are in SI units. None for a law whose term depends on more than the estimate. Raises `InputError` for arrays of

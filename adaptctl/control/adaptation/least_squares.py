@@ -10,10 +10,10 @@ import numpy as np
 
 from adaptctl.arrays import Array, frozen_array, numbers
 from adaptctl.compilation import outlined
-from adaptctl.control.adaptation.composite import Filtered, TorqueFilter, require_filter, require_predicted, residual
-from adaptctl.control.adaptation.gradient import require_size
+from adaptctl.control.adaptation.composite import Filtered, TorqueFilter, residual, validate_filter, validate_predicted
+from adaptctl.control.adaptation.gradient import validate_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
-from adaptctl.control.memory import Memory
+from adaptctl.control.pytree import Memory
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
@@ -38,7 +38,7 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
     called: ClassVar[str]
 
     gain: Array
-    weight: Array = 1.0  # type: ignore[assignment]  # a number becomes an array for the model's joints
+    prediction_weight: Array = 1.0  # type: ignore[assignment]  # a number becomes an array for the model's joints
     cutoff: float = 20.0
     forgetting: float = 1.0
 
@@ -50,11 +50,11 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
         if np.any(gain <= 0.0):
             raise InputError(f"{self.called}: gain: expected positive numbers (k,)")
         object.__setattr__(self, "gain", gain)
-        require_filter(self.called, self.weight, self.cutoff)
+        validate_filter(self.called, self.prediction_weight, self.cutoff)
         if not (np.isfinite(self.forgetting) and self.forgetting >= 0.0):
             raise InputError(f"{self.called}: forgetting: expected at least 0 1/s, got {self.forgetting}")
 
-    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+    def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """Raise `InputError` unless the adaptation law fits the `model`, of k parameters and r joints, and the control
         `period` T_c (s). Required are an adaptation gain of k numbers, one positive weight of prediction errors or one
         for each joint, a cutoff of the torque filter (rad/s) of at most 1/T_c, and no linear constraint that fixes a
@@ -62,8 +62,8 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
 
         `initial`, the initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
         """
-        require_size(self.gain, model, f"{self.called}: gain")
-        require_predicted(self.called, model, self.weight, self.cutoff, period)
+        validate_size(self.gain, model, f"{self.called}: gain")
+        validate_predicted(self.called, model, self.prediction_weight, self.cutoff, control_period)
 
     @property
     def _scale(self) -> Column:
@@ -160,7 +160,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     and storage for k (k + 1)/2 numbers.
     """
 
-    tunable = ("gain", "weight", "cutoff", "forgetting", "bound")
+    tunable = ("gain", "prediction_weight", "cutoff", "forgetting", "bound")
     needs_double = True
 
     called: ClassVar[str] = "bounded-gain forgetting"
@@ -172,7 +172,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         if not (np.isfinite(self.bound) and self.bound >= 1.0):
             raise InputError(f"{self.called}: bound: expected at least 1, got {self.bound}")
 
-    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+    def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """Raise `InputError` unless the adaptation law fits the `model`, of k parameters and r joints, and the control
         `period` T_c (s). Required are an adaptation gain of k numbers, one positive weight of prediction errors or one
         for each joint, a cutoff of the torque filter (rad/s) of at most 1/T_c, a rate of forgetting (1/s) of at most
@@ -180,14 +180,16 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
 
         `initial`, the initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
         """
-        super().require(model, initial, period)
-        if self.forgetting * period > 0.1:
+        super().validate(model, initial, control_period)
+        if self.forgetting * control_period > 0.1:
             raise InputError(
                 f"{self.called}: forgetting: {self.forgetting:g} 1/s is too fast for a control period of "
-                f"{period:g} s; use at most {0.1 / period:g} 1/s"
+                f"{control_period:g} s; use at most {0.1 / control_period:g} 1/s"
             )
 
-    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> CovarianceMemory:
+    def initial_state(
+        self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
+    ) -> CovarianceMemory:
         """The internal state before the first control period: the covariance P = Gamma (k, k) of k parameters, Gamma
         being the initial gain, and the torque filters with zero output. P is given by its upper triangle (k (k +
         1)/2,), in units of Gamma.
@@ -198,7 +200,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         them too, all else is the same for all arms. Raises `InputError` for a `model` whose linear constraints fix
         parameters at values other than zero; nothing else is checked.
         """
-        filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
+        filtered = TorqueFilter(self.cutoff, control_period).start(model, q, v)
         return CovarianceMemory(first_triangle(self.gain.shape[-1]), filtered)
 
     def law(
@@ -215,15 +217,15 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         covariance, scale = memory.covariance, self._scale
         gradient = scale * period.gradient(period.integral)
         moved = estimate - scale * symmetric_product(covariance, gradient)
-        rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
-        for row, wanted, weight in zip(rows, torque, each(self.weight, model.mechanism.dof), strict=True):
-            firm = 1.0 / (weight * period.length)
-            step, covariance = _updated(covariance, scale * row, row @ moved - wanted, firm, period.share)
+        rows, torque, filtered = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory.filtered)
+        for row, wanted, weight in zip(rows, torque, each(self.prediction_weight, model.mechanism.dof), strict=True):
+            firm = 1.0 / (weight * period.period)
+            step, covariance = _updated(covariance, scale * row, row @ moved - wanted, firm, period.dt_ratio)
             moved = moved - scale * step
         rate = self.forgetting * (
             1.0 - symmetric_trace(covariance, len(estimate)) * (1.0 / (self.bound * len(estimate)))
         )
-        return moved, CovarianceMemory((1.0 + period.elapsed * rate) * covariance, filtered)
+        return moved, CovarianceMemory((1.0 + period.dt * rate) * covariance, filtered)
 
     def covariance(self, memory: CovarianceMemory) -> Array:
         """Covariance P (k, k) of the estimate of k parameters by least squares, symmetric, in units of the parameters
@@ -288,11 +290,13 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     factorisation a period, k^3/3 operations, and storage for k (k + 1)/2 numbers.
     """
 
-    tunable = ("gain", "weight", "cutoff", "forgetting")
+    tunable = ("gain", "prediction_weight", "cutoff", "forgetting")
 
     called: ClassVar[str] = "cushioned floor"
 
-    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> InformationMemory:
+    def initial_state(
+        self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
+    ) -> InformationMemory:
         """The internal state before the first control period: the information matrix P^-1 = Gamma^-1 (k, k) of k
         parameters, Gamma being the initial gain, and the torque filters with zero output. P^-1 is given by its upper
         triangle (k (k + 1)/2,), in units of Gamma^-1.
@@ -303,7 +307,7 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         them too, all else is the same for all arms. Raises `InputError` for a `model` whose linear constraints fix
         parameters at values other than zero; nothing else is checked.
         """
-        filtered = TorqueFilter(self.cutoff, period).start(model, q, v)
+        filtered = TorqueFilter(self.cutoff, control_period).start(model, q, v)
         return InformationMemory(first_triangle(self.gain.shape[-1]), filtered)
 
     def law(
@@ -317,10 +321,10 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         that state is the upper triangle (k (k + 1)/2,) of P^-1 in units of Gamma^-1, Gamma the initial gain, and the
         torque filters. Nothing is checked here.
         """
-        rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
+        rows, torque, filtered = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory.filtered)
         scaled = [self._scale * row for row in rows]
-        weights = each(self.weight, model.mechanism.dof)
-        share = self.forgetting * period.elapsed
+        weights = each(self.prediction_weight, model.mechanism.dof)
+        share = self.forgetting * period.dt
         keep = 1.0 / (1.0 + share)
         information = [
             [keep * (x + share) if i == j else keep * x for j, x in enumerate(row, start=i)]
@@ -328,7 +332,7 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         ]
         slope = self._scale * period.gradient(period.integral)
         for row, weight, miss in zip(scaled, weights, residual(rows, estimate, torque), strict=True):
-            heavy = (period.elapsed * weight) * row
+            heavy = (period.dt * weight) * row
             information = [
                 [x + heavy[i] * y for x, y in zip(upper, row.of[i:], strict=True)]
                 for i, upper in enumerate(information)

@@ -58,15 +58,15 @@ class Natural(AdaptationLaw[NoMemory]):
     plausible load.
     """
 
-    tunable = ("rate",)
+    tunable = ("gain",)
 
-    rate: float | Array
+    gain: float | Array
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "rate", checked_rate(self.rate))
+        object.__setattr__(self, "gain", checked_rate(self.gain))
 
-    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+    def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """Raise `InputError` unless natural adaptation fits the `model` and the initial estimate `initial` (P,), in SI
         units. Required are: a model of all P parameters of bodies and drives; linear constraints, if any, that leave
         all ten parameters of each body free; one rate, or one for each link with a body and each drive's parameter; and
@@ -79,9 +79,9 @@ class Natural(AdaptationLaw[NoMemory]):
                 "with ReducedModel.full(mechanism), from a consistent estimate; "
                 "adaptctl.identifiability.nearest_consistent finds one with given fundamental parameters)"
             )
-        require_whole_links(model, "natural adaptation")
-        require_rates(self.rate, model)
-        require_consistent(model, initial, "natural adaptation", "the first estimate")
+        validate_whole_links(model, "natural adaptation")
+        validate_rates(self.gain, model)
+        validate_consistent(model, initial, "natural adaptation", "the first estimate")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (P,) of all the `model`'s P parameters of bodies and drives after a control period, and the
@@ -95,7 +95,7 @@ class Natural(AdaptationLaw[NoMemory]):
         `Mechanism.parameter_names`, and the internal state `memory` are those before the control period that `period`
         describes. Nothing is checked here.
         """
-        slope = each_rate(self.rate, model) * period.gradient(period.integral)
+        slope = each_rate(self.gain, model) * period.gradient(period.integral)
         return moved_bodies(estimate, slope, len(model.mechanism.description.bodies)), memory
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
@@ -107,7 +107,7 @@ class Natural(AdaptationLaw[NoMemory]):
         parameters A and B. Where the estimate or the truth is not physically consistent, arrays give NaN, and floats
         raise `ValueError` or `ZeroDivisionError`.
         """
-        rates, bodies = each_rate(self.rate, model), 10 * len(model.mechanism.description.bodies)
+        rates, bodies = each_rate(self.gain, model), 10 * len(model.mechanism.description.bodies)
         total: Scalar = 0.0
         for i in range(0, bodies, 10):
             total = total + divergence(pseudo(true.of[i : i + 10]), pseudo(estimate.of[i : i + 10])) / rates[i]
@@ -116,28 +116,28 @@ class Natural(AdaptationLaw[NoMemory]):
             total = total + (ratio - log(ratio) - 1.0) / rates[k]
         return total
 
-    def distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
+    def lyapunov_distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
         """The parameters' term (...), in J, of the adaptation law's Lyapunov function: the sum of Bregman divergences
         of pseudo-inertias and drives' parameters, each over its adaptation rate. `estimate` (..., P) has all P
         parameters of the `model`, `true`, (P,) or (..., P), their true values, in SI units and the order of
         `Mechanism.parameter_names`. Where that sum is NaN though the estimate is finite, as where the true parameters
         are no rigid bodies', it is infinity. Raises `InputError` for arrays of another shape or of no numbers."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            found = np.asarray(super().distance(model, estimate, true))
+            found = np.asarray(super().lyapunov_distance(model, estimate, true))
         return np.where(np.isnan(found) & np.isfinite(estimate).all(axis=-1), np.inf, found)
 
 
 def checked_rate(rate: ArrayLike) -> Array:
     """A read-only float64 copy of the `rate` of natural adaptation, in 1/J: one number (), or m of them (m,), one for
     each link with a body and then one for each parameter of a drive. Raises `InputError` for more axes than one, and
-    for entries that are no numbers, not positive or not finite; that m fits a model is for `require_rates` to check."""
+    for entries that are no numbers, not positive or not finite. `validate_rates` checks that m fits a model."""
     array = numbers(rate, "natural adaptation: rate").copy()
     if array.ndim > 1 or not (np.isfinite(array).all() and np.all(array > 0.0)):
         raise InputError(f"natural adaptation: rate: expected positive numbers in 1/J, got {array.tolist()}")
     return frozen(array)
 
 
-def require_rates(rate: ArrayLike, model: ReducedModel) -> None:
+def validate_rates(rate: ArrayLike, model: ReducedModel) -> None:
     """Raise `InputError` unless the `rate` of natural adaptation, in 1/J, is one number, or an array of one for each of
     the `model`'s links with a body and then one for each drive's parameter. The values of the rates are not checked."""
     bodies, count = _bodies_and_rates(model)
@@ -148,7 +148,7 @@ def require_rates(rate: ArrayLike, model: ReducedModel) -> None:
         )
 
 
-def require_whole_links(model: ReducedModel, law: str) -> None:
+def validate_whole_links(model: ReducedModel, law: str) -> None:
     """Raise `InputError` where linear constraints remove some of the ten inertial parameters of a link of the `model`,
     of which its pseudo-inertia (4, 4) is made. Parameters of drives may be removed. `law` names the adaptation law in
     the message."""
@@ -161,7 +161,7 @@ def require_whole_links(model: ReducedModel, law: str) -> None:
         )
 
 
-def require_consistent(model: ReducedModel, parameters: Array, law: str, what: str) -> None:
+def validate_consistent(model: ReducedModel, parameters: Array, law: str, what: str) -> None:
     """Raise `InputError` unless `parameters` (P,), all P of the `model`'s mechanism in SI units and the order of its
     `parameter_names`, are physically consistent: the pseudo-inertia (4, 4) of each link with a body is positive
     definite, and the parameters of drives are positive. `law` and `what` name the adaptation law and the parameters in

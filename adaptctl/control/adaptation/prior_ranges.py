@@ -11,20 +11,20 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, frozen, frozen_array, per_joint, positive_number, real_number
 from adaptctl.control.adaptation.gradient import checked_gain
 from adaptctl.control.gains.gains import Gains
-from adaptctl.control.gains.hold import hold_number
+from adaptctl.control.gains.sampling_ratio import sampling_ratio
 from adaptctl.control.gains.workspace import Workspace, workspace_of
-from adaptctl.errors import GainError, InputError, NotFoundError, nearest_name, require_kind
+from adaptctl.errors import GainError, InputError, NotFoundError, suggested_name, validate_kind
 from adaptctl.identifiability import ReducedModel
 
 
-def parameter_holds(
-    model: ReducedModel, bandwidth: ArrayLike, period: float, workspace: Workspace | None = None
+def parameter_sampling_ratios(
+    model: ReducedModel, bandwidth: ArrayLike, control_period: float, workspace: Workspace | None = None
 ) -> Array:
-    """Hold numbers (k,) of estimate errors: the most that an error of 1 SI unit in each of the `model`'s k parameters
-    beta_i adds to the hold number, in 1 over the parameter's unit. They are T_c max_q |M^-1/2 (dM/dbeta_i) Lambda
-    M^-1/2|.
+    """Sampling ratios (k,) of estimate errors: the most that an error of 1 SI unit in each of the `model`'s k
+    parameters beta_i adds to the sampling ratio, in 1 over the parameter's unit. They are T_c max_q |M^-1/2
+    (dM/dbeta_i) Lambda M^-1/2|.
 
-    The hold number is T_c lambda_max(M^-1 (K + M^ Lambda)), lambda_max the largest eigenvalue, M the mass matrix, M^
+    The sampling ratio is T_c lambda_max(M^-1 (K + M^ Lambda)), lambda_max the largest eigenvalue, M the mass matrix, M^
     the estimated one and K the damping of Slotine and Li's law: a torque held over the control period T_c is stable
     while it is below 2. `bandwidth` is Lambda in 1/s, one number or one for each of r joints (r,), and `period` T_c in
     s. The maximum is over the positions q that are the samples of `workspace`, a set of joint positions, None for 200
@@ -37,12 +37,12 @@ def parameter_holds(
     L = per_joint(bandwidth, mechanism.dof, "bandwidth")
     if not np.all((L >= 0.0) & np.isfinite(L)):
         raise InputError(f"bandwidth: expected finite numbers of at least 0, got {L.tolist()}")
-    positive_number(period, "period: expected a positive time in s")
+    positive_number(control_period, "control_period: expected a positive time in s")
     values, vectors = np.linalg.eigh(place.mass_matrices)
     inverse = (vectors / np.sqrt(np.maximum(values, np.finfo(float).tiny))[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     shares = inertia_shares(model, place.samples)
     scaled = np.einsum("sij,skjl,slm->skim", inverse, shares * L, inverse, optimize=True)
-    return np.asarray(period * np.sqrt((scaled**2).sum(axis=(-2, -1))).max(axis=0))
+    return np.asarray(control_period * np.sqrt((scaled**2).sum(axis=(-2, -1))).max(axis=0))
 
 
 def inertia_shares(model: ReducedModel, p: Array) -> Array:
@@ -56,33 +56,34 @@ def inertia_shares(model: ReducedModel, p: Array) -> Array:
     return np.moveaxis(np.stack(columns, axis=-1), -2, -3)
 
 
-def estimate_hold(
+def estimate_sampling_ratio(
     model: ReducedModel,
     gain: ArrayLike,
     prior: ArrayLike,
     bandwidth: ArrayLike,
-    period: float,
+    control_period: float,
     workspace: Workspace | None = None,
     kinetic: float = 0.0,
 ) -> float:
-    """The upper bound H, without a unit, of what the error of the parameter estimate can ever add to the hold number: H
-    = sqrt(2 V_0 u'|Gamma|u). |.| is entry by entry, a prime the transpose.
+    """The upper bound H, without a unit, of what the error of the parameter estimate can ever add to the sampling
+    ratio: H = sqrt(2 V_0 u'|Gamma|u). |.| is entry by entry, a prime the transpose.
 
-    The hold number is T_c lambda_max(M^-1 (K + M^ Lambda)), lambda_max the largest eigenvalue, M the mass matrix, M^
+    The sampling ratio is T_c lambda_max(M^-1 (K + M^ Lambda)), lambda_max the largest eigenvalue, M the mass matrix, M^
     the estimated one and K the damping of Slotine and Li's law: a torque held over the control period T_c is stable
     while it is below 2. Lambda is the `bandwidth` in 1/s, one number or one for each of r joints (r,), and T_c the
     `period` in s.
 
-    u (k,) are the hold numbers per unit of error in each of the `model`'s k parameters, from `parameter_holds`, over
-    the samples of `workspace`, a set of joint positions, None for 200 random ones that the joints' limits allow. Gamma
-    is the adaptation `gain`, its diagonal (k,) or whole (k, k), in units of the parameters squared per J. V_0 =
-    `kinetic` + prior'|Gamma^-1|prior/2 (J) bounds the initial value of the law's Lyapunov function, which never rises:
-    `prior` (k,), SI units, is the greatest magnitude of each parameter's error at the start, and `kinetic` (J) is
-    s'Ms/2 then, 0 by default, with the sliding variable s.
+    u (k,) are the sampling ratios per unit of error in each of the `model`'s k parameters, from
+    `parameter_sampling_ratios`, over the samples of `workspace`, a set of joint positions, None for 200 random ones
+    that the joints' limits allow. Gamma is the adaptation `gain`, its diagonal (k,) or whole (k, k), in units of the
+    parameters squared per J. V_0 = `kinetic` + prior'|Gamma^-1|prior/2 (J) bounds the initial value of the law's
+    Lyapunov function, which never rises: `prior` (k,), SI units, is the greatest magnitude of each parameter's error at
+    the start, and `kinetic` (J) is s'Ms/2 then, 0 by default, with the sliding variable s.
 
-    While h + H < 2, h the hold number with the true M for M^, no estimate on the way can ring. H is conservative: above
-    2 most arms are stable all the same. Raises `InputError` for numbers of another shape or not finite, a gain that is
-    not symmetric and positive definite, a prior, `kinetic` or bandwidth below 0, and a period that is not positive.
+    While h + H < 2, h the sampling ratio with the true M for M^, no estimate on the way can ring. H is conservative:
+    above 2 most arms are stable all the same. Raises `InputError` for numbers of another shape or not finite, a gain
+    that is not symmetric and positive definite, a prior, `kinetic` or bandwidth below 0, and a period that is not
+    positive.
     """
     k = len(model.columns)
     gamma = checked_gain(frozen_array(gain, (k, k) if np.ndim(gain) == 2 else (k,), "gain"))
@@ -93,7 +94,7 @@ def estimate_hold(
         raise InputError(f"kinetic: expected an energy in J of at least 0, got {kinetic}")
     full = np.diag(gamma) if gamma.ndim == 1 else gamma
     energy = kinetic + 0.5 * _largest_distance(full, bound)
-    u = parameter_holds(model, bandwidth, period, workspace)
+    u = parameter_sampling_ratios(model, bandwidth, control_period, workspace)
     return float(np.sqrt(2.0 * energy * (u @ np.abs(full) @ u)))
 
 
@@ -102,8 +103,8 @@ def _largest_distance(gamma: Array, bound: Array) -> float:
     return float(bound @ np.abs(np.linalg.inv(gamma)) @ bound)
 
 
-HOLD_SHARE = 0.2
-"""of what the gains leave of the hold number, for each parameter"""
+SAMPLING_RATIO_SHARE = 0.2
+"""of what the gains leave of the sampling ratio, for each parameter"""
 RANGES = {
     "m": "mass",
     **dict.fromkeys(("mc_x", "mc_y", "mc_z"), "first_moment"),
@@ -149,7 +150,7 @@ class PriorRanges:
     def _range(self, name: str) -> float:
         kind = name.rsplit(".", 1)[-1]
         if kind not in RANGES:
-            known = f"one that ends in {', '.join(RANGES)}{nearest_name(kind, RANGES)}"
+            known = f"one that ends in {', '.join(RANGES)}{suggested_name(kind, RANGES)}"
             raise NotFoundError(f"prior ranges: there is no range of a parameter {name!r}: expected {known}")
         return float(getattr(self, RANGES[kind]))
 
@@ -157,10 +158,10 @@ class PriorRanges:
 def adaptation_gain(
     model: ReducedModel,
     ranges: PriorRanges | None = None,
-    rate: float = 0.6,
+    gain_scale: float = 0.6,
     *,
     gains: Gains | None = None,
-    period: float = 1e-3,
+    control_period: float = 1e-3,
     workspace: Workspace | None = None,
 ) -> Array:
     """The diagonal (k,) of the adaptation gain Gamma for the `model`'s k parameters, in units of the parameters squared
@@ -171,26 +172,33 @@ def adaptation_gain(
 
     With the `gains` of a control law, its bandwidth Lambda (1/s) and damping K (N m s/rad, N s/m for a prismatic
     joint), no range is taken greater than 0.2 (2 - h)/u: otherwise a light wrist, whose inertia a prior range lets be
-    learned a hundred times too large, would ring. The hold number h = T_c lambda_max(M^-1 (K + M Lambda)) of these
+    learned a hundred times too large, would ring. The sampling ratio h = T_c lambda_max(M^-1 (K + M Lambda)) of these
     gains has no unit and is stable below 2, with the largest eigenvalue lambda_max, the mass matrix M and the control
-    `period` T_c in s, 1 ms by default; u is what an error of 1 SI unit in the parameter adds to it (`parameter_holds`).
-    Both are the greatest over the set of joint positions `workspace`, all that the joints' limits allow where None: h
-    by a local search, u over its samples. `period` and `workspace` are not used where `gains` is None, the default.
+    `period` T_c in s, 1 ms by default; u is what an error of 1 SI unit in the parameter adds to it
+    (`parameter_sampling_ratios`). Both are the greatest over the set of joint positions `workspace`, all that the
+    joints' limits allow where None: h by a local search, u over its samples. `period` and `workspace` are not used
+    where `gains` is None, the default.
 
     Raises `GainError` where h is 2 or more, and `InputError` for a rate that is not positive and finite and, with
     gains, for a period or damping that is not positive and for gains of another number of joints.
     """
-    require_kind(model, ReducedModel, "adaptation gain", "as ReducedModel(mechanism, basis) is one")
+    validate_kind(model, ReducedModel, "adaptation gain", "as ReducedModel(mechanism, basis) is one")
     known = PriorRanges() if ranges is None else ranges
-    require_kind(known, PriorRanges, "adaptation gain: ranges", "as PriorRanges() is one")
+    validate_kind(known, PriorRanges, "adaptation gain: ranges", "as PriorRanges() is one")
     reach = known.of(model.names)
     if gains is not None:
-        held = hold_number(model.mechanism, gains.damping, period, gains.bandwidth, workspace=workspace).value
-        caused = parameter_holds(model, gains.bandwidth, period, workspace)
-        reach = np.minimum(reach, HOLD_SHARE * max(2.0 - held, 0.0) / np.maximum(caused, np.finfo(float).tiny))
+        held = sampling_ratio(
+            model.mechanism, gains.damping, control_period, gains.bandwidth, workspace=workspace
+        ).value
+        caused = parameter_sampling_ratios(model, gains.bandwidth, control_period, workspace)
+        reach = np.minimum(
+            reach, SAMPLING_RATIO_SHARE * max(2.0 - held, 0.0) / np.maximum(caused, np.finfo(float).tiny)
+        )
     if not np.all(reach > 0.0):
-        raise GainError(f"{model.mechanism.name}: a period of {period:g} s does not carry these gains: nothing is left")
-    return np.asarray(positive_number(rate, "adaptation gain: rate: expected a positive number") * reach**2)
+        raise GainError(
+            f"{model.mechanism.name}: a period of {control_period:g} s does not carry these gains: nothing is left"
+        )
+    return np.asarray(positive_number(gain_scale, "adaptation gain: rate: expected a positive number") * reach**2)
 
 
 def mapped_gain(model: ReducedModel, gain: ArrayLike) -> Array:

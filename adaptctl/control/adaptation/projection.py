@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen, numbers
-from adaptctl.control.adaptation.gradient import require_size
+from adaptctl.control.adaptation.gradient import validate_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
-from adaptctl.control.memory import Memory
-from adaptctl.errors import InputError, NonFiniteError, NotFoundError, nearest_name, require_kind
+from adaptctl.control.pytree import Memory
+from adaptctl.errors import InputError, NonFiniteError, NotFoundError, suggested_name, validate_kind
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, clip, column
 
@@ -37,13 +37,13 @@ class Projection(AdaptationLaw[Memory]):
 
     tunable = ("lower", "upper")
 
-    of: AdaptationLaw[Memory]
+    inner: AdaptationLaw[Memory]
     lower: Array
     upper: Array
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_kind(self.of, AdaptationLaw, "projection", "as Gradient(gain) is one")
+        validate_kind(self.inner, AdaptationLaw, "projection", "as Gradient(gain) is one")
         for name in ("lower", "upper"):
             bound = numbers(getattr(self, name), f"projection: {name}").copy()
             if bound.ndim != 1 or np.isnan(bound).any():
@@ -51,18 +51,18 @@ class Projection(AdaptationLaw[Memory]):
             object.__setattr__(self, name, frozen(bound))
         if self.lower.shape != self.upper.shape or not np.all(self.lower < self.upper):
             raise InputError("projection: expected lower < upper for every parameter")
-        if not self.of.by_parameter:
+        if not self.inner.by_parameter:
             raise InputError(
-                f"projection: {type(self.of).__name__} weighs parameters' errors together, so that clipping one of "
+                f"projection: {type(self.inner).__name__} weighs parameters' errors together, so that clipping one of "
                 "them could move the estimate away from the truth; give it a diagonal gain (k,)"
             )
 
-    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+    def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """Raise `InputError` where the wrapped adaptation law does, for bounds of another number than the `model`'s k
         parameters, and for an initial estimate outside the bounds. `initial` is the initial estimate (k,), in SI units,
         `period` the control period in s."""
-        self.of.require(model, initial, period)
-        require_size(self.lower, model, "projection: bounds")
+        self.inner.validate(model, initial, control_period)
+        validate_size(self.lower, model, "projection: bounds")
         outside = np.flatnonzero((initial < self.lower) | (initial > self.upper))
         if outside.size:
             j = int(outside[0])
@@ -77,7 +77,7 @@ class Projection(AdaptationLaw[Memory]):
         may be clipped one by one: construction refuses a law of which that does not hold, as one with a gain (k, k)."""
         return True
 
-    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Memory:
+    def initial_state(self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float) -> Memory:
         """The wrapped adaptation law's internal state, a named tuple of arrays, before the first control period.
 
         `initial` is the initial estimate (k,) of the `model`'s k parameters, in SI units, q (..., n) are the positions
@@ -85,7 +85,7 @@ class Projection(AdaptationLaw[Memory]):
         (independent) joints in rad/s (m/s), with leading axes for arms, `period` is the control period in s. Raises
         what the wrapped law's method `start` does.
         """
-        return self.of.start(model, initial, q, v, period)
+        return self.inner.initial_state(model, initial, q, v, control_period)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
         """The estimate (k,) of the `model`'s k parameters after a step of the wrapped adaptation law, clipped to the
@@ -95,14 +95,14 @@ class Projection(AdaptationLaw[Memory]):
         `estimate` (k,), in the parameters' SI units, and the internal state `memory` are those before the control
         period that `period` describes. Nothing is checked here.
         """
-        moved, after = self.of.law(model, estimate, period, memory)
+        moved, after = self.inner.law(model, estimate, period, memory)
         return Column(map(clip, moved, column(self.lower), column(self.upper))), after
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
         """The parameters' term, in J, of the wrapped adaptation law's Lyapunov function at an `estimate` (k,) of the
         `model`'s k parameters whose true values are `true` (k,), both in SI units. None where that law has no term that
         depends on the estimate alone. Nothing is checked here."""
-        return self.of.lyapunov_term(model, estimate, true)
+        return self.inner.lyapunov_term(model, estimate, true)
 
 
 def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
@@ -140,4 +140,4 @@ def _unknown(model: ReducedModel, name: str) -> str:
             f"bounds: {name} is a parameter of {model.mechanism.name}, but the basis regroups it into others, so it is "
             "not adapted: bound one that is kept (model.names), or adapt all parameters with ReducedModel.full"
         )
-    return f"bounds: {model.mechanism.name} has no parameter {name!r}{nearest_name(name, model.names)}"
+    return f"bounds: {model.mechanism.name} has no parameter {name!r}{suggested_name(name, model.names)}"

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
-from adaptctl.control.adaptation.gradient import Descent, checked_gain, require_size
+from adaptctl.control.adaptation.gradient import Descent, checked_gain, validate_size
 from adaptctl.control.adaptation.law import Period
-from adaptctl.control.gains.hold import hold_number, slowest_decay
+from adaptctl.control.gains.sampling_ratio import sampling_ratio, slowest_decay
 from adaptctl.control.gains.workspace import Workspace
 from adaptctl.errors import GainError, InputError
 from adaptctl.identifiability import ReducedModel
@@ -64,13 +64,18 @@ class ReleasedGradient(Descent[Normaliser]):
 
     @classmethod
     def certified(
-        cls, model: ReducedModel, gain: ArrayLike, damping: ArrayLike, period: float, workspace: Workspace | None = None
+        cls,
+        model: ReducedModel,
+        gain: ArrayLike,
+        damping: ArrayLike,
+        control_period: float,
+        workspace: Workspace | None = None,
     ) -> ReleasedGradient:
         """Normalised gradient adaptation law, a `ReleasedGradient`, whose Lyapunov function never rises under a control
         law's `damping` K and a control `period` T_c (s). Its field `share` is 2/(2 - h), without a unit, and its field
         `release` (1 - h/2) lambda_min(M^-1 K) in 1/s.
 
-        h = T_c lambda_max(M^-1 K) is the hold number, without a unit, lambda_min and lambda_max the least and the
+        h = T_c lambda_max(M^-1 K) is the sampling ratio, without a unit, lambda_min and lambda_max the least and the
         largest eigenvalue and M the mass matrix of the `model`, taken as constant from one control period to the next.
         Both extremes are sought by a local search over the set of joint positions `workspace`, all that the joints'
         limits allow where None. K is in N m s/rad (N s/m if prismatic), one number or (r,) for r joints. `gain` is
@@ -80,14 +85,16 @@ class ReleasedGradient(Descent[Normaliser]):
         not positive and finite.
         """
         gamma = checked_gain(gain)
-        require_size(gamma, model, "adaptation gain")
-        h = hold_number(model.mechanism, damping, period, workspace=workspace).value
+        validate_size(gamma, model, "adaptation gain")
+        h = sampling_ratio(model.mechanism, damping, control_period, workspace=workspace).value
         if not h < 2.0:
-            raise GainError(f"released gradient: the hold number is {h:.3g}, and there is a theorem below 2 only")
+            raise GainError(f"released gradient: the sampling ratio is {h:.3g}, and there is a theorem below 2 only")
         slowest = slowest_decay(model.mechanism, damping, workspace)
         return cls(gamma, 0.5 * (2.0 - h) * slowest, 2.0 / (2.0 - h))
 
-    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> Normaliser:
+    def initial_state(
+        self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
+    ) -> Normaliser:
         """The internal state before the first control period: the normaliser (1,), without a unit, by which steps of
         the estimate are divided, which is 1. All arguments are ignored: the `model`, the initial estimate `initial`
         (k,) of its k parameters, positions q (..., n) of the spanning tree's n joints in rad (m for a prismatic joint),
@@ -106,14 +113,14 @@ class ReleasedGradient(Descent[Normaliser]):
         `estimate` (k,), in the parameters' SI units, and the internal state `memory` are those before the control
         period that `period` describes. Nothing is checked here.
         """
-        released = memory.n[0] / (1.0 + self.release * period.elapsed)
-        n = maximum(maximum(released, 1.0), (self.share * period.elapsed) * self._trace(period))
-        moved = estimate - (period.elapsed / n) * self.applied(period.gradient(period.after))
+        released = memory.n[0] / (1.0 + self.release * period.dt)
+        n = maximum(maximum(released, 1.0), (self.share * period.dt) * self._trace(period))
+        moved = estimate - (period.dt / n) * self.applied(period.gradient(period.s))
         return moved, Normaliser(Column((n,)))
 
     def _trace(self, period: Period) -> Scalar:
         """tr(K^-1 Y Gamma Y')."""
-        r, total = len(period.after), 0.0
+        r, total = len(period.s), 0.0
         for i in range(r):
             row = period.gradient(Column(float(i == j) for j in range(r)))
             total = total + row @ self.applied(row) / period.damping[i]

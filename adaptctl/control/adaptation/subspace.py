@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.control.adaptation.gradient import require_size
+from adaptctl.control.adaptation.gradient import validate_size
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
@@ -55,10 +55,10 @@ class Subspace(AdaptationLaw[NoMemory]):
         if not values[-1] > INDEPENDENT * values[0]:
             raise InputError("subspace: the directions are not independent: leave out what others combine to")
 
-    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+    def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """Raise `InputError` unless the adapted directions have one row for each of the `model`'s k parameters.
         `initial`, the initial estimate (k,), and `period`, the control period in s, are not used."""
-        require_size(self.directions, model, "subspace: directions")
+        validate_size(self.directions, model, "subspace: directions")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """The estimate (k,) of the `model`'s k parameters after a step along each of the d adapted directions w (k,),

@@ -38,19 +38,19 @@ class Excitation:
     """
 
     time: Array
-    smallest: Array
-    largest: Array
-    weakest: Array
+    smallest_eigenvalue: Array
+    largest_eigenvalue: Array
+    weakest_direction: Array
     """(k,) the least excited direction of scaled parameters over the whole run"""
     window: float
 
     @property
-    def level(self) -> float:
+    def min_eigenvalue(self) -> float:
         """The least eigenvalue, over all windows of time along the run, of the excitation Gram matrices, in (N m)^2 s
         (N^2 s for prismatic joints). Such a matrix is the integral of (Y S)'(Y S) over its window: Y is Slotine and
         Li's regressor, S the diagonal matrix of the parameters' prior ranges (greatest plausible errors), a prime the
         transpose. It is 0 where some direction of the parameters is not excited in one of the windows."""
-        return float(self.smallest.min())
+        return float(self.smallest_eigenvalue.min())
 
     @property
     def condition(self) -> Array:
@@ -58,7 +58,7 @@ class Excitation:
         along the run, its columns scaled by the parameters' prior ranges (greatest plausible errors). Each is the root
         of the ratio of the Gram matrix's largest eigenvalue to the smallest, infinite where the smallest is 0."""
         with np.errstate(divide="ignore"):
-            return np.sqrt(self.largest / self.smallest)
+            return np.sqrt(self.largest_eigenvalue / self.smallest_eigenvalue)
 
 
 def persistent_excitation(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from adaptctl.arrays import Array, positive_number, real_number, whole_number
-from adaptctl.control.gains.hold import require_period
+from adaptctl.control.gains.sampling_ratio import validate_period
 from adaptctl.errors import GainError, InputError, printable
 
 if TYPE_CHECKING:
@@ -42,22 +42,25 @@ class ErrorFeedback:
 
     stiffness: float
     rate: float
-    period: float
+    control_period: float
 
     def __post_init__(self) -> None:
-        require_period(self.period)
+        validate_period(self.control_period)
         stiffness, rate = (real_number(getattr(self, name), f"gains: {name}") for name in ("stiffness", "rate"))
         if not (0.0 < stiffness < math.inf and 0.0 < rate < math.inf):
             raise InputError(f"gains: expected positive numbers, got {stiffness:g} 1/s^2 and {rate:g} 1/s")
-        if self.rate * self.period >= 2.0 or self.stiffness * self.period >= 2.0 * self.rate:  # Jury (1961)
+        if (
+            self.rate * self.control_period >= 2.0 or self.stiffness * self.control_period >= 2.0 * self.rate
+        ):  # Jury (1961)
             raise GainError(
                 f"gains: {self.stiffness:.3g} 1/s^2 and {self.rate:.3g} 1/s cannot be carried by a hold of "
-                f"{self.period:g} s: the rate can be at most {2.0 / self.period:.4g} 1/s, the stiffness at most "
+                f"{self.control_period:g} s: the rate can be at most {2.0 / self.control_period:.4g} 1/s, the "
+                f"stiffness at most "
                 f"twice the rate over the period"
             )
 
     @classmethod
-    def from_bandwidth(cls, bandwidth: float, damping_ratio: float, period: float) -> ErrorFeedback:
+    def from_bandwidth(cls, bandwidth: float, damping_ratio: float, control_period: float) -> ErrorFeedback:
         """Linear error feedback of one joint, an `ErrorFeedback`, designed by the poles of a second-order loop: omega
         is the `bandwidth` (rad/s), zeta the `damping_ratio` (no unit; 1 is critical). Found are the gains `stiffness`
         (1/s^2) and `rate` (1/s) of e'' = -stiffness e - rate e', primes being derivatives in time of the joint's error
@@ -72,17 +75,18 @@ class ErrorFeedback:
         given = real_number(bandwidth, "bandwidth"), real_number(damping_ratio, "damping ratio")
         if not all(0.0 < number < math.inf for number in given):
             raise InputError(f"expected a positive bandwidth and damping ratio, got {bandwidth} and {damping_ratio}")
-        require_period(period)
+        validate_period(control_period)
         try:
-            return cls.from_poles([bandwidth * root for root in _roots(damping_ratio)], period)
+            return cls.from_poles([bandwidth * root for root in _roots(damping_ratio)], control_period)
         except InputError as error:
             raise InputError(
                 f"bandwidth of {bandwidth:g} rad/s and damping ratio of {damping_ratio:g}: gains beyond double "
-                f"precision: expected a bandwidth nearer to 1 over the period of {period:g} s, a ratio nearer to 1"
+                f"precision: expected a bandwidth nearer to 1 over the period of {control_period:g} s, a ratio nearer "
+                f"to 1"
             ) from error
 
     @classmethod
-    def from_poles(cls, poles: Sequence[complex], period: float) -> ErrorFeedback:
+    def from_poles(cls, poles: Sequence[complex], control_period: float) -> ErrorFeedback:
         """Linear error feedback of one joint, an `ErrorFeedback`, designed by two continuous-time `poles` (1/s), real
         or a conjugate pair with negative real parts. Found are the gains `stiffness` (1/s^2) and `rate` (1/s) of e'' =
         -stiffness e - rate e', primes being derivatives in time of the joint's error e.
@@ -100,14 +104,16 @@ class ErrorFeedback:
             raise InputError(
                 f"poles: expected two in the left half-plane, real or conjugate, got {printable(repr(poles))}"
             )
-        require_period(period)
+        validate_period(control_period)
         with np.errstate(over="ignore", invalid="ignore"):  # what is too large is refused as a gain
-            first, second = -np.expm1(given * period) / period  # 1 - z, not z: slow poles keep their digits
+            first, second = (
+                -np.expm1(given * control_period) / control_period
+            )  # 1 - z, not z: slow poles keep their digits
         both = float((first * second).real)
-        return cls(both, float((first + second).real) - 0.5 * both * period, period)
+        return cls(both, float((first + second).real) - 0.5 * both * control_period, control_period)
 
     @classmethod
-    def from_lqr(cls, position: float, velocity: float, effort: float, period: float) -> ErrorFeedback:
+    def from_lqr(cls, position: float, velocity: float, effort: float, control_period: float) -> ErrorFeedback:
         """Linear error feedback of one joint, an `ErrorFeedback`, by the discrete-time linear-quadratic regulator with
         an infinite horizon. It minimises the sum of `position` e^2 + `velocity` e'^2 + `effort` e''^2 over all samples
         of the joint's error e (rad, m if prismatic), one each `period` (s), primes being derivatives in time.
@@ -127,23 +133,25 @@ class ErrorFeedback:
             )
         import control
 
-        require_period(period)
+        validate_period(control_period)
         natural = (position / effort) ** 0.25  # 1/s: in this unit of time all weights are near 1
-        step = natural * period
+        step = natural * control_period
         A, B = np.array([[1.0, step], [0.0, 1.0]]), np.array([[0.5 * step**2], [step]])
         Q, R = np.diag([1.0, velocity / position * natural**2]), np.eye(1)
         try:
             gains = np.asarray(control.dlqr(A, B, Q, R)[0], dtype=np.float64).ravel()
         except (ValueError, TypeError, np.linalg.LinAlgError) as error:  # python-control's errors are of either kind
-            raise InputError(f"weights: too far apart for a control period of {period:g} s ({error})") from error
-        return cls(float(gains[0]) * natural**2, float(gains[1]) * natural, period)
+            raise InputError(
+                f"weights: too far apart for a control period of {control_period:g} s ({error})"
+            ) from error
+        return cls(float(gains[0]) * natural**2, float(gains[1]) * natural, control_period)
 
     @property
     def sampled_poles(self) -> tuple[complex, complex]:
         """The two poles in the z plane, without a unit, of a joint's error loop, sampled once a control period with the
         acceleration held in between and no delay. The greater comes first or, of a conjugate pair, that of positive
         imaginary part."""
-        k, c = self.stiffness * self.period**2, self.rate * self.period
+        k, c = self.stiffness * self.control_period**2, self.rate * self.control_period
         half, product = 1.0 - 0.5 * c - 0.25 * k, 1.0 - c + 0.5 * k
         root = cmath.sqrt(half**2 - product)
         return half + root, half - root
@@ -154,10 +162,10 @@ class ErrorFeedback:
         control period and z each of the loop's two poles in the z plane, 2.2e-308 for a z of 0, such as that of a loop
         at rest after two samples. A continuous-time loop with these poles has the same samples. They are in the order
         of z, the greater first or, of a conjugate pair, that of positive imaginary part."""
-        first, second = (cmath.log(pole or TINY) / self.period for pole in self.sampled_poles)
+        first, second = (cmath.log(pole or TINY) / self.control_period for pole in self.sampled_poles)
         return first, second
 
-    def faster(self, factor: float) -> ErrorFeedback:
+    def with_bandwidth_factor(self, factor: float) -> ErrorFeedback:
         """Linear error feedback, an `ErrorFeedback`, at the same control period, whose continuous-time poles (1/s) are
         those of this one times a `factor` (no unit). Raises `InputError` unless the factor is positive and finite, and
         where it leaves gains beyond double precision."""
@@ -167,7 +175,7 @@ class ErrorFeedback:
         conjugate = abs(first.imag) > 0.0
         poles = [first, first.conjugate()] if conjugate else [first, 2.0 * mean - first]
         try:
-            return self.from_poles(poles, self.period)
+            return self.from_poles(poles, self.control_period)
         except InputError as error:
             raise InputError(f"factor: {factor:g} leaves gains beyond double precision ({error})") from error
 
@@ -192,7 +200,7 @@ class ErrorFeedback:
         damping ratio, omega (rad/s) its bandwidth and T_c (s) the control period, so that a zeta a little below 1, such
         as sampling makes of 1, counts too. e is the joint's error, primes are derivatives in time, stiffness is in
         1/s^2 and rate in 1/s."""
-        return 1.0 - 1.0 / self.damping_ratio**2 >= -ROUNDING - self.bandwidth * self.period
+        return 1.0 - 1.0 / self.damping_ratio**2 >= -ROUNDING - self.bandwidth * self.control_period
 
     @property
     def cascaded(self) -> tuple[float, float]:
@@ -221,9 +229,9 @@ class ErrorFeedback:
 
         whole_number(delay, "delay in periods", 0, 1000)
         A, B = _held_double_integrator()
-        C = np.array([[self.stiffness * self.period**2, self.rate * self.period]])
-        opened = control.ss(A, B, C, 0.0, self.period)
-        return opened if delay == 0 else opened * _late(delay, self.period)
+        C = np.array([[self.stiffness * self.control_period**2, self.rate * self.control_period]])
+        opened = control.ss(A, B, C, 0.0, self.control_period)
+        return opened if delay == 0 else opened * _late(delay, self.control_period)
 
 
 def _roots(damping_ratio: float) -> tuple[complex, complex]:
@@ -243,12 +251,12 @@ def _held_double_integrator() -> tuple[Any, Any]:
     return np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[0.5], [1.0]])
 
 
-def _late(delay: int, period: float) -> control.StateSpace:
+def _late(delay: int, control_period: float) -> control.StateSpace:
     """The delay z^-delay as a transfer function."""
     import control
 
     A = np.eye(delay, k=-1)
-    return control.ss(A, np.eye(delay, 1), np.eye(delay)[-1:], 0.0, period)
+    return control.ss(A, np.eye(delay, 1), np.eye(delay)[-1:], 0.0, control_period)
 
 
 @dataclass(frozen=True)
@@ -283,7 +291,7 @@ def margins(loop: control.LTI) -> Margins:
     python-control's frequency response from 1e-6 of half the sampling rate up to half the sampling rate, included,
     where a sampled loop often crosses; `control.stability_margins` of version 0.10 looks only below it.
     """
-    _require_sampled(loop)
+    _validate_sampled(loop)
     angles = np.concatenate((np.geomspace(LOWEST * np.pi, np.pi, POINTS)[:-1], [np.pi]))
     values = np.asarray(loop(np.exp(1j * angles)), dtype=np.complex128)
 
@@ -306,7 +314,7 @@ def margins(loop: control.LTI) -> Margins:
     )
 
 
-def _require_sampled(loop: control.LTI) -> None:
+def _validate_sampled(loop: control.LTI) -> None:
     if not loop.ninputs == loop.noutputs == 1:
         raise InputError(f"margins: expected one input and one output, got {loop.ninputs} and {loop.noutputs}")
     if loop.dt is None or loop.dt is True or not loop.dt > 0.0:  # python-control's True is a period that is not stated

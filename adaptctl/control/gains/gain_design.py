@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from adaptctl.arrays import Array, positive_per_joint, whole_number
 from adaptctl.control.gains.error_feedback import ErrorFeedback, Margins, margins
 from adaptctl.control.gains.gains import Gains, sampled_gain
-from adaptctl.control.gains.hold import LARGEST_SAMPLED_GAIN, held_inertia, hold_number
+from adaptctl.control.gains.sampling_ratio import MAX_SAMPLING_RATIO, sampled_inertia, sampling_ratio
 from adaptctl.control.gains.workspace import Workspace, everywhere
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError
@@ -43,14 +43,14 @@ class GainDesign:
     inertia: Array
     least_inertia: Array
     margins: tuple[Margins, ...]
-    period: float
+    control_period: float
     delay: int = 0
     workspace: Workspace | None = None
     given: Gains | None = None
 
     @classmethod
     def of_gains(
-        cls, mechanism: Mechanism, gains: Gains, workspace: Workspace, *, period: float = 1e-3, delay: int = 0
+        cls, mechanism: Mechanism, gains: Gains, workspace: Workspace, *, control_period: float = 1e-3, delay: int = 0
     ) -> GainDesign:
         """Gain design, a `GainDesign`, of Slotine and Li's `gains` given for the r joints of a `mechanism`, such as
         those that `adaptctl.tune` finds, judged in a `workspace`, the set of joint positions for which they are meant.
@@ -58,7 +58,7 @@ class GainDesign:
 
         With the bandwidth Lambda (1/s), the damping K and the inertia m of a joint its error loop has the poles
         -Lambda and -K/m: the stiffness is Lambda K/m, the rate Lambda + K/m. m is the median of the joint's entry of
-        the diagonal of what a held torque feels as inertia (`held_inertia`) over the workspace's samples: the mass
+        the diagonal of what a held torque feels as inertia (`sampled_inertia`) over the workspace's samples: the mass
         matrix's, and more with viscous friction. Raises `InputError` for gains and a period that are not positive, a
         delay other than a whole number from 0 to 1000, and where m is not positive; `GainError` where a loop alone
         cannot be carried by a hold of the period.
@@ -69,12 +69,14 @@ class GainDesign:
             for values, what in ((gains.bandwidth, "bandwidth"), (gains.damping, "damping"))
         )
         inertia, least = _inertias(
-            mechanism, held_inertia(mechanism, workspace.samples, workspace.mass_matrices, period)
+            mechanism, sampled_inertia(mechanism, workspace.samples, workspace.mass_matrices, control_period)
         )
         pairs = zip((Lambda * K / inertia).tolist(), (Lambda + K / inertia).tolist(), strict=True)
-        feedback = tuple(ErrorFeedback(stiffness, rate, period) for stiffness, rate in pairs)
+        feedback = tuple(ErrorFeedback(stiffness, rate, control_period) for stiffness, rate in pairs)
         found = _margins(feedback, delay)
-        return cls(mechanism, "rule", feedback, inertia, least, found, period, delay, workspace, Gains(Lambda, K))
+        return cls(
+            mechanism, "rule", feedback, inertia, least, found, control_period, delay, workspace, Gains(Lambda, K)
+        )
 
     @classmethod
     def from_bandwidth(
@@ -83,7 +85,7 @@ class GainDesign:
         bandwidth: ArrayLike,
         damping_ratio: ArrayLike = 1.0,
         *,
-        period: float = 1e-3,
+        control_period: float = 1e-3,
         delay: int = 0,
     ) -> GainDesign:
         """Gain design for a `mechanism`, a `GainDesign`, in which each joint's sampled error loop has the poles of a
@@ -100,12 +102,12 @@ class GainDesign:
             for values, what in ((bandwidth, "bandwidth"), (damping_ratio, "damping ratio"))
         )
         pairs = zip(rates.tolist(), ratios.tolist(), strict=True)
-        feedback = [ErrorFeedback.from_bandwidth(rate, ratio, period) for rate, ratio in pairs]
-        return _design(mechanism, "bandwidth", feedback, period, delay)
+        feedback = [ErrorFeedback.from_bandwidth(rate, ratio, control_period) for rate, ratio in pairs]
+        return _design(mechanism, "bandwidth", feedback, control_period, delay)
 
     @classmethod
     def from_poles(
-        cls, mechanism: Mechanism, poles: Sequence[complex], *, period: float = 1e-3, delay: int = 0
+        cls, mechanism: Mechanism, poles: Sequence[complex], *, control_period: float = 1e-3, delay: int = 0
     ) -> GainDesign:
         """Gain design for a `mechanism`, a `GainDesign`, with the same two continuous-time `poles` (1/s) at each
         joint's error loop, real or a conjugate pair, with negative real parts. `period` is the control period in s, 1
@@ -115,8 +117,8 @@ class GainDesign:
         1000, and where a joint's typical inertia, the median of its entry of the mass matrix's diagonal over 200 random
         configurations, is not positive.
         """
-        feedback = ErrorFeedback.from_poles(poles, period)
-        return _design(mechanism, "poles", [feedback] * mechanism.dof, period, delay)
+        feedback = ErrorFeedback.from_poles(poles, control_period)
+        return _design(mechanism, "poles", [feedback] * mechanism.dof, control_period, delay)
 
     @classmethod
     def from_lqr(
@@ -126,7 +128,7 @@ class GainDesign:
         velocity: float = 0.0,
         effort: float = 1.0,
         *,
-        period: float = 1e-3,
+        control_period: float = 1e-3,
         delay: int = 0,
     ) -> GainDesign:
         """Gain design for a `mechanism`, a `GainDesign`, by the linear-quadratic regulator (infinite horizon) at each
@@ -140,8 +142,8 @@ class GainDesign:
         whole number from 0 to 1000, and where a joint's typical inertia, the median of its entry of the mass matrix's
         diagonal over 200 random configurations, is not positive.
         """
-        feedback = ErrorFeedback.from_lqr(position, velocity, effort, period)
-        return _design(mechanism, "lqr", [feedback] * mechanism.dof, period, delay)
+        feedback = ErrorFeedback.from_lqr(position, velocity, effort, control_period)
+        return _design(mechanism, "lqr", [feedback] * mechanism.dof, control_period, delay)
 
     @property
     def gains(self) -> Gains:
@@ -156,7 +158,7 @@ class GainDesign:
         return Gains(rates[:, 0], rates[:, 1] * self.inertia)
 
     @property
-    def damped_enough(self) -> bool:
+    def is_well_damped(self) -> bool:
         """True if every joint's error loop counts as one of two real poles, so that the property `gains`, Slotine and
         Li's gains, exists. The criterion is 1/zeta^2 - 1 <= 0.02 + omega T_c, with a loop's damping ratio zeta, its
         undamped natural frequency omega (rad/s) and the control period T_c (s)."""
@@ -188,8 +190,10 @@ class GainDesign:
         and K the velocity gains, the property `damping`: a torque held over T_c is stable below 2, and below 1 with a
         delay of one period. The search starts from the worst of 200 random positions."""
         if (own := self.given) is not None:
-            return hold_number(self.mechanism, own.damping, self.period, own.bandwidth, workspace=self.workspace).value
-        return sampled_gain(self.mechanism, self.damping, self.period)
+            return sampling_ratio(
+                self.mechanism, own.damping, self.control_period, own.bandwidth, workspace=self.workspace
+            ).value
+        return sampled_gain(self.mechanism, self.damping, self.control_period)
 
     @property
     def largest_sampled_gain(self) -> float:
@@ -199,12 +203,12 @@ class GainDesign:
         return largest_with_delay(self.delay)
 
     @property
-    def highest(self) -> float:
+    def max_gain(self) -> float:
         """The greatest magnitude (1/s) of the continuous-time poles of all joints' error loops."""
         return max(abs(pole) for feedback in self.feedback for pole in feedback.poles)
 
     @property
-    def fastest(self) -> float:
+    def max_bandwidth(self) -> float:
         """The largest factor, without a unit, by which all poles may be multiplied with the sampled gain still allowed:
         below 1 where it is too large already.
 
@@ -212,21 +216,23 @@ class GainDesign:
         mass matrix M and the damping K, is allowed up to the property `largest_sampled_gain`, 1.5 without delay. The
         factor is infinite where even a deadbeat loop is allowed, 0 where none is, as where M is not positive definite.
         """
-        if self.given is not None:  # the hold number is in proportion to both gains
+        if self.given is not None:  # the sampling ratio is in proportion to both gains
             return self.largest_sampled_gain / self.sampled_gain
 
         def excess(logarithm: float) -> float:
-            rates = np.array([feedback.faster(float(np.exp(logarithm))).rate for feedback in self.feedback])
-            return sampled_gain(self.mechanism, self.inertia * rates, self.period) - self.largest_sampled_gain
+            rates = np.array(
+                [feedback.with_bandwidth_factor(float(np.exp(logarithm))).rate for feedback in self.feedback]
+            )
+            return sampled_gain(self.mechanism, self.inertia * rates, self.control_period) - self.largest_sampled_gain
 
-        slowest, quickest = (float(np.log(angle / (self.highest * self.period))) for angle in SEARCHED)
+        slowest, quickest = (float(np.log(angle / (self.max_gain * self.control_period))) for angle in SEARCHED)
         if excess(quickest) <= 0.0:
             return np.inf
         if excess(slowest) > 0.0:
             return 0.0
         return float(np.exp(brentq(excess, slowest, quickest, xtol=1e-6)))
 
-    def require_carried(self) -> GainDesign:
+    def check_sample_time(self) -> GainDesign:
         """This gain design itself, if its sampled gain T_c lambda_max(M^-1 K), without a unit, is allowed: at most the
         property `largest_sampled_gain`, 1.5 without delay. T_c is the control period, lambda_max the largest
         eigenvalue, M the mass matrix and K the damping; the gain is the property `sampled_gain`. Raises `GainError`
@@ -234,10 +240,13 @@ class GainDesign:
         if not self.sampled_gain <= self.largest_sampled_gain:
             late = f" and a delay of {self.delay} periods" if self.delay else ""
             raise GainError(
-                f"{self.mechanism.name}: the gains are too stiff for a control period of {self.period:g} s{late}: "
+                f"{self.mechanism.name}: the gains are too stiff for a control period of {self.control_period:g} "
+                f"s{late}: "
                 f"T_c lambda_max(M^-1 K) = {self.sampled_gain:.3g}, at most {self.largest_sampled_gain:.3g} is "
-                f"allowed. The largest gains that it carries have all poles at {self.fastest:.3g} times these, the "
-                f"fastest at {self.fastest * self.highest:.4g} 1/s instead of {self.highest:.4g}; or shorten the period"
+                f"allowed. The largest gains that it carries have all poles at {self.max_bandwidth:.3g} times these, "
+                f"the "
+                f"fastest at {self.max_bandwidth * self.max_gain:.4g} 1/s instead of {self.max_gain:.4g}; or shorten "
+                f"the period"
             )
         return self
 
@@ -252,17 +261,17 @@ def largest_with_delay(delay: int) -> float:
     stable for sampled gains g below 2 sin(pi/(2(2d + 1))): 2, 1, 0.62, ... (Levin and May 1976).
     """
     limit = 2.0 * float(np.sin(np.pi / (2.0 * (2.0 * delay + 1.0))))
-    return 0.5 * LARGEST_SAMPLED_GAIN * limit
+    return 0.5 * MAX_SAMPLING_RATIO * limit
 
 
 def _design(
-    mechanism: Mechanism, method: str, feedback: Sequence[ErrorFeedback], period: float, delay: int
+    mechanism: Mechanism, method: str, feedback: Sequence[ErrorFeedback], control_period: float, delay: int
 ) -> GainDesign:
     """The design with each joint's feedback. Raises `InputError` for a wrong delay and where an inertia is none."""
     delay = whole_number(delay, "delay", 0, 1000)
     found = _margins(feedback, delay)
     inertia, least = _inertias(mechanism, everywhere(mechanism).mass_matrices)
-    return GainDesign(mechanism, method, tuple(feedback), inertia, least, found, period, delay)
+    return GainDesign(mechanism, method, tuple(feedback), inertia, least, found, control_period, delay)
 
 
 def _inertias(mechanism: Mechanism, M: Array) -> tuple[Array, Array]:

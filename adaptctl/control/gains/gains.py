@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, positive_number, positive_per_joint
 from adaptctl.caching import sent_as_made
-from adaptctl.control.gains.hold import hold_number
+from adaptctl.control.gains.sampling_ratio import sampling_ratio
 from adaptctl.control.gains.workspace import Workspace, everywhere, sampled_configurations
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, require_kind
+from adaptctl.errors import InputError, validate_kind
 
 
 def typical_inertia(mechanism: Mechanism) -> Array:
@@ -32,7 +32,7 @@ class Gains:
     damping: Array
 
     @classmethod
-    def from_bandwidth(cls, mechanism: Mechanism, bandwidth: ArrayLike, ratio: float = 1.0) -> Gains:
+    def from_bandwidth(cls, mechanism: Mechanism, bandwidth: ArrayLike, damping_scale: float = 1.0) -> Gains:
         """Slotine and Li's gains, a `Gains`, for the r joints of a `mechanism` from a `bandwidth` (1/s), one number or
         one for each joint (r,). With a `ratio` of 1, the default, both poles of the error of a joint of typical inertia
         are at minus the bandwidth.
@@ -44,26 +44,28 @@ class Gains:
         derivative in time. A larger ratio is stiffer against unknown torques. Raises `InputError` for numbers that are
         not positive or of another shape, and where a joint's typical inertia is not positive.
         """
-        require_kind(mechanism, Mechanism, "gains", "as load(...) gives one")
+        validate_kind(mechanism, Mechanism, "gains", "as load(...) gives one")
         rates = positive_per_joint(bandwidth, mechanism.dof, "bandwidth")
-        ratio = positive_number(ratio, "ratio: expected a positive number")
+        damping_scale = positive_number(damping_scale, "damping_scale: expected a positive number")
         inertia = typical_inertia(mechanism)
         if np.any(inertia <= 0.0):
             raise InputError(f"{mechanism.name}: gains need a positive inertia at every joint, got {inertia}")
-        return cls(rates, positive_per_joint(ratio * rates * inertia, mechanism.dof, "damping"))
+        return cls(rates, positive_per_joint(damping_scale * rates * inertia, mechanism.dof, "damping"))
 
 
-def sampled_gain(mechanism: Mechanism, damping: ArrayLike, period: float, workspace: Workspace | None = None) -> float:
+def sampled_gain(
+    mechanism: Mechanism, damping: ArrayLike, control_period: float, workspace: Workspace | None = None
+) -> float:
     """The greatest sampled gain T_c lambda_max(M^-1 K), without a unit, that a local search over `workspace` finds: 2
     is the limit of stability of a torque -K v held over the `period` T_c (s).
 
     lambda_max is the largest eigenvalue, M the mass matrix of the `mechanism` and v (r,) the velocities of its r
     joints; `damping` is K in N m s/rad (N s/m if prismatic), one number or (r,). The search starts from the worst
     samples of `workspace`, a set of joint positions, None for 200 random ones within the joints' limits. Viscous
-    friction is taken into account as in `hold_number`. Raises `InputError` unless damping and period are positive and
-    finite, and on a wrong shape.
+    friction is taken into account as in `sampling_ratio`. Raises `InputError` unless damping and period are positive
+    and finite, and on a wrong shape.
     """
-    return hold_number(mechanism, damping, period, workspace=workspace).value
+    return sampling_ratio(mechanism, damping, control_period, workspace=workspace).value
 
 
 SPEED, ACCELERATION, MARGIN = 2.0, 10.0, 4.0

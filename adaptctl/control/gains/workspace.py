@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from adaptctl.arrays import Array, checked, frozen, real_number, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, require_kind
+from adaptctl.errors import InputError, validate_kind
 
 TURNS = 4.0 * np.pi
 """rad (m): limits farther apart than two turns are none"""
@@ -48,7 +48,7 @@ def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
     max(pi, lower + pi) rad (max(1, lower + 1) m), so that a joint without limits has -pi and pi rad (-1 and 1 m).
     Limits that are more than 4 pi rad (m) apart count as missing. Nothing is checked."""
     lower, upper = _limits(mechanism)
-    wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in mechanism.primary_joints])
+    wide = np.array([np.pi if joint.kind.is_revolute else 1.0 for joint in mechanism.primary_joints])
     return np.where(np.isinf(lower), np.minimum(-wide, upper - wide), lower), np.where(
         np.isinf(upper), np.maximum(wide, lower + wide), upper
     )
@@ -109,11 +109,11 @@ class Workspace:
         Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and `seed` one from 0 to 2^32 - 1,
         and where loops can be closed at none of the samples.
         """
-        require_kind(mechanism, Mechanism, "workspace", "as load(...) gives one")
+        validate_kind(mechanism, Mechanism, "workspace", "as load(...) gives one")
         samples = whole_number(samples, "workspace: samples", 1, MOST_SAMPLES)
         seed = whole_number(seed, "workspace: seed", 0, 2**32 - 1)
         p = sampled_configurations(mechanism, samples, seed)
-        turns = [joint.kind.turns for joint in mechanism.primary_joints]
+        turns = [joint.kind.is_revolute for joint in mechanism.primary_joints]
         below, above = np.pi * (np.isinf(_limits(mechanism)) & turns)
         lower, upper = position_range(mechanism)
         return cls(mechanism, p, np.broadcast_to(lower - below, p.shape), np.broadcast_to(upper + above, p.shape))
@@ -144,7 +144,7 @@ class Workspace:
         `SingularityError` near a singularity of the loops."""
         return frozen(self.mechanism.mass_matrix(self.samples))
 
-    def highest(self, value: Callable[[Array], Array]) -> Worst:
+    def maximum(self, value: Callable[[Array], Array]) -> Worst:
         """The greatest value of the function `value` that a pattern search over this set of joint positions finds, a
         `Worst`: this value and the positions `p` (r,) of the r joints, rad (m if prismatic), where it is. The function
         maps N positions (N, r), rad (m), to N numbers (N,), finite or infinite. What it raises goes through; nothing
@@ -216,7 +216,7 @@ def workspace_of(mechanism: Mechanism, workspace: Workspace | None) -> Workspace
     `InputError` for a `workspace` that is no `Workspace` or of another number of joints."""
     if workspace is None:
         return everywhere(mechanism)
-    require_kind(workspace, Workspace, "workspace", "as Workspace.within_limits(mechanism) gives one")
+    validate_kind(workspace, Workspace, "workspace", "as Workspace.within_limits(mechanism) gives one")
     if workspace.mechanism is mechanism:
         return workspace
     if (joints := workspace.samples.shape[-1]) != mechanism.dof:

@@ -15,7 +15,7 @@ from adaptctl.description.description import Joint, JointKind, Link, weightless_
 from adaptctl.description.drive import Drive, Limits
 from adaptctl.description.inertia import from_center_of_mass, from_tensor
 from adaptctl.description.pose import Pose, roll_pitch_yaw
-from adaptctl.errors import InputError, SimplificationWarning, nearest_name, printable
+from adaptctl.errors import InputError, SimplificationWarning, printable, suggested_name
 
 if TYPE_CHECKING:
     from adaptctl.description.loops import Loops
@@ -153,7 +153,7 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         negative, and for inertia without mass."""
         about_origin = (self.first_moment, self.inertia)
         about_center = (self.center_of_mass, self.inertia_at_center)
-        self._require_mass()
+        self._validate_mass()
         if self.mass is None and about_origin == about_center == (None, None):
             return np.zeros(10)
         if self.mass is not None and about_center == (None, None):
@@ -169,7 +169,7 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
             "origin), or mass, center_of_mass and inertia_at_center, or none of them for a massless link"
         )
 
-    def _require_mass(self) -> None:
+    def _validate_mass(self) -> None:
         if self.mass is not None and self.mass < 0.0:
             raise InputError(f"mass must not be negative, got {self.mass}")
         given = [self.first_moment or (), *(t.matrix() for t in (self.inertia, self.inertia_at_center) if t)]
@@ -207,14 +207,14 @@ A_TURN = 2.02 * math.pi
 """Angle (rad) that no frame needs to be turned by."""
 
 
-def require_at_most(count: int, most: int, what: str) -> None:
+def validate_at_most(count: int, most: int, what: str) -> None:
     """Raise `InputError` if `count` is above `most`, the greatest number of parts of one kind that a robot's file may
     have; `what` names the parts in the message, as in "links that move"."""
     if count > most:
         raise InputError(f"{count} {what}: at most {most} are read")
 
 
-def require_mass_of_inertia(link: Link) -> Link:
+def validate_mass_of_inertia(link: Link) -> Link:
     """The `link` itself, unchanged. Raises `InputError` where its mass is zero, but its first moment or inertia tensor
     is not."""
     if link.inertia[0] == 0.0 and np.any(link.inertia):
@@ -234,7 +234,7 @@ def warn_of_weightless(path: Any, links: Sequence[Link], loops: Loops | None, st
 def unknown_body(name: str, known: Sequence[str]) -> str:
     """The text of a message that a scene has no body of this `name`: it has the nearest of the `known` names, and the
     nonempty ones among the first 20. Nothing is raised."""
-    guess = nearest_name(name, known)
+    guess = suggested_name(name, known)
     listed = ", ".join(repr(other) for other in known[:MOST_NAMED] if other)
     return f"there is no body {printable(name)!r}{guess}; there are {listed}{', ...' * (len(known) > MOST_NAMED)}"
 
@@ -259,4 +259,4 @@ def warn_of_degrees(path: Any, links: Sequence[Link], frames: Sequence[str], sta
 
 def _may_be_degrees(link: Link) -> bool:
     bounds = (link.joint.limits.lower, link.joint.limits.upper)
-    return link.joint.kind.turns and any(LEAST_DEGREES < abs(bound) <= MOST_DEGREES for bound in bounds)
+    return link.joint.kind.is_revolute and any(LEAST_DEGREES < abs(bound) <= MOST_DEGREES for bound in bounds)

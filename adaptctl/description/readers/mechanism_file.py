@@ -173,7 +173,7 @@ def _rpy(frame: TreeLink | FrameEntry) -> Triple:
 
 def _links(entries: Sequence[TreeLink]) -> tuple[Link, ...]:
     names = [entry.name or f"link{i + 1}" for i, entry in enumerate(entries)]
-    _require_parents(entries, names)
+    _validate_parents(entries, names)
 
     def link(entry: TreeLink, place: int) -> Link:
         joint = entry.moving(entry.joint or f"joint{place + 1}", entry.axis)
@@ -184,7 +184,7 @@ def _links(entries: Sequence[TreeLink]) -> tuple[Link, ...]:
     return depth_first(_built("links", entries, link))
 
 
-def _require_parents(entries: Sequence[TreeLink], names: Sequence[str]) -> None:
+def _validate_parents(entries: Sequence[TreeLink], names: Sequence[str]) -> None:
     for i, entry in enumerate(entries):
         if names.count(names[i]) > 1:
             raise InputError(f"$.links[{i}]: the name {names[i]!r} is given more than once")
@@ -210,13 +210,13 @@ def _loops(content: MechanismFile, links: Sequence[Link]) -> Loops | None:
     closures = _built("closures", content.closures, _closure)
     couplings = _built("couplings", content.couplings, _coupling)
     if not closures and not couplings:
-        _require_nothing_of_loops(content)
+        _validate_nothing_of_loops(content)
         return None
     conditions = _built("conditions", content.conditions, _condition)
     return Loops(_primary(content, couplings, links), closures, couplings, content.reference, conditions)
 
 
-def _require_nothing_of_loops(content: MechanismFile) -> None:
+def _validate_nothing_of_loops(content: MechanismFile) -> None:
     for name in ("primary", "reference", "conditions"):
         if getattr(content, name):
             raise InputError(f"$.{name}: belongs to loops, and there are no closures and no couplings; remove it")

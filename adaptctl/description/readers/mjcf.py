@@ -20,8 +20,8 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.description import Description
 from adaptctl.description.pose import Pose
-from adaptctl.description.readers.entries import MOST_LINKS, require_at_most, warn_of_degrees
-from adaptctl.description.readers.mjcf_scan import ScannedFile, require_within
+from adaptctl.description.readers.entries import MOST_LINKS, validate_at_most, warn_of_degrees
+from adaptctl.description.readers.mjcf_scan import ScannedFile, validate_within
 from adaptctl.description.readers.mujoco_arm import FREE, HINGE, SLIDE, MujocoArm, body_ten, mujoco_package
 from adaptctl.description.readers.mujoco_model import loops_of
 from adaptctl.description.readers.xml_elements import LineElement, named, refuse
@@ -65,7 +65,7 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
         scanned = ScannedFile.of(path, whole=root is None)
         arm, floating = _arm(scanned, root)
         links = tuple(arm.links())
-        require_at_most(len(links), MOST_LINKS, "links that move")
+        validate_at_most(len(links), MOST_LINKS, "links that move")
         loops, name = loops_of(arm, links, floating), scanned.root.get("model") or Path(path).stem
         made = Description(name, links, arm.gravity, f"MJCF file {Path(path).name}", loops)
     except FileError:
@@ -172,7 +172,7 @@ def _unfold(spec: mujoco.MjSpec, elements: Sequence[Element]) -> list[str]:
                 refuse(element, f"joint {name!r}: {what} of a free joint is not read: expected 0, got {given[0]:g}")
         for k, (suffix, kind, axis) in enumerate(JOINTS):
             part = body.add_joint() if k else joint
-            part.name, part.type, part.axis = f"{name}_{suffix}", mjtJoint(HINGE if kind.turns else SLIDE), axis
+            part.name, part.type, part.axis = f"{name}_{suffix}", mjtJoint(HINGE if kind.is_revolute else SLIDE), axis
             part.pos, part.ref, part.limited, part.actfrclimited, part.info = np.zeros(3), 0.0, 0, 0, joint.info
             for what in _ACTING:
                 setattr(part, what, 0.0 * np.asarray(getattr(part, what)))
@@ -208,7 +208,7 @@ def _add_mesh_inertias(model: mujoco.MjModel, scanned: ScannedFile, needed: Mapp
         if name not in scanned.meshes:
             refuse(geom, f"{named(geom)}: there is no mesh {printable(name)!r}, of which the inertia is to be")
         mesh = scanned.meshes[name]
-        if "file" in mesh.attrib and not require_within(scanned.folder, mesh).is_file():
+        if "file" in mesh.attrib and not validate_within(scanned.folder, mesh).is_file():
             refuse(mesh, f"{named(mesh)}: there is no file {printable(mesh.attrib['file'])!r}")
     text, elements = scanned.text(needed)
     code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import _serve; _serve()"

@@ -126,16 +126,16 @@ class ScannedFile:
         root = parsed(read_text(path), "mujoco")
         own = {id(body): k for k, body in enumerate(root.iter("body"))}
         _include(root, path)
-        _require_read(root)
+        _validate_read(root)
         tendons = tuple(named(tendon) for section in root.findall("tendon") for tendon in section)
         meshes = _meshes(root, Path(path).parent)
-        _require_equalities(root, whole)
+        _validate_equalities(root, whole)
         pending = [root]
         while pending:
             _leave_out(element := pending.pop())
             _check_numbers(element)
             pending += element
-        _require_few(root)
+        _validate_few(root)
         _name_bodies(root)
         numbers_of = {body.attrib["name"]: own[id(body)] for body in root.iter("body") if id(body) in own}
         return cls(root, Path(path).parent, meshes, numbers_of, tendons)
@@ -174,7 +174,7 @@ def _include(root: Element, path: str | Path) -> None:
 def _content(element: Element, folder: Path, seen: set[Path]) -> list[Element]:
     """The elements of the file that an <include> names."""
     name = attribute(element, "file", "<include>")
-    file = require_within(folder, element)
+    file = validate_within(folder, element)
     if file in seen:
         refuse(element, f"<include>: {printable(name)!r} is included twice: once is enough")
     seen.add(file)
@@ -185,7 +185,7 @@ def _content(element: Element, folder: Path, seen: set[Path]) -> list[Element]:
         raise InputError(f"<include> of {printable(name)!r}: {text}") from error
 
 
-def require_within(folder: Path, element: Element) -> Path:
+def validate_within(folder: Path, element: Element) -> Path:
     """The path of the file that the attribute `file` of an `element` names, found from the `folder`, links followed.
     Raises `ElementError` where it is not in the folder or below."""
     name = element.get("file", "")
@@ -198,7 +198,7 @@ def require_within(folder: Path, element: Element) -> Path:
     return file
 
 
-def _require_read(root: Element) -> None:
+def _validate_read(root: Element) -> None:
     compiler: dict[str, str] = {}
     for element in root.findall("compiler"):
         compiler |= element.attrib
@@ -237,7 +237,7 @@ def _strips(settings: Mapping[str, str]) -> bool:
     return settings.get("strippath") == "true"
 
 
-def _require_equalities(root: Element, whole: bool) -> None:
+def _validate_equalities(root: Element, whole: bool) -> None:
     """Equalities of kinds that are not read do not act, or are of the rest of a scene; they are taken out."""
     off = any(flag.get("equality") == "disable" for flag in root.iter("flag"))
     for section in root.findall("equality"):
@@ -295,7 +295,7 @@ def _limited(name: str) -> str:
     return name.replace("range", "limited")
 
 
-def _require_few(root: Element) -> None:
+def _validate_few(root: Element) -> None:
     """Bound what MuJoCo's time and memory grow with: elements with all copies, and joints one after another."""
     most = {"body": MOST_BODIES, "joint": MOST_BODIES, "freejoint": MOST_BODIES, "geom": MOST_GEOMS, "site": MOST_GEOMS}
     counts = dict.fromkeys(most, 0)

@@ -18,12 +18,12 @@ from adaptctl.description.drive import Drive, Limits
 from adaptctl.description.inertia import from_center_of_mass, transformed
 from adaptctl.description.pose import Pose, quaternion_rotation, rotation_about
 from adaptctl.description.readers.entries import (
-    require_mass_of_inertia,
     unknown_body,
+    validate_mass_of_inertia,
 )
 from adaptctl.description.readers.xml_elements import LineElement, located
 from adaptctl.errors import InputError, NotFoundError, SimplificationWarning
-from adaptctl.packages import needed
+from adaptctl.optional_packages import needed
 
 if TYPE_CHECKING:
     import mujoco
@@ -84,7 +84,7 @@ class MujocoArm:
         found = cls(model, root, bodies, joints, elements or {})
         for i in bodies:
             with found.at_line(found.body_name(i)):
-                found._require_plain(i)
+                found._validate_plain(i)
         if not joints:
             raise InputError(f"body {model.body(root).name!r}: no joint on it moves: expected a hinge or a slide")
         return found
@@ -94,7 +94,7 @@ class MujocoArm:
         equality's index, where the model is of a file."""
         return located(self.elements.get(key, LineElement("")))
 
-    def _require_plain(self, i: int) -> None:
+    def _validate_plain(self, i: int) -> None:
         where = f"body {self.body_name(i)!r}"
         for j in _joints(self.model, i):
             if (kind := self.model.jnt_type[j]) in (FREE, BALL):
@@ -122,7 +122,7 @@ class MujocoArm:
                     tens[carrier] = tens[carrier] + transformed(body_ten(self.model, i), place)
         for k, ten in enumerate(tens):
             with self.at_line(self.body_name(int(self.model.jnt_bodyid[self.joints[k]]))):
-                links[k] = require_mass_of_inertia(replace(links[k], inertia=ten))
+                links[k] = validate_mass_of_inertia(replace(links[k], inertia=ten))
         return links
 
     def _stand(self, i: int) -> tuple[int, Pose]:
@@ -148,7 +148,11 @@ class MujocoArm:
         joint = _joint(model, j, name)
         to_joint = Pose(np.eye(3), np.array(model.jnt_pos[j]))
         ref = float(model.qpos0[model.jnt_qposadr[j]])
-        turned = (rotation_about(joint.axis, -ref), np.zeros(3)) if joint.kind.turns else (np.eye(3), -ref * joint.axis)
+        turned = (
+            (rotation_about(joint.axis, -ref), np.zeros(3))
+            if joint.kind.is_revolute
+            else (np.eye(3), -ref * joint.axis)
+        )
         near, called = place @ to_joint @ Pose(*turned), body if last else f"{body}/{name}"
         links.append(Link(called, carrier, joint, near, Pose.identity(), massless=not last))
         return len(links) - 1, to_joint.inverse

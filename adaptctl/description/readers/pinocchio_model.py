@@ -38,7 +38,7 @@ def to_pinocchio(description: Description) -> pinocchio.Model:
     Coulomb's, which is left out. The package Pinocchio is needed: without it this module raises `ImportError`,
     `Mechanism.to_pinocchio` `MissingExtraError`.
     """
-    _require_own_shafts(description)
+    _validate_own_shafts(description)
     model = pinocchio.Model()
     model.name = description.name
     model.gravity.linear = np.array(description.gravity)
@@ -46,7 +46,7 @@ def to_pinocchio(description: Description) -> pinocchio.Model:
         _append(model, link, description.links)
     types = {kind: found for found, kind in _KINDS.items()}
     for frame in description.frames:
-        at = frame.pose if frame.link == GROUND else description.links[frame.link].far @ frame.pose
+        at = frame.pose if frame.link == GROUND else description.links[frame.link].joint_to_link @ frame.pose
         parent = 0
         if frame.link != GROUND:
             parent = model.getFrameId(description.links[frame.link].joint.name, pinocchio.FrameType.JOINT)
@@ -59,8 +59,8 @@ def to_pinocchio(description: Description) -> pinocchio.Model:
     return model
 
 
-def _require_own_shafts(description: Description) -> None:
-    if description.shafts:
+def _validate_own_shafts(description: Description) -> None:
+    if description.drive_couplings:
         raise InputError(f"{description.name}: Pinocchio has no drives that turn with several joints")
 
 
@@ -119,7 +119,7 @@ def with_inertias(model: pinocchio.Model, description: Description) -> pinocchio
     for another number of joints, for a drive whose shaft turns with other joints, and for a first moment without mass,
     `NotFoundError` for a joint that the model does not have. Warns (`SimplificationWarning`) of friction other than
     viscous and Coulomb's, left out."""
-    _require_own_shafts(description)
+    _validate_own_shafts(description)
     names = {str(name): i for i, name in enumerate(model.names)}
     changed = model.copy()
     for link in description.links:
@@ -140,21 +140,25 @@ def with_inertias(model: pinocchio.Model, description: Description) -> pinocchio
 
 
 def _append(model: pinocchio.Model, link: Link, links: tuple[Link, ...]) -> None:
-    at = Pose.identity() if link.parent == GROUND else links[link.parent].far
+    at = Pose.identity() if link.parent == GROUND else links[link.parent].joint_to_link
     joint, limits = link.joint, link.joint.limits
     bounds = [np.array([b]) for b in (limits.effort, limits.velocity, limits.lower, limits.upper)]
-    index = model.addJoint(link.parent + 1, _joint_model(joint), _placement(at @ link.near), joint.name, *bounds)
+    index = model.addJoint(
+        link.parent + 1, _joint_model(joint), _placement(at @ link.parent_to_joint), joint.name, *bounds
+    )
     model.appendBodyToJoint(index, _inertia(link), pinocchio.SE3.Identity())
     frame = model.addJointFrame(index)
-    model.addBodyFrame(link.name, index, _placement(link.far), frame)
+    model.addBodyFrame(link.name, index, _placement(link.joint_to_link), frame)
 
 
 def _joint_model(joint: Joint) -> pinocchio.JointModel:
-    letter = "R" if joint.kind.turns else "P"
+    letter = "R" if joint.kind.is_revolute else "P"
     for axis, unit in zip("XYZ", np.eye(3), strict=True):
         if np.array_equal(joint.axis, unit):
             return getattr(pinocchio, f"JointModel{letter}{axis}")()
-    unaligned = pinocchio.JointModelRevoluteUnaligned if joint.kind.turns else pinocchio.JointModelPrismaticUnaligned
+    unaligned = (
+        pinocchio.JointModelRevoluteUnaligned if joint.kind.is_revolute else pinocchio.JointModelPrismaticUnaligned
+    )
     return unaligned(np.array(joint.axis))
 
 
@@ -164,7 +168,7 @@ def _placement(pose: Pose) -> pinocchio.SE3:
 
 def _inertia(link: Link) -> pinocchio.Inertia:
     """Pinocchio's inertia in the joint's frame; it divides by the mass to store the centre."""
-    ten = transformed(link.inertia, link.far)
+    ten = transformed(link.inertia, link.joint_to_link)
     if ten[0] != 0.0:
         return pinocchio.Inertia.FromDynamicParameters(ten)
     if np.any(ten[1:4]):
@@ -300,5 +304,5 @@ def _models(description: Description, closure: Closure, model: pinocchio.Model) 
 def _at_joint(description: Description, link: str | None, frame: Pose) -> tuple[int, pinocchio.SE3]:
     """A frame's joint in the model, 0 for the ground, and its place there."""
     index = next((i for i, known in enumerate(description.links) if known.name == link), -1)
-    pose = frame if link is None else description.links[index].far @ frame
+    pose = frame if link is None else description.links[index].joint_to_link @ frame
     return index + 1, pinocchio.SE3(np.array(pose.rotation), np.array(pose.translation))

@@ -14,7 +14,7 @@ from adaptctl.arrays import Array
 from adaptctl.description.description import Description
 from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.description.transforms import snapped
-from adaptctl.errors import FileError, InputError, NotFoundError, PhysicalConsistencyWarning, nearest_name
+from adaptctl.errors import FileError, InputError, NotFoundError, PhysicalConsistencyWarning, suggested_name
 from adaptctl.files import read_toml
 
 Reader = Callable[..., Description]
@@ -153,7 +153,7 @@ def _reader(source: str | Path) -> Reader:
         raise FileError(f"{source}: unknown kind of file {path.suffix!r}; files that are read: {suffixes}")
     if str(source) and path.exists():
         raise FileError(f"{source}: a file's suffix says how to read it; files that are read: {suffixes}")
-    guess = nearest_name(str(source).lower(), builtin_names())
+    guess = suggested_name(str(source).lower(), builtin_names())
     known = ", ".join(builtin_names())
     raise NotFoundError(f"unknown robot {str(source)!r}{guess}; built-in: {known}; or a path to a file: {suffixes}")
 

@@ -22,8 +22,8 @@ from adaptctl.description.readers.entries import (
     MOST_BODIES,
     MOST_LINKS,
     is_more_than_a_turn,
-    require_at_most,
-    require_mass_of_inertia,
+    validate_at_most,
+    validate_mass_of_inertia,
     warn_of_degrees,
     warn_of_weightless,
 )
@@ -81,7 +81,7 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
         loops = _loops(edges, links)
         for link in links:
             with located(bodies.get(link.name, robot)):
-                require_mass_of_inertia(link)
+                validate_mass_of_inertia(link)
         description = Description(name, links, source=source, loops=loops, visuals=shown)
     except FileError:
         raise
@@ -141,7 +141,7 @@ def _robot(text: str) -> Element:
 def _by_name(robot: Element, tag: str) -> dict[str, Element]:
     found: dict[str, Element] = {}
     elements = robot.findall(tag)
-    require_at_most(len(elements), MOST_BODIES, f"<{tag}> elements")
+    validate_at_most(len(elements), MOST_BODIES, f"<{tag}> elements")
     for index, element in enumerate(elements):
         name = element.get("name")
         if not name:
@@ -209,7 +209,7 @@ def _movable(
             sums[carrier] = sums[carrier] + transformed(inertias[edge.child], place)
         places[edge.child] = carrier, place
         pending += [(next_edge, carrier, place) for next_edge in below.get(edge.child, [])[::-1]]
-    require_at_most(len(links), MOST_LINKS, "links that move")
+    validate_at_most(len(links), MOST_LINKS, "links that move")
     pairs = zip(links, sums, strict=True)
     return tuple(_link(*found, ten) for found, ten in pairs), still, places
 

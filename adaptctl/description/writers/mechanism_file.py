@@ -33,7 +33,7 @@ def mechanism_toml(description: Description) -> str:
     round-off, since they are written as roll, pitch and yaw; shapes to draw are not kept. A link with a negative mass,
     or with inertia but no mass, is written, but refused on reading. Raises `InputError` for position limits of a
     continuous joint, which the format does not have."""
-    _require_sayable(description)
+    _validate_sayable(description)
     parts = [
         'schema = "adaptctl/mechanism/1"',
         f"name = {toml_string(description.name)}",
@@ -47,7 +47,7 @@ def mechanism_toml(description: Description) -> str:
     return "\n".join(parts) + "\n"
 
 
-def _require_sayable(description: Description) -> None:
+def _validate_sayable(description: Description) -> None:
     for joint in (link.joint for link in description.links):
         bounds = (joint.limits.lower, joint.limits.upper)
         if joint.kind is JointKind.CONTINUOUS and bounds != (-math.inf, math.inf):
@@ -66,9 +66,9 @@ def _link(link: Link, links: Sequence[Link]) -> Iterator[str]:
     if link.parent != GROUND:
         yield f"parent = {toml_string(links[link.parent].name)}"
     yield f"axis = {_numbers(joint.axis)}"
-    yield from _frame(link.near)
-    if link.far != Pose.identity():
-        yield f"far = {{ {', '.join(_frame(link.far))} }}"
+    yield from _frame(link.parent_to_joint)
+    if link.joint_to_link != Pose.identity():
+        yield f"far = {{ {', '.join(_frame(link.joint_to_link))} }}"
     yield from _limits(joint.limits)
     yield from _inertia(link)
     yield from _drive(link)

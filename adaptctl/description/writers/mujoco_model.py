@@ -36,7 +36,7 @@ def to_mujoco(description: Description) -> mujoco.MjModel:
     """
     import mujoco
 
-    _require_plain_joints(description)
+    _validate_plain_joints(description)
     if description.inconsistent_links:
         names = ", ".join(description.inconsistent_links)
         raise InputError(
@@ -56,8 +56,8 @@ def to_mujoco(description: Description) -> mujoco.MjModel:
         raise InputError(f"{description.name}: MuJoCo refuses it: {str(error).splitlines()[0]}") from error
 
 
-def _require_plain_joints(description: Description) -> None:
-    if description.loops is not None or description.shafts:
+def _validate_plain_joints(description: Description) -> None:
+    if description.loops is not None or description.drive_couplings:
         raise InputError(f"{description.name}: loops and shared shafts are not written to MuJoCo: only trees are")
     for link in description.links:
         if any(link.joint.drive.value(kind) for kind in MAY_BE_NEGATIVE):
@@ -69,13 +69,17 @@ def _require_plain_joints(description: Description) -> None:
 def _body(above: mujoco.MjsBody, link: Link, description: Description) -> mujoco.MjsBody:
     import mujoco
 
-    at = link.near if link.parent == GROUND else description.links[link.parent].far @ link.near
+    at = (
+        link.parent_to_joint
+        if link.parent == GROUND
+        else description.links[link.parent].joint_to_link @ link.parent_to_joint
+    )
     body = above.add_body(name=link.name, pos=at.translation, quat=_quaternion(at.rotation))
-    mass, center, turn, principal = principal_axes(transformed(link.inertia, link.far), link.name)
+    mass, center, turn, principal = principal_axes(transformed(link.inertia, link.joint_to_link), link.name)
     body.mass, body.ipos, body.iquat, body.inertia = mass, center, turn, principal
     body.explicitinertial = True
     joint, drive = link.joint, link.joint.drive
-    kind = mujoco.mjtJoint.mjJNT_HINGE if joint.kind.turns else mujoco.mjtJoint.mjJNT_SLIDE
+    kind = mujoco.mjtJoint.mjJNT_HINGE if joint.kind.is_revolute else mujoco.mjtJoint.mjJNT_SLIDE
     made = body.add_joint(name=joint.name, type=kind, axis=joint.axis)
     made.armature, made.frictionloss = drive.rotor_inertia or 0.0, drive.coulomb or 0.0
     made.damping = np.array([drive.viscous or 0.0, *np.zeros(np.size(made.damping) - 1)])
@@ -105,7 +109,7 @@ def set_parameters(arm: MujocoArm, before: Description, after: Description) -> N
     """
     import mujoco
 
-    _require_plain_joints(after)
+    _validate_plain_joints(after)
     if not arm.carriers:
         arm.links()
     links = list(zip(arm.joints, before.links, after.links, strict=True))
@@ -128,7 +132,7 @@ def _body_of(arm: MujocoArm, i: int, link: Link) -> tuple[float, Array, Array, A
     """Mass, centre, axes and moments of the body at a link's joint: the link's less those of bodies fixed to it."""
     model, body = arm.model, int(arm.model.jnt_bodyid[arm.joints[i]])
     fixed = [b for b, carrier in arm.carriers.items() if carrier == i and b != body]
-    rest = transformed(link.inertia, link.far) - sum(
+    rest = transformed(link.inertia, link.joint_to_link) - sum(
         (transformed(body_ten(model, b), arm.places[b]) for b in fixed), np.zeros(10)
     )
     return principal_axes(transformed(rest, arm.places[body].inverse), link.name)

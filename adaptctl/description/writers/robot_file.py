@@ -158,7 +158,7 @@ class _Finder:
     spans: dict[str | int, _Span] = field(default_factory=dict)
     path: list[_Span | None] = field(default_factory=list)
     """Of each element that is open, its span; None where it is none of them."""
-    begun: int = 0
+    element_start: int = 0
 
     @classmethod
     def spans_of(cls, data: bytes, tag: str, nested: bool) -> dict[str | int, _Span]:
@@ -170,7 +170,7 @@ class _Finder:
         return finder.spans
 
     def started(self, tag: str, attributes: Mapping[str, str], at: int) -> None:
-        self.begun = at if tag == "inertial" else self.begun
+        self.element_start = at if tag == "inertial" else self.element_start
         span = None
         if tag == self.tag and (self.nested or len(self.path) == 1):
             start = self._end_of_tag(at)
@@ -181,8 +181,11 @@ class _Finder:
     def ended(self, tag: str, at: int) -> None:
         self.path.pop()
         if tag == "inertial" and self.path and (span := self.path[-1]) is not None:
-            first = self._end_of_tag(self.begun)
-            span.inertial = (self.begun, first if self.data[first - 2 : first] == b"/>" else self._end_of_tag(at))
+            first = self._end_of_tag(self.element_start)
+            span.inertial = (
+                self.element_start,
+                first if self.data[first - 2 : first] == b"/>" else self._end_of_tag(at),
+            )
 
     def _end_of_tag(self, at: int) -> int:
         """The place behind the ">" of the tag that begins there; a ">" within quotes does not count."""

@@ -13,7 +13,7 @@ from adaptctl.description.loops import Closure, Loops
 from adaptctl.dynamics.loops.constraint import Closing, ClosureSide, Follower, Loop, ancestry, common_ancestor
 from adaptctl.dynamics.recursion.segment import Segment, placements
 from adaptctl.errors import LoopError
-from adaptctl.packages import needed
+from adaptctl.optional_packages import needed
 from adaptctl.scalars import Column, Mat, Vec
 
 _RANK = 1e-7
@@ -43,12 +43,12 @@ def assembled(description: Description, loops: Loops, links: Sequence[Segment]) 
     # A little way on, so that a singular reference is not mistaken for constraints or joints that do not fit.
     generic = _jacobian(every, links, _nearby(description.name, every, links, nearest))
     rank = _rank(generic)
-    _require_no_redundancy(description.name, generic, elements)
-    _require_fit(description, every, generic, rank)
+    _validate_no_redundancy(description.name, generic, elements)
+    _validate_fit(description, every, generic, rank)
     hint = {description.joint_names[i]: round(float(nearest[i]), 4) for i in every.primary}
     q = _closed(description.name, every, links, guess, every.dependent, elements, f"; it closes at {hint}")
     jacobian = _jacobian(every, links, q)
-    _require_regular(description, every, links, q, rank)
+    _validate_regular(description, every, links, q, rank)
     rows = _independent_rows(jacobian[:, every.dependent], rank)
     return Closing(every.loops, every.followers, rows, every.primary, every.dependent), q
 
@@ -148,7 +148,7 @@ def _rank(matrix: Array) -> int:
     return int((values > _RANK * values[0]).sum()) if values.size and values[0] > 0.0 else 0
 
 
-def _require_no_redundancy(name: str, jacobian: Array, elements: Sequence[str]) -> None:
+def _validate_no_redundancy(name: str, jacobian: Array, elements: Sequence[str]) -> None:
     """Raise `LoopError` where a closure or coupling binds nothing that those before it do not."""
     before = 0
     for element in dict.fromkeys(elements):
@@ -159,7 +159,7 @@ def _require_no_redundancy(name: str, jacobian: Array, elements: Sequence[str]) 
         before = rank
 
 
-def _require_fit(description: Description, every: Closing, jacobian: Array, rank: int) -> None:
+def _validate_fit(description: Description, every: Closing, jacobian: Array, rank: int) -> None:
     free, joints = len(description.links) - rank, description.joint_names
     if free == 0:
         raise LoopError(f"{description.name}: the mechanism locks: {rank} constraints bind all {len(joints)} joints")
@@ -188,7 +188,7 @@ def _blame(description: Description, primary: Array, block: Array, free: int) ->
     )
 
 
-def _require_regular(description: Description, every: Closing, links: Sequence[Segment], q: Array, rank: int) -> None:
+def _validate_regular(description: Description, every: Closing, links: Sequence[Segment], q: Array, rank: int) -> None:
     ahead = _nearby(description.name, every, links, q)
     here, nearby = (_rank(_jacobian(every, links, x)) for x in (q, ahead))
     dependent = _dependent_rank(_jacobian(every, links, q)[:, every.dependent])

@@ -74,7 +74,7 @@ class Continuation:
         for k in range(1, int(steps[left].max(initial=0)) + 1):
             on = left[steps[left] >= k]
             q[on] = self._closed(begin[on] + way[on] * (k / steps[on, None]), q[on])
-            self.require_regular(q[on])
+            self.validate_regular(q[on])
         return q.reshape(*samples, q.shape[-1])
 
     def follow_alone(self, p: object) -> Array | None:
@@ -166,7 +166,7 @@ class Continuation:
             regular[left] = self.regularity(q[left]) >= NEAREST
         return np.asarray(regular)
 
-    def require_regular(self, q: Array) -> None:
+    def validate_regular(self, q: Array) -> None:
         """Raise `SingularityError`, with the worst one's primary positions, unless the method `regularity` gives at
         least 0.05 at all configurations `q` (..., n) of the spanning tree's n joints, rad (m if prismatic). It is 1 at
         the reference configuration, 0 at or beyond a singularity of the loops or where they are open. Nothing is
@@ -231,9 +231,9 @@ class Continuation:
         return self.equations.closed(p, q + ahead)
 
     @cached_property
-    def _ways(self) -> StraightWays:
+    def _ways(self) -> BatchContinuation:
         sizes = len(self.reference), len(self.primary)
-        return StraightWays(self._ahead, lambda q: self.surely_regular(q, OPEN), *sizes)
+        return BatchContinuation(self._ahead, lambda q: self.surely_regular(q, OPEN), *sizes)
 
     @cached_property
     def _native_look(self) -> Kernel:
@@ -298,7 +298,7 @@ MOST = 10_000
 
 
 @dataclass(eq=False)
-class StraightWays:
+class BatchContinuation:
     """Native code that follows the n joints of the spanning tree of a mechanism with closed loops while its r primary
     (independent) joints move along straight lines, in steps, each of which a cheap test must show to be regular.
 
@@ -346,7 +346,7 @@ class StraightWays:
         `begin` (r,), and displaces these by `way` (r,), rad (m), in `steps` equal steps, a whole number of at least 1.
         Nothing is checked."""
         state, held = np.array([*q, 0.0, 1.0]), np.array([*begin, *way, steps])
-        end = self._single.alone(steps, state, held)
+        end = self._single.run_single(steps, state, held)
         return end[: self.joints] if end[-1] > 0.0 else None
 
     @cached_property
@@ -359,7 +359,7 @@ class StraightWays:
 
     def _compiled(self, lanes: int | None) -> Stepper:
         state, held = {"q": self.joints, "gone": 1, "sure": 1}, {"begin": self.primary, "way": self.primary, "steps": 1}
-        return compile_step(self._step, state=state, held=held, lanes=lanes, name="straight_way")
+        return compile_step(self._step, state=state, constants=held, lanes=lanes, name="straight_way")
 
     def _step(
         self, q: Column, gone: Column, sure: Column, begin: Column, way: Column, steps: Column

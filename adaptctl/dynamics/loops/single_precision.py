@@ -18,7 +18,7 @@ AROUND = 0.3
 POSITIONS = 24
 
 
-def require_single_precision(mechanism: Mechanism, argument: str) -> None:
+def validate_single_precision(mechanism: Mechanism, argument: str) -> None:
     """Raise `InputError`, whose message begins with `argument`, the name of the caller's argument, where single
     precision does not close a mechanism's loops: closing them with float32 numbers leaves a gap of more than 1e-5 m or
     rad.
@@ -47,8 +47,8 @@ def _nearby(mechanism: Mechanism) -> list[tuple[Array, Array]]:
     """Closed configurations (n,) about home, and positions (r,) a tick away from each."""
     rng = np.random.default_rng(0)
     away = rng.uniform(-AROUND, AROUND, (POSITIONS, mechanism.dof))
-    p = mechanism.home + away
+    p = mechanism.neutral_configuration + away
     continuation: Any = mechanism.continuation
     p = p[continuation.reachable(p)]
-    p = np.concatenate([mechanism.home[None], p])
+    p = np.concatenate([mechanism.neutral_configuration[None], p])
     return list(zip(mechanism.configuration(p), p + 0.005, strict=True))

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from adaptctl.dynamics.recursion.held_axes import held_parameters
+from adaptctl.dynamics.recursion.frame_choice import held_parameters
 from adaptctl.dynamics.recursion.mass_matrix import body
 from adaptctl.dynamics.recursion.motion import GROUND, LinkMotion, Twist, carried, moved
 from adaptctl.dynamics.recursion.newton_euler import Wrench, joint_power, lifted, wrench
@@ -67,7 +67,7 @@ class ArticulatedBody(NamedTuple):
         link's origin and axes. The link's own joint must be free too: it is what `without` gives. `place` is the link's
         placement in its parent, `rotor` the inertia of the joint itself, kg m^2 (kg if prismatic); if that is the float
         0.0, entries that are zero but for round-off may be made exact zeros. Nothing is checked."""
-        if place.segment.whole is not None and any(place.segment.far):  # then one way costs less than two
+        if place.segment.whole is not None and any(place.segment.joint_to_link):  # then one way costs less than two
             return self.turned_up(place).moved_origin(place.near + place.up(place.shift))
         at_joint = self.moved_origin(place.shift)
         if isinstance(rotor, float) and rotor == 0.0:

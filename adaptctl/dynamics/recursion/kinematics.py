@@ -100,7 +100,7 @@ def _base(segment: Segment, placed: Sequence[Frame]) -> Frame:
 
 
 def _joint_position(segment: Segment, base: Frame) -> Vec:
-    return base.origin + base.rotation @ segment.near
+    return base.origin + base.rotation @ segment.parent_to_joint
 
 
 def _turned(base: Mat, place: Placement) -> Mat:
@@ -141,7 +141,7 @@ def moving_point(links: Sequence[Segment], q: Column, link: int, offset: Vec) ->
     columns, i = [ZERO] * len(links), link
     while i != GROUND:
         axis = placed[i].rotation @ links[i].axis
-        joint = placed[i].origin - placed[i].rotation @ links[i].far
+        joint = placed[i].origin - placed[i].rotation @ links[i].joint_to_link
         columns[i] = cross(axis, position - joint) if links[i].turns else axis
         i = links[i].parent
     return MovingPoint(position, columns)

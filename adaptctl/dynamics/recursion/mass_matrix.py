@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from adaptctl.dynamics.recursion.held_axes import held_parameters
+from adaptctl.dynamics.recursion.frame_choice import held_parameters
 from adaptctl.dynamics.recursion.motion import GROUND
 from adaptctl.dynamics.recursion.newton_euler import Wrench, joint_power, lifted
 from adaptctl.dynamics.recursion.segment import Placement, symmetric_up

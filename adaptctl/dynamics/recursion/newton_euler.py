@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from adaptctl.dynamics.recursion.held_axes import held_parameters, per_own_parameter
+from adaptctl.dynamics.recursion.frame_choice import held_parameters, per_own_parameter
 from adaptctl.dynamics.recursion.motion import GROUND, LinkMotion, Twist, carried, moved, twists
 from adaptctl.dynamics.recursion.segment import Placement
 from adaptctl.scalars import Column, Scalar, Vec, cross, dot

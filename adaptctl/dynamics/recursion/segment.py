@@ -32,25 +32,27 @@ class Segment(NamedTuple):
     axis: Vec
     inward: Mat | None
     outward: Mat | None
-    near: Vec
-    far: Vec
+    parent_to_joint: Vec
+    joint_to_link: Vec
     whole: tuple[Mat, Mat, Mat] | None = None
 
     @classmethod
     def of(cls, link: Link) -> Segment:
         """The geometry, lengths in m, of a `link` of a description and of the joint that moves it. Nothing is
         checked."""
-        outward = link.far.rotation.T
+        outward = link.joint_to_link.rotation.T
         return cls(
             parent=link.parent,
-            turns=link.joint.kind.turns,
+            turns=link.joint.kind.is_revolute,
             joint_axis=Vec(*link.joint.axis.tolist()),
             axis=Vec(*exact_right_angles(outward @ link.joint.axis).tolist()),
-            inward=_matrix(link.near.rotation.T),
+            inward=_matrix(link.parent_to_joint.rotation.T),
             outward=_matrix(outward),
-            near=Vec(*link.near.translation.tolist()),
-            far=Vec(*(outward @ link.far.translation + 0.0).tolist()),
-            whole=_whole(outward, link.joint.axis, link.near.rotation.T) if link.joint.kind.turns else None,
+            parent_to_joint=Vec(*link.parent_to_joint.translation.tolist()),
+            joint_to_link=Vec(*(outward @ link.joint_to_link.translation + 0.0).tolist()),
+            whole=_whole(outward, link.joint.axis, link.parent_to_joint.rotation.T)
+            if link.joint.kind.is_revolute
+            else None,
         )
 
     @property
@@ -74,10 +76,15 @@ class Segment(NamedTuple):
         """The link's pose in its parent, a `Placement`, from the `coordinates` of its joint: the cosine and sine of the
         angle, or the displacement, m, of a prismatic joint. Nothing is checked."""
         if self.whole is not None:
-            return Placement(self, coordinates, (_sum(self.whole, *coordinates),), self.far)
+            return Placement(self, coordinates, (_sum(self.whole, *coordinates),), self.joint_to_link)
         turn = about(self.joint_axis, *coordinates) if self.turns else None
         turns = tuple(step for step in (self.inward, turn, self.outward) if step is not None)
-        return Placement(self, coordinates, turns, self.far if self.turns else self.far + coordinates[0] * self.axis)
+        return Placement(
+            self,
+            coordinates,
+            turns,
+            self.joint_to_link if self.turns else self.joint_to_link + coordinates[0] * self.axis,
+        )
 
 
 class Placement:
@@ -90,8 +97,8 @@ class Placement:
     joint's, in the parent's axes, m. Nothing is checked.
 
     In all functions on placements, a link's axes are those in which its vectors are held: its own or, in placements
-    that `HeldAxes` makes, others. `turn` is then the rotation (3, 3) that turns coordinates in the axes held into those
-    in the link's own; None, the default, where these are the same.
+    that `FrameChoice` makes, others. `turn` is then the rotation (3, 3) that turns coordinates in the axes held into
+    those in the link's own; None, the default, where these are the same.
     """
 
     __slots__ = ("coordinates", "near", "segment", "shift", "turn", "turns")
@@ -105,7 +112,7 @@ class Placement:
         turn: AxisRotation | None = None,
     ) -> None:
         self.segment, self.coordinates, self.turns, self.shift, self.turn = segment, coordinates, turns, shift, turn
-        self.near = segment.near
+        self.near = segment.parent_to_joint
 
     def down(self, u: Vec) -> Vec:
         """The components (3,) of a vector u in the link's axes, from those in the parent link's axes, `u` (3,); in the

@@ -184,7 +184,7 @@ def energy_differences(description: Description, geometry: ExactGeometry, sample
     rates = random_rates(description, samples + 1, rng)
     links = placed_energy_regressor(places, rates, geometry.gravity)
     row = TreeEquations.of(description).energies(links, rates)
-    E = stacked_residues([*row][: description.energetic], samples + 1)
+    E = stacked_residues([*row][: description.num_energy_parameters], samples + 1)
     return (E[1:] - E[:1]) % PRIME
 
 
@@ -317,14 +317,14 @@ class ExactEnergies:
     def _differences(self) -> Any:
         """H (samples, P)."""
         whole = self.mechanism.unconstrained
-        rows = whole.energetic + SPARE
+        rows = whole.num_energy_parameters + SPARE
         if self.closed:
             H = _differences_in_digits(whole, self.geometry, rows, self.seed)
         else:
             H = energy_differences(whole.description, self.geometry, rows, self.seed)
         if whole is self.mechanism:
             return H
-        left = self.mechanism.free_directions[: whole.energetic, : self.mechanism.energetic]
+        left = self.mechanism.free_directions[: whole.num_energy_parameters, : self.mechanism.num_energy_parameters]
         out = np.empty((len(H), left.shape[1]), dtype=H.dtype)
         for j, column in enumerate(left.T):
             out[:, j] = self._combined(H, column)
@@ -346,7 +346,7 @@ def _differences_in_digits(mechanism: Mechanism, geometry: ExactGeometry, rows: 
     states = random_states(mechanism, rows + 1, np.random.default_rng(seed))
     exact = exact_loops(mechanism, geometry)
     E = loop_energies(exact, geometry, mechanism.configuration(states.p), states.v)
-    return (E[1:] - E[:1])[:, : mechanism.energetic]
+    return (E[1:] - E[:1])[:, : mechanism.num_energy_parameters]
 
 
 def proved(mechanism: Mechanism, near: Near, prove: bool | None, seed: int) -> ExactEnergies | None:
@@ -360,7 +360,7 @@ def proved(mechanism: Mechanism, near: Near, prove: bool | None, seed: int) -> E
     `near` is "as_is" ("refuse" is the other choice) or `prove` False; `InputError` for another `near`.
     """
     if near not in get_args(Near):
-        raise InputError(f"near: expected one of {', '.join(get_args(Near))}, got {near!r}")
+        raise InputError(f"near_singular: expected one of {', '.join(get_args(Near))}, got {near!r}")
     if prove is False:
         return None
     exact = ExactEnergies(mechanism, seed=seed)
@@ -368,11 +368,11 @@ def proved(mechanism: Mechanism, near: Near, prove: bool | None, seed: int) -> E
     if coincidences:
         exact = replace(exact, strict=True)
     if coincidences and near == "refuse":
-        _require_one_rank(mechanism, exact, coincidences)
+        _validate_one_rank(mechanism, exact, coincidences)
     return exact if prove or not exact.closed or coincidences else None
 
 
-def _require_one_rank(mechanism: Mechanism, exact: ExactEnergies, coincidences: tuple[str, ...]) -> None:
+def _validate_one_rank(mechanism: Mechanism, exact: ExactEnergies, coincidences: tuple[str, ...]) -> None:
     meant = _rank(ExactEnergies(mechanism, AS_MEANT, exact.seed))
     if meant == exact.rank:
         return
@@ -381,7 +381,7 @@ def _require_one_rank(mechanism: Mechanism, exact: ExactEnergies, coincidences: 
     raise RankError(
         f"{mechanism.name}: the rank is {exact.rank} as the geometry stands, and {if_meant} what is nearly special is "
         f"meant to be so: {'; '.join(coincidences[:LISTED])}{more}. Write what is meant exactly, or load with "
-        'snap=True, which makes angles right; if it is meant as it stands, say near="as_is"'
+        'snap=True, which makes angles right; if it is meant as it stands, say near_singular="as_is"'
     )
 
 

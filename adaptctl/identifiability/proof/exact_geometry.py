@@ -146,7 +146,7 @@ class ExactGeometry:
         links = tuple(
             _segment(
                 link.parent,
-                link.joint.kind.turns,
+                link.joint.kind.is_revolute,
                 ExactFrame.of(joint.joint, reading),
                 None if link.parent == GROUND else on_joints[link.parent],
                 own,
@@ -185,20 +185,20 @@ def _as_written(pose: Pose, reading: Reading) -> ExactFrame:
 
 
 def _as_in_file(link: Link, reading: Reading) -> Segment:
-    near, far = _as_written(link.near, reading), _as_written(link.far, reading)
+    near, far = _as_written(link.parent_to_joint, reading), _as_written(link.joint_to_link, reading)
     x, y, z = link.joint.axis.tolist()
     tilt, yaw = reading.turned(math.atan2(math.hypot(x, y), z)), reading.turned(math.atan2(x, -y) if x or y else 0.0)
     axis = Vec(yaw[1] * tilt[1], -(yaw[0] * tilt[1]), tilt[0])
     outward = far.rotation.T
     return Segment(
         parent=link.parent,
-        turns=link.joint.kind.turns,
+        turns=link.joint.kind.is_revolute,
         joint_axis=axis,
         axis=outward @ axis,
         inward=_unless_identity(near.rotation.T),
         outward=_unless_identity(outward),
-        near=near.origin,
-        far=outward @ far.origin,
+        parent_to_joint=near.origin,
+        joint_to_link=outward @ far.origin,
     )
 
 
@@ -218,8 +218,8 @@ def _segment(parent: int, turns: bool, joint: ExactFrame, before: ExactFrame | N
         axis=outward @ z,
         inward=_unless_identity(turned.T),
         outward=_unless_identity(outward),
-        near=near,
-        far=outward @ own.origin,
+        parent_to_joint=near,
+        joint_to_link=outward @ own.origin,
     )
 
 

@@ -238,7 +238,7 @@ def canonical_frames(description: Description, length: float, precision: Precisi
     children: dict[int, list[int]] = {i: [] for i in range(GROUND, len(links))}
     for i, link in enumerate(links):
         children[link.parent].append(i)
-    nears = [FloatFrame.of(link.near) for link in links]
+    nears = [FloatFrame.of(link.parent_to_joint) for link in links]
     axes = [Vec(*link.joint.axis.tolist()) for link in links]
 
     def gauged(frame: FloatFrame, link: int) -> tuple[FloatFrame, float]:
@@ -250,9 +250,9 @@ def canonical_frames(description: Description, length: float, precision: Precisi
     joints = []
     for i, link in enumerate(links):
         standing = on_links[link.parent].inverse @ nears[i]
-        turns = link.joint.kind.turns
+        turns = link.joint.kind.is_revolute
         placed = _axis_frame(standing, axes[i], turns, length, precision)
-        on_link, shift = FloatFrame.of(link.far).inverse @ standing.inverse @ placed, 0.0
+        on_link, shift = FloatFrame.of(link.joint_to_link).inverse @ standing.inverse @ placed, 0.0
         if turns:
             on_link, angle = gauged(on_link, i)
             shift = angle

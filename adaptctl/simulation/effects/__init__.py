@@ -1,5 +1,5 @@
 """Effects: what real plants have besides rigid links, each a part that can be switched on."""
 
-from adaptctl.packages import imported_lazily
+from adaptctl.optional_packages import imported_lazily
 
 __all__, __getattr__, __dir__ = imported_lazily(__name__)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, clip
-from adaptctl.simulation.effects.effect import ActuatorEffect, at_least_zero, require_positive
+from adaptctl.simulation.effects.effect import ActuatorEffect, at_least_zero, validate_positive
 
 BUFFER = 64
 """Control periods of torques that are kept."""
@@ -42,16 +42,16 @@ class ControlDelay(ActuatorEffect):
                 "delay less, or lengthen the control period"
             )
 
-    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+    def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise nothing: a delay fits any number of joints `dof`, any `links` and any control period (s)."""
 
-    def start(self, torque: Array, control_period: float) -> Array:
+    def initial_state(self, torque: Array, control_period: float) -> Array:
         """The initial internal state (..., ticks r) of the delay, the torques on their way to the r joints, the oldest
         first: `torque` (..., r), the torque that held the joints, N m (N for a prismatic joint), repeated `ticks`
         times, the delay's number of control periods. `control_period` (s) is not used. Nothing is checked."""
         return np.tile(torque, self.ticks)
 
-    def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
+    def apply(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
         """The torque (r,) of r joints that was commanded so many control periods ago as the delay's `ticks`, and the
         internal state (ticks r,) after this period: the torques commanded since, the oldest first and `torque` (r,),
         the one commanded now, last. All are in N m (N for a prismatic joint).
@@ -72,7 +72,7 @@ class TorqueLimit(ActuatorEffect):
     prismatic joint), whatever is asked of it; one number or one a joint (r,), infinity for no limit.
 
     An environment's own torque limits are those of its actions, which a controller can know; this one is hidden in the
-    plant. `rank` is 1, the effect's position in the order from the controller to the joints: after a delay. `mark` is
+    plant. `rank` is 1, the effect's position in the order from the controller to the joints: after a delay. `flag` is
     the name under which a rollout flags the control periods in which the limit cut a torque. The class itself checks
     nothing; a `Plant` raises `InputError` for limits that are no numbers, negative, NaN or do not fit its r joints.
     """
@@ -80,19 +80,19 @@ class TorqueLimit(ActuatorEffect):
     limit: ArrayLike
 
     rank: ClassVar[int] = 1
-    mark: ClassVar[str | None] = "torque_limited"
+    flag: ClassVar[str | None] = "torque_limited"
 
-    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+    def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` unless the limit, N m (N for a prismatic joint), is one number of at least 0 or one for
         each of `dof` (r) joints; infinity is allowed. The names `links` and `control_period` (s) are not used."""
         at_least_zero(self.limit, dof, "torque limit")
 
-    def start(self, torque: Array, control_period: float) -> Array:
+    def initial_state(self, torque: Array, control_period: float) -> Array:
         """An empty internal state (0,), one for all arms: a limit keeps nothing from one control period to the next.
         The `torque` (..., r) on the r joints and `control_period` (s) are not used. Nothing is raised."""
         return np.zeros(0)
 
-    def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
+    def apply(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
         """The torque (r,) of r joints clipped to the limits, N m (N for a prismatic joint), from the `torque` (r,)
         asked for, and the `memory` (0,) as it was. `control_period` (s) is not used. Vectors are Columns of scalars
         of any kind: floats, arrays, or symbols to be compiled. Raises `InputError` for limits that are negative, NaN or
@@ -108,7 +108,7 @@ class TorqueRateLimit(ActuatorEffect):
     infinity for no limit.
 
     `rank` is 2, the effect's position in the order from the controller to the joints: after a delay and a torque limit.
-    `mark` is the name under which a rollout flags the control periods in which the rate limit changed a torque. The
+    `flag` is the name under which a rollout flags the control periods in which the rate limit changed a torque. The
     class itself checks nothing; a `Plant` raises `InputError` for rates that are no numbers, negative, NaN or do not
     fit its r joints.
     """
@@ -116,19 +116,19 @@ class TorqueRateLimit(ActuatorEffect):
     rate: ArrayLike
 
     rank: ClassVar[int] = 2
-    mark: ClassVar[str | None] = "rate_limited"
+    flag: ClassVar[str | None] = "rate_limited"
 
-    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+    def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` unless the rate, N m/s (N/s for a prismatic joint), is one number of at least 0 or one for
         each of `dof` (r) joints; infinity is allowed. The names `links` and `control_period` (s) are not used."""
         at_least_zero(self.rate, dof, "torque rate limit")
 
-    def start(self, torque: Array, control_period: float) -> Array:
+    def initial_state(self, torque: Array, control_period: float) -> Array:
         """The initial internal state (..., r) of the rate limit: `torque` (..., r) itself, not a copy, the torque that
         held the r joints, N m (N for a prismatic joint). `control_period` (s) is not used. Nothing is checked."""
         return torque
 
-    def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
+    def apply(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
         """The rate-limited torque (r,) of r joints, N m (N for a prismatic joint), twice: passed on to the joints, and
         as the effect's internal state (r,) after it. It is the torque nearest to the `torque` (r,) asked for that
         differs from the last one, `memory` (r,), by at most the effect's `rate` times `control_period` (s). Vectors are
@@ -157,18 +157,18 @@ class ActuatorLag(ActuatorEffect):
     def __post_init__(self) -> None:
         if isinstance(self.time_constant, bool):
             raise InputError(f"actuator lag: expected a positive number of s, got {self.time_constant}")
-        require_positive(self.time_constant, "actuator lag", "s")
+        validate_positive(self.time_constant, "actuator lag", "s")
 
-    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+    def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise nothing: a lag fits any number of joints `dof`, any `links` and any control period (s)."""
 
-    def start(self, torque: Array, control_period: float) -> Array:
+    def initial_state(self, torque: Array, control_period: float) -> Array:
         """The initial internal state (..., r) of the lag, the torques of r drives, N m (N for a prismatic joint):
         `torque` (..., r) itself, not a copy, the torque that held the joints. `control_period` (s) is not used. Nothing
         is checked."""
         return torque
 
-    def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
+    def apply(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
         """The mean torque (r,) that r joints get over one `control_period` (s), and the lag's internal state (r,) after
         it, the drives' torque x at the period's end; all N m (N for a prismatic joint). `torque` (r,) is the commanded
         torque u, held over the period, and `memory` (r,) is x at its start: time_constant dx/dt = u - x. Vectors are

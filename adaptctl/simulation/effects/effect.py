@@ -24,7 +24,7 @@ class Effect(ABC):
     """
 
     @abstractmethod
-    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+    def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` where the effect does not fit a plant: not its `dof` (r) joints, its `links` (names of
         those with ten inertial parameters each, in their order) or its `control_period` (s). Raise `NotFoundError`, a
         subclass of it, for a link that is not among `links`."""
@@ -43,20 +43,20 @@ class ActuatorEffect(Effect):
     state (..., h), h >= 0 numbers of its own, for joints that were held by the array `torque` (..., r); and
     `act(torque, memory, control_period)`, which returns the torque (r,) passed on and the next internal state (h,). In
     `act` the vectors are Columns of scalars of any kind, floats or symbols that become native code, on whose values it
-    must not branch. It may give `mark`, the name under which a rollout flags the control periods in which the effect
+    must not branch. It may give `flag`, the name under which a rollout flags the control periods in which the effect
     passed on another torque than it was given, None (the default) for no flag.
     """
 
     rank: ClassVar[int]
-    mark: ClassVar[str | None] = None
+    flag: ClassVar[str | None] = None
 
     @abstractmethod
-    def start(self, torque: Array, control_period: float) -> Array:
+    def initial_state(self, torque: Array, control_period: float) -> Array:
         """The initial internal state (..., h), h numbers of the effect's own, after the r joints were held by `torque`
         (..., r), N m (N for a prismatic joint); `control_period` is in s. Nothing is checked here."""
 
     @abstractmethod
-    def act(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
+    def apply(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
         """The torque (r,) passed on to r joints over one control period (s), and the effect's internal state (h,) after
         it, h numbers of its own. `torque` (r,) comes from the controller or the effect before, `memory` (h,) is the
         internal state after the last period. Torques are in N m (N for a prismatic joint). Vectors are Columns of
@@ -87,7 +87,7 @@ class SensorEffect(Effect):
     rank: ClassVar[int]
 
     @abstractmethod
-    def start(self, p: Array, v: Array, control_period: float) -> Array:
+    def initial_state(self, p: Array, v: Array, control_period: float) -> Array:
         """The initial internal state (..., h) of the effect, h numbers of its own, before the first measurement of arms
         of r joints: at positions p (..., r), rad (m if prismatic), and velocities v (..., r), rad/s (m/s).
         `control_period` is in s. Nothing is checked here."""
@@ -127,7 +127,7 @@ class JointEffect(Effect):
         raise `InputError` for settings that do not fit r joints."""
 
     @abstractmethod
-    def steepest(self, dof: int) -> Array:
+    def max_slope(self, dof: int) -> Array:
         """The greatest slope (r,) of each joint's resisting torque over its velocity, N m s/rad (N s/m for a prismatic
         joint), for `dof` (r) joints: how stiff the effect is for an integrator. An implementation may raise
         `InputError` for settings that do not fit r joints."""
@@ -150,7 +150,7 @@ class LoadEffect(Effect):
         """The mass, kg, that the effect adds to the mechanism at `time` (s), 0 while it adds none. Nothing is
         raised."""
 
-    def until(self, time: float) -> float:
+    def next_change_time(self, time: float) -> float:
         """The time (s) until which the load stays as it is at `time` (s). This base class returns `time` itself, as for
         a load that changes continuously; a subclass whose load stays constant returns a later one, infinity if it never
         changes again. Nothing is raised."""
@@ -176,7 +176,7 @@ def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:
     return per_joint(given, dof, what)
 
 
-def require_positive(value: float, what: str, unit: str) -> None:
+def validate_positive(value: float, what: str, unit: str) -> None:
     """Raise `InputError` unless `value` is one positive finite number; texts and arrays of several numbers are refused
     too. The message has the value's name, `what`, and its `unit`."""
     positive_number(value, f"{what}: expected a positive number of {unit}")

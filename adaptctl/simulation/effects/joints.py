@@ -18,7 +18,7 @@ from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics.recursion.drive import SLOW, friction
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.scalars import Column
-from adaptctl.simulation.effects.effect import Effect, JointEffect, LoadEffect, at_least_zero, require_positive
+from adaptctl.simulation.effects.effect import Effect, JointEffect, LoadEffect, at_least_zero, validate_positive
 
 KINDS = (DriveParameter.VISCOUS, DriveParameter.COULOMB, DriveParameter.STRIBECK)
 
@@ -48,9 +48,9 @@ class Friction(JointEffect):
     speed: float = 0.1
 
     def __post_init__(self) -> None:
-        require_positive(self.speed, "friction: speed", "rad/s")
+        validate_positive(self.speed, "friction: speed", "rad/s")
 
-    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+    def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` unless each of `viscous`, `coulomb` and `stribeck` is one finite number of at least 0 or
         one for each of `dof` (r) joints. The names `links` and `control_period` (s) are not used."""
         if not np.isfinite(self._each(dof)).all():
@@ -65,7 +65,7 @@ class Friction(JointEffect):
         each = (Column(values) * Column(friction(kind, x, self.speed) for x in v) for kind, values in terms)
         return sum(each, Column.zeros(len(v)))
 
-    def steepest(self, dof: int) -> Array:
+    def max_slope(self, dof: int) -> Array:
         """The greatest slope (r,) of each joint's friction torque over its velocity, N m s/rad (N s/m for a prismatic
         joint), for `dof` (r) joints: the one at rest, viscous + (coulomb + stribeck)/0.01. Raises `InputError` for
         settings that are negative, NaN or do not fit r joints."""
@@ -116,7 +116,7 @@ class ElasticJoints(Effect):
         if not isinstance(self.encoders, str) or self.encoders not in (LINK, MOTOR):
             raise InputError(f"elastic joints: encoders: expected {LINK!r} or {MOTOR!r}, got {self.encoders!r}")
 
-    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+    def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` unless stiffness is positive, damping and motor inertia are at least 0, all are finite,
         and each is one number or one for each of `dof` (r) joints. The names `links` and `control_period` (s) are not
         used."""
@@ -165,7 +165,7 @@ class Payload:
             raise InputError(f"payload: expected a mass of at least 0 kg, got {self.mass!r}")
         object.__setattr__(self, "center", frozen_array(self.center, (3,), "payload: center"))
         tensor = frozen_array(self.inertia, (3, 3), "payload: inertia")
-        _require_bounded(self.mass, self.center, tensor)
+        _validate_bounded(self.mass, self.center, tensor)
         if tensor.any() and not _is_inertia(tensor):
             raise InputError(
                 f"payload: no body has the inertia {tensor.tolist()}: expected a symmetric tensor whose "
@@ -209,7 +209,7 @@ class Payload:
         return loaded
 
 
-def _require_bounded(mass: float, center: Array, tensor: Array) -> None:
+def _validate_bounded(mass: float, center: Array, tensor: Array) -> None:
     with np.errstate(over="ignore", invalid="ignore"):
         parameters = from_center_of_mass(mass, center, tensor)
     if not np.abs(parameters).max() <= LARGEST_INERTIA:
@@ -253,7 +253,7 @@ class PayloadHeld(LoadEffect):
         if not (math.isfinite(start) and start < stop):
             raise InputError(f"payload: expected a start before its stop, got {self.start} and {self.stop} s")
 
-    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+    def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `NotFoundError` unless this effect's `link`, the name of the link that holds the payload, is None or
         among `links`, the names of the links with ten inertial parameters each. The number of joints `dof` and
         `control_period` (s) are not used."""
@@ -264,7 +264,7 @@ class PayloadHeld(LoadEffect):
         this effect, else 0. Nothing is raised."""
         return Payload.of(self.payload).mass if self.start <= time < self.stop else 0.0
 
-    def until(self, time: float) -> float:
+    def next_change_time(self, time: float) -> float:
         """The first time after `time` (s) at which the payload is picked up or dropped, s; infinity where there is
         none. Nothing is raised."""
         return next((change for change in (self.start, self.stop) if time < change), math.inf)

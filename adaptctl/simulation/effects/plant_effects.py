@@ -53,7 +53,7 @@ class PlantEffects:
             if not isinstance(effect, KINDS):
                 names = ", ".join(kind.__name__ for kind in KINDS[:3])
                 raise InputError(f"effects: expected effects derived from {names} or LoadEffect, got {effect!r}")
-        _require_single([e for e in given if isinstance(e, ActuatorEffect | SensorEffect | ElasticJoints)])
+        _validate_single([e for e in given if isinstance(e, ActuatorEffect | SensorEffect | ElasticJoints)])
         return cls(
             tuple(sorted((e for e in given if isinstance(e, ActuatorEffect)), key=_rank)),
             tuple(sorted((e for e in given if isinstance(e, SensorEffect)), key=_rank)),
@@ -62,14 +62,14 @@ class PlantEffects:
             next((e for e in given if isinstance(e, ElasticJoints)), None),
         )
 
-    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+    def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` where an effect's settings do not fit a plant of `dof` (r) joints, as its own `require`
         finds. Such are settings that are negative, NaN or neither one number nor one for each joint, and a filter's
         cutoff too high for the `control_period` (s). Raise `NotFoundError`, a subclass of it, where a payload's link is
         not among `links`, the names of those with ten inertial parameters each."""
         elastic = () if self.elastic is None else (self.elastic,)
         for effect in (*self.actuators, *self.sensors, *self.joints, *self.loads, *elastic):
-            effect.require(dof, links, control_period)
+            effect.validate(dof, links, control_period)
 
     @property
     def senses_motors(self) -> bool:
@@ -78,10 +78,10 @@ class PlantEffects:
         return self.elastic is not None and self.elastic.encoders == MOTOR
 
     @property
-    def marks(self) -> tuple[str, ...]:
+    def flags(self) -> tuple[str, ...]:
         """Names of the flags of the actuator effects that flag control periods in which they change a torque, such as
         "torque_limited", in the order in which a torque passes the effects; empty where none has a flag."""
-        return tuple(effect.mark for effect in self.actuators if effect.mark is not None)
+        return tuple(effect.flag for effect in self.actuators if effect.flag is not None)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
         """The P inertial and friction parameters (..., P) of a mechanism with all loads at `time` (s), such as
@@ -102,19 +102,19 @@ class PlantEffects:
         a torque passes the effects; h is the number of scalars that the effects keep, 0 without actuator effects.
         `torque` (..., r), N m (N for a prismatic joint), is the torque that has held the r joints; `control_period` is
         in s. Nothing is checked."""
-        return _joined((effect.start(torque, control_period) for effect in self.actuators), torque.shape[:-1])
+        return _joined((effect.initial_state(torque, control_period) for effect in self.actuators), torque.shape[:-1])
 
     def sensor_memory(self, p: Array, v: Array, control_period: float) -> Array:
         """The initial internal states of all sensor effects, concatenated to one array (..., h) in the order in which
         measurements pass the effects; h is the number of scalars that the effects keep, 0 without sensor effects. The
         arms of r joints are at positions p (..., r), rad (m if prismatic), and velocities v (..., r), rad/s (m/s), of
         the first measurement; `control_period` is in s. Nothing is checked."""
-        return _joined((effect.start(p, v, control_period) for effect in self.sensors), p.shape[:-1])
+        return _joined((effect.initial_state(p, v, control_period) for effect in self.sensors), p.shape[:-1])
 
     def driven(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column, Column]:
         """The torque (r,) that all actuator effects together pass on to r joints over one `control_period` (s), the
         effects' internal state (h,) after it, and flags (k,). Torques are in N m (N for a prismatic joint). There is a
-        flag for each of the k names in this object's property `marks`: 1 where that effect changed any joint's torque,
+        flag for each of the k names in this object's property `flags`: 1 where that effect changed any joint's torque,
         else 0.
 
         `torque` (r,) is the one commanded, `memory` (h,) the effects' internal state after the period before, one
@@ -123,16 +123,16 @@ class PlantEffects:
         internal state that is too short.
         """
         still = np.zeros(len(torque))
-        parts = _split(memory, [len(effect.start(still, control_period)) for effect in self.actuators])
+        parts = _split(memory, [len(effect.initial_state(still, control_period)) for effect in self.actuators])
         after: list[Column] = []
-        marks: list[Scalar] = []
+        flags: list[Scalar] = []
         for effect, part in zip(self.actuators, parts, strict=True):
-            given, kept = effect.act(torque, part, control_period)
-            if effect.mark is not None:
-                marks.append(differs(torque, given))
+            given, kept = effect.apply(torque, part, control_period)
+            if effect.flag is not None:
+                flags.append(differs(torque, given))
             torque = given
             after.append(kept)
-        return torque, Column(x for kept in after for x in kept), Column(marks)
+        return torque, Column(x for kept in after for x in kept), Column(flags)
 
     def measured(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
@@ -148,7 +148,7 @@ class PlantEffects:
         for an internal state that is too short and, with encoders, for noise of another length.
         """
         still = np.zeros(len(p))
-        parts = _split(memory, [len(effect.start(still, still, control_period)) for effect in self.sensors])
+        parts = _split(memory, [len(effect.initial_state(still, still, control_period)) for effect in self.sensors])
         after: list[Column] = []
         for effect, part in zip(self.sensors, parts, strict=True):
             p, v, kept = effect.measure(p, v, noise, part, control_period)
@@ -191,7 +191,7 @@ def listed(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     return tuple(effects)
 
 
-def _require_single(chain: list[ActuatorEffect | SensorEffect | ElasticJoints]) -> None:
+def _validate_single(chain: list[ActuatorEffect | SensorEffect | ElasticJoints]) -> None:
     kinds = [type(effect) for effect in chain]
     for kind in kinds:
         if kinds.count(kind) > 1:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Scalar
-from adaptctl.simulation.effects.effect import SensorEffect, at_least_zero, require_positive
+from adaptctl.simulation.effects.effect import SensorEffect, at_least_zero, validate_positive
 
 _WHOLE = 1.5 * 2.0**52
 """Adding and subtracting it rounds a double below 2^51 to the nearest whole number, ties to even."""
@@ -40,7 +40,7 @@ class Encoder(SensorEffect):
 
     rank: ClassVar[int] = 0
 
-    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+    def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` unless each of `resolution`, `noise` and `velocity_noise` is one finite number of at least
         0 or one for each of `dof` (r) joints, and each resolution is 0 or at least 1e-12 rad (m if prismatic). The
         names `links` and `control_period` (s) are not used."""
@@ -51,7 +51,7 @@ class Encoder(SensorEffect):
         if np.any((steps > 0.0) & (steps < FINEST)):
             raise InputError(f"encoder: resolution: expected 0 or at least {FINEST:g}, got {steps.tolist()}")
 
-    def start(self, p: Array, v: Array, control_period: float) -> Array:
+    def initial_state(self, p: Array, v: Array, control_period: float) -> Array:
         """An empty internal state (0,), one for all arms: encoders keep nothing from one measurement to the next.
         Positions `p` and velocities `v` (..., r) of the r joints and `control_period` (s) are not used. Nothing is
         raised."""
@@ -104,9 +104,9 @@ class FilteredDifferences(SensorEffect):
     rank: ClassVar[int] = 1
 
     def __post_init__(self) -> None:
-        require_positive(self.cutoff, "filtered differences: cutoff", "Hz")
+        validate_positive(self.cutoff, "filtered differences: cutoff", "Hz")
 
-    def require(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+    def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Raise `InputError` unless the cutoff (Hz) is below half the sampling rate, 0.5/`control_period` (s), which is
         taken to be positive. The number of joints `dof` and the names `links` are not used."""
         if self.cutoff >= 0.5 / control_period:
@@ -115,7 +115,7 @@ class FilteredDifferences(SensorEffect):
                 f"{0.5 / control_period:g} Hz"
             )
 
-    def start(self, p: Array, v: Array, control_period: float) -> Array:
+    def initial_state(self, p: Array, v: Array, control_period: float) -> Array:
         """The filter's initial internal state (..., 2r) for arms of r joints at positions p (..., r), rad (m if
         prismatic), with velocities v (..., r), rad/s (m/s). It has the positions (..., r) one `control_period` (s)
         earlier, p - control_period v, then the velocity estimate (..., r), which is v. Shapes are not checked."""

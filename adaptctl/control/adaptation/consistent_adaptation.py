@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.control.adaptation.composite import TorqueFilter, require_filter, require_predicted, residual
+from adaptctl.control.adaptation.composite import TorqueFilter, residual, validate_filter, validate_predicted
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.adaptation.natural import (
     checked_rate,
     each_rate,
     moved_bodies,
     raised_slope,
-    require_consistent,
-    require_rates,
-    require_whole_links,
+    validate_consistent,
+    validate_rates,
+    validate_whole_links,
 )
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
@@ -30,7 +30,7 @@ NEAR = 1e-9
 """of the largest fundamental parameter: the initial estimate is the lift's, to round-off"""
 
 
-class LiftMemory(NamedTuple):
+class ConsistentState(NamedTuple):
     """Internal state, between control periods, of an adaptation law that moves a lift: `lift` (P,) are all P parameters
     of rigid bodies and drives, in SI units and the order of `Mechanism.parameter_names`, whose fundamental (base)
     parameters are the estimate; `filtered` is the torque filters' internal state, empty where no torques are predicted.
@@ -40,7 +40,7 @@ class LiftMemory(NamedTuple):
     filtered: Any
 
     @property
-    def recorded(self) -> Any:
+    def logged_state(self) -> Any:
         """The lift (P,): all P parameters of rigid bodies and drives, in SI units and the order of
         `Mechanism.parameter_names`, whose fundamental (base) parameters are the estimate. It is the field `lift`, the
         part of this internal state that is stored with each sample of a recorded run."""
@@ -48,9 +48,9 @@ class LiftMemory(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ConsistentLift(AdaptationLaw[LiftMemory]):
-    """Natural adaptation of a physically consistent lift D (P,) of the estimate (k,) (Lee, Kwon and Park 2018): D are
-    all P parameters of rigid bodies and drives, and the estimate their k fundamental (base) parameters.
+class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
+    """Natural adaptation of a physically consistent adaptation D (P,) of the estimate (k,) (Lee, Kwon and Park 2018): D
+    are all P parameters of rigid bodies and drives, and the estimate their k fundamental (base) parameters.
 
     estimate = K D, where D moves by natural adaptation, the gradient in the affine-invariant metric of pseudo-inertias,
     along the slope K'(Y' s + W'R (W estimate - F[tau])). K (k, P) is the model's attribute `regrouping`, Y (r, k) the
@@ -81,20 +81,22 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
     almost without some moment hardly finds it.
     """
 
-    tunable = ("rate", "lift", "weight", "cutoff")
+    tunable = ("gain", "lift", "prediction_weight", "cutoff")
 
-    rate: float | Array
+    gain: float | Array
     lift: Array
-    weight: Array | float | None = None
+    prediction_weight: Array | float | None = None
     cutoff: float = 20.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "rate", checked_rate(self.rate))
-        object.__setattr__(self, "lift", frozen_array(self.lift, (np.size(self.lift),), "consistent lift: lift"))
-        require_filter("consistent lift", 1.0 if self.weight is None else self.weight, self.cutoff)
+        object.__setattr__(self, "gain", checked_rate(self.gain))
+        object.__setattr__(self, "lift", frozen_array(self.lift, (np.size(self.lift),), "consistent adaptation: lift"))
+        validate_filter(
+            "consistent adaptation", 1.0 if self.prediction_weight is None else self.prediction_weight, self.cutoff
+        )
 
-    def require(self, model: ReducedModel, initial: Array, period: float) -> None:
+    def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """Raise `InputError` unless the adaptation law fits the `model`, of k fundamental (base) parameters and r
         joints, the initial estimate `initial` (k,), in SI units, and the control `period` T_c (s). Required are:
 
@@ -105,17 +107,19 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
         filter (rad/s) of at most 1/T_c, and no constraint that fixes a drive's parameter at a value other than zero.
         The controller, not this method, checks that T_c is positive.
         """
-        require_whole_links(model, "consistent lift")
+        validate_whole_links(model, "consistent adaptation")
         P = len(model.mechanism.parameter_names)
         if len(self.lift) != P:
-            raise InputError(f"consistent lift: lift: expected all {P} parameters, got {len(self.lift)}")
-        require_rates(self.rate, model)
-        require_consistent(model, self.lift, "consistent lift", "the lift")
-        self._require_first(model, initial)
-        if self.weight is not None:
-            require_predicted("consistent lift", model, self.weight, self.cutoff, period)
+            raise InputError(f"consistent adaptation: lift: expected all {P} parameters, got {len(self.lift)}")
+        validate_rates(self.gain, model)
+        validate_consistent(model, self.lift, "consistent adaptation", "the lift")
+        self._validate_first(model, initial)
+        if self.prediction_weight is not None:
+            validate_predicted("consistent adaptation", model, self.prediction_weight, self.cutoff, control_period)
 
-    def start(self, model: ReducedModel, initial: Array, q: Array, v: Array, period: float) -> LiftMemory:
+    def initial_state(
+        self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
+    ) -> ConsistentState:
         """The internal state before the first control period: the initial lift (P,), a copy of the law's attribute
         `lift`, and the torque filters. The lift are all P parameters of rigid bodies and drives, in SI units, whose k
         fundamental (base) parameters are the estimate. With a weight of prediction errors the torque filters' output is
@@ -127,12 +131,16 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
         them too, all else is the same for all arms. With a weight, raises `InputError` for a `model` whose linear
         constraints fix parameters at values other than zero; nothing else is checked.
         """
-        filtered = NoMemory() if self.weight is None else TorqueFilter(self.cutoff, period).start(model, q, v)
-        return LiftMemory(np.array(self.lift), filtered)
+        filtered = (
+            NoMemory()
+            if self.prediction_weight is None
+            else TorqueFilter(self.cutoff, control_period).start(model, q, v)
+        )
+        return ConsistentState(np.array(self.lift), filtered)
 
     def law(
-        self, model: ReducedModel, estimate: Column, period: Period, memory: LiftMemory
-    ) -> tuple[Column, LiftMemory]:
+        self, model: ReducedModel, estimate: Column, period: Period, memory: ConsistentState
+    ) -> tuple[Column, ConsistentState]:
         """The estimate (k,) of the model's k fundamental (base) parameters, in their SI units, and the internal state
         after a control period. The estimate is regrouped from the lift (P,), all P parameters of bodies and drives,
         which is moved: a step along geodesics of pseudo-inertias for the tracking error and, with a weight, then one
@@ -141,30 +149,30 @@ class ConsistentLift(AdaptationLaw[LiftMemory]):
         `estimate` (k,), which is not looked at, and `memory`, the lift (P,) in SI units and the torque filters, are
         those before the control period that `period` describes. Nothing is checked here.
         """
-        rates, bodies = each_rate(self.rate, model), len(model.mechanism.description.bodies)
+        rates, bodies = each_rate(self.gain, model), len(model.mechanism.description.bodies)
 
         def stepped(lift: Column, slope: Column) -> Column:
             return moved_bodies(lift, rates * _lifted(model, slope), bodies)
 
         lift, filtered = stepped(memory.lift, period.gradient(period.integral)), memory.filtered
-        if self.weight is not None:
-            rows, torque, filtered = TorqueFilter(self.cutoff, period.length).predicted(model, period, memory.filtered)
+        if self.prediction_weight is not None:
+            rows, torque, filtered = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory.filtered)
             loaded = [_lowered(model, raised_slope(lift, rates * _lifted(model, row), bodies)) for row in rows]
-            firm = [1.0 / (weight * period.length) for weight in each(self.weight, model.mechanism.dof)]
+            firm = [1.0 / (weight * period.period) for weight in each(self.prediction_weight, model.mechanism.dof)]
             products = [[row @ other for other in loaded] for row in rows]
             for i, variance in enumerate(firm):
                 products[i][i] = products[i][i] + variance
             force = solve_symmetric(products, residual(rows, _lowered(model, lift), torque))
-            lift = stepped(lift, period.share * combined(rows, force))
-        return _lowered(model, lift), LiftMemory(lift, filtered)
+            lift = stepped(lift, period.dt_ratio * combined(rows, force))
+        return _lowered(model, lift), ConsistentState(lift, filtered)
 
-    def _require_first(self, model: ReducedModel, initial: Array) -> None:
+    def _validate_first(self, model: ReducedModel, initial: Array) -> None:
         first = model.regrouping @ self.lift
         wrong = np.flatnonzero(~(np.abs(first - initial) <= NEAR * np.abs(first).max()))
         if wrong.size:
             j = int(wrong[0])
             raise InputError(
-                f"consistent lift: the first estimate is not the lift's: {model.names[j]} is {initial[j]:g}, and "
+                f"consistent adaptation: the first estimate is not the lift's: {model.names[j]} is {initial[j]:g}, and "
                 f"{first[j]:g} with the lift: start from initial=model.regrouping @ lift; "
                 "adaptctl.identifiability.nearest_consistent finds the lift nearest to an estimate"
             )

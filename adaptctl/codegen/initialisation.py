@@ -11,7 +11,7 @@ from adaptctl.arrays import Array
 from adaptctl.codegen.interface import Interface
 from adaptctl.compilation.routine import Routine, trace
 from adaptctl.control.adaptive import AdaptiveController
-from adaptctl.control.memory import leaves
+from adaptctl.control.pytree import leaves
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
@@ -62,8 +62,8 @@ def start_of(interface: Interface, open_by: float) -> Start:
     where a field depends on the configuration, is not the configuration itself, and no adaptation law computes it;
     `TraceError` where what computes it cannot be traced."""
     law, mechanism = interface.controller, interface.mechanism
-    p = law.home + ASIDE * np.linspace(0.5, 1.0, law.dof)
-    aside = interface.memory_of(law.start(p, np.zeros(law.dof)))
+    p = law.neutral_configuration + ASIDE * np.linspace(0.5, 1.0, law.dof)
+    aside = interface.memory_of(law.initial_state(p, np.zeros(law.dof)))
     moved = [k for k, (a, b) in enumerate(zip(interface.started, aside, strict=True)) if not np.array_equal(a, b)]
     q = None if mechanism is None else mechanism.configuration(p)
     configurations = tuple(k for k in moved if np.array_equal(aside[k], p if q is None else q))
@@ -84,11 +84,11 @@ def _computed(interface: Interface, fields: tuple[int, ...]) -> Routine:
     adaptation, sizes = law.adaptation_law, [interface.memory[k].size for k in fields]
     initial, rest = np.array(law.initial), Column.zeros(law.dof)
 
-    def begun(q: Column) -> tuple[Column, ...]:
-        memory: Any = adaptation.start(law.model, initial, q, rest, law.period)  # type: ignore[arg-type]  # traced
+    def started(q: Column) -> tuple[Column, ...]:
+        memory: Any = adaptation.initial_state(law.model, initial, q, rest, law.control_period)  # type: ignore[arg-type]  # traced
         return tuple(part for part in leaves(memory) if isinstance(part, Column))
 
-    routine = trace(begun, {"q": law.model.mechanism.equations.joints}, name="begun")
+    routine = trace(started, {"q": law.model.mechanism.equations.joints}, name="started")
     if list(routine.layout.sizes) != sizes:
         raise InputError(f"{type(adaptation).__name__}: its memory's {', '.join(names)} begins in an unknown way")
     return routine

@@ -65,7 +65,7 @@ def centre(interface: Interface) -> Array:
     `interface`. It is the home configuration, moved so far that it is at least 0.15 rad (m), or half the joint's range
     where that is less, from joint limits; the home configuration itself where there are loops or no known mechanism.
     Nothing is raised."""
-    home, mechanism = np.asarray(interface.controller.home, dtype=np.float64), interface.mechanism
+    home, mechanism = np.asarray(interface.controller.neutral_configuration, dtype=np.float64), interface.mechanism
     if mechanism is None or mechanism.description.loops is not None:
         return home
     lower, upper = position_range(mechanism)
@@ -81,7 +81,7 @@ def record(interface: Interface, reference: Reference, ticks: int = TICKS) -> tu
     limits (by 0.15 rad or m, or half a narrower range). Raises what the reference trajectory, `controller.init` and
     `controller.step` raise, such as `NonFiniteError`; `IndexError` where `ticks` is 0."""
     controller, rows = interface.controller, []
-    time = np.asarray(interface.period * np.arange(ticks), dtype=np.float64)
+    time = np.asarray(interface.control_period * np.arange(ticks), dtype=np.float64)
     p, v = _motion(interface, reference, time)
     points = reference(time)
     state = controller.init(p[0], np.zeros(controller.dof))
@@ -120,10 +120,10 @@ FAILURES = {
     "stopped": "the guards stop the arm after {:g} s: use smaller gains, or wider limits",
     "ringing": "a joint rings after {:g} s: use smaller gains or a shorter period",
 }
-"""What guards may mark in a period, and what it means"""
+"""What guards may flag in a period, and what it means"""
 
 
-def vouched(
+def check_closed_loop(
     interface: Interface, reference: Reference, duration: float = DURATION, anyway: bool = False
 ) -> dict[str, Any]:
     """Outcome, a dict in JSON's types, of a simulation of the controller of an `interface` on its own mechanism along
@@ -144,7 +144,7 @@ def vouched(
     mechanism, controller = interface.mechanism, interface.controller
     if mechanism is None or len(mechanism.links) > LARGEST_COMPILED:
         raise InputError("check: the controller names no mechanism that can be simulated; export it without the check")
-    period = interface.period
+    period = interface.control_period
     plant = Plant(mechanism, period, *integration(mechanism, (), period))
     run = EpisodeRun(_episode(plant, interface, reference, round(duration / period)), controller, KeptSamples(most=1))
     squares: list[Array] = []
@@ -155,9 +155,9 @@ def vouched(
             squares.append(np.full(1, np.nan) if stretch is None else _squares(plant, stretch))
     count = round(min(10.0, duration) / period)
     square = np.concatenate(squares) if squares else np.zeros(0)
-    begun, ended = (float(np.sqrt(part.mean())) if squares else None for part in (square[:count], square[-count:]))
-    if failure is None and begun is not None and ended is not None and 2 * count <= run.steps:
-        failure = _unlearned(interface, begun, ended)
+    started, ended = (float(np.sqrt(part.mean())) if squares else None for part in (square[:count], square[-count:]))
+    if failure is None and started is not None and ended is not None and 2 * count <= run.steps:
+        failure = _unlearned(interface, started, ended)
     if failure is not None and not anyway:
         raise VerdictError(f"check: in simulation {failure}, or export it all the same (`anyway`, --anyway)")
     return {
@@ -165,7 +165,7 @@ def vouched(
         "reference": stated(reference),
         "failure": failure,
         "finite": run.lost is None,
-        "rms_error_first_10_s": finite_or_none(begun),
+        "rms_error_first_10_s": finite_or_none(started),
         "rms_error_last_10_s": finite_or_none(ended),
     }
 
@@ -184,7 +184,7 @@ def stated(reference: Reference) -> dict[str, Any]:
 def _episode(plant: Plant, interface: Interface, reference: Reference, steps: int) -> Episode:
     """The episode that is run: from rest on the reference, to its end."""
     point = np.asarray(reference(0.0).p, dtype=np.float64)
-    p = point if interface.follows_joints else np.asarray(interface.controller.home)
+    p = point if interface.follows_joints else np.asarray(interface.controller.neutral_configuration)
     state, parameters = plant.init(p, np.zeros(plant.dof)), plant.mechanism.inertial_parameters
     return Episode(plant, state, parameters, reference, np.random.default_rng(0), steps, _unjudged)
 
@@ -210,16 +210,16 @@ def _sound(run: EpisodeRun) -> tuple[Stretch | None, str | None]:
             f"the loop is not finite after {run.lost:g} s: exported, this would be an arm that runs away; use smaller "
             "gains or a shorter period"
         )
-    for mark, what in FAILURES.items():
-        if mark in run.loop.marks:
-            marked = stretch.sample.marks[:, run.loop.marks.index(mark)] > 0.5
+    for flag, what in FAILURES.items():
+        if flag in run.loop.flags:
+            marked = stretch.sample.flags[:, run.loop.flags.index(flag)] > 0.5
             if marked.any():
                 return stretch, what.format(stretch.time[int(marked.argmax())])
     return stretch, None
 
 
-def _unlearned(interface: Interface, begun: float, ended: float) -> str | None:
+def _unlearned(interface: Interface, started: float, ended: float) -> str | None:
     """Words on a law that adapts and whose error (rad or m) did not become small; else None."""
-    if getattr(interface.innermost, "adaptation_law", None) is None or ended <= max(SMALL, LEARNED * begun):
+    if getattr(interface.innermost, "adaptation_law", None) is None or ended <= max(SMALL, LEARNED * started):
         return None
-    return f"it does not learn: an error of {begun:.3g} at first and {ended:.3g} in the end; use other gains"
+    return f"it does not learn: an error of {started:.3g} at first and {ended:.3g} in the end; use other gains"

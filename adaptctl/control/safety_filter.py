@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, per_joint, positive_per_joint
 from adaptctl.control.controller import Controller, ReferencePoint
-from adaptctl.control.gains.hold import require_period
-from adaptctl.control.memory import leaves, row_each
+from adaptctl.control.gains.sampling_ratio import validate_period
+from adaptctl.control.pytree import leaves, row_each
 from adaptctl.control.ringing import Ringing
 from adaptctl.dynamics.equations import ClosedPositions
-from adaptctl.errors import InputError, require_kind
+from adaptctl.errors import InputError, validate_kind
 from adaptctl.scalars import Column, Scalar, absolute, clip, column, maximum, minimum, where
 from adaptctl.scalars.scalar import Condition
 
@@ -26,7 +26,7 @@ LARGEST = float(np.finfo(np.float64).max)
 Parts = TypeVar("Parts", bound=tuple[Any, ...])
 
 
-class Marks(NamedTuple):
+class SafetyFlags(NamedTuple):
     """Flags, each (1,), of what the guards of a controller did in one control period: 1 where the guard acted and 0
     where not.
 
@@ -47,36 +47,36 @@ class Marks(NamedTuple):
     """something was not finite, out of bounds or ringing beyond help, now or before: the arm is braked"""
 
 
-class GuardedState(NamedTuple):
+class SafetyFilterState(NamedTuple):
     """Internal state of a controller behind guards, for r joints. `of` is the wrapped law's own internal state;
     `torque` (r,) the last torque given out, N m (N if prismatic), before the first control period the one that is
-    applied then; `heard` the detector of ringing, moving averages over the sliding variable, rad/s (m/s); and `marks`
+    applied then; `heard` the detector of ringing, moving averages over the sliding variable, rad/s (m/s); and `flags`
     the flags, (1,) each, 1 for each guard (limit, bound or brake) that acted in the last control period, else 0.
     Nothing is checked."""
 
-    of: Any
+    inner: Any
     torque: Any
-    heard: Ringing
-    marks: Marks
+    ringing: Ringing
+    flags: SafetyFlags
 
     @property
     def estimate(self) -> Any:
         """The wrapped law's estimate (k,) of its k parameters, in their SI units. Raises `AttributeError` for a law
         without an estimate."""
-        return self.of.estimate
+        return self.inner.estimate
 
     @property
-    def recorded(self) -> Any:
+    def logged_state(self) -> Any:
         """Array of the wrapped adaptation law's internal state that is stored with each sample of a recorded run. For
         `ConcurrentLearning` it is (..., 1): 1 where the last period's sample was kept and 0 where not. For
         `CompositeLearning` it is (..., 1): the number, 0 to r, of the r joints whose torque equation was learned from.
-        For `ConsistentLift` it is (..., P): the P inertial and friction parameters, SI units, whose fundamental (base)
-        parameters are the estimate. Raises `AttributeError` for all other laws."""
-        return self.of.recorded
+        For `ConsistentAdaptation` it is (..., P): the P inertial and friction parameters, SI units, whose fundamental
+        (base) parameters are the estimate. Raises `AttributeError` for all other laws."""
+        return self.inner.logged_state
 
 
 @dataclass(frozen=True, eq=False)
-class Guarded(Controller[GuardedState]):
+class SafetyFilter(Controller[SafetyFilterState]):
     """A controller behind guards: limits of its torque, of the torque's rate and of its estimate, and a brake where
     numbers are not finite.
 
@@ -97,45 +97,49 @@ class Guarded(Controller[GuardedState]):
     is not compensated then: a mechanical brake must hold the arm. Limits and damping are one number or (r,), one for
     each joint.
 
-    What the guards do in a control period is in the internal state's field `marks`. Raises `InputError` for limits that
+    What the guards do in a control period is in the internal state's field `flags`. Raises `InputError` for limits that
     are not positive, limits and bounds of another shape, bounds and position limits that are no pair or whose lower end
     is not below the upper, an initial estimate out of bounds, bounds for a law that estimates nothing, a damping below
     0, a period that is not positive, and where neither the law nor the arguments give a damping or, for finite
     `rate_limits`, a period; `NonFiniteError` for NaN in any of these numbers but the period, which raises `InputError`.
     """
 
-    of: Controller[Any]
+    inner: Controller[Any]
     torque_limits: ArrayLike = np.inf
     rate_limits: ArrayLike = np.inf
     estimate_bounds: tuple[ArrayLike, ArrayLike] | None = None
     stop_damping: ArrayLike | None = None
     freeze: bool = True
-    period: float | None = None
+    control_period: float | None = None
     position_limits: tuple[ArrayLike, ArrayLike] | None = None
     velocity_limits: ArrayLike = np.inf
 
     def __post_init__(self) -> None:
-        require_kind(self.of, Controller, "guarded", "as SlotineLi(...) is one")
+        validate_kind(self.inner, Controller, "guarded", "as SlotineLi(...) is one")
         if not isinstance(self.freeze, bool):
             raise InputError(f"freeze: expected True or False, got {self.freeze!r}")
         for name in ("torque_limits", "rate_limits", "velocity_limits"):
             object.__setattr__(self, name, positive_per_joint(getattr(self, name), self.dof, name, infinite=True))
-        own = getattr(self.of, "damping", None) if self.stop_damping is None else self.stop_damping
+        own = getattr(self.inner, "damping", None) if self.stop_damping is None else self.stop_damping
         if own is None:
-            raise InputError(f"stop_damping: {type(self.of).__name__} has no damping of its own to brake by: give one")
+            raise InputError(
+                f"stop_damping: {type(self.inner).__name__} has no damping of its own to brake by: give one"
+            )
         object.__setattr__(self, "stop_damping", _brake(own, self.dof))
-        if self.period is None:
-            object.__setattr__(self, "period", getattr(self.of, "period", None))
-        if self.period is not None:
-            require_period(self.period)
+        if self.control_period is None:
+            object.__setattr__(self, "control_period", getattr(self.inner, "control_period", None))
+        if self.control_period is not None:
+            validate_period(self.control_period)
         if self.position_limits is not None:
             object.__setattr__(
                 self, "position_limits", _pair(self.position_limits, self.dof, "position_limits", "joint")
             )
-        if np.isfinite(np.asarray(self.rate_limits)).any() and self.period is None:
-            raise InputError(f"period: {type(self.of).__name__} does not know its own, and limiting rates needs it")
+        if np.isfinite(np.asarray(self.rate_limits)).any() and self.control_period is None:
+            raise InputError(
+                f"control_period: {type(self.inner).__name__} does not know its own, and limiting rates needs it"
+            )
         if self.estimate_bounds is not None:
-            object.__setattr__(self, "estimate_bounds", _bounds(self.of, self.estimate_bounds))
+            object.__setattr__(self, "estimate_bounds", _bounds(self.inner, self.estimate_bounds))
 
     @property
     def tunable(self) -> tuple[str, ...]:
@@ -147,36 +151,36 @@ class Guarded(Controller[GuardedState]):
     @property
     def _limits_rates(self) -> bool:
         limited = isinstance(self.rate_limits, Column) or bool(np.isfinite(np.asarray(self.rate_limits)).any())
-        return limited and self.period is not None
+        return limited and self.control_period is not None
 
     @property
     def dof(self) -> int:
         """Number r of joints that the wrapped control law, the attribute `of`, moves."""
-        return self.of.dof
+        return self.inner.dof
 
     @property
-    def home(self) -> Array:
+    def neutral_configuration(self) -> Array:
         """Home positions (r,) of the r joints, rad (m if prismatic), those of the wrapped control law: a configuration
         at which the law can be evaluated, such as one that closes kinematic loops, and at which it is compiled. They
         are not limits, nor where a run must start."""
-        return self.of.home
+        return self.inner.neutral_configuration
 
     @property
     def reference_size(self) -> int:
         """Length of each part (positions, velocities or accelerations) of the wrapped law's reference points: r for
         joints, or the number d of task-space coordinates."""
-        return self.of.reference_size
+        return self.inner.reference_size
 
-    def start(self, p: Array, v: Array) -> GuardedState:
-        """The internal state before the first control period, a `GuardedState`: the wrapped law's own state, zero
+    def initial_state(self, p: Array, v: Array) -> SafetyFilterState:
+        """The internal state before the first control period, a `SafetyFilterState`: the wrapped law's own state, zero
         torque, and zero for all flags of what the guards did. Arms are at positions `p` (..., r), rad (m if prismatic),
         and velocities `v` (..., r), rad/s (m/s), of r joints. Raises what the wrapped law's method `start` does."""
-        marks = Marks(*(np.zeros(1) for _ in Marks._fields))
-        return GuardedState(self.of.start(p, v), np.zeros(self.dof), Ringing.silent(self.dof), marks)
+        flags = SafetyFlags(*(np.zeros(1) for _ in SafetyFlags._fields))
+        return SafetyFilterState(self.inner.initial_state(p, v), np.zeros(self.dof), Ringing.zero(self.dof), flags)
 
     def init(
         self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None, torque: ArrayLike | None = None
-    ) -> GuardedState:
+    ) -> SafetyFilterState:
         """The internal state before the first control period, as of any controller. `torque` (..., r), N m (N if
         prismatic), is the one that is applied to the r joints now, from which limited rates count: None is zero, for an
         arm that nothing drives or that compensates its gravity itself; an arm that is held by a torque, such as
@@ -189,7 +193,9 @@ class Guarded(Controller[GuardedState]):
         applied = row_each(self._measured(torque, "torque"), arms, "torque")
         return self._remembering(self._array_of(_holding(state, applied), arms))
 
-    def law(self, p: Column, v: Column, reference: ReferencePoint, memory: GuardedState) -> tuple[Column, GuardedState]:
+    def law(
+        self, p: Column, v: Column, reference: ReferencePoint, memory: SafetyFilterState
+    ) -> tuple[Column, SafetyFilterState]:
         """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, within the limits of
         torque and rate, and the internal state after it. Positions `p` (r,), rad (m), and velocities `v` (r,), rad/s
         (m/s), are measured; `reference` is the wrapped law's reference point: desired positions, velocities and
@@ -199,14 +205,14 @@ class Guarded(Controller[GuardedState]):
         them."""
         given = (p, v, *reference)
         clean = list(map(_cleaned, given))
-        torque, after = self.of.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.of)
+        torque, after = self.inner.law(clean[0], clean[1], ReferencePoint(*clean[2:]), memory.inner)
         after, bounded = self._bounded(after)
         sound = _sound((*given, torque, *leaves(after)))
-        heard = memory.heard.heard(self._sliding(sound, after, clean))
+        heard = memory.ringing.updated(self._sliding(sound, after, clean))
         lost = maximum(self._outside(clean[0], clean[1]), heard.brake)
-        stopped = where(sound, maximum(memory.marks.stopped[0], lost), 1.0)
+        stopped = where(sound, maximum(memory.flags.stopped[0], lost), 1.0)
         torque = _either(stopped > 0.5, -(column(self.stop_damping) * clean[1]), torque)
-        after = _chosen(stopped > 0.5, memory.of, after)
+        after = _chosen(stopped > 0.5, memory.inner, after)
         limits = Column(minimum(limit, LARGEST) for limit in column(self.torque_limits))
         limited = Column(map(clip, torque, -limits, limits))
         applied = self._within_reach(limited, memory)
@@ -214,8 +220,8 @@ class Guarded(Controller[GuardedState]):
         frozen = maximum(beyond, too_fast) if self.freeze else 0.0
         after = _with_applied_torque(after, applied)
         after = _without_learning(frozen > 0.5, after) if self.freeze else after
-        marks = Marks(*(Column((mark,)) for mark in (beyond, too_fast, frozen, bounded, heard.alarm, stopped)))
-        return applied, GuardedState(after, applied, heard, marks)
+        flags = SafetyFlags(*(Column((flag,)) for flag in (beyond, too_fast, frozen, bounded, heard.alarm, stopped)))
+        return applied, SafetyFilterState(after, applied, heard, flags)
 
     def _sliding(self, sound: Condition, after: Any, clean: list[Column]) -> Column:
         """The law's sliding variable (r,), or the error of velocities where it has none; 0 where that is not sound."""
@@ -235,11 +241,11 @@ class Guarded(Controller[GuardedState]):
             beyond = where(absolute(x) > limit, 1.0, beyond) if np.isfinite(limit) else beyond
         return beyond
 
-    def _within_reach(self, torque: Column, memory: GuardedState) -> Column:
+    def _within_reach(self, torque: Column, memory: SafetyFilterState) -> Column:
         """The nearest torque that the rate allows."""
         if not self._limits_rates:
             return torque
-        steps = [minimum(rate * self.period, LARGEST) for rate in column(self.rate_limits)]
+        steps = [minimum(rate * self.control_period, LARGEST) for rate in column(self.rate_limits)]
         pairs = zip(torque, memory.torque, steps, strict=True)
         return Column(clip(x, last - step, last + step) for x, last, step in pairs)
 
@@ -273,7 +279,7 @@ def _brake(values: ArrayLike, dof: int) -> Array:
 
 def _bounds(law: Controller[Any], bounds: object) -> tuple[Array, Array]:
     """Bounds (k,) of a law's estimate, which must start within them."""
-    estimate = getattr(law.start(law.home, np.zeros(law.dof)), "estimate", None)
+    estimate = getattr(law.initial_state(law.neutral_configuration, np.zeros(law.dof)), "estimate", None)
     if estimate is None:
         raise InputError(f"estimate_bounds: {type(law).__name__} estimates nothing: leave them out")
     low, high = _pair(bounds, len(estimate), "estimate_bounds", "parameter")
@@ -337,9 +343,9 @@ def _with_applied_torque(memory: Parts, applied: Column | Array) -> Parts:
 def _holding(memory: Parts, torque: Array) -> Parts:
     """The internal state of a law, and of those within its guards, with the torque that is applied."""
     memory = _with_applied_torque(memory, torque)
-    if "of" not in getattr(memory, "_fields", ()):
+    if "inner" not in getattr(memory, "_fields", ()):
         return memory
-    replaced: Parts = memory._replace(of=_holding(memory.of, torque))  # type: ignore[attr-defined]  # it has `_fields`
+    replaced: Parts = memory._replace(inner=_holding(memory.inner, torque))  # type: ignore[attr-defined]  # it has `_fields`
     return replaced
 
 
@@ -349,7 +355,7 @@ def _without_learning(condition: Condition, memory: Parts) -> Parts:
     for name, part in zip(getattr(memory, "_fields", range(len(memory))), memory, strict=True):
         if isinstance(part, tuple):
             part = _without_learning(condition, part)
-        elif name == "elapsed":
+        elif name == "dt":
             part = _either(condition, Column.zeros(len(part)), part)
         parts.append(part)
     return type(memory)(*parts)

@@ -14,7 +14,7 @@ from adaptctl.control.gains.workspace import reachable
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.scalars import column
-from adaptctl.tuning.workable_reference import motion_ranges
+from adaptctl.tuning.feasible_reference import motion_ranges
 
 FIRST_SHARE = 0.5
 """of a torque limit, which damping asks for at the initial error"""
@@ -36,7 +36,7 @@ MORE = 4.0
 """times as much damping, for which a rotor is named"""
 
 
-class CarriedGains(NamedTuple):
+class FeasibleGains(NamedTuple):
     """Record of the tracking gains of r joints that a control period T (s) and the torque limits allow, and of which of
     the two limits each gain. Nothing is checked.
 
@@ -49,16 +49,16 @@ class CarriedGains(NamedTuple):
     """
 
     gains: Gains
-    by_hold: NDArray[np.bool_]
+    limited_by_sampling: NDArray[np.bool_]
     free_inertia: Array
-    by_torque: NDArray[np.bool_]
+    limited_by_torque: NDArray[np.bool_]
 
 
-def carried_gains(
-    mechanism: Mechanism, limits: Array, p: Array, off: Array, period: float, bandwidth: float, hold: float
-) -> CarriedGains:
+def feasible_gains(
+    mechanism: Mechanism, limits: Array, p: Array, off: Array, control_period: float, bandwidth: float, hold: float
+) -> FeasibleGains:
     """The largest gains of Slotine and Li's law that torque limits and a control `period` T (s) allow at S positions
-    `p` (S, r) of the r joints of a `mechanism`, rad (m if prismatic), as a `CarriedGains`. They are bandwidth Lambda
+    `p` (S, r) of the r joints of a `mechanism`, rad (m if prismatic), as a `FeasibleGains`. They are bandwidth Lambda
     (r,), 1/s, and damping K (r,), N m s/rad (N s/m).
 
     `limits` (r,) are the torque limits, N m (N), `off` (r,) the sizes of the initial tracking error, rad (m), above 0.
@@ -69,34 +69,34 @@ def carried_gains(
     nothing that has inertia, and where M is not positive definite.
     """
     M = mechanism.mass_matrix(p)
-    _require_inertia(mechanism, M)
+    _validate_inertia(mechanism, M)
     inertia = np.diagonal(M, axis1=1, axis2=2).max(axis=0)
     reachable = np.sqrt(ACCELERATION_SHARE * limits / (inertia * off))
     rates = np.asarray(np.minimum(bandwidth, reachable), dtype=np.float64)
-    inverse = np.asarray(np.linalg.inv(M + period * _viscous(mechanism, p)), dtype=np.float64)
+    inverse = np.asarray(np.linalg.inv(M + control_period * _viscous(mechanism, p)), dtype=np.float64)
     affordable = np.asarray(FIRST_SHARE * limits / (rates * off), dtype=np.float64)
-    damping = _largest_damping(inverse, period, hold, affordable)
+    damping = _largest_damping(inverse, control_period, hold, affordable)
     free = 1.0 / np.diagonal(inverse, axis1=1, axis2=2).max(axis=0)
-    return CarriedGains(Gains(rates, damping), damping < 0.99 * affordable, free, reachable < bandwidth)
+    return FeasibleGains(Gains(rates, damping), damping < 0.99 * affordable, free, reachable < bandwidth)
 
 
-def _largest_damping(inverse: Array, period: float, hold: float, affordable: Array) -> Array:
+def _largest_damping(inverse: Array, control_period: float, hold: float, affordable: Array) -> Array:
     """Largest K (r,): joints grow alike, and where `hold` is passed only those that take part in it shrink."""
     typical = np.median(1.0 / np.diagonal(inverse, axis1=1, axis2=2), axis=0)
-    damping = np.minimum(hold / period * typical, affordable)
+    damping = np.minimum(hold / control_period * typical, affordable)
     for k in range(SHRINKS):
-        number, shares = _worst(inverse, period, damping)
+        number, shares = _worst(inverse, control_period, damping)
         if number > hold:
             damping = damping * (hold / number) ** (shares / shares.max())
         elif k < GROWS:
             damping = np.minimum(damping * GROWTH, affordable)
-    return damping * min(1.0, hold / _worst(inverse, period, damping)[0])
+    return damping * min(1.0, hold / _worst(inverse, control_period, damping)[0])
 
 
-def _worst(inverse: Array, period: float, damping: Array) -> tuple[float, Array]:
+def _worst(inverse: Array, control_period: float, damping: Array) -> tuple[float, Array]:
     """T lambda_max(M^-1 K) over postures, and each joint's share (r,) in the motion that has it."""
     root = np.sqrt(damping)
-    values, vectors = np.linalg.eigh(period * inverse * root[:, None] * root)
+    values, vectors = np.linalg.eigh(control_period * inverse * root[:, None] * root)
     worst = int(values[:, -1].argmax())
     return float(values[worst, -1]), np.asarray(vectors[worst, :, -1] ** 2)
 
@@ -112,7 +112,7 @@ def _viscous(mechanism: Mechanism, p: Array) -> Array:
     return np.moveaxis(np.array(filled), -1, 0)
 
 
-def _require_inertia(mechanism: Mechanism, M: Array) -> None:
+def _validate_inertia(mechanism: Mechanism, M: Array) -> None:
     """Raise `InputError` for joints that move nothing, and for a mass matrix that is not positive definite."""
     names = [joint.name for joint in mechanism.primary_joints]
     diagonal = np.diagonal(M, axis1=1, axis2=2)
@@ -133,21 +133,21 @@ def _require_inertia(mechanism: Mechanism, M: Array) -> None:
         )
 
 
-def limitations(mechanism: Mechanism, carried: CarriedGains) -> tuple[str, ...]:
+def limitations(mechanism: Mechanism, carried: FeasibleGains) -> tuple[str, ...]:
     """Sentences (a tuple of r texts), one for each of the `mechanism`'s r joints, on what limits its gains, Slotine and
     Li's bandwidth and damping. It is the control period, named with the rotor inertia that would allow four times the
     damping, or the torque limit. `carried` has the gains and what limits each. Nothing is checked."""
     return tuple(_limitation(mechanism, carried, j) for j in range(mechanism.dof))
 
 
-def _limitation(mechanism: Mechanism, carried: CarriedGains, j: int) -> str:
+def _limitation(mechanism: Mechanism, carried: FeasibleGains, j: int) -> str:
     joint = mechanism.primary_joints[j]
-    unit = "kg m²" if joint.kind.turns else "kg"
-    if carried.by_hold[j]:
+    unit = "kg m²" if joint.kind.is_revolute else "kg"
+    if carried.limited_by_sampling[j]:
         rotor = (MORE - 1.0) * carried.free_inertia[j]
-        kind = "a rotor" if joint.kind.turns else "a drive"
+        kind = "a rotor" if joint.kind.is_revolute else "a drive"
         return f"the control period holds K low: {kind} of {rotor:.1g} {unit} would allow {MORE:g} times"
-    if carried.by_torque[j]:
+    if carried.limited_by_torque[j]:
         return "its torque limit holds Λ and K low"
     return "its torque limit holds K low"
 

@@ -1,4 +1,4 @@
-"""PlaceBounds on links where mass may be: boxes in the links' frames."""
+"""MountingBounds on links where mass may be: boxes in the links' frames."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SLACK = 1e-9
 
 @sent_as_made
 @dataclass(frozen=True, eq=False)
-class PlaceBounds:
+class MountingBounds:
     """Bounds of a counterweight on the link named `link`: the box of positions of its centre from `lower` (3,) to
     `upper` (3,), m in the link's frame, and its greatest `mass` (kg).
 
@@ -51,7 +51,9 @@ class PlaceBounds:
         object.__setattr__(self, "upper", upper)
 
     @classmethod
-    def of(cls, mechanism: Mechanism, link: str, share: float = SHARE, beyond: float = BEYOND) -> PlaceBounds:
+    def of(
+        cls, mechanism: Mechanism, link: str, mass_ratio: float = SHARE, max_offset: float = BEYOND
+    ) -> MountingBounds:
         """Default bounds of a counterweight on the link named `link` of a mechanism. Its positions are a box along the
         axes of the link's frame: the smallest around the link's joint, the points where other links or loops join it,
         the frame's origin where that is farther from the joint than these points, and the centre of mass, widened on
@@ -60,19 +62,21 @@ class PlaceBounds:
         Its greatest mass (kg) is the fraction `share` (unitless, by default 0.2) of the link's own. Raises `InputError`
         for a link that is unknown or owns no inertia and for a fraction that is no number, below zero or not finite.
         """
-        share, beyond = real_number(share, "places: share"), real_number(beyond, "places: beyond")
-        if not 0.0 <= share < np.inf or not 0.0 <= beyond < np.inf:
-            raise InputError(f"places: expected shares of at least 0, got {share} of mass and {beyond} of length")
+        mass_ratio, max_offset = real_number(mass_ratio, "places: share"), real_number(max_offset, "places: beyond")
+        if not 0.0 <= mass_ratio < np.inf or not 0.0 <= max_offset < np.inf:
+            raise InputError(
+                f"places: expected shares of at least 0, got {mass_ratio} of mass and {max_offset} of length"
+            )
         i = _index(mechanism, link)
         own = mechanism.links[i]
         points = [joint_line(own)[0], *attachments(mechanism.description)[i]]
         if own.inertia[0] > 0.0:
             points.append(own.inertia[1:4] / own.inertia[0])
         low, high = np.min(points, axis=0), np.max(points, axis=0)
-        margin = max(LEAST, beyond * float(np.linalg.norm(high - low)))
-        return cls(link, low - margin, high + margin, share * float(own.inertia[0]))
+        margin = max(LEAST, max_offset * float(np.linalg.norm(high - low)))
+        return cls(link, low - margin, high + margin, mass_ratio * float(own.inertia[0]))
 
-    def require(self, place: ArrayLike) -> None:
+    def validate(self, place: ArrayLike) -> None:
         """Raise `InputError`, which states the box, unless a position `place` (3,), m in the link's frame, is within
         the box from this object's `lower` to its `upper` or at most 1e-9 m outside it in each coordinate; `InputError`
         too for a position that is not three finite numbers. Nothing is returned."""
@@ -91,17 +95,17 @@ class PlaceBounds:
 
 
 def bounds(
-    mechanism: Mechanism, links: Iterable[str], share: float = SHARE, beyond: float = BEYOND
-) -> tuple[PlaceBounds, ...]:
-    """Default bounds of counterweights, a tuple of one `PlaceBounds` for each of the `links` named, in their order: a
-    greatest mass (kg), the fraction `share` (unitless, by default 0.2) of the link's own, and a box of positions, m in
-    its frame, around its joints and centre of mass, widened on all sides by the fraction `beyond` (unitless, by default
-    0.5) of the box's diagonal, and by 0.1 m at least. Raises `InputError` for no links or one given twice, links that
-    are unknown or own no inertia, and fractions that are no numbers, below zero or not finite."""
+    mechanism: Mechanism, links: Iterable[str], mass_ratio: float = SHARE, max_offset: float = BEYOND
+) -> tuple[MountingBounds, ...]:
+    """Default bounds of counterweights, a tuple of one `MountingBounds` for each of the `links` named, in their order:
+    a greatest mass (kg), the fraction `share` (unitless, by default 0.2) of the link's own, and a box of positions, m
+    in its frame, around its joints and centre of mass, widened on all sides by the fraction `beyond` (unitless, by
+    default 0.5) of the box's diagonal, and by 0.1 m at least. Raises `InputError` for no links or one given twice,
+    links that are unknown or own no inertia, and fractions that are no numbers, below zero or not finite."""
     names = tuple(links)
     if len(set(names)) < len(names) or not names:
         raise InputError(f"links: expected at least one, each once, got {', '.join(names) or 'none'}")
-    return tuple(PlaceBounds.of(mechanism, name, share, beyond) for name in names)
+    return tuple(MountingBounds.of(mechanism, name, mass_ratio, max_offset) for name in names)
 
 
 def _index(mechanism: Mechanism, link: str) -> int:

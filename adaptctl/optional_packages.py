@@ -12,7 +12,7 @@ from pathlib import Path
 from sys import modules
 from typing import Any
 
-from adaptctl.errors import MissingExtraError
+from adaptctl.errors import MissingExtraError, suggested_name
 
 DISTRIBUTIONS = {
     "clarabel": "'adaptctl[consistency]'",
@@ -51,7 +51,7 @@ def needed(what: str) -> Iterator[None]:
         raise MissingExtraError(f"{what} needs {missing}: pip install {DISTRIBUTIONS.get(missing, missing)}") from error
 
 
-def require_for_results() -> None:
+def validate_for_results() -> None:
     """Raise `ModuleNotFoundError` where a package that the folder of a run is written by is not installed: before
     hours of computing, not after them. Nothing is imported."""
     for name in OF_RESULTS:
@@ -96,7 +96,8 @@ def imported_lazily(package: str) -> tuple[list[str], Callable[[str], Any], Call
 
     def found(name: str) -> Any:
         if name not in home_of:
-            missing = f"module {package!r} has no attribute {name!r}"
+            guess = suggested_name(name, home_of)
+            missing = f"module {package!r} has no attribute {name!r}{guess}"
             raise AttributeError(missing, name=name, obj=modules[package])
         with needed(f"{package}.{name}"):
             value = getattr(import_module(home_of[name]), name)

@@ -33,7 +33,7 @@ PENALTY = 30.0
 
 
 @dataclass(frozen=True, eq=False)
-class ExcitingReference:
+class ExcitationTrajectory:
     """Optimised exciting reference (excitation trajectory), with the condition number of the torque regressor along it
     and those of random references to compare with.
 
@@ -66,7 +66,7 @@ class ExcitingReference:
 class MotionLimits:
     """Limits of a reference for r joints: positions from `lower` to `upper` in rad (m for a prismatic joint), greatest
     speeds `velocity` in rad/s (m/s) and torques `torque` in N m (N), (r,) each; the last two infinite where there is
-    none. Nothing is checked here; `exciting_reference` checks them."""
+    none. Nothing is checked here; `excitation_trajectory` checks them."""
 
     lower: Array
     upper: Array
@@ -81,9 +81,9 @@ class MotionLimits:
         lesser of -pi rad (-1 m) and its upper limit less 2 pi rad (2 m), an upper one as the greater of pi rad (1 m)
         and its lower limit plus 2 pi rad (2 m); speeds and torques without a limit are infinite. Raises `InputError`
         for another `share`."""
-        _require_share(share)
+        _validate_share(share)
         joints = model.mechanism.primary_joints
-        wide = np.array([np.pi if joint.kind.turns else 1.0 for joint in joints])
+        wide = np.array([np.pi if joint.kind.is_revolute else 1.0 for joint in joints])
         lower, upper = (np.array([getattr(j.limits, name) for j in joints]) for name in ("lower", "upper"))
         lower = np.where(np.isfinite(lower), lower, np.minimum(-wide, upper - 2.0 * wide))
         upper = np.where(np.isfinite(upper), upper, np.maximum(wide, lower + 2.0 * wide))
@@ -103,7 +103,7 @@ class FourierSearch:
     used; then r numbers whose logistic function is the fraction of each joint's limits that is used, and r whose
     logistic function is the position of the swing between the position limits, from 0 at the lower to 1 at the upper
     one. Minimised is the condition number of the torque regressor, its columns scaled by `scale` (k,), the parameters'
-    prior ranges (greatest plausible errors) in SI units. Nothing is checked here: `exciting_reference` checks, and
+    prior ranges (greatest plausible errors) in SI units. Nothing is checked here: `excitation_trajectory` checks, and
     searches.
     """
 
@@ -241,20 +241,20 @@ class FourierSearch:
         return regressor_of(self.model)
 
 
-def exciting_reference(
+def excitation_trajectory(
     model: ReducedModel,
     *,
     frequency: float = 0.1,
     harmonics: int = 5,
-    share: float = 0.8,
+    limit_share: float = 0.8,
     scale: ArrayLike | None = None,
     limits: MotionLimits | None = None,
     iterations: int = 100,
     seed: int = 0,
     progress: Callable[[float], object] | None = None,
-) -> ExcitingReference:
+) -> ExcitationTrajectory:
     """The periodic reference of the `model`'s r joints with the least condition number of the torque regressor that a
-    search finds, an `ExcitingReference`. It has harmonics 1 to `harmonics` (5 by default) of `frequency` (Hz, 0.1 by
+    search finds, an `ExcitationTrajectory`. It has harmonics 1 to `harmonics` (5 by default) of `frequency` (Hz, 0.1 by
     default).
 
     Fourier series within positions, speeds and torques (Swevers, Ganseman, Tukel, De Schutter and Van Brussel 1997):
@@ -272,7 +272,7 @@ def exciting_reference(
     positions, speeds below 0 or torques not above it; and where torques pass their limits even at rest.
     """
     iterations = whole_count(iterations, "iterations", 1)
-    search = _checked(model, frequency, harmonics, share, scale, limits)
+    search = _checked(model, frequency, harmonics, limit_share, scale, limits)
     rng = np.random.default_rng(whole_count(seed, "seed"))
     starts = [search.random(rng) for _ in range(RANDOM)]
     random_conditions = np.array([search.within(x)[1] for x in starts])
@@ -284,7 +284,7 @@ def exciting_reference(
     except KeyboardInterrupt:
         complete = False
     reference, condition, torque_share = search.within(best.x)
-    return ExcitingReference(reference, condition, random_conditions, torque_share, best.iterations, complete)
+    return ExcitationTrajectory(reference, condition, random_conditions, torque_share, best.iterations, complete)
 
 
 class _Best:
@@ -319,9 +319,9 @@ def _checked(
     """The search with these settings. Raises `InputError` for those that cannot be."""
     frequency = positive_number(frequency, "frequency: expected a positive one in Hz")
     harmonics = whole_count(harmonics, "harmonics", 1)
-    _require_share(share)
+    _validate_share(share)
     if limits is not None:
-        _require_limits(limits, model.mechanism.dof)
+        _validate_limits(limits, model.mechanism.dof)
     k = len(model.columns)
     ranges = PriorRanges().of(model.names) if scale is None else numbers(scale, "scale")
     ranges = frozen_array(np.broadcast_to(ranges, (k,)) if ranges.ndim == 0 else ranges, (k,), "scale")
@@ -330,12 +330,12 @@ def _checked(
     return FourierSearch(model, limits or MotionLimits.of(model, share), frequency, harmonics, ranges)
 
 
-def _require_share(share: float) -> None:
-    if not 0.0 < real_number(share, "share") <= 1.0:
-        raise InputError(f"share: expected a share of the limits above 0 and up to 1, got {share}")
+def _validate_share(share: float) -> None:
+    if not 0.0 < real_number(share, "limit_share") <= 1.0:
+        raise InputError(f"limit_share: expected a share of the limits above 0 and up to 1, got {share}")
 
 
-def _require_limits(limits: MotionLimits, dof: int) -> None:
+def _validate_limits(limits: MotionLimits, dof: int) -> None:
     """Raise `InputError` for limits that no reference keeps."""
     lower, upper = (frozen_array(getattr(limits, name), (dof,), f"limits: {name}") for name in ("lower", "upper"))
     if not np.all(lower <= upper):

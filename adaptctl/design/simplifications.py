@@ -11,7 +11,7 @@ import numpy as np
 from adaptctl.arrays import Array, positive_number
 from adaptctl.caching import cached_property
 from adaptctl.design.bodies import STEEL, ball_tens
-from adaptctl.design.places import PlaceBounds
+from adaptctl.design.mounting_bounds import MountingBounds
 from adaptctl.design.task import DesignTask
 from adaptctl.dynamics.equation_costs import equation_costs
 from adaptctl.errors import InputError
@@ -28,11 +28,11 @@ MIRRORED = {
 ROUND_OFF = 1e-11
 """Size of coefficients that are zero."""
 EACH = 13
-"""PlaceBounds along each edge of a link's box that are tried; the ends are among them."""
+"""MountingBounds along each edge of a link's box that are tried; the ends are among them."""
 
 
 @dataclass(frozen=True, eq=False)
-class Removal:
+class Simplification:
     """A change of a mechanism's design after which j inertial parameters are enough for its torques, fewer than the k
     fundamental (base) parameters of a `basis`, a `FundamentalBasis`, before.
 
@@ -44,11 +44,11 @@ class Removal:
     columns] regrouping D for the inertial parameters D (P,) of the changed design, with the torque regressor Y (r, P)
     of r primary (independently moving) joints. `mass` (kg) is added at the position `place` (3,), m in the link's
     frame, or moved there from the link's centre of mass; 0 and None for a symmetry. `holds` is True where the mechanism
-    has the symmetry already. Made by `removals`; nothing is checked at construction.
+    has the symmetry already. Made by `simplifications`; nothing is checked at construction.
     """
 
     basis: FundamentalBasis
-    way: Way
+    kind: Way
     link: str
     known: tuple[str, ...]
     columns: tuple[int, ...]
@@ -56,7 +56,7 @@ class Removal:
     zero: tuple[str, ...]
     mass: float = 0.0
     place: Array | None = None
-    holds: bool = False
+    condition: bool = False
 
     @property
     def rank(self) -> int:
@@ -65,7 +65,7 @@ class Removal:
         return len(self.columns)
 
     @property
-    def gone(self) -> tuple[str, ...]:
+    def eliminated(self) -> tuple[str, ...]:
         """Names of the mechanism's fundamental (base) parameters that are not needed after this change of its design (a
         symmetry, a ball added or mass moved), in the order of the field `basis`. They may be more than the difference
         of the numbers of parameters, since another inertial parameter can replace one of them."""
@@ -73,7 +73,7 @@ class Removal:
         return tuple(name for name in self.basis.names if name not in left)
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """Phrase, as text, that describes this change of a mechanism's design, such as "add 1.2 kg to link2 at (0.100,
         0.000, 0.000) m", or for a symmetry that a link has already, such as "link2 is its own mirror image along x
         already"."""
@@ -82,9 +82,9 @@ class Removal:
         if self.place is None:
             axes = [axis for axis, names in MIRRORED.items() if f"{self.link}.{names[0]}" in self.known]
             mirror = f"its own mirror image along {' and '.join(axes)}"
-            return f"{self.link} is {mirror} already" if self.holds else f"make {self.link} {mirror}"
+            return f"{self.link} is {mirror} already" if self.condition else f"make {self.link} {mirror}"
         x = ", ".join(f"{value:.3f}" for value in self.place + 0.0)
-        if self.way == "balance":
+        if self.kind == "balance":
             return f"add {self.mass:.3g} kg to {self.link} at ({x}) m"
         return f"move {self.mass:.3g} kg of {self.link} from its centre of mass to ({x}) m"
 
@@ -110,7 +110,7 @@ class Removal:
         return regrouping_equations(self.regrouping, self.columns, self.basis.parameter_names)
 
 
-def operations_saved(task: DesignTask, removal: Removal) -> int:
+def operations_saved(task: DesignTask, removal: Simplification) -> int:
     """Number of floating-point operations that an adaptive controller of the task's mechanism saves in each control
     period after a change of its design, a `removal`, since it needs fewer parameters. Counted are the torques Y beta
     (r,) of r primary (independently moving) joints and the powers Y' s (k,), with the regressor Y (r, k), its transpose
@@ -119,15 +119,18 @@ def operations_saved(task: DesignTask, removal: Removal) -> int:
     where the number of identifiable parameters cannot be certified, `LoopError` where kinematic loops cannot be closed.
     """
     mechanism = task.mechanism
-    friction = range(mechanism.energetic, len(mechanism.parameter_names))
+    friction = range(mechanism.num_energy_parameters, len(mechanism.parameter_names))
     before, after = (equation_costs(mechanism, (*c, *friction)).tick for c in (task.basis.columns, removal.columns))
     return before - after
 
 
-def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = STEEL) -> tuple[Removal, ...]:
-    """All changes of a mechanism's design that remove fundamental (base) parameters, as a tuple of `Removal`, the one
-    that leaves the fewest first, of equal ones the one with the least mass. `within` has one `PlaceBounds` for each
-    link that may change: bounds of added or moved mass and of its position. Empty where there are no such changes.
+def simplifications(
+    task: DesignTask, within: Sequence[MountingBounds], density: float = STEEL
+) -> tuple[Simplification, ...]:
+    """All changes of a mechanism's design that remove fundamental (base) parameters, as a tuple of `Simplification`,
+    the one that leaves the fewest first, of equal ones the one with the least mass. `within` has one `MountingBounds`
+    for each link that may change: bounds of added or moved mass and of its position. Empty where there are no such
+    changes.
 
     By symmetry: a link becomes its own mirror image along one or two axes of its frame. By balance: a ball of a density
     in kg/m^3 (steel's 7850 by default), added to a link, makes one fundamental parameter zero. By relocation: a part of
@@ -142,20 +145,20 @@ def removals(task: DesignTask, within: Sequence[PlaceBounds], density: float = S
     within = tuple(within)
     links = [places.link for places in within]
     if len({task.link(link) for link in links}) < len(links):
-        raise InputError(f"removals: expected places on links, each once, got {', '.join(links)}")
+        raise InputError(f"simplifications: expected places on links, each once, got {', '.join(links)}")
     found = [removal for places in within for removal in _of_link(task, places, density)]
-    so_already = dict.fromkeys(name for removal in found if removal.holds for name in removal.known)
+    so_already = dict.fromkeys(name for removal in found if removal.condition for name in removal.known)
     together = by_symmetry(task, tuple(so_already)) if so_already else None
     if together is not None:
         found.append(together)
     return tuple(sorted(found, key=lambda removal: (removal.rank, removal.mass)))
 
 
-def by_symmetry(task: DesignTask, known: Sequence[str], link: str = "") -> Removal | None:
-    """The change of a mechanism's design, a `Removal`, by which the inertial parameters named in `known`, such as
-    "link3.I_xy", are zero by symmetry; None where as many parameters are needed as before. `link` is the name of the
-    link to change, empty, the default, for several; it is only copied to the `Removal`. That the `known` belong to a
-    symmetry is not checked. Raises `InputError` for a name that is no inertial parameter of the task's mechanism,
+def by_symmetry(task: DesignTask, known: Sequence[str], link: str = "") -> Simplification | None:
+    """The change of a mechanism's design, a `Simplification`, by which the inertial parameters named in `known`, such
+    as "link3.I_xy", are zero by symmetry; None where as many parameters are needed as before. `link` is the name of the
+    link to change, empty, the default, for several; it is only copied to the `Simplification`. That the `known` belong
+    to a symmetry is not checked. Raises `InputError` for a name that is no inertial parameter of the task's mechanism,
     `RankError` where the number of identifiable parameters cannot be certified."""
     basis = task.basis
     wrong = [name for name in known if name not in basis.parameter_names]
@@ -171,22 +174,22 @@ def by_symmetry(task: DesignTask, known: Sequence[str], link: str = "") -> Remov
     solved = np.linalg.lstsq(K[:, columns], K, rcond=None)[0]
     regrouping: Array = np.where(np.abs(solved) < ROUND_OFF, 0.0, solved)
     holds = not np.any(task.parameters[places])
-    return Removal(basis, "symmetry", link, tuple(known), columns, regrouping, zero, holds=holds)
+    return Simplification(basis, "symmetry", link, tuple(known), columns, regrouping, zero, condition=holds)
 
 
-def _of_link(task: DesignTask, places: PlaceBounds, density: float) -> Iterator[Removal]:
+def _of_link(task: DesignTask, places: MountingBounds, density: float) -> Iterator[Simplification]:
     for axes in ("x", "y", "z", "xy", "xz", "yz"):
         known = dict.fromkeys(f"{places.link}.{name}" for axis in axes for name in MIRRORED[axis])
         removal = by_symmetry(task, tuple(known), places.link)
         if removal is not None:
             yield removal
-    carried = task.carried()
+    carried = task.nonzero_parameters()
     for i, name in enumerate(task.basis.names):
         if name in carried:
             yield from _by_mass(task, places, density, i)
 
 
-def _by_mass(task: DesignTask, places: PlaceBounds, density: float, row: int) -> Iterator[Removal]:
+def _by_mass(task: DesignTask, places: MountingBounds, density: float, row: int) -> Iterator[Simplification]:
     """Balance and relocation that make the row's fundamental parameter zero, where the bounds allow it."""
     first = 10 * task.link(places.link)
     share = task.basis.regrouping[row, first : first + 10]
@@ -202,7 +205,7 @@ def _by_mass(task: DesignTask, places: PlaceBounds, density: float, row: int) ->
 
 
 def _least_mass(
-    share: Array, wanted: float, taken: float, places: PlaceBounds, density: float
+    share: Array, wanted: float, taken: float, places: MountingBounds, density: float
 ) -> tuple[float, Array] | None:
     """The least mass, at the best place of a grid, whose ball changes the row's parameter as wanted."""
     from scipy.optimize import brentq
@@ -222,10 +225,10 @@ def _least_mass(
     return float(brentq(short, 0.0, places.mass, xtol=1e-12)), x
 
 
-def _without(basis: FundamentalBasis, way: Way, link: str, row: int, mass: float, place: Array) -> Removal:
+def _without(basis: FundamentalBasis, way: Way, link: str, row: int, mass: float, place: Array) -> Simplification:
     left = [i for i in range(basis.rank) if i != row]
     columns, zero = tuple(basis.columns[i] for i in left), (basis.names[row],)
-    return Removal(basis, way, link, (), columns, basis.regrouping[left], zero, mass, place)
+    return Simplification(basis, way, link, (), columns, basis.regrouping[left], zero, mass, place)
 
 
 def _independent_columns(K: Array, basis: FundamentalBasis) -> tuple[int, ...]:

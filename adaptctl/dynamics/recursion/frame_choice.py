@@ -15,8 +15,9 @@ from adaptctl.dynamics.recursion.segment import AxisRotation, Placement, Segment
 from adaptctl.scalars import Column, Mat, Scalar, Vec, cos, sin
 
 
-class HeldAxes(NamedTuple):
-    """Choice of the axes in which the vectors of a tree's n links are held, made by `HeldAxes.of`. Nothing is checked.
+class FrameChoice(NamedTuple):
+    """Choice of the axes in which the vectors of a tree's n links are held, made by `FrameChoice.of`. Nothing is
+    checked.
 
     `links` has the links' geometry, parents before children. `senses` (n,) is 1.0 for a link whose joint is parallel to
     its parent's joint, -1.0 where it is antiparallel, else 0.0. `unturned` (n,) is True for a link whose vectors are
@@ -29,8 +30,8 @@ class HeldAxes(NamedTuple):
     unturned: tuple[bool, ...]
 
     @classmethod
-    def of(cls, links: Sequence[Segment]) -> HeldAxes:
-        """The choice that takes fewer operations, as `HeldAxes`, for a tree of n `links` (geometry, parents before
+    def of(cls, links: Sequence[Segment]) -> FrameChoice:
+        """The choice that takes fewer operations, as `FrameChoice`, for a tree of n `links` (geometry, parents before
         children). Vectors of a link are held before its joint's turn where the joint turns about a coordinate axis of
         the link, all joints on the link are parallel to it, and one before it, which turns the link too, is not: links
         that move in a plane of the ground are turned by one angle already. Links whose three turns are one (`whole`)
@@ -74,9 +75,13 @@ class HeldAxes(NamedTuple):
         for link, own, unturned in zip(self.links, coordinates, self.unturned, strict=True):
             before = found[link.parent].turn if link.parent != GROUND else None
             turn = axis_rotation(link.axis, *own) if unturned else None
-            place = link.placed(own) if turn is None else Placement(link, own, link.fixed, turn.T @ link.far, turn)
+            place = (
+                link.placed(own)
+                if turn is None
+                else Placement(link, own, link.fixed, turn.T @ link.joint_to_link, turn)
+            )
             if before is not None:
-                place.near = before.T @ link.near
+                place.near = before.T @ link.parent_to_joint
             found.append(place)
         return found
 

@@ -16,7 +16,7 @@ from adaptctl.errors import InputError, TraceError
 from adaptctl.scalars import Column
 
 
-def ticked(law: Any, *given: Any) -> Any:
+def checked_step(law: Any, *given: Any) -> Any:
     """The torque and the next internal state, as the method `law` of the controller `law` returns them: the value of
     `law.law(*given)`, not checked. `given` are the arguments: positions, velocities, reference point, internal state.
     Raises `TraceError`, which names the controller, where the method applies a NumPy function to a `Column`, a vector
@@ -32,7 +32,7 @@ def ticked(law: Any, *given: Any) -> Any:
         ) from error
 
 
-def require_tick(law: Any, returned: Any) -> tuple[Column, Any]:
+def validate_step(law: Any, returned: Any) -> tuple[Column, Any]:
     """The torque, a `Column` (vector of scalars) of length r for r joints, and the internal state in `returned`, the
     value that the method `law` of the controller `law` returned. Raises `InputError` unless `returned` is a tuple of
     such a column and an internal state: a named tuple of as many columns, each as long, as the controller's method
@@ -100,9 +100,9 @@ def _names(memory: Any) -> tuple[str, ...]:
     return getattr(memory, "_fields", tuple(map(str, range(len(memory)))))
 
 
-class InOneArray(tuple[Any, ...]):
+class PackedState(tuple[Any, ...]):
     """Internal state of a control law, a named tuple of columns and of further such tuples, whose columns are views of
-    one array (..., n), n their lengths together. Native code reads and makes that one array. `in_one_array` makes the
+    one array (..., n), n their lengths together. Native code reads and makes that one array. `packed_state` makes the
     type for the internal states of one law.
 
     An instance is also one of the law's own named tuple, with the same fields; views are made when they are asked for.
@@ -156,24 +156,24 @@ class InOneArray(tuple[Any, ...]):
         return self._kind, tuple(copy(part) if isinstance(part, tuple) else part.copy() for part in self)
 
 
-def in_one_array(memory: tuple[Any, ...]) -> type[InOneArray]:
-    """The subclass of `InOneArray`, and of the type of `memory`, for internal states of a control law with the fields
+def packed_state(memory: tuple[Any, ...]) -> type[PackedState]:
+    """The subclass of `PackedState`, and of the type of `memory`, for internal states of a control law with the fields
     and column lengths of `memory`. This is a (named) tuple of columns (..., n), n the length of each, and of further
     such tuples. Instances of the class keep all columns in one array. Raises `IndexError` for a column that is one
     number, without an axis."""
     parts = zip(_names(memory), memory, strict=True)
-    described = ((name, in_one_array(x) if isinstance(x, tuple) else np.shape(x)[-1]) for name, x in parts)
+    described = ((name, packed_state(x) if isinstance(x, tuple) else np.shape(x)[-1]) for name, x in parts)
     return _type(getattr(memory, "_kind", type(memory)), tuple(described))
 
 
 @cache
-def _type(kind: Any, parts: Parts) -> type[InOneArray]:
+def _type(kind: Any, parts: Parts) -> type[PackedState]:
     lengths = [_length(part) for _, part in parts]
     places = [slice(end - n, end) for n, end in zip(lengths, accumulate(lengths), strict=True)]
     views = tuple(_view(part, place) for (_, part), place in zip(parts, places, strict=True))
     named = {name: _field(view) for (name, _), view in zip(parts, views, strict=True)}
     own = {"__slots__": (), "_parts": views, "_kind": kind, "_length": sum(lengths)}
-    return type(kind.__name__, (InOneArray, kind), {**named, **own, "__module__": kind.__module__})
+    return type(kind.__name__, (PackedState, kind), {**named, **own, "__module__": kind.__module__})
 
 
 def _field(view: Callable[[Array], Any]) -> property:

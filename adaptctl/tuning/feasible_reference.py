@@ -78,7 +78,7 @@ HIGHEST = 0.95
 """of a torque limit, the most that a reference may ask"""
 
 
-class WorkableReference(NamedTuple):
+class FeasibleReference(NamedTuple):
     """Record of a reference for r joints, `reference`, and of the fractions of the torque limits that it asks for. All
     are (r,), without a unit. Nothing is checked.
 
@@ -94,8 +94,8 @@ class WorkableReference(NamedTuple):
     reduced: Array
 
 
-def workable_reference(mechanism: Mechanism, limits: Array, seed: int) -> WorkableReference:
-    """A `WorkableReference` for the `mechanism`'s r joints: sinusoids that ask for at most 0.6 of the torque limits, or
+def feasible_reference(mechanism: Mechanism, limits: Array, seed: int) -> FeasibleReference:
+    """A `FeasibleReference` for the `mechanism`'s r joints: sinusoids that ask for at most 0.6 of the torque limits, or
     more where rest asks for much, about a centre where gravity asks for little. `limits` (r,) are the torque limits, N
     m (N if prismatic).
 
@@ -114,8 +114,8 @@ def workable_reference(mechanism: Mechanism, limits: Array, seed: int) -> Workab
     return _fitted(mechanism, limits, static, Sinusoids(center, amplitude, frequency, start_time=START_TIME))
 
 
-def judged_reference(mechanism: Mechanism, limits: Array, reference: Reference) -> WorkableReference:
-    """A `WorkableReference` of the `reference` given, for the `mechanism`'s r joints: with the fractions (r,), no unit,
+def judged_reference(mechanism: Mechanism, limits: Array, reference: Reference) -> FeasibleReference:
+    """A `FeasibleReference` of the `reference` given, for the `mechanism`'s r joints: with the fractions (r,), no unit,
     that it asks for of the torque limits `limits` (r,), N m (N if prismatic). `asked` is the peak, at 201 times of its
     first 20 s, of the magnitude of each joint's torque over its limit, infinite where kinematic loops cannot be closed
     on it; `static` is the same for gravity and Coulomb friction at rest at the position at time 0; `reduced` is ones
@@ -124,10 +124,10 @@ def judged_reference(mechanism: Mechanism, limits: Array, reference: Reference) 
     first."""
     center = reference(np.zeros(1)).p[0]
     asked = _asked(mechanism, limits, reference)
-    return WorkableReference(reference, _static(mechanism, limits, center).sum(axis=0), asked, np.ones(mechanism.dof))
+    return FeasibleReference(reference, _static(mechanism, limits, center).sum(axis=0), asked, np.ones(mechanism.dof))
 
 
-def _fitted(mechanism: Mechanism, limits: Array, parts: Array, drawn: Sinusoids) -> WorkableReference:
+def _fitted(mechanism: Mechanism, limits: Array, parts: Array, drawn: Sinusoids) -> FeasibleReference:
     """The drawn reference, joints moved less until none asks for more than its share; `parts` are of `_static`.
 
     A joint that gravity alone asks more of is held still, and no other is moved less for its sake.
@@ -143,7 +143,7 @@ def _fitted(mechanism: Mechanism, limits: Array, parts: Array, drawn: Sinusoids)
             break
         others = SLIGHTLY if scale[over].min() > OWN else SMALLER
         scale = scale * np.where(over, SMALLER, others)
-    return WorkableReference(reference, static, asked, scale)
+    return FeasibleReference(reference, static, asked, scale)
 
 
 def _asked(mechanism: Mechanism, limits: Array, reference: Reference) -> Array:
@@ -171,7 +171,7 @@ def _center(mechanism: Mechanism, limits: Array, rng: np.random.Generator) -> Ar
     offsets = rng.uniform(-1.0, 1.0, (SAMPLES, mechanism.dof)) * rng.uniform(0.0, INNER, (SAMPLES, 1))
     closed = mechanism.description.closed
     if closed:
-        first = mechanism.home
+        first = mechanism.neutral_configuration
         candidates = np.clip(first + NEAR_HOME * half * offsets, lower, upper)
         candidates = candidates[reachable(mechanism, candidates)]
     else:

@@ -1,4 +1,4 @@
-"""The hold number: how much velocity feedback a torque that is held over the control period carries."""
+"""The sampling ratio: how much velocity feedback a torque that is held over the control period carries."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from adaptctl.compilation.object_cache import kept
 from adaptctl.control.gains.workspace import Workspace, Worst, everywhere, workspace_of
 from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import GainError, InputError, require_kind
+from adaptctl.errors import GainError, InputError, validate_kind
 from adaptctl.scalars import column
 
-LARGEST_SAMPLED_GAIN = 1.5
-"""A torque held over T_c is stable while the hold number is below 2; the rest is a margin."""
+MAX_SAMPLING_RATIO = 1.5
+"""A torque held over T_c is stable while the sampling ratio is below 2; the rest is a margin."""
 DEFINITE = 1e-12
 """Least eigenvalue of a mass matrix, its diagonal scaled to 1, that is positive beyond round-off."""
 
 
 @sent_as_made
-class HoldNumber(NamedTuple):
-    """Record of the greatest hold number that a search over a set of joint positions found. `value` is that number,
+class SamplingRatio(NamedTuple):
+    """Record of the greatest sampling ratio that a search over a set of joint positions found. `value` is that number,
     without a unit, `p` (r,), rad (m if prismatic), the positions of the r joints where it was found, and `joint` the
     name of the joint that rings most there.
 
-    The hold number is T_c lambda_max(M^-1 (K + M^ Lambda)), and a held torque is stable while it is below 2. T_c is the
-    control period in s, M the mass matrix, M^ the estimated one, K the damping in N m s/rad (N s/m), Lambda the
+    The sampling ratio is T_c lambda_max(M^-1 (K + M^ Lambda)), and a held torque is stable while it is below 2. T_c is
+    the control period in s, M the mass matrix, M^ the estimated one, K the damping in N m s/rad (N s/m), Lambda the
     bandwidth in 1/s and lambda_max the largest eigenvalue; where eigenvalues l are complex, the greatest |l|^2/Re l.
-    The search (`Workspace.highest`) is a local one that starts at the worst samples of the set, by default 200 random
+    The search (`Workspace.maximum`) is a local one that starts at the worst samples of the set, by default 200 random
     positions within the joints' limits. `joint` has the largest entry of sqrt(K) x, x being the eigenvector of the
     eigenvalue with the greatest real part; where `value` is infinite, it has the least diagonal entry of M, if that is
     not positive, or else the largest entry of the eigenvector of the least eigenvalue of M, scaled to a unit diagonal.
@@ -45,17 +45,17 @@ class HoldNumber(NamedTuple):
     joint: str
 
 
-def hold_number(
+def sampling_ratio(
     mechanism: Mechanism,
     damping: ArrayLike,
-    period: float,
+    control_period: float,
     bandwidth: ArrayLike = 0.0,
     *,
     estimate: ArrayLike | None = None,
     workspace: Workspace | None = None,
-) -> HoldNumber:
-    """The greatest hold number T_c lambda_max(M^-1 (K + M^ Lambda)), without a unit, and the positions where it is, a
-    `HoldNumber`, by a local search over `workspace`. A torque held over the control period T_c is stable while the
+) -> SamplingRatio:
+    """The greatest sampling ratio T_c lambda_max(M^-1 (K + M^ Lambda)), without a unit, and the positions where it is,
+    a `SamplingRatio`, by a local search over `workspace`. A torque held over the control period T_c is stable while the
     number is below 2.
 
     lambda_max is the largest eigenvalue (where eigenvalues l are complex, the greatest |l|^2/Re l), M the mass matrix
@@ -72,16 +72,17 @@ def hold_number(
     B, for which the limit of 2 is exact. Raises `InputError` unless damping and period are positive, the bandwidth at
     least 0 and all finite, and on a wrong shape.
     """
-    require_kind(mechanism, Mechanism, "hold number", "as load(...) gives one")
-    require_period(period)
+    validate_kind(mechanism, Mechanism, "sampling ratio", "as load(...) gives one")
+    validate_period(control_period)
     workspace = None if workspace is None else workspace_of(mechanism, workspace)
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     if not (np.all((K > 0.0) & np.isfinite(K)) and np.all((L >= 0.0) & np.isfinite(L))):
         raise InputError(
-            f"hold number: expected a positive damping and a bandwidth of at least 0, got {K.tolist()} and {L.tolist()}"
+            f"sampling ratio: expected a positive damping and a bandwidth of at least 0, got {K.tolist()} and "
+            f"{L.tolist()}"
         )
     known = None if estimate is None else tuple(_all_parameters(mechanism, estimate).tolist())
-    return _searched(mechanism, workspace, tuple(K.tolist()), tuple(L.tolist()), float(period), known)
+    return _searched(mechanism, workspace, tuple(K.tolist()), tuple(L.tolist()), float(control_period), known)
 
 
 def _all_parameters(mechanism: Mechanism, values: ArrayLike) -> Array:
@@ -94,30 +95,32 @@ def _searched(
     workspace: Workspace | None,
     damping: tuple[float, ...],
     bandwidth: tuple[float, ...],
-    period: float,
+    control_period: float,
     estimate: tuple[float, ...] | None,
-) -> HoldNumber:
+) -> SamplingRatio:
     K, L = np.array(damping), np.array(bandwidth)
     if estimate is None and L.min() == L.max() and not np.any(_viscous(mechanism)[1]):
         # T_c M^-1 (K + M lambda) = T_c (k M^-1 (K/k) + lambda): one search for all K in proportion and all such Lambda
         unit = _of_proportion(mechanism, workspace, tuple(float(f"{x:.14g}") for x in K / K.max()))
-        return unit._replace(value=period * (float(K.max()) * unit.value + bandwidth[0]))
-    return _kept(mechanism, workspace, damping, bandwidth, period, estimate)
+        return unit._replace(value=control_period * (float(K.max()) * unit.value + bandwidth[0]))
+    return _kept(mechanism, workspace, damping, bandwidth, control_period, estimate)
 
 
 @lru_cache(maxsize=64)
-def _of_proportion(mechanism: Mechanism, workspace: Workspace | None, damping: tuple[float, ...]) -> HoldNumber:
-    """The hold number without a bandwidth, for a period of 1 s."""
+def _of_proportion(mechanism: Mechanism, workspace: Workspace | None, damping: tuple[float, ...]) -> SamplingRatio:
+    """The sampling ratio without a bandwidth, for a period of 1 s."""
     return _kept(mechanism, workspace, damping, (0.0,) * len(damping), 1.0, None)
 
 
-def _kept(mechanism: Mechanism, workspace: Workspace | None, *settings: Any) -> HoldNumber:
-    """The hold number; over all that the limits allow it is searched once, also for later processes."""
+def _kept(mechanism: Mechanism, workspace: Workspace | None, *settings: Any) -> SamplingRatio:
+    """The sampling ratio; over all that the limits allow it is searched once, also for later processes."""
     if workspace is not None:
         return _found(workspace, *settings)
     inputs = [mechanism.description.sha256, *settings]
-    value, p, joint = kept("hold number", inputs, tuple[float, list[float], str], lambda: _plain(mechanism, *settings))
-    return HoldNumber(value, frozen(np.array(p)), joint)
+    value, p, joint = kept(
+        "sampling ratio", inputs, tuple[float, list[float], str], lambda: _plain(mechanism, *settings)
+    )
+    return SamplingRatio(value, frozen(np.array(p)), joint)
 
 
 def _plain(mechanism: Mechanism, *settings: Any) -> tuple[float, list[float], str]:
@@ -130,36 +133,36 @@ def _found(
     workspace: Workspace,
     damping: tuple[float, ...],
     bandwidth: tuple[float, ...],
-    period: float,
+    control_period: float,
     estimate: tuple[float, ...] | None,
-) -> HoldNumber:
+) -> SamplingRatio:
     mechanism, K, L = workspace.mechanism, np.array(damping), np.array(bandwidth)
     parameters = None if estimate is None else np.array(estimate)
 
     def feedback(p: Array) -> Array:
         M = workspace.mass_matrices if p is workspace.samples else mechanism.mass_matrix(p)
-        return _feedback(mechanism, p, M, K, L, period, parameters)
+        return _feedback(mechanism, p, M, K, L, control_period, parameters)
 
-    worst = workspace.highest(lambda p: _hold_numbers(feedback(p)))
+    worst = workspace.maximum(lambda p: _hold_numbers(feedback(p)))
     if np.isinf(worst.value):
-        return HoldNumber(np.inf, worst.p, mechanism.primary_joints[_weightless(mechanism, worst.p)].name)
+        return SamplingRatio(np.inf, worst.p, mechanism.primary_joints[_weightless(mechanism, worst.p)].name)
     values, vectors = np.linalg.eig(feedback(worst.p[None])[0])
     joint = int(np.abs(vectors[:, values.real.argmax()] * np.sqrt(K)).argmax())
-    return HoldNumber(worst.value, worst.p, mechanism.primary_joints[joint].name)
+    return SamplingRatio(worst.value, worst.p, mechanism.primary_joints[joint].name)
 
 
-def hold_numbers(
+def sampling_ratios(
     mechanism: Mechanism,
     p: ArrayLike,
     damping: ArrayLike,
-    period: float,
+    control_period: float,
     bandwidth: ArrayLike = 0.0,
     *,
     estimate: ArrayLike | None = None,
 ) -> Array:
-    """Hold numbers T_c lambda_max(M^-1 (K + M^ Lambda)) (...), without a unit, at given positions `p` (..., r) of the r
-    joints of a `mechanism`, rad (m if prismatic). A torque held over the control period T_c is stable while the number
-    is below 2.
+    """Sampling ratios T_c lambda_max(M^-1 (K + M^ Lambda)) (...), without a unit, at given positions `p` (..., r) of
+    the r joints of a `mechanism`, rad (m if prismatic). A torque held over the control period T_c is stable while the
+    number is below 2.
 
     M is the mass matrix, lambda_max the largest eigenvalue (where eigenvalues l are complex, the greatest |l|^2/Re l),
     `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in 1/s, 0 by default, each one number or (r,); `period` is
@@ -173,17 +176,25 @@ def hold_numbers(
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     known = None if estimate is None else np.asarray(estimate, dtype=np.float64)
     p = np.asarray(p, dtype=np.float64)
-    return _hold_numbers(_feedback(mechanism, p, mechanism.mass_matrix(p), K, L, period, known))
+    return _hold_numbers(_feedback(mechanism, p, mechanism.mass_matrix(p), K, L, control_period, known))
 
 
 def _feedback(
-    mechanism: Mechanism, p: Array, M: Array, damping: Array, bandwidth: Array, period: float, estimate: Array | None
+    mechanism: Mechanism,
+    p: Array,
+    M: Array,
+    damping: Array,
+    bandwidth: Array,
+    control_period: float,
+    estimate: Array | None,
 ) -> Array:
     """T_c M^-1 (K + M^ Lambda) (..., r, r), infinite where M is not positive definite."""
     own = M if estimate is None else mass_matrix_of(mechanism, p, estimate)
     definite = np.asarray(scaled_eigenvalues(M) > DEFINITE)[..., :1, None]
     M = np.where(definite, M, np.eye(mechanism.dof))
-    held = np.linalg.solve(held_inertia(mechanism, p, M, period), period * (np.diag(damping) + own * bandwidth))
+    held = np.linalg.solve(
+        sampled_inertia(mechanism, p, M, control_period), control_period * (np.diag(damping) + own * bandwidth)
+    )
     return np.where(definite, held, np.inf)
 
 
@@ -197,7 +208,7 @@ def _hold_numbers(feedback: Array) -> Array:
     return np.where(finite, each.max(axis=-1), np.inf)
 
 
-def held_inertia(mechanism: Mechanism, p: Array, M: Array, period: float) -> Array:
+def sampled_inertia(mechanism: Mechanism, p: Array, M: Array, control_period: float) -> Array:
     """Inertia (..., r, r) that a torque feels that is held over the `period` T_c (s), kg m^2 (kg between prismatic
     joints): M (X/2) coth(X/2), X = T_c M^-1 B, B being the viscous friction of the `mechanism`; without any, M itself.
     `M` (..., r, r) are its positive definite mass matrices at positions `p` (..., r), rad (m). Nothing is checked."""
@@ -209,7 +220,7 @@ def held_inertia(mechanism: Mechanism, p: Array, M: Array, period: float) -> Arr
     values, vectors = np.linalg.eigh(M)
     root = (vectors * np.sqrt(values)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     inverse = (vectors / np.sqrt(values)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
-    halves, modes = np.linalg.eigh(0.5 * period * inverse @ np.stack(rows, axis=-1) @ inverse)
+    halves, modes = np.linalg.eigh(0.5 * control_period * inverse @ np.stack(rows, axis=-1) @ inverse)
     shares = np.where(halves > 1e-6, halves / np.tanh(np.maximum(halves, 1e-6)), 1.0)
     side = root @ modes
     return np.asarray((side * shares[..., None, :]) @ np.swapaxes(side, -1, -2))
@@ -243,7 +254,9 @@ def scaled_eigenvalues(M: Array) -> Array:
     return np.asarray(np.linalg.eigvalsh(M / (scale[..., :, None] * scale[..., None, :])))
 
 
-def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Workspace | None = None) -> Worst:
+def worst_conditioned_configuration(
+    mechanism: Mechanism, parameters: ArrayLike, workspace: Workspace | None = None
+) -> Worst:
     """The least eigenvalue of a mass matrix, its diagonal scaled to 1, that a local search over `workspace` finds: a
     `Worst` with this `value`, without a unit, and the positions `p` (r,) of the r joints, rad (m if prismatic), where
     it is.
@@ -254,7 +267,7 @@ def least_definite(mechanism: Mechanism, parameters: ArrayLike, workspace: Works
     within the joints' limits. Raises `InputError` for parameters of another shape or not finite.
     """
     D = _all_parameters(mechanism, parameters)
-    found = workspace_of(mechanism, workspace).highest(
+    found = workspace_of(mechanism, workspace).maximum(
         lambda p: -scaled_eigenvalues(mass_matrix_of(mechanism, p, D))[..., 0]
     )
     return Worst(-found.value, found.p)
@@ -267,20 +280,20 @@ def slowest_decay(mechanism: Mechanism, damping: ArrayLike, workspace: Workspace
     joint positions, None for 200 random ones within the joints' limits. Raises `InputError` for a damping of another
     shape and `NonFiniteError` for NaN in it; that it is positive is not checked."""
     root = 1.0 / np.sqrt(per_joint(damping, mechanism.dof, "damping"))
-    found = workspace_of(mechanism, workspace).highest(
+    found = workspace_of(mechanism, workspace).maximum(
         lambda p: np.asarray(np.linalg.eigvalsh(mechanism.mass_matrix(p) * (root[:, None] * root))[..., -1])
     )
     return 1.0 / found.value
 
 
-def require_hold(
+def validate_sampling_ratio(
     mechanism: Mechanism,
     damping: ArrayLike,
-    period: float,
+    control_period: float,
     bandwidth: ArrayLike = 0.0,
     workspace: Workspace | None = None,
 ) -> None:
-    """Raise `GainError` where the hold number T_c lambda_max(M^-1 (K + M Lambda)), no unit, is above 1.5 at some
+    """Raise `GainError` where the sampling ratio T_c lambda_max(M^-1 (K + M Lambda)), no unit, is above 1.5 at some
     position that a local search over `workspace` finds, or the mass matrix M of the `mechanism` is not positive
     definite there. The message says which gains the period allows.
 
@@ -296,36 +309,38 @@ def require_hold(
     at least l, since l >= Lambda_i.
     """
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
-    accepted = _accepted(mechanism, workspace, period)
+    accepted = _accepted(mechanism, workspace, control_period)
     if np.all(K > 0.0) and np.all(L >= 0.0) and any(np.all(more >= K) and np.all(top >= L) for more, top in accepted):
         return
-    found = hold_number(mechanism, K, period, L, workspace=workspace)
-    if not found.value <= LARGEST_SAMPLED_GAIN:
-        _refuse(mechanism, found, period, float(np.max(L)))
+    found = sampling_ratio(mechanism, K, control_period, L, workspace=workspace)
+    if not found.value <= MAX_SAMPLING_RATIO:
+        _refuse(mechanism, found, control_period, float(np.max(L)))
     if not np.any(_viscous(mechanism)[1]):  # what it adds to M is not proved to leave the order as it is
         accepted.append((K, L))
 
 
 @lru_cache(maxsize=64)
-def _accepted(mechanism: Mechanism, workspace: Workspace | None, period: float) -> deque[tuple[Array, Array]]:
+def _accepted(mechanism: Mechanism, workspace: Workspace | None, control_period: float) -> deque[tuple[Array, Array]]:
     """Dampings and bandwidths of late that the period was found to carry."""
     return deque(maxlen=16)
 
 
-def _refuse(mechanism: Mechanism, found: HoldNumber, period: float, bandwidth: float) -> NoReturn:
+def _refuse(mechanism: Mechanism, found: SamplingRatio, control_period: float, bandwidth: float) -> NoReturn:
     where = f"p = {np.round(found.p, 3).tolist()}"
     if np.isinf(found.value):
         raise GainError(
             f"{mechanism.name}: the mass matrix is not positive definite everywhere, so no damping can be checked "
             f"against it: at {where} joint {found.joint} moves {_lightness(mechanism, found.p)}"
         )
-    own = period * bandwidth
-    factor = max(LARGEST_SAMPLED_GAIN - own, 0.0) / (found.value - own) if found.value > own else 0.0
+    own = control_period * bandwidth
+    factor = max(MAX_SAMPLING_RATIO - own, 0.0) / (found.value - own) if found.value > own else 0.0
     raise GainError(
-        f"{mechanism.name}: damping is too stiff for a control period of {period:g} s: T_c lambda_max(M^-1 (K + M "
-        f"Lambda)) = {found.value:.3g} at {where}, at most {LARGEST_SAMPLED_GAIN} is allowed; use at most "
+        f"{mechanism.name}: damping is too stiff for a control period of {control_period:g} s: T_c "
+        f"lambda_max(M^-1 (K + M "
+        f"Lambda)) = {found.value:.3g} at {where}, at most {MAX_SAMPLING_RATIO} is allowed; use at most "
         f"{factor:.3g} times this damping or a period of at most "
-        f"{period * LARGEST_SAMPLED_GAIN / found.value:.3g} s. Joint {found.joint} would ring: less damping there, or "
+        f"{control_period * MAX_SAMPLING_RATIO / found.value:.3g} s. Joint {found.joint} would ring: less "
+        f"damping there, or "
         "its rotor's inertia in the model, may be enough; a `workspace` along the reference leaves out the rest"
     )
 
@@ -348,6 +363,6 @@ def _lightness(mechanism: Mechanism, p: Array) -> str:
     return "nothing: give it a link with inertia, or a rotor"
 
 
-def require_period(period: float) -> None:
+def validate_period(control_period: float) -> None:
     """Raise `InputError` unless the control `period`, a number in s, is positive and finite."""
-    positive_number(period, "control period: expected a positive time in s")
+    positive_number(control_period, "control period: expected a positive time in s")
