@@ -42,7 +42,7 @@ def bisected(arm: Mechanism, damping: Array, places: Array, rounds: int = 9) -> 
 
 
 def main() -> int:
-    """Print a line an arm; 1 where an accepted limit is below 0.7 of the one at which a loop rings."""
+    """Print a line per arm; 1 where an accepted limit is below 0.7 of the one at which a loop rings."""
     shares = []
     for seed in range(ARMS):
         started, rng = time.process_time(), np.random.default_rng(1000 + seed)

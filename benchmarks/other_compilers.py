@@ -98,7 +98,7 @@ def compiled_c(path: Path) -> Path:
 
 
 def c_source(routine: Routine) -> str:
-    """The routine's operations in C, one a line, and a loop over samples."""
+    """The routine's operations in C, one per line, and a loop over samples."""
     pointers = ", ".join(f"const double *restrict {name}" for name in ARGUMENTS)
     lines = [f"    const double {line};" for line in assignments(routine)]
     results = [f"    result[{k}] = {_name(x)};" for k, x in enumerate(routine.outputs)]
@@ -270,7 +270,7 @@ def replayed(routine: Routine, arguments: Sequence[Any], sin: Callable[..., Any]
 
 
 def source(routine: Routine) -> str:
-    """The routine's operations in Python, one a line; results go into the last argument."""
+    """The routine's operations in Python, one per line; results go into the last argument."""
     lines = [f"def regressor({', '.join(ARGUMENTS)}, result):", *(f"    {line}" for line in assignments(routine))]
     lines += [f"    result[{k // SHAPE[1]}, {k % SHAPE[1]}] = {_name(x)}" for k, x in enumerate(routine.outputs)]
     return "\n".join(lines)

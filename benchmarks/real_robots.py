@@ -42,7 +42,7 @@ def _certified(mechanism: Mechanism) -> str:
 
 
 def main(floating: bool) -> int:
-    """Print a line a file; 1 when one is too slow."""
+    """Print a line per file; 1 when one is too slow."""
     worst = 0.0
     for path in robots():
         seconds, text = measured(path, floating)

@@ -263,7 +263,7 @@ def counted(seed: int, count: int, duration: float, beside: int) -> LoopCounts:
 
 
 def main(arguments: list[str]) -> int:
-    """Print a line an arm, and the shares of all; 1 where they are beyond what is promised."""
+    """Print a line per arm, and the shares of all; 1 where they are beyond what is promised."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     for name, default, meaning in (
         ("arms", 500, "random arms"), ("draws", 20, "loops of each"), ("first", 0, "the first arm's seed"),

@@ -140,7 +140,7 @@ def _seconds(way: Ticks) -> float:
 
 
 def main(rounds: int) -> int:
-    """Print a line a controller."""
+    """Print a line per controller."""
     titles = "flops", "floats us", "arrays us", "step us", "native ns", "lanes ns", "floats/step", "floats/native"
     print(f"{'':48s}", *(f"{title:>{len(title) + 1}}" for title in titles))
     for name, controller in controllers():

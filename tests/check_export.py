@@ -125,7 +125,7 @@ class Check:
         )
         if name in TIMED:
             times = self.found.times[name] = timed(package, trial, ticks, self.host)
-            yield "  ns a tick: " + ", ".join(
+            yield "  ns per tick: " + ", ".join(
                 f"{label} {ns:.0f} ({ns / times['native']:.2f})" for label, ns in times.items()
             )
             yield from self._single(name, law)

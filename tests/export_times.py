@@ -36,7 +36,7 @@ def pointer(array: Array) -> Any:
 
 
 def timed(package: Package, trial: Trial, ticks: Ticks, host: Processor) -> dict[str, float]:
-    """ns of processor time a tick: the 2nd percentile over blocks of ticks, taken in turns."""
+    """ns of processor time per tick: the 2nd percentile over blocks of ticks, taken in turns."""
     answers = np.zeros((BLOCK, trial.law.dof))
     runs: dict[str, Call] = {"native": _native(trial, ticks, host, answers)}
     for tool in TIMED:

@@ -76,7 +76,7 @@ def posture(mechanism: Mechanism) -> Array:
 
 
 def swinging(mechanism: Mechanism, seed: int = 0, amplitude: float = 0.3) -> Sinusoids:
-    """Sinusoids about a posture, one a joint, drawn by seed."""
+    """Sinusoids about a posture, one per joint, drawn by seed."""
     rng = np.random.default_rng(seed)
     r = mechanism.dof
     frequency, phase = rng.uniform(0.3, 1.0, r), rng.uniform(-np.pi, np.pi, r)

@@ -68,7 +68,7 @@ class Nothing(NamedTuple):
 
 @dataclass(frozen=True)
 class Own(Controller[Nothing]):
-    """A law of one's own; what it returns is given."""
+    """A custom law; what it returns is given."""
 
     returned: Callable[..., Any]
     dof = 2  # type: ignore[assignment]

@@ -106,7 +106,7 @@ def test_clipped_is_a_torque_beyond_the_plants_limits_and_nothing_else(both: Mec
     plant = Plant(both, DT, effects=[TorqueRateLimit([100.0, 100.0]), TorqueLimit(6.0)])
     for torque, clipped, applied in (
         ([0.5, 0.5], False, [0.5, 0.5]),
-        ([7.0, -8.0], False, [1.0, -1.0]),  # at most 1 N m a period
+        ([7.0, -8.0], False, [1.0, -1.0]),  # at most 1 N m per period
         ([0.9, 8.1], True, [0.9, 1.0]),
         ([np.nextafter(8.0, 9.0), 0.0], True, [1.0, 0.0]),
     ):

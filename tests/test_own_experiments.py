@@ -1,4 +1,4 @@
-"""Experiments of one's own: a file, or an entry point, without touching the package."""
+"""Custom experiments: a file, or an entry point, without touching the package."""
 
 from __future__ import annotations
 

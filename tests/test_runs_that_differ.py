@@ -55,7 +55,7 @@ def test_each_arm_runs_as_it_would_alone() -> None:
         alike(many, k, alone)
 
 
-def test_herds_of_arms_run_as_one_after_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_batches_of_arms_run_as_one_after_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
     p = np.random.default_rng(1).uniform(-0.1, 0.1, (11, 3))
     damping = np.linspace(2.0, 4.0, 11)[:, None] * np.ones(3)
 
@@ -65,7 +65,7 @@ def test_herds_of_arms_run_as_one_after_the_other(monkeypatch: pytest.MonkeyPatc
         return simulate_many(NOISY, LAW, references, duration=0.1, record_every=7, v=np.zeros(3), **given)  # type: ignore[arg-type]
 
     whole = run()
-    monkeypatch.setattr(sys.modules["adaptctl.simulation.simulate_many"], "HERD", 4)
+    monkeypatch.setattr(sys.modules["adaptctl.simulation.simulate_many"], "BATCH", 4)
     parts = run()
     for name in ("p", "torque", "estimate", "rms_error", "largest_error", "final_rms_error"):
         np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), rtol=0, atol=1e-9)

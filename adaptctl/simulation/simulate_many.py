@@ -38,7 +38,7 @@ from adaptctl.simulation.summaries import (
     watched,
 )
 
-HERD, STRETCH, MEMORY = 512, 2000, 2**23
+BATCH, STRETCH, MEMORY = 512, 2000, 2**23
 """Arms and control periods, at most, and bytes that one native call reads and writes, so that these fit the caches: one
 batch of arms takes a stretch of time after the other. In between progress is reported, and Ctrl-C handled."""
 RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estimate")
@@ -266,13 +266,13 @@ class _Runs(Driven):
         self.parameters, p, v = (np.broadcast_to(x, (count, x.shape[-1])) for x in rows.values())
         self.beyond, gains = bounds["beyond"], gains_of(loop.controller, differ, count)
         stepper = _compiled(loop, self.references.form, self.precision)
-        self.herds, sources = [], Noise.of(seeds, count, HERD, loop.noise["noise"])
-        for first, noise in zip(range(0, count, HERD), sources, strict=True):
+        self.batches, sources = [], Noise.of(seeds, count, BATCH, loop.noise["noise"])
+        for first, noise in zip(range(0, count, BATCH), sources, strict=True):
             arms = slice(first, first + noise.members)
             batch = _Batch(arms, stepper.ensemble(noise.members), self.references.of_arms(arms), noise)
             chosen = {name: x[arms] for name, x in gains.items()}
             self._start(batch, p[arms], v[arms], _of_arms(memory, arms), chosen, bounds)
-            self.herds.append(batch)
+            self.batches.append(batch)
         self.records = tuple(np.empty((self._samples(self.steps), count, *shape)) for shape in stepper.outputs)
         self.longest = self._longest(stepper)
         self._done = 0, self._sums(), self._rises()
@@ -300,7 +300,7 @@ class _Runs(Driven):
         the arms' states, within the caches."""
         numbers = sum(stepper.columns[Source.DRIVEN].values())
         numbers += sum(map(math.prod, stepper.outputs)) if self.every == 1 else 0
-        return max(1, min(STRETCH, MEMORY // (8 * min(HERD, len(self.parameters)) * max(1, numbers))))
+        return max(1, min(STRETCH, MEMORY // (8 * min(BATCH, len(self.parameters)) * max(1, numbers))))
 
     def _remembered(self, memory: Any) -> list[Any]:
         """The parts of a memory of this controller."""
@@ -319,7 +319,7 @@ class _Runs(Driven):
         end = self.steps if every in (None, 1) else min(first + -first % (every or 1) + 1, self.steps)
         time = self.ahead(min(end - first, self.longest))
         kept = slice(self._samples(first), self._samples(first + len(time)))
-        for members, arms, references, noise in self.herds:
+        for members, arms, references, noise in self.batches:
             if plant.loads:
                 arms.held["parameters"] = plant.parameters(self.parameters[members], time[0])
             signals = {**references.signals(time), "noise": noise.drawn(len(time))}
@@ -330,12 +330,12 @@ class _Runs(Driven):
 
     def _sums(self) -> ErrorSums:
         """Sums of errors of all arms so far."""
-        parts = (np.concatenate([batch.arms.state[name] for batch in self.herds]) for name in ErrorSums._fields)
+        parts = (np.concatenate([batch.arms.state[name] for batch in self.batches]) for name in ErrorSums._fields)
         return ErrorSums(*parts)
 
     def _rises(self) -> Array:
         """The largest rises of V so far (M,)."""
-        rises = np.concatenate([batch.arms.state["lyapunov_rise"] for batch in self.herds])
+        rises = np.concatenate([batch.arms.state["lyapunov_rise"] for batch in self.batches])
         return np.asarray(rises[:, 0]) if rises.shape[1] else np.full(len(rises), np.nan)
 
     def _samples(self, count: int) -> int:

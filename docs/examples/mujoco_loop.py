@@ -1,4 +1,4 @@
-"""A loop of one's own around MuJoCo: three lines a period, and the run kept."""
+"""A custom loop around MuJoCo: three lines a period, and the run kept."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An experiment of one's own: `adaptctl experiment run my_experiment.py --duration 10`."""
+"""A custom experiment: `adaptctl experiment run my_experiment.py --duration 10`."""
 
 from dataclasses import dataclass
 from typing import ClassVar

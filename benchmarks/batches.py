@@ -1,4 +1,4 @@
-"""Processor time of an arm's step in `simulate_many`, over the number of arms: python -m benchmarks.herds [ROUNDS]
+"""Processor time of an arm's step in `simulate_many`, over the number of arms: python -m benchmarks.batches [ROUNDS]
 
 PUMAs that learn, Runge and Kutta's method, true parameters and a start of their own, with nothing recorded but errors'
 summaries. What an arm costs ought not to depend on how many there are.
@@ -51,7 +51,7 @@ def main(rounds: int) -> None:
     for arms in ARMS:
         time, ratio = raced.time(str(arms)), raced.ratio(str(arms), best)
         spread = f"{ratio.median:.2f} ({ratio.lower:.2f} to {ratio.upper:.2f})"
-        print(f"{arms:>7,} arms: {1e9 * time.median:5.0f} ns an arm-step, {spread} times that of {best}")
+        print(f"{arms:>7,} arms: {1e9 * time.median:5.0f} ns per arm-step, {spread} times that of {best}")
 
 
 if __name__ == "__main__":
