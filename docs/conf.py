@@ -16,7 +16,7 @@ version = release = _project["version"]
 author = "the adaptctl developers"
 copyright = f"2026, {author}"
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "card", "live_arm", "mathml", "offered", "plain_docstrings"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "card", "live_arm", "mathml", "offered", "plain_docstrings"]
 exclude_patterns = ["_build", "making"]
 html_theme = "furo"
 html_title = f"adaptctl {version}"
@@ -39,6 +39,8 @@ nb_execution_mode = "force"
 nb_execution_timeout = 120
 nb_execution_raise_on_error = True
 
+napoleon_google_docstring = False
+napoleon_use_ivar = True
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True

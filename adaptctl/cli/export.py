@@ -97,7 +97,7 @@ def export(
 def _print(done: Exported) -> None:
     manifest = done.manifest
     print(f"{done.directory}: {', '.join(done.files)}")
-    print(f"{manifest['flops']} operations a tick, every {manifest['period']:g} s; guarded: {manifest['guarded']}")
+    print(f"{manifest['flops']} operations per step, every {manifest['control_period']:g} s; guarded: {manifest['guarded']}")
     if manifest["check"]:
         first, last = (manifest["check"][f"rms_error_{which}_10_s"] for which in ("first", "last"))
         known = first is not None and last is not None

@@ -7,11 +7,14 @@ together.
 import re
 from typing import Any
 
+UNDERLINE = re.compile(r"-{3,}")
 MARKUP = re.compile(r"(`+)(?:(?!\1).)*\1|([|*]|_(?!\w))")
 """A span in backticks, which stays, or a character that would be markup."""
 
 
 def _as_written(app: Any, kind: str, name: str, what: Any, options: Any, lines: list[str]) -> None:
+    if any(UNDERLINE.fullmatch(line) for line in lines):  # numpydoc's sections, which napoleon reads
+        return
     result: list[str] = []
     literal = False
     for before, line in zip(["", *lines], lines, strict=False):
