@@ -86,7 +86,7 @@ def test_gains_below_accepted_ones_are_not_searched(monkeypatch: pytest.MonkeyPa
         searched.append(self)
         return highest(self, of)
 
-    monkeypatch.setattr(Workspace, "highest", counted)
+    monkeypatch.setattr(Workspace, "maximum", counted)
     most, bandwidth = own_damping(arm, 20.0), np.array([4.0, 5.0, 6.0, 7.0])
     workspace = everywhere(arm)
     validate_sampling_ratio(arm, most, 1e-3, bandwidth, workspace)

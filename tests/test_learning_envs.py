@@ -179,7 +179,7 @@ def test_the_largest_gains_are_those_that_the_period_carries(arm: adaptctl.Mecha
     assert 1.0 < found.highest < 100.0
     largest = {name: law.numbers[name] * found.highest for name in MOVED}
     law.tuned(largest)
-    with pytest.raises(InputError, match="control_period"):
+    with pytest.raises(InputError, match="control period"):
         law.tuned({name: 1.05 * number for name, number in largest.items()})
 
 

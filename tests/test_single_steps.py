@@ -129,7 +129,7 @@ def one_period(
     before, after, torque = rng.normal(size=(3, 3))
     moved = map(column, (before, after, torque, p, v))
     period = Period(lambda s: column(Y.T @ np.array(s.of)), *moved, T, T, column(np.ones(3)))
-    memory: Any = as_columns(law.start(model, np.zeros(K), p, 0.0 * v, T))
+    memory: Any = as_columns(law.initial_state(model, np.zeros(K), p, 0.0 * v, T))
     rows, wanted, _ = TorqueFilter(law.cutoff, T).predicted(model, period, memory.filtered)
     W = np.array([row.of for row in rows])
     return OnePeriod(period, memory, W, np.array(wanted.of), 0.5 * T * Y.T @ (before + after))

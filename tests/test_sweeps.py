@@ -136,7 +136,7 @@ class TestRows:
             for row, (controller, expected) in zip(together[3 * k : 3 * k + 3], by_itself, strict=True):
                 assert row["controller"] == controller
                 assert row["status"] == expected.status == "done"
-                assert row["rms_error_last"] is None
+                assert row["final_rms_error"] is None
                 assert expected.final_rms_error is None
                 for name in ("rms_error", "largest_error"):
                     assert row[name] == pytest.approx(getattr(expected, name), rel=1e-7)
