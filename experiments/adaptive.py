@@ -32,7 +32,7 @@ from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Finding, Setting
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco, clear_of_contacts
 from adaptctl.tuning import Tuning, tune
-from adaptctl.tuning.feasible_gains import LARGEST_ERROR
+from adaptctl.tuning.feasible_gains import MAX_INITIAL_ERROR
 from adaptctl.tuning.feasible_reference import motion_ranges
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class AdaptiveTracking(Learning):
     adaptation_ratio: float = setting(
         0.5, "Γ is as large as this T_c λ_max(K⁻¹ Y Γ Y') allows", symbol="Γ", low=1e-4, high=1.0
     )
-    initial_error: float = setting(LARGEST_ERROR, "rad or m; 0.1: what torques bring back", low=-1.0, high=1.0)
+    initial_error: float = setting(MAX_INITIAL_ERROR, "rad or m; 0.1: what torques bring back", low=-1.0, high=1.0)
     parameter_error: float = setting(0.3, "share by which links of the wrong model are off", low=0.0, high=1.0)
     plant: str = setting("adaptctl", "what moves the arm: adaptctl, mujoco with all of the scene, or both, compared")
     root: str = setting("", "body of a scene that the arm begins with, where more than one moves")
@@ -237,7 +237,7 @@ def _tuned(experiment: AdaptiveTracking, mechanism: Mechanism) -> Tuning:
     error = np.sign(asked) * np.minimum(abs(asked), 0.1 * (upper - lower))
     chosen: dict[str, Any] = {
         "control_period": experiment.control_period,
-        "initial_error": None if asked == LARGEST_ERROR else error,
+        "initial_error": None if asked == MAX_INITIAL_ERROR else error,
         "bandwidth": experiment.bandwidth,
         "sampling_ratio": experiment.sampling_ratio,
         "adaptation_ratio": experiment.adaptation_ratio,

@@ -20,7 +20,7 @@ from adaptctl.identification import choice
 from adaptctl.identification.identify import HELD_OUT
 from adaptctl.simulation import integrator
 from adaptctl.tuning import feasible_gains, feasible_reference, verification
-from adaptctl.tuning.tune import SEARCHED
+from adaptctl.tuning.tune import SEARCH_DURATION
 
 ROOT = Path(__file__).parent.parent
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -54,9 +54,12 @@ STATED = [
     ("export", f"more than {power(single_precision.OPEN)} m or rad"),
     ("export", f"above {exporting.MOST_STACK // 1024} kB it is refused"),
     ("export", f"If the loop needs more than {live_arm.MOST // 1000} kB"),
-    ("discrete_adaptation", f"below $-{-ringing.ALARM}$ for {ringing.LASTING} steps it sets the flag `ringing`"),
-    ("discrete_adaptation", f"below $-{-ringing.BRAKE}$ it brakes"),
-    ("discrete_adaptation", f"moving averages over {ringing.SPAN} steps"),
+    (
+        "discrete_adaptation",
+        f"below $-{-ringing.ALARM_CORRELATION}$ for {ringing.MIN_PERIODS} steps it sets the flag `ringing`",
+    ),
+    ("discrete_adaptation", f"below $-{-ringing.BRAKE_CORRELATION}$ it brakes"),
+    ("discrete_adaptation", f"moving averages over {ringing.AVERAGING_PERIODS} steps"),
     ("simulation", f"would exceed {MANY:,}."),
     ("robots", f"at most {entries.MOST_LINKS} moving links, {entries.MOST_BODIES:,} bodies"),
     ("robots", f"{entries.MOST_GEOMS:,} geoms, {xml_elements.MOST_ELEMENTS:,} elements"),
@@ -67,18 +70,18 @@ STATED = [
     ("identification", f"at most {percent(choice.ALLOWED_MISFIT - 1.0)} over that of least squares"),
     ("identification", f"the last {percent(HELD_OUT)} of the others"),
     ("identification", f"the same filter of {choice.JUDGED_AT:.0f} Hz"),
-    ("tuning", f"initial error $e_j$ ({feasible_gains.LARGEST_ERROR} rad or m"),
+    ("tuning", f"initial error $e_j$ ({feasible_gains.MAX_INITIAL_ERROR} rad or m"),
     ("tuning", rf"${feasible_gains.ACCELERATION_SHARE}\,\tau_j / M_{{jj}}$"),
-    ("tuning", rf"$K_j \le {feasible_gains.FIRST_SHARE}\,\tau_j"),
-    ("tuning", f"{feasible_reference.AMPLITUDE} rad. If a joint needs"),
+    ("tuning", rf"$K_j \le {feasible_gains.DAMPING_TORQUE_SHARE}\,\tau_j"),
+    ("tuning", f"{feasible_reference.MAX_AMPLITUDE} rad. If a joint needs"),
     ("tuning", "One sinusoid per joint, {} to {} Hz".format(*feasible_reference.FREQUENCIES)),
-    ("tuning", f"at most {percent(feasible_reference.HIGHEST)}. If it still needs"),
+    ("tuning", f"at most {percent(feasible_reference.MAX_TORQUE_SHARE)}. If it still needs"),
     ("tuning", f"up to {integrator.MOST} steps per period"),
-    ("tuning", f"are run for {SEARCHED:.0f} s each"),
-    ("tuning", f"link errors of {percent(verification.LINKS_OFF)}, and other link errors"),
+    ("tuning", f"are run for {SEARCH_DURATION:.0f} s each"),
+    ("tuning", f"link errors of {percent(verification.LINK_ERROR)}, and other link errors"),
     ("tuning", f"of runs of {verification.DURATION:.0f} s"),
-    ("tuning", f"no error exceeded {verification.ASTRAY:.0f} rad"),
-    ("tuning", f"at most {percent(verification.CLIPPED)} of the second half"),
+    ("tuning", f"no error exceeded {verification.MAX_ERROR:.0f} rad"),
+    ("tuning", f"at most {percent(verification.MAX_LIMITED_SHARE)} of the second half"),
 ]
 
 

@@ -22,8 +22,8 @@ from adaptctl.control import (
     excitation_trajectory,
     persistent_excitation,
 )
-from adaptctl.control.excitation.excitation_trajectory import SAMPLES, FourierSearch, _gram
-from adaptctl.control.excitation.measure import BLOCKS, regressor_of, scaled_regressor
+from adaptctl.control.excitation.excitation_trajectory import SAMPLES_PER_PERIOD, FourierSearch, _gram
+from adaptctl.control.excitation.measure import BLOCKS_PER_WINDOW, regressor_of, scaled_regressor
 from adaptctl.description import Description, JointKind, Limits
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
@@ -128,7 +128,7 @@ def test_a_rollout_is_measured_along_what_its_law_wants() -> None:
     assert wanted.largest_eigenvalue[0] != plain.largest_eigenvalue[0]
 
 
-@pytest.mark.parametrize("window", [0.0, 0.01 * (BLOCKS - 1), 100.0, np.nan])
+@pytest.mark.parametrize("window", [0.0, 0.01 * (BLOCKS_PER_WINDOW - 1), 100.0, np.nan])
 def test_windows_that_do_not_fit_are_refused(window: float) -> None:
     of = model("puma560_geared")
     with pytest.raises(InputError, match=r"window: expected a time from 0\.16 s to the run's 1 s"):
@@ -140,8 +140,8 @@ def assert_within(of: ReducedModel, reference: Sinusoids, allowed: MotionLimits)
     an eighth of the square of their distance times its greatest second derivative."""
     omega, swing = 2.0 * np.pi * reference.frequency, np.abs(reference.amplitude)
     period = 1.0 / float(reference.frequency[0, 0])
-    step = period / (SAMPLES * len(swing))
-    p, v, a = reference(step * np.arange(SAMPLES * len(swing)))
+    step = period / (SAMPLES_PER_PERIOD * len(swing))
+    p, v, a = reference(step * np.arange(SAMPLES_PER_PERIOD * len(swing)))
     torque = of.inverse_dynamics(p, v, a)
     assert np.all((p >= allowed.lower - 1e-9) & (p <= allowed.upper + 1e-9))
     assert np.all(np.abs(v) <= (1.0 + 1e-9) * allowed.velocity)

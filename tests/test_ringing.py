@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from adaptctl.arrays import Array
-from adaptctl.control.ringing import LASTING, Ringing
+from adaptctl.control.ringing import MIN_PERIODS, Ringing
 from adaptctl.scalars import Column
 
 
@@ -22,11 +22,11 @@ def heard(s: Array) -> list[tuple[float, float]]:
 @pytest.mark.parametrize("joint", range(3))
 def test_one_joint_that_rings_is_enough_whichever_it_is(joint: int) -> None:
     """The first product of two ticks is of the second: from there on it must last."""
-    s = np.full((LASTING + 2, 3), 2.0)
+    s = np.full((MIN_PERIODS + 2, 3), 2.0)
     s[1::2, joint] = -2.0
     told = heard(s)
-    assert told[LASTING - 1 :] == [(0.0, 0.0), (1.0, 1.0), (1.0, 1.0)]
-    assert not np.any(told[:LASTING])
+    assert told[MIN_PERIODS - 1 :] == [(0.0, 0.0), (1.0, 1.0), (1.0, 1.0)]
+    assert not np.any(told[:MIN_PERIODS])
 
 
 @pytest.mark.parametrize(("kept", "alarm", "brake"), [(0, 1.0, 1.0), (3, 1.0, 0.0), (6, 0.0, 0.0)])

@@ -244,12 +244,12 @@ def as_columns(memory: object) -> object:
 
 @pytest.mark.parametrize("weight", [-1.0, 0.0, np.nan, [1.0, 2.0]])
 def test_composite_refuses_weights_that_are_not_positive_or_not_one_a_joint(weight: object) -> None:
-    with pytest.raises(InputError, match="composite: weight: expected"):
+    with pytest.raises(InputError, match="composite: prediction_weight: expected"):
         SlotineLi(reduced(ARM), 8.0, gains(ARM).damping, Composite(np.ones(K), weight))  # type: ignore[arg-type]
 
 
 def test_composite_refuses_a_negative_weight_at_once() -> None:
-    with pytest.raises(InputError, match="composite: weight: expected"):
+    with pytest.raises(InputError, match="composite: prediction_weight: expected"):
         Composite(np.ones(K), np.array([1.0, -1.0, 1.0]))
 
 

@@ -8,7 +8,7 @@ from random_trees import random_inertia
 
 from adaptctl.arrays import Array
 from adaptctl.control import TaskSpaceSlotineLi
-from adaptctl.control.task_space import _determinant, _guard
+from adaptctl.control.task_space import _damping_of, _determinant
 from adaptctl.description import Description, Joint, Link, Pose
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -36,13 +36,13 @@ def test_damping_grows_from_zero_to_a_hundredth_where_a_jacobian_is_nearly_singu
     gram, mean = J @ J.T, np.trace(J @ J.T) / m
     w = np.linalg.det(gram) / mean**m
     expected = 0.0 if w > 1e-3 else 1e-2 * (1.0 - w / 1e-3) ** 2
-    assert _guard(gram.tolist()) / mean == pytest.approx(expected, rel=1e-8, abs=1e-15)
+    assert _damping_of(gram.tolist()) / mean == pytest.approx(expected, rel=1e-8, abs=1e-15)
 
 
 @pytest.mark.parametrize("m", [1, 2, 3])
 def test_a_point_that_nothing_moves_has_an_inverse_too(m: int) -> None:
     """Without the damping it would be one over zero."""
-    damped = _guard(np.zeros((m, m)).tolist())
+    damped = _damping_of(np.zeros((m, m)).tolist())
     assert damped > 0.0
     assert np.isfinite(1.0 / damped)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from random_trees import random_chain
 
-from adaptctl.control.gains.gains import ACCELERATION, MARGIN, finite_torque_limits
+from adaptctl.control.gains.gains import SAMPLED_ACCELERATION, TORQUE_MARGIN, finite_torque_limits
 from adaptctl.description import Description, JointKind, Limits, read
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -22,7 +22,7 @@ def test_a_joint_alone_without_gravity_is_asked_for_its_inertia_times_accelerati
     (link,) = random_chain(1, 1).links
     link = replace(link, joint=replace(link.joint, kind=JointKind.REVOLUTE, limits=Limits(effort=effort)))
     mechanism = Mechanism(Description("one", (link,), np.zeros(3)))
-    most = MARGIN * ACCELERATION * float(mechanism.mass_matrix(np.zeros(1))[0, 0])
+    most = TORQUE_MARGIN * SAMPLED_ACCELERATION * float(mechanism.mass_matrix(np.zeros(1))[0, 0])
     found = float(finite_torque_limits(mechanism)[0])
     assert found == effort if np.isfinite(effort) else max(1.0, 0.9 * most) <= found < most
 

@@ -21,7 +21,7 @@ from adaptctl.tuning import Tuning, tune
 from adaptctl.tuning.default_gains import DefaultGains, achieved_adaptation_ratio
 from adaptctl.tuning.feasible_gains import feasible_gains
 from adaptctl.tuning.feasible_reference import judged_reference
-from adaptctl.tuning.verification import EVERY, Trials, TrialSetting
+from adaptctl.tuning.verification import RECORD_INTERVAL, Trials, TrialSetting
 from tests.random_trees import random_chain, random_tree
 from tests.robot_files import urdf
 
@@ -135,7 +135,7 @@ def test_a_trial_is_slotine_and_li_on_the_reduced_model() -> None:
     law = tuned.controller(model)
     plant = Plant(arm, PERIOD, tuned.substeps, tuned.integrator, tuned.torque_limits)
     first = tuned.reference(0.0).p + tuned.initial_error
-    theirs = simulate_many(plant, law, tuned.reference, duration=3.0, p=first, record_every=EVERY)
+    theirs = simulate_many(plant, law, tuned.reference, duration=3.0, p=first, record_every=RECORD_INTERVAL)
     gains = tuned.gains
     setting = TrialSetting(gains.bandwidth, gains.damping, tuned.adaptation, arm.inertial_parameters)
     late = setting._replace(delayed=True)

@@ -11,7 +11,7 @@ from random_trees import random_chain
 
 from adaptctl.arrays import Array
 from adaptctl.control import Workspace
-from adaptctl.control.gains.workspace import STARTS, Worst, position_range, sampled_configurations
+from adaptctl.control.gains.workspace import SEARCH_STARTS, Worst, position_range, sampled_configurations
 from adaptctl.description import Description, JointKind, Limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -27,7 +27,7 @@ def peak(p: Array, at: Array, height: float) -> Array:
 def two_peaks(size: float) -> tuple[Workspace, Worst]:
     """A workspace of this size, all but two of whose samples lie on the lower of two peaks; and the greatest found."""
     rng = np.random.default_rng(0)
-    about = LOW + 0.02 * rng.normal(size=(10 * STARTS, 3))
+    about = LOW + 0.02 * rng.normal(size=(10 * SEARCH_STARTS, 3))
     samples = size * np.vstack((about, [[0.9, 0.95, 0.9], [0.0, 0.0, 0.0]]))
     workspace = Workspace(random_chain(0, 3), samples, np.zeros_like(samples), np.full_like(samples, size))
     return workspace, workspace.maximum(lambda p: peak(p / size, LOW, 1.0) + peak(p / size, HIGH, 2.0))

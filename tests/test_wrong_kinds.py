@@ -235,7 +235,7 @@ def test_a_damping_ratio_and_a_margin_are_numbers(wrong: Any) -> None:
         ComputedTorque(arm(), 5.0, wrong)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="workspace: margin: expected"):
         Workspace.along(arm(), np.zeros(2), wrong)
-    with pytest.raises(InputError, match="halted: expected a reference, a function of time, got"):
+    with pytest.raises(InputError, match="stopped reference: expected a reference, a function of time, got"):
         StoppedReference(wrong, 1.0)
 
 

@@ -110,12 +110,12 @@ def _by_rule(
     """The design of the default gains, and what limits each joint's."""
     from adaptctl.control import GainDesign
     from adaptctl.control.gains.gain_design import largest_with_delay
-    from adaptctl.tuning.default_gains import BANDWIDTH, HOLD, DefaultGains, near_reference
+    from adaptctl.tuning.default_gains import DEFAULT_BANDWIDTH, DEFAULT_SAMPLING_RATIO, DefaultGains, near_reference
     from adaptctl.tuning.feasible_gains import limitations
 
     rule = DefaultGains.on(mechanism, control_period=control_period)
-    hold = HOLD * largest_with_delay(delay) / largest_with_delay(0)
-    carried = rule.carried(BANDWIDTH if bandwidth is None else bandwidth, hold)
+    hold = DEFAULT_SAMPLING_RATIO * largest_with_delay(delay) / largest_with_delay(0)
+    carried = rule.carried(DEFAULT_BANDWIDTH if bandwidth is None else bandwidth, hold)
     place = near_reference(mechanism, rule.reference, rule.initial_error)
     design = GainDesign.of_gains(mechanism, carried.gains, place, control_period=control_period, delay=delay)
     return design, limitations(mechanism, carried)

@@ -1,4 +1,4 @@
-"""Online: control laws, adaptation, gains, excitation and references."""
+"""Control laws, adaptation, gains and references."""
 
 from adaptctl.optional_packages import imported_lazily
 

@@ -1,4 +1,4 @@
-"""Control laws that adapt: their estimate, and the period it learns from."""
+"""Adaptive controllers and files of estimates."""
 
 from __future__ import annotations
 
@@ -26,19 +26,33 @@ from adaptctl.scalars import Column, Tunable, absolute, clip, spread, where
 
 
 class AdaptiveState(NamedTuple):
-    """Internal state of an adaptive control law: its parameter estimate, and data of the last control period, from
-    which it learns in the next.
+    """
+    Internal state of an adaptive controller.
 
-    Columns, each with leading axes where there are many arms: `estimate` (k,) of the k parameters, SI units; `q` (n,),
-    positions of the spanning tree's n joints in the last control period, rad (m for a prismatic joint), from which
-    kinematic loops, if any, are followed; `motion` (w,), w numbers in SI units of the motion then, as many as the
-    control law needs to make the gradient Y_r' s, Y_r' the transpose of the torque regressor Y_r (r, k) then; `s` (r,),
-    the sliding variable of r joints then, velocity less reference velocity, rad/s (m/s); `torque` (r,), N m (N), held
-    since; `elapsed` (1,), the time since in s, 0 before the first control period. `learning` is the adaptation law's
-    internal state, `more` what the control law itself keeps besides, named tuples of columns. Nothing is checked.
+    Parameters
+    ----------
+    estimate : ndarray
+        Estimate (..., k) in SI units.
+    q : ndarray
+        Positions (..., n) of the spanning tree's joints in the last period in rad (m).
+    regressor_state : ndarray
+        Numbers of the last motion from which the regressor is made.
+    s : ndarray
+        Sliding variable (..., r) in the last period in rad/s (m/s).
+    torque : ndarray
+        Torque (..., r) held since in N m (N). If it is limited after the controller, put the applied torque here.
+    dt : ndarray
+        Time (..., 1) since in s; 0 if nothing is to be learned from the period.
+    law_state : tuple
+        Internal state of the adaptation law.
+    controller_state : tuple
+        Further internal state of the control law.
 
-    If the torque is limited after the controller, put the applied torque into `torque`, and zero into `elapsed` for a
-    period that is not to be learned from.
+    Examples
+    --------
+    >>> state = law.init(p, v)
+    >>> state.estimate.shape, state.q.shape
+    ((6,), (2,))
     """
 
     estimate: Any
@@ -52,29 +66,23 @@ class AdaptiveState(NamedTuple):
 
     @property
     def logged_state(self) -> Any:
-        """Array of the adaptation law's internal state that is stored with each sample of a recorded run. For
-        `ConcurrentLearning`, (..., 1): 1 where a sample was put on its stack, else 0. For `CompositeLearning`, (...,
-        1): the number, 0 to r, of the r joints whose torque equation was learned from. For `ConsistentAdaptation`,
-        (..., P): the P inertial and friction parameters, SI units, whose fundamental (base) parameters are the
-        estimate. Raises `AttributeError` for other laws, or with adaptation off."""
+        """Part of the law's state that is stored in a run's samples."""
         return self.law_state.logged_state
 
 
 class AdaptiveController(Controller[AdaptiveState]):
-    """Base class of adaptive controllers: a control law for r joints on a model's k parameters, combined with any
-    adaptation law.
+    """
+    Base class of controllers that combine a control law with any adaptation law.
 
-    A subclass is a frozen dataclass of the fields below. It writes the method `law(p, v, reference, memory)`, which
-    returns the torque (r,) and the `AdaptiveState` after it, and the property `_motion_size`, how many numbers of a
-    control period's motion that state keeps, and calls `self._settle()`, which checks the fields, at construction.
+    Notes
+    -----
+    A subclass is a frozen dataclass with these fields and `law`, calls `self._settle()` at construction, and says in
+    `_motion_size` how many numbers of a motion its state keeps.
 
-    `model` is the mechanism's model in these parameters; `adaptation` is an adaptation law, or a gain Gamma for
-    `Gradient`, its diagonal (k,) or whole (k, k), in units of the parameters squared per J, or None to switch
-    adaptation off; `initial` (k,) is the initial estimate in SI units, None for zero; `period` is the control period
-    T_c in s. Nothing is learned from a period whose torque is beyond `torque_limits`, one number or (r,), N m (N for a
-    prismatic joint), None for the mechanism's own. Raises `InputError` for a period or torque limits that are not
-    positive, an initial estimate that is not finite, another shape of either, a gain that is not positive definite, and
-    a gain or law that does not fit the model.
+    Examples
+    --------
+    >>> isinstance(law, adaptctl.control.AdaptiveController)
+    True
     """
 
     model: ReducedModel
@@ -84,7 +92,7 @@ class AdaptiveController(Controller[AdaptiveState]):
     torque_limits: ArrayLike | None
 
     def _settle(self) -> None:
-        """Check the period, the initial estimate and the adaptation law, and freeze them."""
+        """Check and freeze the fields."""
         self._validate_model()
         k = len(self.model.columns)
         validate_period(self.control_period)
@@ -98,69 +106,79 @@ class AdaptiveController(Controller[AdaptiveState]):
         self.adaptation_law.validate(self.model, np.asarray(self.initial), self.control_period)
 
     def _validate_model(self) -> None:
-        """Raise `InputError` for what is no model, such as a mechanism."""
         validate_kind(self.model, ReducedModel, type(self).__name__, "as ReducedModel(mechanism, basis) is one")
 
     @cached_property
     def adaptation_law(self) -> AdaptationLaw[Any] | None:
-        """The controller's adaptation law: that given as the attribute `adaptation`, or a `Gradient` with its defaults
-        where only a gain was given; None with adaptation off."""
+        """Adaptation law, `Gradient` for a gain, None without adaptation."""
         if self.adaptation is None or isinstance(self.adaptation, AdaptationLaw):
             return self.adaptation
         return Gradient(self.adaptation)
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """Mapping with the controller's adaptation law under the key "adaptation", also where only a gain was given;
-        empty with adaptation off. The law is the one attribute with tunable numbers of its own, which are arguments of
-        the controller's native code, so that other values need no new code."""
+        """Adaptation law under the key "adaptation"."""
         return {} if self.adaptation_law is None else {"adaptation": self.adaptation_law}
 
     @property
     def dof(self) -> int:
-        """Number r of the mechanism's primary (independent) joints; kinematic loops, if any, move the others."""
+        """Number r of primary joints."""
         return self.model.mechanism.dof
 
     @property
     def neutral_configuration(self) -> Array:
-        """Positions (r,) of the r primary (independent) joints, in rad (m for a prismatic joint), at the mechanism's
-        home configuration, where its kinematic loops are known to close; zeros without loops."""
+        """Positions (r,) of the home configuration, rad (m)."""
         return self.model.mechanism.neutral_configuration
 
     def initial_state(self, p: Array, v: Array) -> AdaptiveState:
-        """The internal state before the first control period, an `AdaptiveState`: the initial estimate, zero torque,
-        and 0 s as the time since the last period, so that nothing is learned from it. Arms are at positions p in rad (m
-        for a prismatic joint) and velocities v in rad/s (m/s), (..., r) for r primary (independent) joints; v is for
-        adaptation laws that filter motions, and not checked. Raises `InputError` on a wrong shape of p,
-        `NonFiniteError` on NaN or infinity in it, `SingularityError` near a singularity of the kinematic loops."""
+        """
+        Return the initial estimate with zero torque and time.
+
+        Parameters
+        ----------
+        p, v : ndarray
+            Positions (..., r) in rad (m) and velocities (..., r) in rad/s (m/s).
+
+        Returns
+        -------
+        AdaptiveState
+            Internal state before the first control period.
+
+        Raises
+        ------
+        InputError
+            If p has a wrong shape.
+        NonFiniteError
+            If p is not finite.
+        SingularityError
+            If p is near a singularity of the kinematic loops.
+        """
         rest, initial = np.zeros(self.dof), np.array(self.initial)
         motion = np.zeros(self._motion_size)
         q, law = self.model.mechanism.configuration(p), self.adaptation_law
         learning = NoMemory() if law is None else law.initial_state(self.model, initial, q, v, self.control_period)
-        return AdaptiveState(initial, q, motion, rest, rest, np.zeros(1), learning, self._more(p, v))
+        return AdaptiveState(initial, q, motion, rest, rest, np.zeros(1), learning, self._controller_state(p, v))
 
     @property
     @abstractmethod
     def _motion_size(self) -> int:
-        """Number of a motion's numbers that the law remembers."""
+        """Length of the regressor's state."""
 
-    def _more(self, p: Array, v: Array) -> Any:
-        """The control law's own memory besides, before the first tick."""
+    def _controller_state(self, p: Array, v: Array) -> Any:
+        """Further initial state of the control law."""
         return NoMemory()
 
-    def _learned(self, memory: AdaptiveState, passed: Period) -> tuple[Column, Any]:
-        """The estimate (k,) after the period that has passed, and the adaptation law's internal state."""
+    def _adapted(self, memory: AdaptiveState, passed: Period) -> tuple[Column, Any]:
+        """Next estimate (k,) and state of the adaptation law."""
         if self.adaptation_law is None:
             return memory.estimate, memory.law_state
         return self.adaptation_law.law(self.model, memory.estimate, passed, memory.law_state)
 
     def _settle_torque_limits(self) -> None:
-        """Check the torque limits, the mechanism's own unless given, and freeze them."""
         object.__setattr__(self, "torque_limits", torque_limits(self.model.mechanism, self.torque_limits))
 
-    def _held(self, torque: Column) -> tuple[Column, Column]:
-        """The torque (r,) that the limits let through, and the time to learn from it: none while it is clipped, when
-        the error is not the estimate's fault."""
+    def _limited(self, torque: Column) -> tuple[Column, Column]:
+        """Limited torque (r,), and the time to learn from it, 0 if limited."""
         kept, length = [], self.control_period
         for x, limit in zip(torque, np.asarray(self.torque_limits).tolist(), strict=True):
             bounded = clip(x, -limit, limit) if np.isfinite(limit) else x
@@ -169,7 +187,6 @@ class AdaptiveController(Controller[AdaptiveState]):
         return Column(kept), Column((length,))
 
     def _parameters(self, estimate: Column) -> Column:
-        """The P parameters of the mechanism that an estimate stands for."""
         return spread(estimate, self.model.columns, self.model.mechanism.equations.parameters)
 
 
@@ -183,11 +200,30 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def save_estimate(path: str | Path, model: ReducedModel, estimate: ArrayLike) -> None:
-    """Write an `estimate` (k,) of the `model`'s k parameters, in their SI units, as a JSON file at `path`, each number
-    under its parameter's name. A file that exists is replaced.
+    """
+    Write an estimate to a JSON file, by names of parameters.
 
-    Raises `InputError` for an estimate of a wrong shape or not finite, `FileError` for a `path` that is no path of a
-    file, and where the file cannot be written.
+    Parameters
+    ----------
+    path : str or Path
+        Path of the file, which is replaced if it exists.
+    model : ReducedModel
+        Model with k parameters.
+    estimate : array_like
+        Estimate (k,) in SI units.
+
+    Raises
+    ------
+    InputError
+        If the estimate has a wrong shape or is not finite.
+    FileError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> adaptctl.control.save_estimate(tmp / "estimate.json", model, np.arange(6.0))
+    >>> adaptctl.control.load_estimate(tmp / "estimate.json", model)
+    array([0., 1., 2., 3., 4., 5.])
     """
     _validate_path(path)
     values = frozen_array(estimate, (len(model.names),), "estimate")
@@ -196,12 +232,32 @@ def save_estimate(path: str | Path, model: ReducedModel, estimate: ArrayLike) ->
 
 
 def load_estimate(path: str | Path, model: ReducedModel) -> Array:
-    """The estimate (k,), in SI units, that `save_estimate` wrote at `path`, in the order of the `model`'s k parameters,
-    whatever their order in the file.
+    """
+    Read an estimate that `save_estimate` wrote.
 
-    Raises `FileError` for a `path` that is no path of a file, and for a file that cannot be read, is no such estimate,
-    has a number that is not finite, or has names of parameters other than the model's. The mechanism's name in the file
-    is not compared.
+    Parameters
+    ----------
+    path : str or Path
+        Path of the file.
+    model : ReducedModel
+        Model with k parameters.
+
+    Returns
+    -------
+    ndarray
+        Estimate (k,) in SI units, in the order of the model's parameters.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, is no estimate, or has other parameters than the model. The mechanism's name is not
+        compared.
+
+    Examples
+    --------
+    >>> adaptctl.control.save_estimate(tmp / "estimate.json", model, np.zeros(6))
+    >>> adaptctl.control.load_estimate(tmp / "estimate.json", model).shape
+    (6,)
     """
     _validate_path(path)
     saved = read_json(path, _Saved).parameters

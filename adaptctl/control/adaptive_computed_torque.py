@@ -1,4 +1,4 @@
-"""Computed torque that learns its parameters."""
+"""Adaptive computed torque."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.adaptive import AdaptiveController, AdaptiveState
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.gains.gains import typical_inertia
-from adaptctl.control.gains.sampling_ratio import DEFINITE, MAX_SAMPLING_RATIO, worst_conditioned_configuration
+from adaptctl.control.gains.sampling_ratio import MAX_SAMPLING_RATIO, MIN_EIGENVALUE, worst_conditioned_configuration
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import GainError, InputError
 from adaptctl.identifiability import ReducedModel
@@ -22,39 +22,54 @@ from adaptctl.scalars import Column, column
 
 @dataclass(frozen=True, eq=False)
 class AdaptiveComputedTorque(AdaptiveController):
-    """Adaptive computed-torque control law for r joints on a model's k parameters (Craig, Hsu and Sastry 1987).
+    r"""
+    Computed torque that adapts its parameters, from measured accelerations.
 
-        e = p - p_d,  s = e' + Lambda e
-        torque = M^(p) (a_d - 2 Lambda e' - Lambda^2 e) + C^(p, v) v + g^(p)
-        estimate' = -Gamma Y(p, v, a)' M^^-1 W s
+    Parameters
+    ----------
+    model : ReducedModel
+        Model of the mechanism with k parameters and r joints.
+    bandwidth : array_like
+        Decay rate Lambda of the tracking error in 1/s, one number or (r,).
+    initial : array_like
+        Initial estimate (k,) in SI units. Its mass matrix must be positive definite, unlike that of zero.
+    adaptation : AdaptationLaw or array_like, optional
+        Adaptation law, or the gain of `Gradient`: its diagonal (k,) or the whole matrix (k, k), in units of the
+        parameters squared per J. None switches adaptation off.
+    prediction_weight : array_like, optional
+        Weight W of the sliding variable in kg m^2 (kg), one number or (r,). The joints' typical inertias unless given,
+        which makes gains comparable to those of `SlotineLi`.
+    control_period : float, default 0.001
+        Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
+    torque_limits : array_like, optional
+        Limits in N m (N), one number or (r,). Nothing is learned from a period whose torque exceeds them; the
+        mechanism's own limits unless given.
 
-    p, v and a (r,) are positions, velocities and accelerations in rad, rad/s and rad/s^2 (m, m/s and m/s^2), p_d and
-    a_d the reference's, e is the tracking error and s, in rad/s (m/s for a prismatic joint), the sliding variable; M^,
-    C^ and g^ are the estimate's mass matrix, Coriolis matrix and gravity torque, Y (r, k) is the torque regressor,
-    `error` (k,) the estimate less the truth. A prime is a derivative in time, but the transpose of Y and, in V below,
-    of s and error.
+    Raises
+    ------
+    GainError
+        If 2 Lambda T_c is above 1.5.
+    InputError
+        If a shape is wrong, a number is not positive, the adaptation law does not fit the model, or the initial mass
+        matrix is not positive definite.
 
-    With both poles of the error loop at -Lambda, s' + Lambda s = M^^-1 Y error, the strictly positive real filter of
-    the paper. Guarantees, without disturbance and while M^ is positive definite: V = s'Ws/2 + error' Gamma^-1 error/2
-    has the time derivative -s'W Lambda s, so the tracking error goes to zero.
+    Notes
+    -----
+    .. math:: \dot{\hat\beta}=-\Gamma Y(p,v,a)^\top\hat M^{-1}Ws,\quad s=\dot e+\Lambda e.
 
-    Gives up: it needs the acceleration a, which is taken from the difference of velocities over the period and so
-    carries the noise of velocities over T_c: noise of deviation sigma moves an inertia by about Gamma sigma^2 a period,
-    where `SlotineLi`'s regressor moves it by T_c Lambda of that, so Gamma must be as much smaller (a filtered a, which
-    is delayed, did worse). It also needs M^^-1, so M^ must stay positive definite. For the initial estimate this is
-    checked; later `Natural` guarantees it, `Projection` on narrow bounds makes it likely, and nothing else does. The
-    paper resets parameters at their bounds, which is `Projection`.
+    The tracking error converges to zero while the estimated mass matrix is positive definite [1]_, as with `Natural`.
+    Noise needs a gain smaller by :math:`T_c\Lambda` than in `SlotineLi`.
 
-    `model` has the k parameters; `bandwidth` is Lambda, the decay rate of errors in 1/s, one number or (r,); `initial`
-    (k,) is the initial estimate in SI units, None for zero, whose mass matrix is not positive definite and which is
-    refused; `adaptation` is an adaptation law, or Gamma for `Gradient`, its diagonal (k,) or whole (k, k), in units of
-    the parameters squared per J, or None, the default, for no adaptation; `weight` is W, one number or (r,), in kg m^2
-    (kg), None for the joints' typical inertias, the medians of the mass matrix's diagonal, which makes gains comparable
-    to `SlotineLi`'s; `period` is the control period T_c in s, 1 ms by default; nothing is learned from a period whose
-    torque is beyond `torque_limits`, one number or (r,), N m (N), None for the mechanism's own. Raises `GainError`
-    where 2 Lambda T_c is above 1.5, and `InputError` on wrong shapes, on a period, bandwidths, weights or limits that
-    are not positive, on an adaptation law that does not fit the model, and for an initial estimate whose mass matrix is
-    not positive definite at some configuration that a local search from the worst of 200 finds.
+    References
+    ----------
+    .. [1] Craig, Hsu and Sastry, Int. J. Robotics Research, 1987.
+
+    Examples
+    --------
+    >>> controller = adaptctl.control.AdaptiveComputedTorque(model, 5.0, model.fundamental_parameters)
+    >>> torque, state = controller.step(controller.init(p, v), p, v, reference(0.0))
+    >>> torque.shape
+    (2,)
     """
 
     tunable = ("bandwidth", "prediction_weight", "initial")
@@ -79,11 +94,23 @@ class AdaptiveComputedTorque(AdaptiveController):
     def law(
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
-        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the internal state
-        after learning from the period that has passed. Positions p in rad (m) and velocities v in rad/s (m/s), (r,),
-        are measured; `reference` has the desired positions, velocities and accelerations (r,), in rad, rad/s and
-        rad/s^2 (m, m/s and m/s^2 if prismatic); `memory` is the internal state of the last control period. Nothing is
-        checked here."""
+        """
+        Compute the torque and learn from the period that has passed.
+
+        Parameters
+        ----------
+        p, v : Column
+            Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
+        reference : ReferencePoint
+            Desired positions, velocities and accelerations.
+        memory : AdaptiveState
+            Internal state of the last control period.
+
+        Returns
+        -------
+        tuple of Column and AdaptiveState
+            Torque (r,) in N m (N) and internal state after the period.
+        """
         equations, bandwidth = self.model.mechanism.equations, column(self.bandwidth)
         q = equations.closed(p, memory.q)
         e, e_rate = p - reference.p, v - reference.v
@@ -100,18 +127,18 @@ class AdaptiveComputedTorque(AdaptiveController):
 
         damping = column(self.prediction_weight) * bandwidth
         passed = Period(gradient, memory.s, s, memory.torque, q, v, self.control_period, memory.dt[0], damping)
-        estimate, learning = self._learned(memory, passed)
+        estimate, learning = self._adapted(memory, passed)
         a = reference.a - bandwidth * (e_rate + s)
         torque = equations.inverse_dynamics(q, v, v, a, self._parameters(estimate))
-        return torque, AdaptiveState(estimate, q, v, s, *self._held(torque), learning, NoMemory())
+        return torque, AdaptiveState(estimate, q, v, s, *self._limited(torque), learning, NoMemory())
 
     @property
     def _motion_size(self) -> int:
-        """Number of remembered velocities, r: accelerations are known at the next tick only."""
+        """Number r of last velocities, for accelerations."""
         return self.dof
 
     def _validate_bandwidth(self) -> None:
-        """Raise `GainError` where a hold would overshoot: it multiplies velocity errors by 1 - 2 Lambda T_c."""
+        """Raise `GainError` if a held torque overshoots."""
         gain = 2.0 * self.control_period * float(self.bandwidth.max())
         if gain > MAX_SAMPLING_RATIO:
             raise GainError(
@@ -121,9 +148,8 @@ class AdaptiveComputedTorque(AdaptiveController):
             )
 
     def _validate_inertia(self) -> None:
-        """Raise `InputError` where the initial estimate's mass matrix is not positive definite."""
         smallest, p = worst_conditioned_configuration(self.model.mechanism, self.model.embed(np.asarray(self.initial)))
-        if not smallest > DEFINITE:
+        if not smallest > MIN_EIGENVALUE:
             raise InputError(
                 "adaptive computed torque: needs a first estimate whose mass matrix is positive definite everywhere, "
                 f"this one's, its diagonal scaled to 1, has the eigenvalue {smallest:.3g} at "

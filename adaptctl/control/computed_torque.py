@@ -1,4 +1,4 @@
-"""Computed torque with given parameters, right or wrong."""
+"""Computed torque and PD control."""
 
 from __future__ import annotations
 
@@ -18,19 +18,13 @@ from adaptctl.scalars import Column, column
 
 
 class BranchState(NamedTuple):
-    """Internal state of a control law that learns nothing: the configuration `q` (n,) of all n joints of the
-    mechanism's spanning tree in the last control period, rad (m if prismatic). With closed kinematic loops the next
-    configuration is found from it. Nothing is checked."""
+    """Last configuration (n,), from which kinematic loops are followed."""
 
     q: Any
 
 
 class ModelBased(Controller[BranchState]):
-    """Base class of control laws for a `mechanism` with given `parameters` (P,), right or wrong: all its P inertial and
-    friction parameters in SI units and the order of `Mechanism.parameter_names`, None for the mechanism's own. A
-    subclass is a frozen dataclass that writes the method `law(p, v, reference, memory)`, which returns the torque (r,)
-    of r joints and the `BranchState` after it. It calls `self._settle()` at construction, which raises `InputError` for
-    parameters of another shape or not finite."""
+    """Base class of laws with given parameters (P,)."""
 
     sparse = ("parameters",)
 
@@ -38,33 +32,26 @@ class ModelBased(Controller[BranchState]):
     parameters: Array | None
 
     def _settle(self) -> None:
-        """Check the parameters, the mechanism's own unless given, and freeze them."""
         self._validate_mechanism()
         own = self.mechanism.inertial_parameters
         given = frozen_array(own if self.parameters is None else self.parameters, own.shape, "parameters")
         object.__setattr__(self, "parameters", given)
 
     def _validate_mechanism(self) -> None:
-        """Raise `InputError` for what is no mechanism, such as a robot's name."""
         validate_kind(self.mechanism, Mechanism, type(self).__name__, "as load(...) gives one")
 
     @property
     def dof(self) -> int:
-        """Number r of the mechanism's primary (independent) joints, which the control law moves; kinematic loops, if
-        any, move the others."""
+        """Number r of primary joints."""
         return self.mechanism.dof
 
     @property
     def neutral_configuration(self) -> Array:
-        """Positions (r,) of the r primary (independent) joints, rad (m if prismatic), at the mechanism's home
-        configuration, where its kinematic loops are known to close; zeros without loops."""
+        """Positions (r,) of the home configuration, rad (m)."""
         return self.mechanism.neutral_configuration
 
     def initial_state(self, p: Array, v: Array) -> BranchState:
-        """The internal state before the first control period, a `BranchState`: the configuration (..., n), rad (m if
-        prismatic), of all n joints of the mechanism's spanning tree at positions `p` (..., r) of its r primary
-        (independent) joints. `v` is not used. Raises `InputError` on a wrong shape of p, `NonFiniteError` on NaN or
-        infinity in it, `SingularityError` near a singularity of the kinematic loops."""
+        """Configuration (..., n) at positions (..., r)."""
         return BranchState(self.mechanism.configuration(p))
 
     @property
@@ -73,26 +60,47 @@ class ModelBased(Controller[BranchState]):
 
 
 def embedded_parameters(model: ReducedModel, parameters: ArrayLike | None) -> Array:
-    """All P inertial and friction parameters (P,), SI units, of the `model`'s mechanism that give the same torques as
-    its k fundamental (base) `parameters` (k,), None for the true ones. The parameters that the model has removed are
-    zero, so that their terms are never computed. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
-    infinity."""
+    """Parameters (P,) of k ones, the removed ones zero."""
     return model.embed(model.fundamental_parameters if parameters is None else parameters)
 
 
 @dataclass(frozen=True, eq=False)
 class ComputedTorque(ModelBased):
-    """Computed torque, or inverse dynamics control, of r joints with a linear error loop (Luh, Walker and Paul 1980).
+    r"""
+    Computed torque (inverse dynamics control) with a linear error loop.
 
-        torque = M(p) (a_d - 2 zeta omega e' - omega^2 e) + C(p, v) v + g(p)
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with r joints.
+    bandwidth : array_like
+        Natural frequency omega of the error loop in rad/s, one number or (r,).
+    damping_ratio : float, default 1.0
+        Damping ratio zeta of the error loop; 1 is critical.
+    parameters : array_like, optional
+        All inertial and friction parameters (P,) in SI units, the mechanism's own unless given.
 
-    M is the mass matrix, C the Coriolis matrix, g the gravity torque, all of `parameters`, at measured positions p and
-    velocities v (r,); p_d and a_d are the reference's positions and accelerations, the torque (r,) is in N m (N for a
-    prismatic joint). With the true parameters every joint's error e = p - p_d, e' its derivative in time, decays at
-    `bandwidth` omega (rad/s, one number or (r,)) and damping ratio zeta (`damping_ratio`, no unit; 1 is critical); with
-    wrong ones it does not, and nothing learns. `parameters` (P,), all P inertial and friction ones of the mechanism,
-    are in SI units, None for the `mechanism`'s own. Raises `InputError` on wrong shapes, for numbers that are not
-    finite, and for a bandwidth or damping ratio that is not positive.
+    Raises
+    ------
+    InputError
+        If a shape is wrong, a number is not finite, or bandwidth or damping ratio is not positive.
+
+    Notes
+    -----
+    .. math:: \tau=M(p)(a_d-2\zeta\omega\dot e-\omega^2e)+C(p,v)v+g(p).
+
+    With the true parameters, errors decay as designed [1]_.
+
+    References
+    ----------
+    .. [1] Luh, Walker and Paul, IEEE Trans. Automatic Control, 1980.
+
+    Examples
+    --------
+    >>> controller = adaptctl.ComputedTorque(arm, bandwidth=8.0)
+    >>> torque, state = controller.step(controller.init(p, v), p, v, reference(0.0))
+    >>> torque.shape
+    (2,)
     """
 
     tunable = ("bandwidth", "damping_ratio", "parameters")
@@ -112,20 +120,50 @@ class ComputedTorque(ModelBased):
     def on(
         cls, model: ReducedModel, bandwidth: ArrayLike, damping_ratio: float = 1.0, parameters: ArrayLike | None = None
     ) -> ComputedTorque:
-        """Computed-torque control law, a `ComputedTorque`, on a reduced `model` of k fundamental (base) parameters.
-        `bandwidth` is the error loop's natural frequency in rad/s, one number or one for each of r joints (r,);
-        `damping_ratio` has no unit, 1, the default, is critical; `parameters` (k,) are in SI units, None for the
-        model's own, the true ones. Raises `InputError` for numbers of the wrong shape or not finite, and for a
-        bandwidth or damping ratio that is not positive."""
+        """
+        Return computed torque on a reduced model.
+
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        bandwidth : array_like
+            Natural frequency of the error loop in rad/s, one number or (r,).
+        damping_ratio : float, default 1.0
+            Damping ratio of the error loop.
+        parameters : array_like, optional
+            Parameters (k,) in SI units, the true ones unless given.
+
+        Returns
+        -------
+        ComputedTorque
+            Controller with the same torques as the k parameters have.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, a number is not finite, or bandwidth or damping ratio is not positive.
+        """
         return cls(model.mechanism, np.asarray(bandwidth), damping_ratio, embedded_parameters(model, parameters))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
-        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the internal state
-        after it: the positions (n,) of all n joints of the spanning tree. The torque is the inverse dynamics of the
-        acceleration that brings the tracking error back to zero. Measured positions p are in rad (m), velocities v in
-        rad/s (m/s), (r,); `reference` has the desired positions, velocities and accelerations (r,), in rad, rad/s and
-        rad/s^2 (m, m/s and m/s^2 if prismatic); `memory` is the internal state of the last control period. Nothing is
-        checked here: the method `step` checks shapes."""
+        """
+        Compute the inverse dynamics of the acceleration that reduces the error.
+
+        Parameters
+        ----------
+        p, v : Column
+            Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
+        reference : ReferencePoint
+            Desired positions, velocities and accelerations.
+        memory : BranchState
+            Internal state of the last control period.
+
+        Returns
+        -------
+        tuple of Column and BranchState
+            Torque (r,) in N m (N) and internal state after the period.
+        """
         omega = column(self.bandwidth)
         rate, stiffness = (2.0 * self.damping_ratio) * omega, omega * omega
         q = self.mechanism.equations.closed(p, memory.q)
@@ -135,28 +173,47 @@ class ComputedTorque(ModelBased):
 
 @dataclass(frozen=True, eq=False)
 class PDGravity(ModelBased):
-    """PD control with gravity compensation: torque = g(p) - Kp (p - p_d) - Kd (v - v_d) (Takegaki and Arimoto 1981).
+    r"""
+    PD control with gravity compensation.
 
-    p and v are the measured positions and velocities of r joints, p_d and v_d the desired ones, e = p - p_d, g
-    gravity's torque and M the mass matrix; a prime is the transpose.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with r joints.
+    stiffness : array_like
+        Stiffness Kp in N m/rad (N/m for a prismatic joint), one number or (r,).
+    damping : array_like
+        Damping Kd in N m s/rad (N s/m), one number or (r,).
+    parameters : array_like, optional
+        All inertial and friction parameters (P,) in SI units, the mechanism's own unless given.
 
-    Guarantees, with the true gravity: a p_d that stands still is reached from anywhere, as v'Mv/2 + e'Kp e/2 falls at
-    the rate v'Kd v, for any inertias.
+    Raises
+    ------
+    InputError
+        If a shape is wrong, a number is not finite, or a gain is not positive.
 
-    Gives up: a moving reference is followed with the error that inertia and Coriolis forces make; a wrong gravity
-    leaves the error Kp^-1 times what is missing. Nothing learns.
+    Notes
+    -----
+    .. math:: \tau=g(p)-K_p(p-p_d)-K_d(v-v_d).
 
-    `stiffness` is Kp in N m/rad (N/m for a prismatic joint) and `damping` Kd in N m s/rad (N s/m), each one number or
-    (r,); `parameters` (P,), all P inertial and friction ones, are in SI units and the order of
-    `Mechanism.parameter_names`, None for the `mechanism`'s own. The class attribute `finite` is True: a step refuses
-    NaN and infinity in its arguments too, by `NonFiniteError`. Raises `InputError` on wrong shapes, for numbers that
-    are not finite, and for gains that are not positive.
+    With the true gravity, a constant reference is reached from anywhere [1]_.
+
+    References
+    ----------
+    .. [1] Takegaki and Arimoto, ASME J. Dynamic Systems, Measurement and Control, 1981.
+
+    Examples
+    --------
+    >>> controller = adaptctl.control.PDGravity(arm, stiffness=50.0, damping=[6.0, 2.0])
+    >>> torque, state = controller.step(controller.init(p, v), p, v, reference(0.0))
+    >>> torque.shape
+    (2,)
     """
 
     tunable = ("stiffness", "damping", "parameters")
 
+    # accelerations are not used, so no torque would show that one is not finite
     finite: ClassVar[Finite] = True
-    """Accelerations are not used, so no torque tells that one is not finite."""
 
     mechanism: Mechanism
     stiffness: Array
@@ -173,18 +230,50 @@ class PDGravity(ModelBased):
     def on(
         cls, model: ReducedModel, stiffness: ArrayLike, damping: ArrayLike, parameters: ArrayLike | None = None
     ) -> PDGravity:
-        """PD control law with gravity compensation, a `PDGravity`, on a reduced `model`. `parameters` (k,) are the
-        model's k fundamental (base) parameters in SI units, None for the true ones. `stiffness` is in N m/rad (N/m for
-        a prismatic joint) and `damping` in N m s/rad (N s/m), one number or one for each of r joints (r,). Raises
-        `InputError` for numbers of the wrong shape or not finite, and for gains that are not positive."""
+        """
+        Return PD control with gravity compensation on a reduced model.
+
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        stiffness : array_like
+            Stiffness in N m/rad (N/m for a prismatic joint), one number or (r,).
+        damping : array_like
+            Damping in N m s/rad (N s/m), one number or (r,).
+        parameters : array_like, optional
+            Parameters (k,) in SI units, the true ones unless given.
+
+        Returns
+        -------
+        PDGravity
+            Controller with the gravity torques of the k parameters.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, a number is not finite, or a gain is not positive.
+        """
         return cls(model.mechanism, np.asarray(stiffness), np.asarray(damping), embedded_parameters(model, parameters))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
-        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, gravity's less a spring's
-        and a damper's, and the internal state after it: the positions (n,) of all n joints of the spanning tree.
-        Measured positions p are in rad (m) and velocities v in rad/s (m/s), (r,); `reference` has positions, rad (m),
-        and velocities, rad/s (m/s), (r,) each, its accelerations are not used; `memory` is the internal state of the
-        last control period. Nothing is checked here: the method `step` checks shapes."""
+        """
+        Compute the gravity torque minus a spring's and a damper's.
+
+        Parameters
+        ----------
+        p, v : Column
+            Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
+        reference : ReferencePoint
+            Desired positions, velocities and accelerations.
+        memory : BranchState
+            Internal state of the last control period.
+
+        Returns
+        -------
+        tuple of Column and BranchState
+            Torque (r,) in N m (N) and internal state after the period.
+        """
         equations, rest = self.mechanism.equations, Column.zeros(self.dof)
         q = equations.closed(p, memory.q)
         gravity = equations.inverse_dynamics(q, rest, rest, rest, self._parameters)

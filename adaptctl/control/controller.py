@@ -1,4 +1,4 @@
-"""The interface of controllers: a law over scalars, its memory, and steps on arrays."""
+"""Base class of controllers."""
 
 from __future__ import annotations
 
@@ -34,9 +34,23 @@ from adaptctl.scalars import Column, Structure, Tunable
 
 
 class ReferencePoint(NamedTuple):
-    """Reference point of a motion: desired positions `p` in rad (m if prismatic), velocities `v` in rad/s (m/s) and
-    accelerations `a` in rad/s^2 (m/s^2), arrays (..., r) for r joints; or, in m, m/s and m/s^2, (..., d) for d
-    task-space coordinates. In a control law's equation each is a `Column` of r (or m) scalars. Nothing is checked."""
+    """
+    Desired positions, velocities and accelerations of a motion.
+
+    Parameters
+    ----------
+    p : ndarray
+        Positions (..., r) in rad (m for a prismatic joint), or task-space coordinates (..., d) in m.
+    v : ndarray
+        Velocities in rad/s (m/s), of the same shape.
+    a : ndarray
+        Accelerations in rad/s^2 (m/s^2), of the same shape.
+
+    Examples
+    --------
+    >>> rest = adaptctl.control.ReferencePoint(p, np.zeros(2), np.zeros(2))
+    >>> torque, _ = law.step(law.init(p, v), p, v, rest)
+    """
 
     p: Any
     v: Any
@@ -44,87 +58,168 @@ class ReferencePoint(NamedTuple):
 
 
 class Reference(Protocol):
-    """Protocol of a reference trajectory: a callable from times `t`, one or an array (...), in s, to a
-    `ReferencePoint`. Its positions, velocities and accelerations are (..., r) for r joints, in rad, rad/s and rad/s^2
-    (m, m/s and m/s^2 if prismatic), or (..., d) for d task-space coordinates, in m, m/s and m/s^2. An implementation
-    should give finite numbers at any time; nothing is checked."""
+    """
+    Protocol of a reference trajectory: a function from times to a `ReferencePoint`.
+
+    Parameters
+    ----------
+    *args, **kwargs : object
+        Not used: a protocol has no constructor.
+
+    Examples
+    --------
+    >>> def ramp(t):
+    ...     t = np.asarray(t, dtype=float)[..., None]
+    ...     return adaptctl.control.ReferencePoint(t * [0.1, 0.2], 0.0 * t + [0.1, 0.2], 0.0 * t * [1.0, 1.0])
+    >>> ramp(2.0).p
+    array([0.2, 0.4])
+    """
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
-        """The reference point at times `t` (...) in s: positions, velocities and accelerations, (..., r) each for r
-        joints in rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic), or (..., d) for d task-space coordinates in their
-        units."""
+        """
+        Return the reference point at some times.
+
+        Parameters
+        ----------
+        t : array_like
+            Times (...) in s.
+
+        Returns
+        -------
+        ReferencePoint
+            Positions, velocities and accelerations (..., r) in rad, rad/s and rad/s^2 (m for a prismatic joint).
+        """
         ...
 
 
-GAINS, MEMORY = "gains", "memory"
-"""Names of the columns of a law's gains, and of its memory in one array."""
+GAINS, MEMORY = "gains", "memory"  # columns of a law's gains, and of its state in one array
 
 
 class Controller(Tunable, ABC, Generic[Memory]):
-    """Base class of control laws for a mechanism of r joints, called once every control period, for one arm or for many
-    arms at once.
+    """
+    Base class of control laws, called once in every control period for one or many arms.
 
-    A subclass is a frozen dataclass of configuration. It writes the property `dof`, the number r, and the methods
-    `start(p, v)`, which returns the internal state before the first control period, and `law(p, v, reference, memory)`,
-    which returns the torque for a period and the internal state after it. This state, a named tuple of arrays, is all
-    that changes over time; `step` takes and returns it. `law` computes on scalars of any kind (floats, arrays, dual
-    numbers, symbols), so that it can be compiled to native code and differentiated; above 100 joints it runs in Python.
+    Notes
+    -----
+    A subclass is a frozen dataclass. Its `law` is compiled to native code, up to 100 joints; attributes named in
+    `tunable` are arguments of that code. `finite` says which numbers `step` requires to be finite: "results", True for
+    arguments too, False for none.
 
-    Attributes that the class names in `tunable` hold its gains; these are arguments of the native code. Controllers
-    that differ in them alone share one code, and the method `tuned` makes such a copy. Without names in `tunable` all
-    numbers are compiled in. The class attribute `finite` says where `step` raises `NonFiniteError` for NaN and
-    infinity: in its results if "results", the default; in its arguments too if True; nowhere if False. Nothing is
-    checked at construction, unless by a subclass.
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from adaptctl.control import Controller
+    >>> from adaptctl.control.adaptation.law import NoMemory
+    >>> @dataclass(frozen=True, eq=False)
+    ... class PD(Controller):
+    ...     tunable = ("stiffness",)
+    ...     stiffness: float = 20.0
+    ...     dof = 2
+    ...
+    ...     def initial_state(self, p, v):
+    ...         return NoMemory()
+    ...
+    ...     def law(self, p, v, reference, memory):
+    ...         return self.stiffness * (reference.p - p) - 2.0 * v, memory
+    >>> controller = PD()
+    >>> torque, state = controller.step(controller.init(p, v), p, v, reference(0.0))
+    >>> torque.round(3)
+    array([-0.4,  0.2])
     """
 
     finite: ClassVar[Finite] = "results"
-    """Where a step refuses NaN and infinity: "results", True (its arguments too) or False (nowhere)."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "__repr__" not in vars(cls):
+            cls.__repr__ = Controller.__repr__  # type: ignore[method-assign]  # a dataclass would print all its arrays
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self.dof} joints>"
 
     @property
     @abstractmethod
     def dof(self) -> int:
-        """Number r of joints that the control law moves."""
+        """Number r of joints."""
 
     @property
     def neutral_configuration(self) -> Array:
-        """Home positions (r,) of the r joints, rad (m if prismatic): a configuration at which the control law can be
-        evaluated, and at which it is compiled; zeros unless a subclass gives others, as for kinematic loops that zeros
-        do not close."""
+        """Home positions (r,), rad (m), at which the law is compiled."""
         return np.zeros(self.dof)
 
     @property
     def reference_size(self) -> int:
-        """Length of each part (positions, velocities, accelerations) of the control law's reference points: the number
-        r of joints, unless a subclass gives the number d of task-space coordinates."""
+        """Length of a reference point's parts."""
         return self.dof
 
     @abstractmethod
     def initial_state(self, p: Array, v: Array) -> Memory:
-        """The control law's internal state before its first control period, for arms at positions p in rad (m if
-        prismatic) and velocities v in rad/s (m/s), both (..., r) for r joints with leading axes for arms. An
-        implementation returns a named tuple of arrays, or of such tuples: each array (..., n), n its own length, or
-        (n,) where all arms begin alike. The method `init`, which calls it, checks shapes and values."""
+        """
+        Return the law's internal state, which `init` checks.
+
+        Parameters
+        ----------
+        p, v : ndarray
+            Positions (..., r) in rad (m) and velocities (..., r) in rad/s (m/s).
+
+        Returns
+        -------
+        tuple
+            Internal state before the first control period.
+        """
 
     @abstractmethod
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Memory) -> tuple[Column, Memory]:
-        """The torque (r,) of the r joints, N m (N if prismatic), for one control period, and the control law's internal
-        state after it. Measured positions p (r,) are in rad (m if prismatic), velocities v (r,) in rad/s (m/s).
-        `reference` has the desired positions in rad (m), velocities in rad/s (m/s) and accelerations in rad/s^2
-        (m/s^2), (r,) each, or, in a task space of d coordinates, (d,) in their units. `memory` is the internal state of
-        the last period, at first that of the method `start`. Vectors are Columns of scalars of any kind. An
-        implementation checks nothing: the method `step` does, and raises `InputError` where `law` returns anything but
-        a `Column` of r scalars and an internal state of the same sizes."""
+        """
+        Compute the torque for one control period, over scalars of any kind.
+
+        Parameters
+        ----------
+        p, v : Column
+            Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
+        reference : ReferencePoint
+            Desired positions, velocities and accelerations.
+        memory : tuple
+            Internal state of the last control period.
+
+        Returns
+        -------
+        tuple of Column and tuple
+            Torque (r,) in N m (N) and internal state after the period.
+        """
 
     def init(self, p: ArrayLike, v: ArrayLike, gains: Mapping[str, Array] | None = None) -> Memory:
-        """The controller's internal state before the first control period, from measured positions p in rad (m if
-        prismatic) and velocities v in rad/s (m/s), both (..., r) for r joints.
+        """
+        Return the internal state before the first control period.
 
-        Leading axes are arms, and each has its own state: a named tuple of arrays (..., n), n the length of each.
-        `gains` are tunable numbers, by their names in the property `numbers`, each with the leading axes of p before
-        its own shape, for arms that have their own; None for the controller's. Their values are not checked. Raises
-        `InputError` on a wrong shape, `NotFoundError` for a name that is not in `numbers`, `NonFiniteError` where p, v
-        or the state are not finite; laws for closed kinematic loops raise `SingularityError` near a singularity of
-        these.
+        Parameters
+        ----------
+        p, v : array_like
+            Measured positions (..., r) in rad (m) and velocities (..., r) in rad/s (m/s). Leading axes are arms.
+        gains : dict, optional
+            Tunable numbers of each arm by name, as in `numbers`, each with the leading axes of p. Those of the
+            controller unless given.
+
+        Returns
+        -------
+        tuple
+            Named tuple of arrays (..., n).
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong.
+        NotFoundError
+            If a gain has another name.
+        NonFiniteError
+            If a number is not finite.
+        SingularityError
+            If p is near a singularity of the kinematic loops.
+
+        Examples
+        --------
+        >>> law.init(p, v).estimate.shape
+        (6,)
         """
         positions, velocities = self._measured(p, "p"), self._measured(v, "v")
         with np.errstate(over="ignore", invalid="ignore"):
@@ -134,18 +229,40 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return self._remembering(self._array_of(started, positions.shape[:-1]))
 
     def reset(self, state: Memory, arms: ArrayLike, p: ArrayLike, v: ArrayLike) -> Memory:
-        """The `state` of many arms, in which those where the mask `arms` (...) of bools is True are set back to before
-        their first control period, as when an episode begins anew.
+        """
+        Return the state of many arms with some of them reset.
 
-        These arms are at positions p in rad (m if prismatic) and velocities v in rad/s (m/s), (..., r) for r joints;
-        other rows of p and v are not used. The state given is not changed; where no arm is chosen it is itself
-        returned. Raises `InputError` for a mask that is not of bools and where p and v are not (..., r) with the mask's
-        axes, `NonFiniteError` for p or v not finite where the mask is True.
+        Parameters
+        ----------
+        state : tuple
+            Internal state of the arms, which is not changed.
+        arms : array_like
+            Mask (...) of bools, True for arms to reset.
+        p, v : array_like
+            Positions (..., r) in rad (m) and velocities (..., r) in rad/s (m/s). Rows of other arms are not used.
+
+        Returns
+        -------
+        tuple
+            Internal state; the given one if no arm is chosen.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong or the mask not of bools.
+        NonFiniteError
+            If p or v is not finite where the mask is True.
+
+        Examples
+        --------
+        >>> many = np.stack([p, p]), np.stack([v, v])
+        >>> law.reset(law.init(*many), np.array([True, False]), *many).estimate.shape
+        (2, 6)
         """
         chosen, p, v = np.asarray(arms), np.asarray(p), np.asarray(v)
         if chosen.dtype != np.bool_ or not (*chosen.shape, self.dof) == p.shape == v.shape:
             raise InputError(
-                f"restart: expected p and v (..., {self.dof}) and a mask of bools (...), got p {p.shape}, v {v.shape} "
+                f"reset: expected p and v (..., {self.dof}) and a mask of bools (...), got p {p.shape}, v {v.shape} "
                 f"and a mask of {chosen.dtype} {chosen.shape}"
             )
         if not chosen.any():
@@ -156,48 +273,114 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @replaced_by("_step_one")
     def step(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
-        """The torque (..., r) of the r joints, N m (N if prismatic), for one control period, and the internal state
-        after it. Measured positions p are in rad (m if prismatic), velocities v in rad/s (m/s); `reference` has the
-        desired positions, velocities and accelerations, rad/s^2 (m/s^2); `state` is the last internal state, at first
-        that of the method `init`.
+        """
+        Compute the torque for one control period, and the internal state after it.
 
-        Leading axes of p (..., r) are arms, computed together in SIMD lanes; v and the reference's parts may be (r,),
-        the same for all. Raises `InputError` on a wrong shape and `NonFiniteError` when the torque or the next state of
-        any arm is not finite, as by NaN in p, v or the reference; the message names the arm. `state` is never changed,
-        so the step can be repeated without that arm, or with the controller wrapped in `SafetyFilter`, which brakes
-        that arm alone.
+        Parameters
+        ----------
+        state : tuple
+            Internal state, at first that of `init`. It is never changed, so that a step can be repeated.
+        p, v : array_like
+            Measured positions (..., r) in rad (m) and velocities (..., r) or (r,) in rad/s (m/s). Leading axes are
+            arms.
+        reference : ReferencePoint
+            Desired positions, velocities and accelerations, (..., r) or (r,).
+
+        Returns
+        -------
+        tuple of ndarray and tuple
+            Torque (..., r) in N m (N) and internal state.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong.
+        NonFiniteError
+            If a result is not finite; the message names the arm. `SafetyFilter` brakes that arm alone.
+
+        Examples
+        --------
+        >>> torque, state = law.step(law.init(p, v), p, v, reference(0.0))
+        >>> torque.shape
+        (2,)
         """
         return self._step_one(state, p, v, reference)
 
     def step_tuned(
         self, gains: Array, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint
     ) -> tuple[Array, Memory]:
-        """The torques (N, r) of r joints, N m (N if prismatic), for one control period of N arms, each with tunable
-        gains of its own, and the internal states of all arms after it.
+        """
+        Compute the torques of many arms, each with tunable gains of its own.
 
-        A row of `gains` (N, g) has an arm's g tunable numbers in the order of the property `numbers`, matrices row by
-        row; they are not checked. `state` are the last internal states, at first those of the method `init`. Measured
-        positions p (N, r) are in rad (m), velocities v in rad/s (m/s); `reference` has positions, velocities and
-        accelerations, rad/s^2 (m/s^2). v and its parts have a row for each arm, or one, (r,), for all. Raises
-        `InputError` on a wrong shape, `NonFiniteError` for results that are not finite.
+        Parameters
+        ----------
+        gains : ndarray
+            Tunable numbers (N, g) in the order of `numbers`, matrices row by row. They are not checked.
+        state : tuple
+            Internal states of N arms.
+        p, v : array_like
+            Measured positions (N, r) in rad (m) and velocities (N, r) or (r,) in rad/s (m/s).
+        reference : ReferencePoint
+            Desired positions, velocities and accelerations, (N, r) or (r,).
+
+        Returns
+        -------
+        tuple of ndarray and tuple
+            Torques (N, r) in N m (N) and internal states.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong.
+        NonFiniteError
+            If a result is not finite.
+
+        Examples
+        --------
+        >>> many = np.stack([p, p]), np.stack([v, v])
+        >>> gains = np.stack([law.packed, 2.0 * law.packed])
+        >>> torque, _ = law.step_tuned(gains, law.init(*many), *many, reference(0.0))
+        >>> torque.shape
+        (2, 2)
         """
         return self._step_many(state, p, v, reference, gains)
 
     def compile(self, many: bool = False) -> Self:
-        """The controller itself, its control law compiled to native code now, not at the first call of `step`. By
-        default this is for one arm; with `many` True the law for many arms is only prepared here, and compiled at the
-        first `step` of many arms. Raises `InputError` where `law` does not return a torque and an internal state,
-        `TraceError` where it cannot be traced into an expression graph; with `many`, that first `step` raises them."""
+        """
+        Compile the law to native code now, not at the first step.
+
+        Parameters
+        ----------
+        many : bool, default False
+            True to prepare the code for many arms, which the first step of many arms compiles.
+
+        Returns
+        -------
+        Controller
+            The controller itself.
+
+        Raises
+        ------
+        InputError
+            If `law` does not return a torque and an internal state.
+        TraceError
+            If `law` cannot be traced into an expression graph.
+
+        Examples
+        --------
+        >>> law.compile() is law
+        True
+        """
         _ = self._tick if many else self._step_one
         return self
 
     @cached_property
     def _step_one(self) -> Callable[..., tuple[Array, Memory]]:
-        """One tick of one arm in native code, which calls `_step_any` with unusual arguments."""
+        """Step of one arm; `_step_any` for unusual arguments."""
         return self._native(self._step_any) if self._has_native else self._step_any
 
     def _step_any(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
-        """A tick on whatever is like arrays, of one arm or many."""
+        """Step on anything like arrays."""
         if numbers(p, f"{type(self).__name__}: p").ndim > 1:
             return self._step_many(state, p, v, reference)
         given = Given(type(self).__name__, self._given_sizes).arrays((p, v, *reference))
@@ -206,7 +389,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @cached_property
     def _step_usual(self) -> Callable[..., tuple[Array, Memory]]:
-        """A tick of one arm on usual arrays."""
+        """Step of one arm on usual arrays."""
         if self._has_native:
             return self._native(lambda state, *given: self._blame(*given))
 
@@ -224,23 +407,21 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return isinstance(self._tick, Kernel) and has_builtins()
 
     def _native(self, instead: Callable[..., Any]) -> Callable[..., Any]:
-        """A tick of one arm in native code; what is called in place of it where arrays or outcome are not usual."""
+        """Native step of one arm, with a fallback."""
         kernel: Any = self._tick
         otherwise: Callable[..., Any] = kernel.with_fallback(instead, self._kind, ReferencePoint, *self._bound)
         return otherwise
 
     @property
     def _bound(self) -> tuple[Array, ...]:
-        """The gains, where there are any."""
         return (self.packed,) if self.packed.size else ()
 
     def _remembering(self, array: Array) -> Memory:
-        """The memory whose columns are in this array (..., n)."""
         memory: Memory = self._kind._of(array)
         return memory
 
     def _array_of(self, memory: tuple[Any, ...], arms: tuple[int, ...]) -> Array:
-        """Columns of a memory as one array (..., n), for arms (...)."""
+        """State as one array (..., n)."""
         if type(memory) is self._kind:
             return row_each(memory._array, arms, "state")
         if arms:
@@ -253,41 +434,24 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def kernel(self) -> Kernel | None:
-        """Native code of the control law, a `Kernel`, which can also count its operations; None above 100 joints, where
-        the law runs in Python.
-
-        For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
-        reference's positions, rad (m), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2), (r,) each or, in a
-        task space of d coordinates, (d,), the internal state as one array, its own arrays one after the other, and,
-        where there are any, the g tunable numbers (g,) as in the property `packed`; it returns the torque (r,), N m
-        (N), and the internal state after the control period as one array. Raises `InputError` where `law` returns
-        anything else, `TraceError` where it cannot be traced.
-        """
+        """Native code, which also counts operations; None above 100 joints."""
         return self._tick if isinstance(self._tick, Kernel) else None
 
     @property
     def python_step(self) -> OnFloats:
-        """The control law as a Python function on arrays, run without native code and with the controller's own gains.
-
-        For r joints it takes measured positions p (r,) in rad (m if prismatic), velocities v (r,) in rad/s (m/s), the
-        reference's positions, rad (m), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2), (r,) each or, in a
-        task space of d coordinates, (d,), and each array (n,) of the internal state, n its length, in the order of its
-        fields, all by position; it returns a tuple: the torque (r,), N m (N), then each array of the internal state
-        after the control period, in the same order. The function raises `InputError` on a wrong shape and
-        `NonFiniteError` where the attribute `finite` asks for finite numbers.
-        """
+        """Law as a Python function on arrays."""
         sizes = self._given_sizes | self._memory_sizes
         return OnFloats(self._equation(), sizes, name=type(self).__name__, finite=self.finite)
 
     @cached_property
     def _tick(self) -> Kernel | OnFloats:
-        """The law on arrays, compiled where that is possible in reasonable time."""
+        """Law on arrays, compiled up to 100 joints."""
         return _compiled(self.structure)
 
     def _step_many(
         self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint, gains: Array | None = None
     ) -> tuple[Array, Memory]:
-        """A tick of arms (...) that each have their own memory."""
+        """Step of arms (...)."""
         arms = np.shape(p)[:-1]
         columns = rows_of_arms((p, v, *reference), self._given_sizes, arms)
         columns[MEMORY] = self._array_of(state, arms).reshape(prod(arms), self._sizes[MEMORY])
@@ -306,7 +470,6 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return torque, self._remembering(frozen(memory))
 
     def _computed(self, columns: Mapping[str, Array], results: list[Array]) -> None:
-        """Put the torques of arms (N, r) and their memories after a tick into the results."""
         if isinstance(self._tick, Kernel):
             self._tick.map(*columns.values(), out=results)
             return
@@ -318,8 +481,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def gain_sizes(self) -> dict[str, int]:
-        """Number g of the controller's tunable gains, as a dict {"gains": g} whose key is the argument of the native
-        code that holds them; the empty dict where there are none."""
+        """Number of tunable gains as {"gains": g}, or empty."""
         return {GAINS: self.packed.size} if self.packed.size else {}
 
     @cached_property
@@ -333,16 +495,14 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @cached_property
     def _blank(self) -> Memory:
-        """A memory, to learn its layout from."""
         return self.initial_state(self.neutral_configuration, np.zeros(self.dof))
 
     @cached_property
     def _kind(self) -> type[PackedState]:
-        """The type of memories in one array."""
         return packed_state(self._blank)
 
     def _packed_equation(self) -> Callable[..., tuple[Column, Column]]:
-        """The law as an equation whose memory is one column."""
+        """Law whose state is one column."""
         equation, sizes = self._equation(), self._memory_sizes
 
         def packed(**columns: Column) -> tuple[Column, Column]:
@@ -355,12 +515,11 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def _sizes(self) -> dict[str, int]:
-        """Lengths of the columns that a tick is given."""
         return self._given_sizes | {MEMORY: sum(self._memory_sizes.values())} | self.gain_sizes
 
     @property
     def _form(self) -> Form:
-        """Calling convention of one arm's tick: state, p, v, reference; the gains are bound to it."""
+        """Calling convention of one arm's step; the gains are bound to it."""
         reference = (Place(3, 0), Place(3, 1), Place(3, 2))
         gains = (Place(None),) * len(self.gain_sizes)
         return Form((Place(1), Place(2), *reference, Place(0, 0), *gains), {0: 1, 3: 3}, {1: 0})
@@ -392,7 +551,6 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
 @lru_cache(maxsize=64)
 def _compiled(structure: Structure) -> Kernel | OnFloats:
-    """The law of controllers of one structure on arrays; that of the latest is kept."""
     law: Any = structure.of
     equation, about = law._packed_equation(), {"name": type(law).__name__, "finite": law.finite, "form": law._form}
     return native_or_floats(equation, law._sizes, law.dof, **about)

@@ -1,4 +1,4 @@
-"""Linear controllers: state feedback, and linear systems of python-control, on our plants and environments."""
+"""Linear controllers."""
 
 from __future__ import annotations
 
@@ -19,34 +19,46 @@ if TYPE_CHECKING:
     import control
 
 SIGNALS = ("p", "v", "reference_p", "reference_v", "reference_a")
-"""Signals that a controller receives, r numbers each."""
-ERRORS = {"error": ("reference_p", "p"), "error_rate": ("reference_v", "v")}
-"""Signals made of two, the second subtracted from the first."""
+ERRORS = {"error": ("reference_p", "p"), "error_rate": ("reference_v", "v")}  # the second subtracted from the first
 _LABEL = re.compile(r"(\w+)\[(\d+)\]")
 
 
 class LinearState(NamedTuple):
-    """Internal state of a linear controller: `x` (n,), the n state variables, at first zero. Nothing is checked."""
+    """State variables (n,), at first zero."""
 
     x: Any
-    """(n,) the system's state"""
 
 
 @dataclass(frozen=True, eq=False)
 class LinearController(Controller[LinearState]):
-    """Linear controller in discrete time: torque = C x + D z, then x = A x + B z, with n state variables x (n,) and
-    signals z (5 r,).
+    r"""
+    Linear controller in discrete time.
 
-    The signals are measured positions and velocities, then the reference's positions, velocities and accelerations, of
-    r joints, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 for a prismatic joint). Torques are in N m (N). `A` is (n, n),
-    `B` (n, 5 r), `C` (r, n), `D` (r, 5 r); x is zero at first. They must be designed for the control period at which
-    the loop runs, which is not checked. The torque that the inverse dynamics of the mechanism `feedforward` asks for on
-    the reference is added, none for None. Raises `InputError` on wrong shapes, for numbers that are not finite, and for
-    a `feedforward` that is no tree of r joints.
+    Parameters
+    ----------
+    A, B, C, D : array_like
+        Matrices (n, n), (n, 5 r), (r, n) and (r, 5 r), designed for the control period at which the loop runs.
+    feedforward : Mechanism, optional
+        Tree of r joints whose inverse dynamics on the reference are added to the torque.
 
-    Guarantees what the linear design does, near the motion that it was made for.
+    Raises
+    ------
+    InputError
+        If a shape is wrong, a number is not finite, or `feedforward` is no tree of r joints.
 
-    Gives up: far from there nothing is proved, and nothing learns.
+    Notes
+    -----
+    .. math:: \tau=Cx+Dz,\quad x^+=Ax+Bz,
+
+    z being measured positions and velocities, and the reference's positions, velocities and accelerations.
+
+    Examples
+    --------
+    >>> K = np.hstack([np.diag([60.0, 20.0]), np.diag([12.0, 4.0])])
+    >>> controller = adaptctl.control.LinearController.state_feedback(K, feedforward=arm)
+    >>> torque, state = controller.step(controller.init(p, v), p, v, reference(0.0))
+    >>> torque.shape
+    (2,)
     """
 
     A: Array
@@ -65,12 +77,27 @@ class LinearController(Controller[LinearState]):
 
     @classmethod
     def state_feedback(cls, gain: ArrayLike, feedforward: Mechanism | None = None) -> LinearController:
-        """State feedback of r joints as a `LinearController`: torque = -K (p - p_d, v - v_d), with measured positions p
-        and velocities v and the desired ones p_d and v_d. `gain` is K (r, 2 r), r columns for positions, in N m/rad
-        (N/m for a prismatic joint), then r for velocities, in N m s/rad (N s/m), as `control.lqr` and `control.dlqr`
-        return it. The torque that the inverse dynamics of the mechanism `feedforward` asks for on the reference is
-        added, none for None. Raises `InputError` for another shape, for a gain that is not finite, and for a
-        `feedforward` that is no tree of r joints."""
+        """
+        Return state feedback of the error as a controller.
+
+        Parameters
+        ----------
+        gain : array_like
+            Gain (r, 2 r), as `control.lqr` and `control.dlqr` return it: r columns in N m/rad (N/m), then r in N m
+            s/rad (N s/m).
+        feedforward : Mechanism, optional
+            Tree of r joints whose inverse dynamics on the reference are added to the torque.
+
+        Returns
+        -------
+        LinearController
+            Controller without state.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong, a number is not finite, or `feedforward` is no tree of r joints.
+        """
         K = np.atleast_2d(numbers(gain, "state feedback: gain"))
         r = len(K)
         if K.shape != (r, 2 * r):
@@ -82,17 +109,29 @@ class LinearController(Controller[LinearState]):
     def of_system(
         cls, system: control.StateSpace, control_period: float, feedforward: Mechanism | None = None
     ) -> LinearController:
-        """Linear controller made of `system`, a linear system of python-control in discrete time at the control
-        `period` (s). The system's r outputs are the torques of the r joints, in their order, in N m (N for a prismatic
-        joint).
+        """
+        Return a linear system of python-control as a controller.
 
-        The system's inputs are named p[j], v[j], reference_p[j], reference_v[j], reference_a[j], error[j] (reference_p
-        - p) or error_rate[j] (reference_v - v), with j from 0 to r - 1 for the r joints, in any order and number: p and
-        v are measured positions and velocities, the others the reference's, a accelerations. The torque that the
-        inverse dynamics of the mechanism `feedforward` asks for on the reference is added, none for None. Raises
-        `InputError` for a period that is not positive, for a `system` that python-control makes no linear system of,
-        for one in continuous time, at another period, or of inputs of other names, and for a `feedforward` that is no
-        tree of r joints.
+        Parameters
+        ----------
+        system : control.StateSpace
+            System in discrete time. Its r outputs are the torques; its inputs are named p[j], v[j], reference_p[j],
+            reference_v[j], reference_a[j], error[j] (reference_p - p) or error_rate[j], j from 0 to r - 1.
+        control_period : float
+            Time in s for which a torque is held.
+        feedforward : Mechanism, optional
+            Tree of r joints whose inverse dynamics on the reference are added to the torque.
+
+        Returns
+        -------
+        LinearController
+            Controller with the system's state.
+
+        Raises
+        ------
+        InputError
+            If the system is no linear one, is in continuous time or of another period, has other inputs, or
+            `feedforward` is no tree of r joints.
         """
         import control
 
@@ -110,20 +149,43 @@ class LinearController(Controller[LinearState]):
 
     @property
     def dof(self) -> int:
-        """Number r of joints that the controller moves."""
+        """Number r of joints."""
         return len(self.D)
 
     def initial_state(self, p: Array, v: Array) -> LinearState:
-        """The internal state before the first control period: n state variables (n,), zero for any positions p and
-        velocities v (..., r) of the r joints, which are ignored."""
+        """
+        Return state variables of zero.
+
+        Parameters
+        ----------
+        p, v : ndarray
+            Positions (..., r) in rad (m) and velocities (..., r) in rad/s (m/s).
+
+        Returns
+        -------
+        LinearState
+            Internal state before the first control period.
+        """
         return LinearState(np.zeros(len(self.A)))
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: LinearState) -> tuple[Column, LinearState]:
-        """The torque (r,) of r joints, N m (N for a prismatic joint), for one control period, and the internal state
-        after it, n state variables (n,). Positions p in rad (m) and velocities v in rad/s (m/s), (r,), are measured;
-        `reference` has the desired positions, velocities and accelerations (r,), in rad, rad/s and rad/s^2 (m, m/s and
-        m/s^2 if prismatic); `memory` is the internal state of the last control period. Nothing is checked here: the
-        method `step` checks shapes."""
+        """
+        Compute the torque and the next state variables.
+
+        Parameters
+        ----------
+        p, v : Column
+            Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
+        reference : ReferencePoint
+            Desired positions, velocities and accelerations.
+        memory : LinearState
+            Internal state of the last control period.
+
+        Returns
+        -------
+        tuple of Column and LinearState
+            Torque (r,) in N m (N) and internal state after the period.
+        """
         z = Column([*p, *v, *reference.p, *reference.v, *reference.a])
         torque = _sum(self.C, memory.x, self.D, z)
         mechanism = self.feedforward
@@ -134,13 +196,11 @@ class LinearController(Controller[LinearState]):
 
 
 def _sum(first: Array, x: Column, second: Array, z: Column) -> Column:
-    """The products of two matrices with columns, added; what is zero is not computed."""
     return Column(column(row) @ x + column(other) @ z for row, other in zip(first, second, strict=True))
 
 
 def _choice(labels: list[str], r: int) -> Array:
-    """The matrix (m, 5 r) from a controller's signals to a system's inputs, by their labels. Raises `InputError` for an
-    unknown label."""
+    """Matrix (m, 5 r) from signals to labelled inputs."""
     choice = np.zeros((len(labels), 5 * r))
     for row, label in zip(choice, labels, strict=True):
         found = _LABEL.fullmatch(label)

@@ -1,4 +1,4 @@
-"""A law's memory between ticks: columns by name, and all of them in one array."""
+"""Internal states of control laws as arrays."""
 
 from __future__ import annotations
 
@@ -17,10 +17,7 @@ from adaptctl.scalars import Column
 
 
 def checked_step(law: Any, *given: Any) -> Any:
-    """The torque and the next internal state, as the method `law` of the controller `law` returns them: the value of
-    `law.law(*given)`, not checked. `given` are the arguments: positions, velocities, reference point, internal state.
-    Raises `TraceError`, which names the controller, where the method applies a NumPy function to a `Column`, a vector
-    of scalars of any kind, which takes none; other errors go through."""
+    """Result of `law.law`. Raises `TraceError` for NumPy functions of columns."""
     try:
         return law.law(*given)
     except TypeError as error:
@@ -33,10 +30,7 @@ def checked_step(law: Any, *given: Any) -> Any:
 
 
 def validate_step(law: Any, returned: Any) -> tuple[Column, Any]:
-    """The torque, a `Column` (vector of scalars) of length r for r joints, and the internal state in `returned`, the
-    value that the method `law` of the controller `law` returned. Raises `InputError` unless `returned` is a tuple of
-    such a column and an internal state: a named tuple of as many columns, each as long, as the controller's method
-    `start` gives."""
+    """Torque and state. Raises `InputError` for other types or sizes."""
     what = f"{type(law).__name__}.law: expected it to return the torque, a Column of {law.dof}, and the memory after it"
     if not isinstance(returned, tuple) or len(returned) != 2:
         raise InputError(f"{what}, got {type(returned).__name__}")
@@ -46,21 +40,17 @@ def validate_step(law: Any, returned: Any) -> tuple[Column, Any]:
         raise InputError(f"{what}, got {got} for the torque")
     sizes = [len(part) for part in leaves(after)] if isinstance(after, tuple) else None
     if sizes != list(law._memory_sizes.values()):
-        raise InputError(f"{what}, got another memory than `start` gives: {after!r:.80}")
+        raise InputError(f"{what}, got another state than `initial_state` gives: {after!r:.80}")
     return torque, after
 
 
-Memory = TypeVar("Memory", bound=tuple[Any, ...])
-"""A law's memory between ticks: a NamedTuple of columns and of such memories, arrays on the outside."""
+Memory = TypeVar("Memory", bound=tuple[Any, ...])  # a law's state: a NamedTuple of columns and of such states
 
-Parts = tuple[tuple[str, Any], ...]
-"""Names of a memory's parts, each with its length or, where it is a memory, with its type in one array."""
+Parts = tuple[tuple[str, Any], ...]  # names, each with a length, or with the type of a nested state in one array
 
 
 def leaves(memory: tuple[Any, ...]) -> list[Any]:
-    """Flat list of the columns of `memory`, a control law's internal state. This is a (named) tuple of columns, arrays
-    (..., n), n the length of each, or Columns (n scalars), in the order of its fields, and of further such tuples,
-    whose columns are put at their position. Nothing is checked."""
+    """Flat list of a state's columns."""
     flat: list[Any] = []
     for part in memory:
         if isinstance(part, tuple):
@@ -71,10 +61,7 @@ def leaves(memory: tuple[Any, ...]) -> list[Any]:
 
 
 def paths(memory: tuple[Any, ...], to: str = "state") -> Iterator[str]:
-    """Iterator over the dotted names of the columns of `memory`, a control law's internal state, such as
-    ``state.learning.filtered``. There is one for each column, in the order of the fields, those of a tuple within it at
-    its position. `memory` is a (named) tuple of columns and of further such tuples; without field names a part's index,
-    from 0, stands for its name. `to` is what names begin with, "state" unless given. Nothing is checked."""
+    """Dotted names of a state's columns."""
     for name, part in zip(_names(memory), memory, strict=True):
         if isinstance(part, tuple):
             yield from paths(part, f"{to}.{name}")
@@ -83,9 +70,7 @@ def paths(memory: tuple[Any, ...], to: str = "state") -> Iterator[str]:
 
 
 def like(pattern: Memory, parts: Iterable[Any]) -> Memory:
-    """A control law's internal state with the fields of `pattern`, a (named) tuple of columns and of further such
-    tuples. Its columns are `parts`, in the order of the fields, those of a tuple within it at its position; the columns
-    of `pattern` itself are not used. Raises `StopIteration` for too few parts; further ones are ignored."""
+    """State with a pattern's fields and these columns."""
     return _filled(pattern, iter(parts))
 
 
@@ -101,14 +86,7 @@ def _names(memory: Any) -> tuple[str, ...]:
 
 
 class PackedState(tuple[Any, ...]):
-    """Internal state of a control law, a named tuple of columns and of further such tuples, whose columns are views of
-    one array (..., n), n their lengths together. Native code reads and makes that one array. `packed_state` makes the
-    type for the internal states of one law.
-
-    An instance is also one of the law's own named tuple, with the same fields; views are made when they are asked for.
-    What is made of it with other parts, as by `_replace` or by calling its type with `parts`, is an ordinary named
-    tuple. It is equal to itself alone and has no hash. Nothing is checked.
-    """
+    """State whose columns are views of one array (..., n)."""
 
     __slots__ = ()
     __hash__ = None  # type: ignore[assignment]  # as arrays have none
@@ -117,17 +95,16 @@ class PackedState(tuple[Any, ...]):
 
     @property
     def _array(self) -> Array:
-        """Columns (..., n) of the memory, one after the other."""
         array: Array = tuple.__getitem__(self, 0)
         return array
 
     @classmethod
     def _of(cls, array: Array) -> Any:
-        """The memory whose columns are in this array. (Names begin with "_" as no part's does.)"""
+        """State in this array. (No part's name begins with "_".)"""
         return tuple.__new__(cls, (array,))
 
     def __new__(cls, *parts: Any) -> Any:
-        """An ordinary memory of these parts."""
+        """Ordinary state of these parts."""
         return cls._kind(*parts)
 
     def __iter__(self) -> Iterator[Any]:
@@ -157,10 +134,7 @@ class PackedState(tuple[Any, ...]):
 
 
 def packed_state(memory: tuple[Any, ...]) -> type[PackedState]:
-    """The subclass of `PackedState`, and of the type of `memory`, for internal states of a control law with the fields
-    and column lengths of `memory`. This is a (named) tuple of columns (..., n), n the length of each, and of further
-    such tuples. Instances of the class keep all columns in one array. Raises `IndexError` for a column that is one
-    number, without an axis."""
+    """Type of packed states with these fields and lengths."""
     parts = zip(_names(memory), memory, strict=True)
     described = ((name, packed_state(x) if isinstance(x, tuple) else np.shape(x)[-1]) for name, x in parts)
     return _type(getattr(memory, "_kind", type(memory)), tuple(described))
@@ -193,10 +167,7 @@ def _view(part: Any, place: slice) -> Callable[[Array], Any]:
 
 
 def rows_of_arms(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tuple[int, ...]) -> dict[str, Array]:
-    """Dict of float64 arrays by name, made of the array-likes `values`, for N arms evaluated at once. An array (..., n)
-    whose leading axes have the shape `arms`, whose product is N, becomes rows (N, n); an array (n,), the same for all
-    arms, stays (n,). `sizes` maps names, in the order of `values`, to lengths n. Raises `InputError` for another shape
-    and for values that are no numbers, `ValueError` for more or fewer `values` than `sizes`."""
+    """Arrays (N, n) or (n,) by name. Raises `InputError` for another shape."""
     columns = {}
     for (name, size), given in zip(sizes.items(), values, strict=True):
         array = _for_arms(numbers(given, name), size, arms, name)
@@ -205,16 +176,13 @@ def rows_of_arms(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tu
 
 
 def row_each(array: Array, arms: tuple[int, ...], name: str) -> Array:
-    """The n numbers (..., n) of each of some arms, from `array`, where the shape of the leading axes is `arms`. It is
-    `array` itself where that has this shape, and a read-only view, repeated for all arms, of an `array` (n,). Raises
-    `InputError` for another shape; `name` is the numbers' name in its message."""
+    """Array (..., n) of each arm. Raises `InputError` for another shape."""
     size = array.shape[-1]
     array = _for_arms(array, size, arms, name)
     return array if array.shape[:-1] == arms else np.broadcast_to(array, (*arms, size))
 
 
 def _for_arms(array: Array, size: int, arms: tuple[int, ...], name: str) -> Array:
-    """The array itself, (..., n) of each of the arms or (n,) for all. Raises `InputError` for another shape."""
     if array.shape not in ((*arms, size), (size,)):
         raise InputError(f"{name}: expected shape {(*arms, size)} or {(size,)}, got {array.shape}")
     return array

@@ -1,4 +1,4 @@
-"""Trajectories to follow: positions with their exact first and second derivatives."""
+"""Reference trajectories."""
 
 from __future__ import annotations
 
@@ -20,16 +20,11 @@ from adaptctl.errors import InputError
 from adaptctl.optional_packages import needed
 from adaptctl.scalars import Column, Scalar, clip, cos, sin, where
 
-DEGREE = 5
-"""Degree of splines."""
+SPLINE_DEGREE = 5
 
 
 def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """The minimum-jerk step 10u^3 - 15u^4 + 6u^5 from 0 to 1, at the fraction `u` of its duration, and its first and
-    second derivative with respect to u: three scalars without a unit. Outside [0, 1] the step rests at 0 or 1.
-
-    Flash and Hogan (1985). Over scalars of any kind: floats, arrays (element by element), symbols. Nothing is checked.
-    """
+    """Minimum-jerk step (Flash and Hogan 1985) and its two derivatives."""
     u = clip(u, 0.0, 1.0)
     rest = 1.0 - u
     slope = u * rest
@@ -37,10 +32,7 @@ def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 
 
 class SinusoidNumbers(NamedTuple):
-    """Parameters of sums of sinusoids (`Sinusoids`) of r joints and h harmonics, as arrays or columns. `center` (r,)
-    and `amplitude` (h r,) are in rad (m if prismatic), `frequency` (h r,) in Hz, `phase` (h r,) in rad, and
-    `start_time` (1,) in s is the length of the fade-in. The r terms of one harmonic come after those of the one before.
-    Nothing is checked."""
+    """Numbers of `Sinusoids` as flat arrays or columns."""
 
     center: Any
     amplitude: Any
@@ -50,16 +42,7 @@ class SinusoidNumbers(NamedTuple):
 
 
 def sinusoids_at(time: Scalar, numbers: SinusoidNumbers) -> ReferencePoint:
-    """The reference point at a `time` t (s) of sums of sinusoids, center + fade(t) sum_i amplitude_i sin(2 pi
-    frequency_i t + phase_i). It has columns (r,) of positions in rad (m if prismatic), velocities in rad/s (m/s) and
-    accelerations in rad/s^2 (m/s^2).
-
-    `numbers`, for r joints and h sinusoids i of each, are center (r,) and amplitude in rad (m), frequency (Hz) and
-    phase (rad), the last three (h r,), the r entries of one i before those of the next, and start_time (1,), s, in
-    which the fade 10u^3 - 15u^4 + 6u^5, u = t/start_time, rises from 0 to 1, where it stays; at start_time 0 it is 1
-    throughout. Time and numbers are scalars of any kind: floats, symbols, or arrays with an entry for each of many
-    arms. Nothing is checked.
-    """
+    """Reference point of sinusoids, over scalars."""
     fade, slope, bend = _faded_in(time, numbers.start_time[0])
     joints, terms = len(numbers.center), range(len(numbers.amplitude))
     points = []
@@ -71,7 +54,6 @@ def sinusoids_at(time: Scalar, numbers: SinusoidNumbers) -> ReferencePoint:
 
 
 def _wave(time: Scalar, amplitude: Scalar, frequency: Scalar, phase: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """A sinusoid and its two derivatives."""
     omega = 2.0 * math.pi * frequency
     angle = omega * time + phase
     sine, cosine = amplitude * sin(angle), amplitude * cos(angle)
@@ -79,7 +61,7 @@ def _wave(time: Scalar, amplitude: Scalar, frequency: Scalar, phase: Scalar) -> 
 
 
 def _faded_in(time: Scalar, length: Any) -> tuple[Scalar, Scalar, Scalar]:
-    """The fade of a smooth start and its two derivatives; 1 throughout where its length is zero."""
+    """Fade and its two derivatives."""
     smooth = length > 0.0
     whole = where(smooth, length, 1.0)
     fade, slope, bend = quintic(where(smooth, time / whole, 1.0))
@@ -88,9 +70,7 @@ def _faded_in(time: Scalar, length: Any) -> tuple[Scalar, Scalar, Scalar]:
 
 @lru_cache(maxsize=32)
 def sinusoid_kernel(*sizes: int) -> Callable[..., ReferencePoint]:
-    """Native code of `sinusoids_at`: a function of a time (1,) in s and the five arrays of a `SinusoidNumbers`, whose
-    lengths are the `sizes`, that returns the `ReferencePoint` (r,). It raises `InputError` on a wrong shape; `sizes`
-    that are not five raise `ValueError` here."""
+    """Native code of `sinusoids_at`."""
 
     def equation(time: Column, **numbers: Column) -> ReferencePoint:
         return sinusoids_at(time[0], SinusoidNumbers(**numbers))
@@ -101,16 +81,13 @@ def sinusoid_kernel(*sizes: int) -> Callable[..., ReferencePoint]:
 
 @lru_cache(maxsize=32)
 def power_kernel(size: int) -> Callable[..., ReferencePoint]:
-    """Native code of polynomials c_5 u^5 + ... + c_0 in time u for r joints: a function that returns the
-    `ReferencePoint` (r,). Its arguments are an array (2,), the time u since the polynomials' start (s) and 1 where they
-    move or 0 at rest, and the coefficients (`size`,), `size` = 6 r: c_5 of all joints first, c_0 last, c_k in rad/s^k
-    (m/s^k). It raises `InputError` on a wrong shape."""
-    joints = size // (DEGREE + 1)
+    """Native code of polynomials of degree 5."""
+    joints = size // (SPLINE_DEGREE + 1)
 
     def equation(given: Column, powers: Column) -> ReferencePoint:
         u, moves = given
         p = v = a = Column.zeros(joints)
-        for k in range(DEGREE + 1):
+        for k in range(SPLINE_DEGREE + 1):
             a = u * a + 2.0 * v
             v = u * v + p
             p = u * p + Column(powers.of[k * joints : (k + 1) * joints])
@@ -121,10 +98,7 @@ def power_kernel(size: int) -> Callable[..., ReferencePoint]:
 
 @lru_cache(maxsize=32)
 def quintic_kernel(joints: int) -> Callable[..., ReferencePoint]:
-    """Native code of a minimum-jerk motion between two waypoints for r `joints`: a function that returns the
-    `ReferencePoint` (r,). Its arguments are an array (2,), the time since the motion's start and its duration (s), and
-    the first and the last positions (r,), rad (m), at which it rests before and after. It raises `InputError` on a
-    wrong shape."""
+    """Native code of a minimum-jerk motion."""
 
     def equation(given: Column, start: Column, end: Column) -> ReferencePoint:
         passed, length = given
@@ -137,17 +111,34 @@ def quintic_kernel(joints: int) -> Callable[..., ReferencePoint]:
 
 @dataclass(frozen=True, eq=False)
 class Sinusoids:
-    """Reference trajectory: for each of r joints a sum of sinusoids about a centre, faded in from rest.
+    """
+    Reference trajectory of sums of sinusoids about a centre.
 
-    p(t) = center + fade(t) sum_i amplitude_i sin(2 pi frequency_i t + phase_i)
+    Parameters
+    ----------
+    center : array_like
+        Centre (r,) in rad (m for a prismatic joint).
+    amplitude : array_like
+        Amplitudes in rad (m), (r,) for one sinusoid or (h, r) for the sum of h.
+    frequency : array_like
+        Frequencies in Hz, of the shape of the amplitudes.
+    phase : array_like, optional
+        Phases in rad, of the shape of the amplitudes, zero unless given.
+    start_time : float, default 2.0
+        Duration in s of a smooth fade-in from rest in the centre; 0 for none.
 
-    `center` (r,) is in rad (m if prismatic); `amplitude` (rad or m), `frequency` (Hz) and `phase` (rad; None is zero)
-    are (r,) for one sinusoid a joint or (h, r) for the sum of h; `start_time`, 2 s by default, is the length of the
-    fade 10u^3 - 15u^4 + 6u^5, u = t/start_time, from 0 to 1; 0 is for no fade. With a fade the arm is at rest in the
-    centre at time 0 and before; without one the sinusoids run at all times. Called with times t (...) in s, it returns
-    the `ReferencePoint` then: positions, velocities and accelerations (..., r), in rad, rad/s and rad/s^2 (m, m/s and
-    m/s^2 if prismatic). Raises `InputError` for other shapes, what is no number or not finite, and a negative start
-    time.
+    Raises
+    ------
+    InputError
+        If a shape is wrong, a number is not finite, or the start time is negative.
+
+    Examples
+    --------
+    >>> reference = adaptctl.Sinusoids(center=[0.3, 0.5], amplitude=[0.4, 0.3], frequency=[0.5, 0.8])
+    >>> reference(0.0).p
+    array([0.3, 0.5])
+    >>> reference(np.linspace(0.0, 1.0, 5)).a.shape
+    (5, 2)
     """
 
     center: Array
@@ -169,15 +160,37 @@ class Sinusoids:
             raise InputError(f"start_time: expected a finite time of at least 0 s, got {self.start_time}")
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
-        """The reference point of r joints at times `t` (...) in s: positions (..., r) in rad (m if prismatic),
-        velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2)."""
+        """
+        Return the reference point at some times.
+
+        Parameters
+        ----------
+        t : array_like
+            Times (...) in s.
+
+        Returns
+        -------
+        ReferencePoint
+            Positions, velocities and accelerations (..., r) in rad, rad/s and rad/s^2 (m for a prismatic joint).
+        """
         own = SinusoidNumbers(*(Column(values.tolist()) for values in self.numbers))
         point = sinusoids_at(numbers(t, "reference: time"), own)
         return ReferencePoint(*(np.stack(column.of, axis=-1) for column in point))
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference point (r,) at one time `t` (s), as when called, in about a microsecond, for loops that ask each
-        period. NaN is not refused."""
+        """
+        Return the reference point at one time, in microseconds.
+
+        Parameters
+        ----------
+        t : float
+            Time in s. NaN is not refused.
+
+        Returns
+        -------
+        ReferencePoint
+            Positions, velocities and accelerations (r,).
+        """
         return self._kernel(np.array((t,)), *self._flat)
 
     @cached_property
@@ -190,10 +203,7 @@ class Sinusoids:
 
     @property
     def numbers(self) -> SinusoidNumbers:
-        """Parameters of these sums of sinusoids as flat arrays, for r joints and h harmonics, a `SinusoidNumbers`.
-        `center` (r,) and `amplitude` (h r,) are in rad (m if prismatic), `frequency` (h r,) in Hz, `phase` (h r,) in
-        rad, and `start_time` (1,) in s is the length of the fade-in. The r terms of one harmonic come after those of
-        the one before."""
+        """Numbers as flat arrays, harmonic by harmonic."""
         phase = np.zeros_like(self.amplitude) if self.phase is None else self.phase
         amplitude, frequency, phase = (np.ravel(values) for values in (self.amplitude, self.frequency, phase))
         return SinusoidNumbers(self.center, amplitude, frequency, phase, np.array([self.start_time]))
@@ -201,18 +211,27 @@ class Sinusoids:
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """Reference trajectory through given positions at given times: the spline of degree 5, whose acceleration has two
-    derivatives.
+    """
+    Reference trajectory through samples: a spline of degree 5, at rest before and after.
 
-    `positions` (w, r) are w >= 6 positions of r joints in rad (m if prismatic), `times` (w,) in s, strictly increasing:
-    samples of a path that has no formula in joints, such as what inverse kinematics makes of one in space. Velocities
-    and accelerations are the spline's own derivatives. Before the first time it rests in the first position and after
-    the last time in the last, with a jump of velocity and acceleration unless the samples rest there. Called with times
-    t (...) in s, it returns the `ReferencePoint` then: positions, velocities and accelerations (..., r), in rad, rad/s
-    and rad/s^2 (m, m/s and m/s^2 if prismatic).
+    Parameters
+    ----------
+    positions : array_like
+        Positions (w, r) in rad (m for a prismatic joint), at least 6.
+    times : array_like
+        Strictly increasing times (w,) in s. Velocities jump at the ends unless the samples rest there.
 
-    Raises `InputError` for fewer positions, another number of times, what is no number or not finite, and times that do
-    not strictly increase; `MissingExtraError` at the first use without SciPy.
+    Raises
+    ------
+    InputError
+        If there are too few positions, a number is not finite, or the times do not increase.
+
+    Examples
+    --------
+    >>> times = np.linspace(0.0, 1.0, 11)
+    >>> spline = adaptctl.control.Spline(np.sin(times)[:, None] * [1.0, 0.5], times)
+    >>> bool(np.allclose(spline(0.5).v, np.cos(0.5) * np.array([1.0, 0.5]), atol=1e-4))
+    True
     """
 
     positions: Array
@@ -222,12 +241,23 @@ class Spline:
         positions = np.atleast_2d(numbers(self.positions, "positions"))
         object.__setattr__(self, "positions", frozen_array(positions, positions.shape, "positions"))
         object.__setattr__(self, "times", frozen_array(self.times, (len(positions),), "times"))
-        if len(positions) <= DEGREE or np.any(np.diff(self.times) <= 0.0):
-            raise InputError(f"spline: expected at least {DEGREE + 1} positions at increasing times")
+        if len(positions) <= SPLINE_DEGREE or np.any(np.diff(self.times) <= 0.0):
+            raise InputError(f"spline: expected at least {SPLINE_DEGREE + 1} positions at increasing times")
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
-        """The reference point of r joints at times `t` (...) in s: positions (..., r) in rad (m if prismatic),
-        velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2). Raises `MissingExtraError` without SciPy."""
+        """
+        Return the reference point at some times.
+
+        Parameters
+        ----------
+        t : array_like
+            Times (...) in s.
+
+        Returns
+        -------
+        ReferencePoint
+            Positions, velocities and accelerations (..., r) in rad, rad/s and rad/s^2 (m for a prismatic joint).
+        """
         time = numbers(t, "reference: time")
         inside = np.clip(time, self.times[0], self.times[-1])
         resting = ((time < self.times[0]) | (time > self.times[-1]))[..., None]
@@ -235,8 +265,19 @@ class Spline:
         return ReferencePoint(p, np.where(resting, 0.0, v), np.where(resting, 0.0, a))
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference point (r,) at one time `t` (s), as when called, in microseconds, for loops that ask each
-        period. Raises `MissingExtraError` without SciPy."""
+        """
+        Return the reference point at one time, in microseconds.
+
+        Parameters
+        ----------
+        t : float
+            Time in s. NaN is not refused.
+
+        Returns
+        -------
+        ReferencePoint
+            Positions, velocities and accelerations (r,).
+        """
         inside = min(max(t, self._starts[0]), float(self.times[-1]))
         k = max(bisect_right(self._starts, inside) - 1, 0)
         return self._kernel(np.array((inside - self._starts[k], float(inside == t))), self._coefficients[k])
@@ -255,32 +296,47 @@ class Spline:
 
     @cached_property
     def _pieces(self) -> tuple[list[float], Array]:
-        """Start time (s) of each polynomial, and its coefficients (m, 6 r), the highest power of all joints first."""
+        """Start times (s) and coefficients (m, 6 r), highest power first."""
         spline = self._curves[0]
         starts = np.unique(spline.t)[:-1]
-        rows = [spline.derivative(k)(starts) / math.factorial(k) for k in range(DEGREE, -1, -1)]
+        rows = [spline.derivative(k)(starts) / math.factorial(k) for k in range(SPLINE_DEGREE, -1, -1)]
         return starts.tolist(), np.concatenate(rows, axis=1)
 
     @cached_property
     def _curves(self) -> tuple[Any, Any, Any]:
-        """The spline and its derivatives."""
         with needed("Spline"):
             from scipy.interpolate import make_interp_spline
 
-        spline = make_interp_spline(self.times, self.positions, k=DEGREE)
+        spline = make_interp_spline(self.times, self.positions, k=SPLINE_DEGREE)
         return spline, spline.derivative(), spline.derivative(2)
 
 
 @dataclass(frozen=True, eq=False)
 class MinimumJerk:
-    """Reference trajectory through waypoints, at rest in each of them; each motion between two is a quintic of least
-    jerk (Flash and Hogan 1985).
+    """
+    Reference trajectory of minimum-jerk motions between waypoints, at rest in each.
 
-    `waypoints` (w, r) are w >= 2 positions of r joints in rad (m if prismatic), `times` (w,) when they are reached, in
-    s, strictly increasing. Before the first time it rests in the first waypoint, after the last time in the last.
-    Called with times t (...) in s, it returns the `ReferencePoint` then: positions, velocities and accelerations (...,
-    r), in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic). Raises `InputError` for fewer waypoints, another
-    number of times, what is no number or not finite, and times that do not strictly increase.
+    Parameters
+    ----------
+    waypoints : array_like
+        Positions (w, r) in rad (m for a prismatic joint), at least 2.
+    times : array_like
+        Strictly increasing times (w,) in s at which the waypoints are reached.
+
+    Raises
+    ------
+    InputError
+        If there are too few waypoints, a number is not finite, or the times do not increase.
+
+    References
+    ----------
+    .. [1] Flash and Hogan, J. Neuroscience, 1985.
+
+    Examples
+    --------
+    >>> reference = adaptctl.MinimumJerk([[0.0, 0.0], [1.0, 0.5]], times=[0.0, 2.0])
+    >>> reference(1.0).p
+    array([0.5 , 0.25])
     """
 
     waypoints: Array
@@ -294,8 +350,19 @@ class MinimumJerk:
             raise InputError("minimum jerk: expected at least two waypoints at increasing times")
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
-        """The reference point of r joints at times `t` (...) in s: positions (..., r) in rad (m if prismatic),
-        velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2)."""
+        """
+        Return the reference point at some times.
+
+        Parameters
+        ----------
+        t : array_like
+            Times (...) in s.
+
+        Returns
+        -------
+        ReferencePoint
+            Positions, velocities and accelerations (..., r) in rad, rad/s and rad/s^2 (m for a prismatic joint).
+        """
         time = numbers(t, "reference: time")
         stretch = np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self.times) - 2)
         start, length = self.times[stretch], np.diff(self.times)[stretch][..., None]
@@ -304,8 +371,19 @@ class MinimumJerk:
         return ReferencePoint(self.waypoints[stretch] + fade * way, slope * way / length, bend * way / length**2)
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference point (r,) at one time `t` (s), as when called, in microseconds, for loops that ask each
-        period. NaN is not refused."""
+        """
+        Return the reference point at one time, in microseconds.
+
+        Parameters
+        ----------
+        t : float
+            Time in s. NaN is not refused.
+
+        Returns
+        -------
+        ReferencePoint
+            Positions, velocities and accelerations (r,).
+        """
         starts = self._starts
         k = min(max(bisect_right(starts, t) - 1, 0), len(starts) - 2)
         given = np.array((t - starts[k], starts[k + 1] - starts[k]))
@@ -322,13 +400,32 @@ class MinimumJerk:
 
 @dataclass(frozen=True, eq=False)
 class StoppedReference:
-    """Reference trajectory that follows another one, `of`, up to a time `stop` (s), then comes to rest along its path
-    within `over` (s; 1 by default), and stays there. It excites an adaptive controller for a limited interval.
+    """
+    Reference trajectory that follows another one and comes to rest along its path.
 
-    After `stop` the other's time runs on at the rate 1 - (10u^3 - 15u^4 + 6u^5), u = (t - stop)/over, which falls from
-    1 to 0, so that positions, velocities and accelerations stay continuous. Called with times t (...) in s, it returns
-    a `ReferencePoint` in the shapes and units of the other's. Raises `InputError` for an `of` that is no function of
-    time, a `stop` below 0, an `over` that is not positive, and for either time that is no number or not finite.
+    Parameters
+    ----------
+    reference : Reference
+        Trajectory to follow.
+    stop : float
+        Time in s at which it begins to slow down.
+    duration : float, default 1.0
+        Time in s within which it comes to rest.
+
+    Raises
+    ------
+    InputError
+        If the reference is no function of time, or a time is negative, zero for the duration, or not finite.
+
+    Notes
+    -----
+    A quintic slows time, so that accelerations are continuous.
+
+    Examples
+    --------
+    >>> stopped = adaptctl.control.StoppedReference(reference, stop=1.0)
+    >>> bool(np.all(stopped(2.0).v == 0.0))
+    True
     """
 
     reference: Reference
@@ -337,17 +434,28 @@ class StoppedReference:
 
     def __post_init__(self) -> None:
         if not callable(self.reference):
-            raise InputError(f"halted: expected a reference, a function of time, got {self.reference!r}")
-        stop, over = (real_number(getattr(self, name), f"halted: {name}") for name in ("stop", "duration"))
+            raise InputError(f"stopped reference: expected a reference, a function of time, got {self.reference!r}")
+        stop, over = (real_number(getattr(self, name), f"stopped reference: {name}") for name in ("stop", "duration"))
         if not (0.0 <= stop < math.inf and 0.0 < over < math.inf):
             raise InputError(
-                f"halted: expected a stop at 0 s or later, and a positive time to come to rest, got {self.stop} and "
-                f"{self.duration} s"
+                f"stopped reference: expected a stop at 0 s or later, and a positive time to come to rest, got "
+                f"{self.stop} and {self.duration} s"
             )
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
-        """The reference point at times `t` (...) in s: positions, velocities and accelerations in the shapes and units
-        of the reference that is halted."""
+        """
+        Return the reference point at some times.
+
+        Parameters
+        ----------
+        t : array_like
+            Times (...) in s.
+
+        Returns
+        -------
+        ReferencePoint
+            Positions, velocities and accelerations (..., r) in rad, rad/s and rad/s^2 (m for a prismatic joint).
+        """
         time = numbers(t, "reference: time")
         u = np.clip((time - self.stop) / self.duration, 0.0, 1.0)
         fallen, slope, _ = quintic(u)
@@ -360,14 +468,34 @@ class StoppedReference:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class FadeIn:
-    """Reference trajectory that begins at rest where an arm stands, at the positions `start` (r,) in rad (m if
-    prismatic), and has become another one, `of`, after a time `over` (s; 3 by default).
+    """
+    Reference trajectory that begins at rest at the arm's position and joins another one.
 
-    It is start + fade(t) (of(t) - start), fade = 10u^3 - 15u^4 + 6u^5, u = t/over: positions, velocities and
-    accelerations are continuous, no position lies beyond both the start and the other's, and at time 0 and before it
-    rests. Speeds are at most 1.875/over times the distance between the two, and the other's. Called with times t (...)
-    in s, it returns the `ReferencePoint` then, (..., r) each. Raises `InputError` for an `of` that is no function of
-    time, a `start` that does not fit it or is not finite, and an `over` that is not positive.
+    Parameters
+    ----------
+    reference : Reference
+        Trajectory to join.
+    start : array_like
+        Positions (r,) at time 0 in rad (m for a prismatic joint).
+    duration : float, default 3.0
+        Time in s after which the other trajectory is followed exactly.
+
+    Raises
+    ------
+    InputError
+        If the reference is no function of time, the start does not fit it, or the duration is not positive.
+
+    Notes
+    -----
+    No position is beyond both; a quintic fade adds at most 1.875/duration times their distance to the speed.
+
+    Examples
+    --------
+    >>> smooth = adaptctl.control.FadeIn(reference, start=[0.0, 0.0])
+    >>> smooth(0.0).p
+    array([0., 0.])
+    >>> bool(np.allclose(smooth(3.0).p, reference(3.0).p))
+    True
     """
 
     reference: Reference
@@ -376,20 +504,42 @@ class FadeIn:
 
     def __post_init__(self) -> None:
         if not callable(self.reference):
-            raise InputError(f"faded in: expected a reference, a function of time, got {self.reference!r}")
-        object.__setattr__(self, "start", frozen_array(self.start, np.shape(self.reference(0.0).p), "faded in: start"))
-        if not 0.0 < real_number(self.duration, "faded in: duration") < math.inf:
-            raise InputError(f"faded in: expected a positive time, got {self.duration} s")
+            raise InputError(f"fade in: expected a reference, a function of time, got {self.reference!r}")
+        object.__setattr__(self, "start", frozen_array(self.start, np.shape(self.reference(0.0).p), "fade in: start"))
+        if not 0.0 < real_number(self.duration, "fade in: duration") < math.inf:
+            raise InputError(f"fade in: expected a positive time, got {self.duration} s")
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
-        """The reference point of r joints at times `t` (...) in s: positions (..., r) in rad (m if prismatic),
-        velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2)."""
+        """
+        Return the reference point at some times.
+
+        Parameters
+        ----------
+        t : array_like
+            Times (...) in s.
+
+        Returns
+        -------
+        ReferencePoint
+            Positions, velocities and accelerations (..., r) in rad, rad/s and rad/s^2 (m for a prismatic joint).
+        """
         time = numbers(t, "reference: time")
         return self._between(self.reference(time), time[..., None])
 
     def at(self, t: float) -> ReferencePoint:
-        """The reference point (r,) at one time `t` (s), as when called, in microseconds, for loops that ask each
-        period. NaN is not refused."""
+        """
+        Return the reference point at one time, in microseconds.
+
+        Parameters
+        ----------
+        t : float
+            Time in s. NaN is not refused.
+
+        Returns
+        -------
+        ReferencePoint
+            Positions, velocities and accelerations (r,).
+        """
         point: ReferencePoint = getattr(self.reference, "at", self.reference)(t)
         return point if t >= self.duration else self._between(point, t)
 

@@ -1,4 +1,4 @@
-"""Slotine and Li's law for a point of the arm that is to follow a path in the world."""
+"""Slotine and Li's law in task space."""
 
 from __future__ import annotations
 
@@ -20,66 +20,90 @@ from adaptctl.errors import InputError
 from adaptctl.scalars import Column, Dual, Vec, column, maximum
 from adaptctl.scalars.column import combined
 
-UNREACHED = 1e-6
-"""A Jacobian's smallest singular value over its largest, below which it is singular everywhere."""
+MIN_SINGULAR_VALUE_RATIO = 1e-6  # of a Jacobian: below it everywhere, an axis cannot be controlled
 
 
-NEARLY, GUARD = 1e-3, 1e-2
-"""det(J J'), its mean eigenvalue scaled to 1, below which J is nearly singular; and the damping there at most, over the
-mean eigenvalue"""
-SMALLEST = 1e-12
-"""m^2, for a point that nothing moves"""
+NEAR_SINGULAR_DETERMINANT = 1e-3  # of J J' scaled to a mean eigenvalue of 1, below which its inverse is damped
+MAX_DAMPING = 1e-2  # over the mean eigenvalue
+MIN_SQUARE = 1e-12  # m^2, for a point that nothing moves
 
 
 class Goal(NamedTuple):
-    """Internal state of a task-space law whose reference is given in joints: `q` (n,), the reference's positions of all
-    n joints of the mechanism's spanning tree in the last control period, rad (m if prismatic), from which closed
-    kinematic loops are followed. Nothing is checked."""
+    """Last reference configuration (n,), from which loops are followed."""
 
     q: Any
 
 
 @dataclass(frozen=True, eq=False)
 class TaskSpaceSlotineLi(SlotineLi):
-    """Slotine and Li's law in task space: the reference velocity is chosen for a point x(p) of a link (Slotine and Li
-    1987, section on Cartesian control).
+    r"""
+    Slotine and Li's controller for a point of a link in task space.
 
-        v_r = J# (x_d' - Lambda (x - x_d)) + (1 - J# J)(-posture_rate (p - posture)),  J# = J'(J J' + mu^2)^-1
-        a_r = its exact derivative in time, by dual numbers;  s = v - v_r
-        torque = Y_r(p, v, v_r, a_r) estimate - K s
+    Parameters
+    ----------
+    model : ReducedModel
+        Model of the mechanism with k parameters and r joints.
+    bandwidth : array_like
+        Decay rate Lambda of the point's error in 1/s, one number or (d,).
+    damping : array_like
+        Damping K in N m s/rad (N s/m for a prismatic joint), one number or (r,).
+    adaptation : AdaptationLaw or array_like, optional
+        Adaptation law, or the gain of `Gradient`: its diagonal (k,) or the whole matrix (k, k), in units of the
+        parameters squared per J. None switches adaptation off.
+    initial : array_like, optional
+        Initial estimate (k,) in SI units, zero unless given.
+    control_period : float, default 0.001
+        Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
+    workspace : Workspace, optional
+        Joint positions for which the gains are checked. Unless given, all that the joints' limits allow.
+    torque_limits : array_like, optional
+        Limits in N m (N), one number or (r,). Nothing is learned from a period whose torque exceeds them; the
+        mechanism's own limits unless given.
+    prior : array_like, optional
+        Largest plausible error (k,) of each initial parameter in SI units. With it, gains for which the estimates could
+        make the sampled loop ring give a `StabilityWarning`.
+    link : str, optional
+        Link of the point, the last one unless given.
+    tool : array_like, optional
+        Point (3,) in the frame of the link in m, its origin unless given.
+    axes : tuple of int, default (0, 1, 2)
+        The d world axes, rising, along which the point is controlled.
+    singularity : float, default 0.0
+        Damping mu of the Jacobian's inverse in m. 0 inverts it exactly, or takes the least motion for d < r.
+    posture : array_like, optional
+        Positions (r,) in rad (m) to which the remaining motion tends for d < r, home unless given.
+    posture_rate : float, default 1.0
+        Rate of that motion in 1/s.
+    reference_in_joints : bool, default False
+        True if reference points are joint positions (r,), as in an environment, instead of the point's (d,) in m.
 
-    J (d, r) is x's Jacobian, x_d the desired x, p and v (r,) the measured positions and velocities of the r primary
-    (independent) joints, Y_r (r, k) the torque regressor of k estimated parameters, K the damping, s the sliding
-    variable. A prime is a derivative in time, but the transpose of J and, in V below, of s and error.
+    Raises
+    ------
+    GainError
+        If the sampling ratio with the greatest of bandwidth and posture rate is above 1.5.
+    InputError
+        If arguments that `SlotineLi` refuses are given, axes, link, tool or posture do not fit, or the joints cannot
+        move the point along all axes.
 
-    x (d,) are d of the three world coordinates of the point, in metres: `axes`, in ascending order, 0 to 2 for x to z,
-    by default all. `tool` (3,) is the point in the frame of `link`, in metres, None for the frame's origin; `link` is a
-    name, None for the last one. With d < r the rest of the motion is drawn to `posture` (r,) in rad (m if prismatic),
-    None for the mechanism's home configuration, at `posture_rate` in 1/s, by default 1. `singularity` is mu in m: zero,
-    the default, inverts J itself (d = r) or takes the least motion (d < r). Where J J' is nearly singular, det(J
-    J')/(tr(J J')/d)^d = w below w_0 = 1e-3, mu^2 grows by 1e-2 (1 - w/w_0)^2 tr(J J')/d, smoothly from 0 (Nakamura and
-    Hanafusa 1986), so that v_r and a_r stay finite.
+    Notes
+    -----
+    .. math:: v_r=J^\#(\dot x_d-\Lambda(x-x_d))+(1-J^\#J)v_0,\quad J^\#=J^\top(JJ^\top+\mu^2)^{-1},
 
-    Guarantees: s goes to zero with V = s'Ms/2 + error' Gamma^-1 error/2, as for `SlotineLi`, whatever J; M is the mass
-    matrix, Gamma the adaptation gain, error the estimate's. Where J has full rank and mu is zero, x' - x_d' + Lambda (x
-    - x_d) = J s, so the point goes to its path.
+    with the posture's velocity :math:`v_0`. The point converges where J has full rank and :math:`\mu=0` [1]_; near
+    singularities :math:`\mu` grows smoothly [2]_.
 
-    Gives up: orientations. Near a singularity v_r becomes fast when mu is zero, and through it the point is not
-    followed; with mu the point lags behind where J's singular values are not large against mu.
+    References
+    ----------
+    .. [1] Slotine and Li, Int. J. Robotics Research, 1987.
+    .. [2] Nakamura and Hanafusa, ASME J. Dynamic Systems, Measurement and Control, 1986.
 
-    The reference point is x_d, x_d', x_d'' (d,), in m, m/s and m/s^2; with `reference_in_joints` it is joint positions,
-    velocities and accelerations (r,), in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic), those that an
-    environment has, and x_d is where they put the point. `bandwidth` is Lambda (1/s), a number or (d,); other arguments
-    and defaults are those of `SlotineLi`: `model`, with its k parameters; `damping` K in N m s/rad (N s/m for a
-    prismatic joint), one number or (r,); `adaptation`, a law, or Gamma (k,) or (k, k) in units of the parameters
-    squared per J, or None, the default, for none; `initial` (k,), SI units, None for zero; `period` T_c, 1e-3 s;
-    `workspace`, the set of joint positions for which the gains are checked, None for all that the joints' limits allow;
-    `torque_limits`, one number or (r,), N m (N), beyond which nothing is learned, None for the mechanism's; `prior`
-    (k,), SI units, the greatest errors of `initial`, for a `StabilityWarning` where estimates could ring, None for
-    none. Raises `GainError` where T_c (lambda_max(M^-1 K) + the greatest of Lambda and `posture_rate`), lambda_max the
-    largest eigenvalue, is above 1.5 or M not positive definite, and `InputError` for arguments that `SlotineLi`
-    refuses, for axes, link, tool, posture, posture rate or mu that do not fit, and where, with mu zero, the joints
-    cannot move the point along all axes.
+    Examples
+    --------
+    >>> controller = adaptctl.control.TaskSpaceSlotineLi(
+    ...     model, 5.0, [6.0, 2.0], axes=(0, 1), tool=[0.3, 0.0, 0.0], singularity=0.05
+    ... )
+    >>> controller.reference_size
+    2
     """
 
     tunable = (*SlotineLi.tunable, "posture_rate")
@@ -111,23 +135,30 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     @property
     def reference_size(self) -> int:
-        """Length of each part of a reference point (position, velocity or acceleration): d, the number of the law's
-        attribute `axes`, or the number r of primary (independent) joints where its attribute `reference_in_joints` is
-        True."""
+        """Number d of axes, or r for references in joints."""
         return self.dof if self.reference_in_joints else len(self.axes)
 
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
-        """The reference velocity v_r (r,) of the r primary (independent) joints with which the tool follows its path,
-        in rad/s (m/s if prismatic), with its derivative in time and a further internal state, as a `ReferenceVelocity`.
-        The derivative a_r (r,), along the motion, is in rad/s^2 (m/s^2) and found by dual numbers.
+        """
+        Compute the reference velocity that moves the point along its path.
 
-        With a reference in joints, that state is the reference's configuration (n,) of the spanning tree's n joints,
-        from which kinematic loops are followed; otherwise it is empty. q (n,) in rad (m) is the measured configuration,
-        p (r,) in rad (m) and v (r,) in rad/s (m/s) the primary joints' measured positions and velocities, `memory` the
-        controller's internal state of the last control period. `reference` is the tool's position, velocity and
-        acceleration (d,), in m, m/s and m/s^2, along the d axes, or those of the joints (r,). Nothing is checked here.
+        Parameters
+        ----------
+        q : Column
+            Positions (n,) of all joints of the spanning tree in rad (m).
+        p, v : Column
+            Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
+        reference : ReferencePoint
+            Desired positions, velocities and accelerations of the point (d,) or of the joints (r,).
+        memory : AdaptiveState
+            Internal state of the last control period.
+
+        Returns
+        -------
+        ReferenceVelocity
+            Reference velocity (r,) in rad/s (m/s), its derivative in time (r,), and the law's further internal state.
         """
         goal, rate, more = self._goal(reference, memory)
         rates = self.model.mechanism.equations.rates(q, v)
@@ -135,9 +166,19 @@ class TaskSpaceSlotineLi(SlotineLi):
         return ReferenceVelocity(Column(x.value for x in v_r), Column(x.slope for x in v_r), more)
 
     def point(self, q: Column) -> tuple[Column, list[Column]]:
-        """The tool's coordinates x (d,), in metres, along the law's d world axes, and the Jacobian J (d, r) of x with
-        respect to the r primary (independent) joints, as a list of d rows (r,). J is in m/rad (no unit for a prismatic
-        joint). The configuration is q (n,) of the spanning tree's n joints, in rad (m). Nothing is checked."""
+        """
+        Compute the point's coordinates and Jacobian, over scalars.
+
+        Parameters
+        ----------
+        q : Column
+            Configuration (n,) of the spanning tree in rad (m).
+
+        Returns
+        -------
+        tuple of Column and list of Column
+            Coordinates (d,) in m, and d rows (r,) of the Jacobian in m/rad (1 for a prismatic joint).
+        """
         equations = self.model.mechanism.equations
         moving = moving_point(equations.links, q, self._link, Vec(*np.asarray(self.tool).tolist()))
         units = [Column(float(i == j) for j in range(self.dof)) for i in range(self.dof)]
@@ -145,11 +186,11 @@ class TaskSpaceSlotineLi(SlotineLi):
         position = tuple(moving.position)
         return Column(position[i] for i in self.axes), [Column(column[i] for column in columns) for i in self.axes]
 
-    def _more(self, p: Array, v: Array) -> Any:
+    def _controller_state(self, p: Array, v: Array) -> Any:
         return Goal(self.model.mechanism.configuration(p)) if self.reference_in_joints else NoMemory()
 
     def _goal(self, reference: ReferencePoint, memory: AdaptiveState) -> tuple[Column, Column, Any]:
-        """x_d and x_d' (d,), both with their derivatives in time, and the memory."""
+        """Desired coordinates and velocities (d,) as dual numbers, and the state."""
         if not self.reference_in_joints:
             return _moving(reference.p, reference.v), _moving(reference.v, reference.a), NoMemory()
         equations = self.model.mechanism.equations
@@ -159,30 +200,28 @@ class TaskSpaceSlotineLi(SlotineLi):
         return position, Column(row @ velocity for row in rows), Goal(q)
 
     def _velocity(self, q: Column, p: Column, goal: Column, rate: Column) -> Column:
-        """The reference velocity v_r (r,)."""
         position, rows = self.point(q)
         home = column(np.asarray(self.posture))
         free = -(self.posture_rate * (p - home)) if len(self.axes) < self.dof else Column.zeros(self.dof)
         task = rate - column(self.bandwidth) * (position - goal) - Column(row @ free for row in rows)
         gram = [[a @ b for b in rows] for a in rows]
-        square = self.singularity**2 + _guard(gram)
+        square = self.singularity**2 + _damping_of(gram)
         for i in range(len(rows)):
             gram[i][i] = gram[i][i] + square
         return free + combined(rows, solve_symmetric(gram, task))
 
     def _validate_link(self) -> None:
-        """Raise `InputError` for a link that there is not."""
         names = [link.name for link in self.model.mechanism.links]
         if self.link is not None and self.link not in names:
             raise InputError(f"task space: there is no link {self.link!r}; links: {', '.join(names)}")
 
     def _validate_reach(self) -> None:
-        """Raise `InputError` where, undamped, no configuration lets the point move along every axis."""
+        """Raise `InputError` if the point cannot move along every axis."""
         mechanism = self.model.mechanism
         p = sampled_configurations(mechanism)
         _, rows = self.point(column(mechanism.configuration(p)))
         values = np.linalg.svd(stacked_rows(rows, p.shape[:-1]), compute_uv=False)
-        if self.singularity == 0.0 and float((values[:, -1] / values[:, 0]).max()) < UNREACHED:
+        if self.singularity == 0.0 and float((values[:, -1] / values[:, 0]).max()) < MIN_SINGULAR_VALUE_RATIO:
             raise InputError(
                 f"task space: the joints move the point of {mechanism.links[self._link].name} along fewer than "
                 f"{len(self.axes)} axes: choose fewer axes, or a link farther out"
@@ -195,32 +234,30 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     @property
     def _velocity_feedback(self) -> Array:
-        """The point's greatest bandwidth: where J is regular J# Lambda J has no greater eigenvalue, and the rest of
-        the motion has the posture's rate."""
+        """Greatest bandwidth, a bound of J# Lambda J where J is regular."""
         return np.full(self.dof, max(float(self.bandwidth.max()), self.posture_rate))
 
     @property
     def _coordinates(self) -> int:
-        """Number of the point's coordinates m."""
         return len(self.axes)
 
 
 def _moving(values: Column, slopes: Column) -> Column:
-    """Dual numbers of values and their derivatives in time."""
+    """Dual numbers in time."""
     return Column(map(Dual, values, slopes))
 
 
-def _guard(gram: list[list[Any]]) -> Any:
-    """The square of mu (m^2) that keeps the inverse of J J' finite: 0 where it is regular."""
+def _damping_of(gram: list[list[Any]]) -> Any:
+    """Square of mu (m^2), 0 where J is regular."""
     m = len(gram)
-    mean = sum((gram[i][i] for i in range(1, m)), gram[0][0]) * (1.0 / m) + SMALLEST
+    mean = sum((gram[i][i] for i in range(1, m)), gram[0][0]) * (1.0 / m) + MIN_SQUARE
     scaled = [[(1.0 / mean) * x for x in row] for row in gram]
-    lack = maximum(1.0 - _determinant(scaled) * (1.0 / NEARLY), 0.0)
-    return GUARD * mean * lack * lack
+    lack = maximum(1.0 - _determinant(scaled) * (1.0 / NEAR_SINGULAR_DETERMINANT), 0.0)
+    return MAX_DAMPING * mean * lack * lack
 
 
 def _determinant(rows: list[list[Any]]) -> Any:
-    """The determinant of a small matrix by Laplace's expansion, which divides by nothing."""
+    """Determinant by Laplace's expansion, without divisions."""
     first, *others = rows
     if not others:
         return first[0]

@@ -1,4 +1,4 @@
-"""Gains, reference and integrator chosen for a mechanism, and verified in closed loop."""
+"""Automatic tuning."""
 
 from adaptctl.tuning.tune import Tuning, tune
 from adaptctl.tuning.verification import Verification

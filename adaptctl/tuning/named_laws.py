@@ -1,4 +1,4 @@
-"""Control laws by name, with the gains that a tuning found, behind guards that the mechanism's limits make."""
+"""Control laws by name."""
 
 from __future__ import annotations
 
@@ -33,26 +33,13 @@ LAWS = (
     "computed-torque",
     "pd-gravity",
 )
-TORQUE_NOISE = 0.01
-"""share of the torque limits that predicted torques of `slotine-li-composite` are taken to miss by in a second"""
-WIDER = 1.5
-"""times the reference's greatest speed, the speed at which guards stop a joint that states none"""
-SLOWEST = 2.0
-"""rad/s or m/s: no joint is stopped below"""
+TORQUE_NOISE = 0.01  # of the torque limits: error of torques predicted over a second
+SPEED_MARGIN = 1.5  # over the reference's greatest speed, for joints without a velocity limit
+MIN_SPEED_LIMIT = 2.0  # rad/s (m/s)
 
 
 def named_law(law: str, tuning: Tuning, model: ReducedModel) -> Controller[Any]:
-    """The control law of the name `law`, a `Controller`, with the gains, control period and torque limits of a
-    `tuning`, on a reduced `model` of the tuning's mechanism.
-
-    Names are "slotine-li", "slotine-li-fixed" (true parameters, no adaptation), "slotine-li-composite" (learning from
-    predicted torques too), "passivity-integral", "task-space" (its reference given in joints),
-    "adaptive-computed-torque", "computed-torque" and "pd-gravity". The tuning's bandwidth is computed torque's natural
-    frequency, PD's stiffness is bandwidth times damping, and in task space the least bandwidth is that of every axis.
-    Laws that adapt start from zero parameters, except adaptive computed torque, which starts from the true ones;
-    "computed-torque" and "pd-gravity" use the true ones. Raises `NotFoundError` for another name, and what the law's
-    class raises, such as `GainError` where the gains are too large for the period.
-    """
+    """Control law of this name. Raises `NotFoundError` for another."""
     if law not in LAWS:
         raise NotFoundError(f"law: unknown law {law!r}; laws: {', '.join(LAWS)}")
     gains, period, mechanism = tuning.gains, tuning.control_period, tuning.mechanism
@@ -88,15 +75,13 @@ def named_law(law: str, tuning: Tuning, model: ReducedModel) -> Controller[Any]:
 
 
 def guarded(law: Controller[Any], tuning: Tuning) -> SafetyFilter:
-    """The control law `law` behind guards, a `SafetyFilter`: its torques are limited to the torque limits of a
-    `tuning`, and it brakes the arm, with the tuning's damping, where a joint is outside the mechanism's position limits
-    or too fast. Too fast is faster than the joint's velocity limit or, where that is infinite or 0, than the greater of
-    2 rad/s (m/s if prismatic) and 1.5 times its reference's greatest speed in the first 20 s. Raises `InputError` for
-    settings that `SafetyFilter` refuses, such as two equal position limits of a joint."""
+    """Safety filter with the mechanism's limits."""
     joints = [joint.limits for joint in tuning.mechanism.primary_joints]
     speed = np.array([limits.velocity for limits in joints])
     asked = np.abs(tuning.reference(np.linspace(0.0, 20.0, 400)).v).max(axis=0)
-    found: Array = np.where(np.isfinite(speed) & (speed > 0.0), speed, np.maximum(SLOWEST, WIDER * asked))
+    found: Array = np.where(
+        np.isfinite(speed) & (speed > 0.0), speed, np.maximum(MIN_SPEED_LIMIT, SPEED_MARGIN * asked)
+    )
     lower, upper = np.array([limits.lower for limits in joints]), np.array([limits.upper for limits in joints])
     return SafetyFilter(
         law,

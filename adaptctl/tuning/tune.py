@@ -1,4 +1,4 @@
-"""The choice of reference, gains and integration for a mechanism, from its description alone."""
+"""Choice of reference and gains."""
 
 from __future__ import annotations
 
@@ -21,13 +21,21 @@ from adaptctl.errors import InputError, VerdictError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import Integrator, Plant
 from adaptctl.simulation.integrator import MOST, integration
-from adaptctl.tuning.default_gains import BANDWIDTH, HOLD, DefaultGains, Proposal, Shares, at_most, near_reference
-from adaptctl.tuning.feasible_gains import SLOW, FeasibleGains, limitations
+from adaptctl.tuning.default_gains import (
+    DEFAULT_BANDWIDTH,
+    DEFAULT_SAMPLING_RATIO,
+    DefaultGains,
+    Proposal,
+    Shares,
+    at_most,
+    near_reference,
+)
+from adaptctl.tuning.feasible_gains import MIN_BANDWIDTH, FeasibleGains, limitations
 from adaptctl.tuning.feasible_reference import TORQUE_SHARE, FeasibleReference
 from adaptctl.tuning.verification import (
-    ASTRAY,
-    CLIPPED,
-    LINKS_OFF,
+    LINK_ERROR,
+    MAX_ERROR,
+    MAX_LIMITED_SHARE,
     Trials,
     TrialSetting,
     Verification,
@@ -36,36 +44,63 @@ from adaptctl.tuning.verification import (
     verifications,
 )
 
-STATIC, LITTLE = 0.95, 3.0
-"""share of a torque limit at rest, and ratio of errors without and with adaptation, that are noted"""
-SEARCHED = 8.0
-"""s of a run of a search"""
-BANDWIDTHS, HOLDS, NUMBERS = (4.0, 8.0), (0.25, 0.5), (0.1, 0.2, 0.4, 0.8)
-SHARES: tuple[Shares, ...] = ("mixed", "links", "parameters")
+MAX_STATIC_SHARE = 0.95  # of a torque limit at rest, above which a joint can only creep
+MIN_LEARNING_RATIO = 3.0  # of errors without and with adaptation, below which there is little to learn
+SEARCH_DURATION = 8.0  # s
+SEARCHED_BANDWIDTHS, SEARCHED_SAMPLING_RATIOS, SEARCHED_ADAPTATION_RATIOS = (
+    (4.0, 8.0),
+    (0.25, 0.5),
+    (0.1, 0.2, 0.4, 0.8),
+)
+SEARCHED_SHARES: tuple[Shares, ...] = ("mixed", "links", "parameters")
 
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """Reference, gains and integration that `tune` chose for a `mechanism` of r joints and P inertial and friction
-    parameters. Nothing is checked.
+    """
+    Reference, gains and integration that `tune` chose.
 
-    `period` T (s) is how long a torque is held, `reference` the trajectory, `initial_error` (r,), in rad (m if
-    prismatic), the arm's position less the reference's at time 0. `gains` are Slotine and Li's bandwidth Lambda, 1/s,
-    and damping K, N m s/rad (N s/m), (r,) each; `adaptation` (P,) is the diagonal of the adaptation gain Gamma on all
-    parameters, in their units squared per J. A period is simulated in `substeps` steps of the `integrator`.
-    `torque_limits` (r,) are in N m (N); `torque_share` (r,) is the largest fraction of them that the reference asks
-    for, no unit.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with r joints.
+    control_period : float
+        Time in s for which a torque is held.
+    reference : Reference
+        Trajectory to follow.
+    initial_error : ndarray
+        Arm's position minus the reference's at time 0, (r,) in rad (m).
+    gains : Gains
+        Bandwidth (r,) in 1/s and damping (r,) in N m s/rad (N s/m).
+    adaptation : ndarray
+        Diagonal (P,) of the adaptation gain on all parameters, in their units squared per J.
+    substeps : int
+        Integration steps in a control period.
+    integrator : Integrator
+        Integrator of the simulation.
+    torque_limits : ndarray
+        Torque limits (r,) in N m (N).
+    torque_share : ndarray
+        Largest torque (r,) of the reference over its limit.
+    sampling_ratio : float
+        Upper bound of T lambda_max((M + T B)^-1 K) near the reference, mass matrix M, viscous friction B and damping K,
+        stable below 2.
+    adaptation_ratio : float
+        Greatest T lambda_max(K^-1 Y Gamma Y') along the reference, regressor Y and gain Gamma, stable below 2.
+    limited_by : tuple of str
+        What limits each joint's gains.
+    verified : tuple of Verification
+        Simulated runs with these gains, none above 100 links.
+    notes : tuple of str
+        Further remarks.
 
-    `sampling_ratio` is the upper bound that K was made for of the damping number T lambda_max((M + T B)^-1 K) at random
-    positions near the reference, with the mass matrix M, the viscous friction B and lambda_max the largest eigenvalue;
-    K is below it where torque limits are tighter. The sampling ratio of a `SamplingRatio` is another: it is found, not
-    asked for, counts Lambda too, takes friction into account exactly, and comes from a local search over a set of
-    positions. `achieved_adaptation_ratio` is T lambda_max(K^-1 Y Gamma Y'), the greatest over samples of the reference,
-    with the regressor Y (r, P) and its transpose Y'. Both have no unit and are stable below 2.
-
-    `limited_by` (r,) are sentences on what limits each joint's gains, `verified` the `Verification` runs with these
-    gains, none for a mechanism of more than 100 links, for which no native code is made, and `notes` sentences on what
-    else matters, none by default.
+    Examples
+    --------
+    >>> tuning = adaptctl.tune(arm, control_period=0.004)
+    >>> tuning.is_learning, tuning.gains.damping.shape
+    (True, (2,))
+    >>> tuning.controller(model).control_period
+    0.004
     """
 
     mechanism: Mechanism
@@ -84,27 +119,63 @@ class Tuning:
     verified: tuple[Verification, ...]
     notes: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        verdict = "learns" if self.is_learning else "does not learn" if self.failed else "not verified"
+        return f"<Tuning of {self.mechanism.name!r}: {verdict}>"
+
     def gain_on(self, model: ReducedModel) -> Array:
-        """The adaptation gain Gamma (k, k) on a reduced `model`'s k fundamental (base) parameters, in their units
-        squared per J. Adapting these is then the same as adapting all P inertial and friction parameters of the
-        mechanism with the tuning's diagonal Gamma (P,). Raises `InputError` for a model of another number of parameters
-        P."""
+        """
+        Return the adaptation gain on a reduced model.
+
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+
+        Returns
+        -------
+        ndarray
+            Gain (k, k), with which adaptation is that of all parameters.
+
+        Raises
+        ------
+        InputError
+            If the model is of another number of parameters.
+        """
         return mapped_gain(model, self.adaptation)
 
     @cached_property
     def workspace(self) -> Workspace:
-        """Set of joint positions for which the gains are checked, a `Workspace`: 60 positions of the reference, evenly
-        spaced in its first 20 s, with a margin about each of them. The margin is the size of the largest of the joints'
-        initial errors (rad, m if prismatic). Raises `InputError` where kinematic loops can be closed at none of the
-        positions."""
+        """Positions near the reference, for which gains are checked."""
         return near_reference(self.mechanism, self.reference, self.initial_error)
 
     def controller(self, model: ReducedModel, adaptation: bool = True, *, anyway: bool = False) -> SlotineLi:
-        """Slotine and Li's controller, a `SlotineLi`, with the tuning's gains, control period and torque limits on a
-        reduced `model` of the mechanism. Its initial estimate is zero; it does not adapt where `adaptation` is False.
-        Raises `VerdictError` where it adapts and the arm as described does not learn with these gains (`learns`),
-        unless `anyway`; `GainError` where the gains are too large for the period at a position in the tuning's
-        `workspace`, `InputError` for a model of another number of joints or, with adaptation, of parameters."""
+        """
+        Return Slotine and Li's controller with these gains.
+
+        Parameters
+        ----------
+        model : ReducedModel
+            Model of the mechanism.
+        adaptation : bool, default True
+            False to switch adaptation off.
+        anyway : bool, default False
+            True to accept gains that failed in simulation.
+
+        Returns
+        -------
+        SlotineLi
+            Controller with an initial estimate of zero.
+
+        Raises
+        ------
+        VerdictError
+            If the arm as described does not learn with these gains.
+        GainError
+            If the gains are too large for the control period in the workspace.
+        InputError
+            If the model is of another number of joints or parameters.
+        """
         if adaptation and not anyway:
             self.validate_learning("anyway=True")
         gain, gains = self.gain_on(model) if adaptation else None, self.gains
@@ -113,21 +184,28 @@ class Tuning:
 
     @property
     def is_learning(self) -> bool:
-        """True if the arm as described learns with these gains, in the first verifying run of 20 s; False where nothing
-        was run. The run must stay near the reference: no joint's tracking error reaches 1 rad (m if prismatic), and in
-        at most 5 % of the second half a torque is at its limit. Its RMS tracking error over all joints and the last 2 s
-        must be at most a third of that of the first second and of that of the last 2 s with adaptation off."""
+        """True if the first verifying run learns."""
         return bool(self.verified) and self.verified[0].is_learning
 
     @property
     def failed(self) -> bool:
-        """True if the arm as described was run with these gains and does not learn; False also where nothing was
-        run."""
+        """True if the first verifying run does not learn."""
         return bool(self.verified) and not self.verified[0].is_learning
 
     def validate_learning(self, otherwise: str) -> None:
-        """Raise `VerdictError` where the tuning has `failed`; `otherwise` says in the message how to take the gains
-        all the same."""
+        """
+        Raise `VerdictError` if the tuning has failed.
+
+        Parameters
+        ----------
+        otherwise : str
+            How to take the gains all the same, for the message.
+
+        Raises
+        ------
+        VerdictError
+            If the simulated arm does not learn.
+        """
         if self.failed:
             raise VerdictError(
                 f"{self.mechanism.name}: these gains fail in simulation ({self.verified[0]}); choose another "
@@ -141,41 +219,61 @@ def tune(
     control_period: float = 1e-3,
     reference: Reference | None = None,
     initial_error: ArrayLike | None = None,
-    bandwidth: float = BANDWIDTH,
-    sampling_ratio: float = HOLD,
+    bandwidth: float = DEFAULT_BANDWIDTH,
+    sampling_ratio: float = DEFAULT_SAMPLING_RATIO,
     adaptation_ratio: float = 0.5,
     search: int = 0,
     seed: int = 0,
 ) -> Tuning:
-    """A `Tuning` of a `mechanism` of r joints: a reference trajectory, gains, and the integrator and its number of
-    steps a control period, with which Slotine and Li's law learns its parameters from zero.
+    """
+    Choose a reference and gains for a robot and verify them in closed loop.
 
-    The law is torque = Y estimate - K s, s = v - v_d + Lambda (p - p_d), d estimate/dt = -Gamma Y' s. p and v (r,) are
-    positions and velocities, p_d and v_d the reference's, in rad and rad/s (m and m/s if prismatic), Y (r, P) is the
-    regressor of the P inertial and friction parameters and Y' its transpose; Lambda (1/s) and K (N m s/rad, N s/m if
-    prismatic) are gains of each joint, Gamma (P, P) is the adaptation gain in the parameters' units squared per J.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with r joints. Effort limits bound the torques; without limits the gains come from inertia alone.
+    control_period : float, default 0.001
+        Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
+    reference : Reference, optional
+        Trajectory to follow. Unless given, sinusoids within 60 % of the torque limits are drawn.
+    initial_error : array_like, optional
+        Arm's position minus the reference's at time 0 in rad (m), one number or (r,). Unless given, 0.1, or less where
+        a range or torque limit is small.
+    bandwidth : float, default 4.0
+        Greatest bandwidth in 1/s. A joint has less if 0.3 of its torque limit corrects the initial error no faster.
+    sampling_ratio : float, default 0.5
+        Bound of T lambda_max((M + T B)^-1 K), control period T, mass matrix M, viscous friction B and damping K. Half
+        is a third of what is allowed.
+    adaptation_ratio : float, default 0.5
+        Value of T lambda_max(K^-1 Y Gamma Y') along the reference, regressor Y and adaptation gain Gamma.
+    search : int, default 0
+        Number of other settings, of a grid of 48, that are tried on arms with links 30 % lighter or heavier.
+    seed : int, default 0
+        Seed of all random choices.
 
-    `period` is the control period T (s), 1 ms by default. The `reference`, unless given, is drawn by `seed` within 60 %
-    of the torque limits; the `initial_error` (rad or m, one number or (r,)), position less the reference's at time 0,
-    unless given, is 0.1 rad or m, and less where a range or a torque limit is small. Lambda is `bandwidth` (1/s), or
-    less for a joint whose initial error 0.3 of its torque limit brings back no faster. K is the largest, joint by
-    joint, with T lambda_max((M + T B)^-1 K) of at most `hold` (no unit) at random positions near the reference, within
-    torque limits: lambda_max is the largest eigenvalue, M the mass matrix and B the viscous friction. Gamma, a
-    diagonal, is half in proportion to the squares of the parameters' prior ranges (greatest plausible errors) and half
-    the same, but scaled link by link to an equal effect on torques, with T lambda_max(K^-1 Y Gamma Y') of `adaptation`
-    (no unit).
+    Returns
+    -------
+    Tuning
+        Reference, gains, and the verdict of simulated runs.
 
-    `search` is the number of other settings of bandwidth, `hold`, `adaptation` and proportions of Gamma that are tried,
-    of a grid of 48, zero, the default, for none. Each is run on links whose ten inertial parameters are 30 % up or
-    down, with torques in time and a period late; the setting is taken whose tracking error (RMS over all joints and the
-    last 2 s, of the worse run) is least. The gains found are verified in closed loop. Mechanisms of more than 100
-    links, for which no native code is made, are neither searched nor verified.
+    Raises
+    ------
+    InputError
+        If a number is not positive or too large (control_period 0.1, bandwidth 1000, sampling_ratio 1.5,
+        adaptation_ratio 1), a joint moves nothing with inertia, or the mass matrix is not positive definite.
+    NonFiniteError
+        If the reference is not finite.
+    SingularityError
+        If kinematic loops cannot be closed at the reference's start.
 
-    Raises `InputError` for settings that are out of range (above 0 and at most: `period` 0.1, `bandwidth` 1000, `hold`
-    1.5, `adaptation` 1; `search` and `seed` whole numbers of at least 0; `initial_error` finite and of r joints), for
-    joints that move nothing that has inertia, and where M is not positive definite; for a given `reference`,
-    `NonFiniteError` where its points are not finite and `SingularityError` where kinematic loops cannot be closed at
-    its first one.
+    Notes
+    -----
+    The rules are in docs/tuning.md. Mechanisms above 100 links are neither searched nor verified.
+
+    Examples
+    --------
+    >>> adaptctl.tune(arm, control_period=0.004, bandwidth=3.0).gains.bandwidth
+    array([3., 3.])
     """
     bandwidth, sampling_ratio = at_most("bandwidth", bandwidth, 1e3), at_most("sampling_ratio", sampling_ratio, 1.5)
     adaptation_ratio, search = at_most("adaptation_ratio", adaptation_ratio, 1.0), whole_count(search, "search")
@@ -209,38 +307,34 @@ def tune(
 
 @lru_cache(maxsize=8)
 def _plant(mechanism: Mechanism, control_period: float, limits: tuple[float, ...]) -> Plant:
-    """The plant of trials, kept, and the code of its trials with it."""
     return Plant(mechanism, control_period, *integration(mechanism, (), control_period), np.array(limits))
 
 
 def _searched(trials: Trials, rule: DefaultGains, first: Proposal, count: int, seed: int) -> Proposal:
-    """The best of the `first` proposal of gains and `count` others, a `Proposal`: the one whose tracking error (RMS
-    over all joints and the last 2 s, of the worse of two simulated runs of 8 s) is least. The others are drawn by
-    `seed` from a grid of 48, none twice, less those for which there are no gains.
-
-    In both runs the ten inertial parameters of each link are 30 % up or down, in another way each; in the second run
-    torques come a control period late besides, for gains judged without a delay may be unstable with one. Runs in which
-    a joint's error reached 1 rad (m if prismatic), or in which a torque was at its limit for over 5 % of the second
-    half, count as failed; where all fail, the first proposal is returned. `trials` runs them, `rule` makes the gains.
-    Raises `InputError` where the mechanism has more than 100 links, for which no native code is made.
-    """
+    """Best proposal by the worse of two runs with other links, one delayed."""
     tried = [first, *_drawn(rule, count, seed)]
-    arms = [scaled_links(trials.plant.mechanism, LINKS_OFF, seed + k) for k in (1, 2)]
+    arms = [scaled_links(trials.plant.mechanism, LINK_ERROR, seed + k) for k in (1, 2)]
     settings = [
         TrialSetting(one.feasible.gains.bandwidth, one.feasible.gains.damping, one.gain, true, late)
         for one in tried
         for true, late in zip(arms, (False, True), strict=True)
     ]
-    runs = trials.run(settings, SEARCHED)
+    runs = trials.run(settings, SEARCH_DURATION)
     _, last, largest, limited = measures(runs, np.asarray(trials.plant.torque_limits))
-    failed = (largest >= ASTRAY) | (limited > CLIPPED)
+    failed = (largest >= MAX_ERROR) | (limited > MAX_LIMITED_SHARE)
     worse: Array = np.where(failed, np.inf, last).reshape(-1, 2).max(axis=1)
     return tried[int(worse.argmin())]
 
 
 def _drawn(rule: DefaultGains, count: int, seed: int) -> list[Proposal]:
-    """Proposals of different numbers, in an order by seed; as many as there are."""
-    grid = [(a, b, c, kind) for a in BANDWIDTHS for b in HOLDS for c in NUMBERS for kind in SHARES]
+    """Different proposals by seed."""
+    grid = [
+        (a, b, c, kind)
+        for a in SEARCHED_BANDWIDTHS
+        for b in SEARCHED_SAMPLING_RATIOS
+        for c in SEARCHED_ADAPTATION_RATIOS
+        for kind in SEARCHED_SHARES
+    ]
     order = np.random.default_rng(seed).permutation(len(grid))[:count]
     found = []
     for bandwidth, hold, number, kind in (grid[k] for k in order):
@@ -252,16 +346,14 @@ def _drawn(rule: DefaultGains, count: int, seed: int) -> list[Proposal]:
 
 
 def _notes(mechanism: Mechanism, found: FeasibleReference, carried: FeasibleGains, plant: Plant) -> Iterator[str]:
-    """Sentences on a mechanism that is hard to tune: a joint that can only creep, a slow bandwidth, impossible
-    parameters."""
     for j, joint in enumerate(mechanism.primary_joints):
-        if found.static[j] > STATIC:
+        if found.static[j] > MAX_STATIC_SHARE:
             yield f"{joint.name}: gravity and friction ask {found.static[j]:.0%} of its torque limit: it can only creep"
         elif found.asked[j] > max(TORQUE_SHARE, 0.5 * (1.0 + found.static[j])) + 1e-9:
             yield f"{joint.name}: the reference asks {found.asked[j]:.0%} of its torque limit"
         if found.reduced[j] < 0.5:
             yield f"{joint.name}: moved by {found.reduced[j]:.2g} of what its limits allow, for its torque's sake"
-        if (rate := carried.gains.bandwidth[j]) < SLOW:
+        if (rate := carried.gains.bandwidth[j]) < MIN_BANDWIDTH:
             yield f"{joint.name}: its torque limit allows a bandwidth of {rate:.2g} 1/s: learning takes minutes"
     if wrong := mechanism.description.inconsistent_links:
         yield f"no rigid body has the inertial parameters of {', '.join(wrong)}"
@@ -270,10 +362,9 @@ def _notes(mechanism: Mechanism, found: FeasibleReference, carried: FeasibleGain
 
 
 def _run_remarks(verified: tuple[Verification, ...], possible: bool) -> Iterator[str]:
-    """Sentences on the runs that verify a tuning."""
     if not possible:
         yield "too many links to compile: nothing was searched or verified"
     for run in verified[:1]:
         ratio = run.parameter_error / run.last if run.last > 0.0 else math.inf
-        if ratio < LITTLE:
+        if ratio < MIN_LEARNING_RATIO:
             yield "adaptation off tracks nearly as well: there is little to learn on this reference"

@@ -1,4 +1,4 @@
-"""Adaptation laws, whatever control law uses them."""
+"""Adaptation laws."""
 
 from adaptctl.optional_packages import imported_lazily
 

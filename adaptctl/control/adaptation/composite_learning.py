@@ -1,4 +1,4 @@
-"""Composite learning: least squares that remember what once was excited."""
+"""Composite learning."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.compilation import outlined
 from adaptctl.control.adaptation.composite import Filtered, TorqueFilter, residual
-from adaptctl.control.adaptation.gradient import TINY
+from adaptctl.control.adaptation.gradient import MIN_POWER
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.least_squares import (
     ForgettingLeastSquares,
@@ -26,68 +26,71 @@ from adaptctl.scalars import Column, Scalar, each, maximum, sqrt, where
 
 
 class LearningMemory(NamedTuple):
-    """Internal state of composite learning of k parameters between control periods, in units of the initial gain Gamma,
-    S being Gamma^1/2.
-
-    `information` (k (k + 1)/2,) is the upper triangle of S Q S, row by row, Q (k, k) the information matrix, zero at
-    the start; `known` (k,) is S z, where z (k,) is Q times the true parameters as far as nothing disturbs; `learned`
-    (1,) is the number, 0 to r, of the r joints whose equation for the filtered torque was learned from in the last
-    control period; `filtered` is the torque filters' internal state. Nothing is checked.
-    """
+    """Information and z in units of the initial gain, joints learned from, torque filters."""
 
     information: Any
     known: Any
     learned: Any
-    """(1,) how many joints' equations passed the threshold in the last period"""
     filtered: Filtered
 
     @property
     def logged_state(self) -> Any:
-        """Number (1,), 0 to r, of the r joints whose equation for the filtered torque was learned from in the last
-        control period: the field `learned`, the part of this internal state that is stored with each sample of a
-        recorded run."""
+        """Number (1,) of joints learned from in the last period."""
         return self.learned
 
 
 @dataclass(frozen=True, eq=False)
 class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
-    """Composite learning, an adaptation law for the estimate (k,) of k parameters (Pan and Yu 2018): least squares
-    whose information matrix Q (k, k) and vector z (k,) accumulate past data and forget by direction (Kulhavy 1987, Cao
-    and Schwartz 2000).
+    r"""
+    Least squares with stored information and directional forgetting.
 
-        estimate' = -P (Y' s + W'R (W estimate - F[tau]) + recall (Q estimate - z)),  P^-1 = Gamma^-1 + Q
-        Q' = W'RW - forgetting Q W'(W Q W')^+ W Q,  z' = W'R F[tau] - forgetting Q W'(W Q W')^+ W z
+    Parameters
+    ----------
+    gain : array_like
+        Diagonal (k,) of the initial gain Gamma, in units of the parameters squared per J.
+    prediction_weight : array_like, default 1.0
+        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,).
+    cutoff : float, default 20.0
+        Corner frequency of the torque filter in rad/s. Choose it about as fast as the motion: noise enters with this
+        gain.
+    forgetting : float, default 1.0
+        Rate in 1/s at which the past is forgotten along directions that are excited now.
+    recall : float, default 2.0
+        Rate in 1/s of convergence to the stored information, at most 0.5 over the control period.
+    excitation_threshold : float, default 0.0
+        Excitation in 1/s of a joint's equation at or below which it counts as noise.
+    reset_power : float, default inf
+        Power in W of the prediction error beyond which all is forgotten in proportion to the excess.
 
-    Y (r, k) is the torque regressor of r joints, s (r,) the sliding variable in rad/s (m/s for a prismatic joint), tau
-    (r,) the torque applied in the last control period, N m (N); F = cutoff/(d/dt + cutoff) is a low-pass filter, F[tau]
-    the filtered torque and W = F[Y] (r, k) the filtered regressor. A prime is the transpose, but on estimate, Q, z and
-    V a derivative in time; ^+ is the pseudo-inverse. z = Q true, true being the true parameters.
+    Raises
+    ------
+    InputError
+        If a number is out of range or a shape is wrong.
+    NonFiniteError
+        If a weight is NaN.
 
-    Along what W sees now the past is forgotten, at `forgetting` (1/s, 1 by default); what W does not see is kept until
-    it is seen again. `recall` (1/s, 2 by default) is the rate at which the estimate goes to a solution of Q estimate =
-    z, the same in all directions in which Q is large against Gamma^-1. `threshold` (1/s) is the excitation w'Gamma w R,
-    w a joint's row of W, at or below which that joint's equation counts as noise: nothing is learned from it, nor
-    forgotten; 0, the default, lets all count. `alarm` (W) is the power eps'R eps, eps = W estimate - F[tau], beyond
-    which all of Q and z is forgotten as well, at the rate forgetting (eps'R eps/alarm - 1); infinity, the default,
-    leaves that out.
+    Notes
+    -----
+    .. math::
 
-    `gain` is Gamma's diagonal (k,), in units of the parameters squared per J, `weight` R, one number or (r,), 1 by
-    default, in 1/(N m s) (m/(N s) for a prismatic joint), `cutoff` that of F, 20 rad/s by default; the class attribute
-    `called` is the law's name in messages. Raises `InputError` for a gain, a weight, a cutoff or an alarm that is not
-    positive, a forgetting, recall or threshold below 0, all finite but the alarm (`NonFiniteError` for a weight of
-    NaN), and, with a controller, for sizes that do not fit the model, linear constraints on parameters that fix some at
-    values other than zero, a cutoff above 1/T_c and a recall above 0.5/T_c, T_c the control period.
+        \dot{\hat\beta}=-P\bigl(Y^\top s+W^\top R(W\hat\beta-F[\tau])+\rho(Q\hat\beta-z)\bigr),\quad
+        P^{-1}=\Gamma^{-1}+Q.
 
-    Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
-    the truth: with V = s'Ms/2 + error' P^-1 error/2, where eps = W error, V' <= -s'Ks - eps'R eps/2 - recall error'Q
-    error: s and eps go to zero, and so does the error in the excited subspace, the range of Q, also after excitation
-    has ended (interval excitation: where Q is positive definite once, all of the error; excited and unexcited
-    subspaces: Shen, Wang, Wen and Lu, arXiv 2408.01731). A parameter that changes is learned again at forgetting along
-    what is excited then.
+    Q and z accumulate :math:`W^\top RW` and :math:`W^\top RF[\tau]`, and forget by direction [2]_. The estimate
+    converges along all that was ever excited [1]_.
 
-    Gives up: friction that is no parameter, actuator lag and delay are learned as inertia. After a change, what is no
-    longer excited stays as it was, wrong or right. Costs a rank-one change of Q twice a joint, k^2 operations each, a
-    Cholesky factorisation, k^3/3, and storage for k (k + 3)/2 numbers.
+    References
+    ----------
+    .. [1] Pan and Yu, IEEE Trans. Automatic Control, 2018.
+    .. [2] Cao and Schwartz, Automatica, 2000.
+
+    Examples
+    --------
+    >>> learning = adaptctl.control.CompositeLearning(np.full(6, 0.1))
+    >>> controller = adaptctl.SlotineLi(model, 5.0, 4.0, learning)
+    >>> state = controller.init(p, v).law_state
+    >>> learning.covariance(state).shape, float(learning.remembered(state).max())
+    ((6, 6), 0.0)
     """
 
     tunable = ("gain", "prediction_weight", "cutoff", "forgetting", "recall", "excitation_threshold", "reset_power")
@@ -108,17 +111,26 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
 
         if not self.reset_power > 0.0:
             raise InputError(
-                f"{self.called}: alarm: expected a positive number of W, or infinity, got {self.reset_power}"
+                f"{self.called}: reset_power: expected a positive number of W, or infinity, got {self.reset_power}"
             )
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
-        """Raise `InputError` unless the adaptation law fits the `model`, of k parameters and r joints, and the control
-        `period` T_c (s). Required are an adaptation gain of k numbers, one positive weight of prediction errors or one
-        for each joint, a cutoff of the torque filter (rad/s) of at most 1/T_c, a rate `recall` (1/s), an attribute, of
-        at most 0.5/T_c, and no linear constraint that fixes a parameter of the mechanism at a value other than zero.
+        """
+        Raise `InputError` if the law does not fit model and period.
 
-        `recall` is the rate at which the estimate goes to the least-squares solution of the past data. `initial`, the
-        initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters and r joints.
+        initial : ndarray
+            Initial estimate (k,) in SI units.
+        control_period : float
+            Control period in s.
+
+        Raises
+        ------
+        InputError
+            If a size, cutoff or recall does not fit, or constraints fix parameters at values other than zero.
         """
         super().validate(model, initial, control_period)
         if self.recall * control_period > 0.5:
@@ -130,16 +142,30 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     def initial_state(
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
     ) -> LearningMemory:
-        """The internal state before the first control period: no information on the k parameters, and the torque
-        filters with zero output. The upper triangle (k (k + 1)/2,) of the information matrix Q (k, k), the vector z
-        (k,), which is Q times the true parameters, and the number (1,) of joints' torque equations learned from are all
-        zero.
+        """
+        Return no information, and torque filters with zero output.
 
-        `initial`, the initial estimate (k,), is not looked at; q (..., n) are the positions of the spanning tree's n
-        joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary (independent) joints in
-        rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' field `regressor` then has
-        them too, all else is the same for all arms. Raises `InputError` for a `model` whose linear constraints fix
-        parameters at values other than zero; nothing else is checked.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        initial : ndarray
+            Initial estimate (k,) in SI units.
+        q, v : ndarray
+            Positions (..., n) of the spanning tree's joints in rad (m) and velocities (..., r) of the primary joints in
+            rad/s (m/s).
+        control_period : float
+            Control period in s.
+
+        Returns
+        -------
+        LearningMemory
+            Internal state, with the leading axes of q where it depends on q.
+
+        Raises
+        ------
+        InputError
+            If linear constraints fix parameters of the model at values other than zero.
         """
         k = len(model.columns)
         filtered = TorqueFilter(self.cutoff, control_period).start(model, q, v)
@@ -148,18 +174,28 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: LearningMemory
     ) -> tuple[Column, LearningMemory]:
-        """The estimate (k,) of the model's k parameters, in their SI units, and the internal state after a control
-        period. One joint's equation after the other is forgotten along and learned; then the estimate descends by the
-        gain P = (Gamma^-1 + Q)^-1 (k, k).
+        """
+        Forget and learn one joint's equation after the other, then descend.
 
-        `estimate` (k,) and the internal state `memory` are those before the control period that `period` describes.
-        That state is the upper triangle (k (k + 1)/2,) of the information matrix Q, the vector z (k,), which is Q times
-        the true parameters, both in units of the initial gain Gamma, the number (1,) of joints' torque equations
-        learned from, and the torque filters. Nothing is checked here.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        estimate : Column
+            Estimate (k,) before the period, in SI units.
+        period : Period
+            Data of the control period.
+        memory : LearningMemory
+            Internal state before the period.
+
+        Returns
+        -------
+        tuple of Column and LearningMemory
+            Estimate (k,) and internal state after the period.
         """
         rows, torque, filtered = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory.filtered)
         missed, weights = residual(rows, estimate, torque), each(self.prediction_weight, model.mechanism.dof)
-        kept, scale = self._kept(missed @ (weights * missed), period), self._scale
+        kept, scale = self._retained(missed @ (weights * missed), period), self._scale
         information, known = kept * memory.information, kept * memory.known
         slope, learned = scale * period.gradient(period.integral), 0.0
         forgotten = self.forgetting * period.dt / (1.0 + self.forgetting * period.dt)
@@ -174,41 +210,68 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         inverse_scale = Column(1.0 / x for x in scale)
         error = symmetric_product(information, inverse_scale * estimate) - known
         slope = slope + (self.recall * period.dt) * error
-        step = solve_symmetric(_gained(information, len(estimate)), slope)
+        step = solve_symmetric(_inverse_gain(information, len(estimate)), slope)
         return estimate - scale * step, LearningMemory(information, known, Column((learned,)), filtered)
 
-    def _kept(self, power: Scalar, period: Period) -> Scalar:
-        """The share of all memory that is left after a period with so much power missed (W)."""
+    def _retained(self, power: Scalar, period: Period) -> Scalar:
+        """Part of the memory that remains at this power (W) of the error."""
         excess = maximum(power / self.reset_power - 1.0, 0.0)
         return 1.0 / (1.0 + (self.forgetting * period.dt) * excess)
 
     def covariance(self, memory: LearningMemory) -> Array:
-        """Covariance P (k, k) of the estimate of k parameters, symmetric, in units of the parameters squared per J: the
-        adaptation law's present gain, P = (Gamma^-1 + Q)^-1, with the initial gain Gamma and the information matrix Q.
-        It is read from `memory`, an internal state of this law for one arm. Raises `ValueError` for that of several
-        arms."""
+        """
+        Return the present gain of the law.
+
+        Parameters
+        ----------
+        memory : LearningMemory
+            Internal state of one arm.
+
+        Returns
+        -------
+        ndarray
+            Covariance P (k, k) in units of the parameters squared per J.
+
+        Raises
+        ------
+        ValueError
+            If the state is of several arms.
+        """
         k, scale = len(self.gain), np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(np.eye(k) + from_triangle(memory.information, k)) * np.outer(scale, scale))
 
     def remembered(self, memory: LearningMemory) -> Array:
-        """Information matrix Q (k, k) of least squares on k parameters, symmetric, in J per unit of the parameters
-        squared: 0 along directions that were never excited. It is read from `memory`, an internal state of this
-        adaptation law for one arm. Raises `ValueError` for that of several arms."""
+        """
+        Return the stored information matrix.
+
+        Parameters
+        ----------
+        memory : LearningMemory
+            Internal state of one arm.
+
+        Returns
+        -------
+        ndarray
+            Information Q (k, k) in J per unit of the parameters squared, 0 along directions never excited.
+
+        Raises
+        ------
+        ValueError
+            If the state is of several arms.
+        """
         scale = np.sqrt(self.gain)
         return np.asarray(from_triangle(memory.information, len(self.gain)) / np.outer(scale, scale))
 
 
-def _gained(information: Column, k: int) -> list[list[Scalar]]:
-    """The matrix 1 + Q (k, k)."""
+def _inverse_gain(information: Column, k: int) -> list[list[Scalar]]:
     upper = upper_rows(information, k)
     return full_rows([[row[0] + 1.0, *row[1:]] for row in upper])
 
 
 def _remember(information: Column, known: Column, row: Column, torque: Scalar, shares: Column) -> tuple[Column, Column]:
-    """Q and z after one joint's equation row' x = torque: first the share shares[0] of their content along the row is
-    forgotten, then shares[1] of the equation learned."""
+    """Q and z after one equation: shares[0] is forgotten along the row, shares[1] learned."""
     k, along = len(row), symmetric_product(information, row)
-    lost = shares[0] / (row @ along + TINY)
+    lost = shares[0] / (row @ along + MIN_POWER)
     fading, heavy = lost * along, shares[1] * row
     pairs = ((i, j) for i in range(k) for j in range(i, k))
     after = Column(x - fading[i] * along[j] + heavy[i] * row[j] for x, (i, j) in zip(information, pairs, strict=True))

@@ -1,4 +1,4 @@
-"""Adaptation of fundamental parameters that rigid bodies have at every tick: natural adaptation of a lift of them."""
+"""Physically consistent adaptation of fundamental parameters."""
 
 from __future__ import annotations
 
@@ -26,59 +26,62 @@ from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, each
 from adaptctl.scalars.column import combined
 
-NEAR = 1e-9
-"""of the largest fundamental parameter: the initial estimate is the lift's, to round-off"""
+LIFT_TOLERANCE = 1e-9  # of the largest fundamental parameter: round-off of the regrouping
 
 
 class ConsistentState(NamedTuple):
-    """Internal state, between control periods, of an adaptation law that moves a lift: `lift` (P,) are all P parameters
-    of rigid bodies and drives, in SI units and the order of `Mechanism.parameter_names`, whose fundamental (base)
-    parameters are the estimate; `filtered` is the torque filters' internal state, empty where no torques are predicted.
-    Nothing is checked."""
+    """Lift (P,) and torque filters, empty without prediction."""
 
     lift: Any
     filtered: Any
 
     @property
     def logged_state(self) -> Any:
-        """The lift (P,): all P parameters of rigid bodies and drives, in SI units and the order of
-        `Mechanism.parameter_names`, whose fundamental (base) parameters are the estimate. It is the field `lift`, the
-        part of this internal state that is stored with each sample of a recorded run."""
+        """Lift (P,)."""
         return self.lift
 
 
 @dataclass(frozen=True, eq=False)
 class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
-    """Natural adaptation of a physically consistent adaptation D (P,) of the estimate (k,) (Lee, Kwon and Park 2018): D
-    are all P parameters of rigid bodies and drives, and the estimate their k fundamental (base) parameters.
+    r"""
+    Natural adaptation that keeps fundamental parameters physically consistent.
 
-    estimate = K D, where D moves by natural adaptation, the gradient in the affine-invariant metric of pseudo-inertias,
-    along the slope K'(Y' s + W'R (W estimate - F[tau])). K (k, P) is the model's attribute `regrouping`, Y (r, k) the
-    torque regressor on the k fundamental parameters alone, W (r, k) that behind the filter F = cutoff/(d/dt + cutoff),
-    s (r,) the sliding variable of r joints in rad/s (m/s for a prismatic joint), tau (r,) the torque in N m (N). A
-    prime is the transpose.
+    Parameters
+    ----------
+    gain : array_like
+        Rate of adaptation in 1/J: one number, or one for each link with a body, then one for each drive's parameter.
+    lift : array_like
+        Initial parameters (P,) of all bodies and drives in SI units, physically consistent. The initial estimate is
+        `model.regrouping @ lift`.
+    prediction_weight : array_like, optional
+        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,). None leaves prediction out.
+    cutoff : float, default 20.0
+        Corner frequency of the torque filter in rad/s.
 
-    `lift` (P,) is the initial D, physically consistent, in SI units (kg, kg m, kg m^2); the initial estimate is K lift.
-    `rate` is the rate of adaptation in 1/J: one number, or one for each link with a body and then one for each drive's
-    parameter. With a `weight` R in 1/(N m s) (m/(N s)), one number or (r,), the estimate also follows the prediction
-    error of the filtered torques, with the filter's `cutoff` in rad/s, 20 by default; with None, the default, it does
-    not, and W and F have no part. Raises `InputError` at construction for a rate, weight or cutoff that is not positive
-    and finite (`NonFiniteError` for a weight of NaN), a lift that is not finite and wrong shapes, and, with a
-    controller, for sizes that do not fit the model, linear constraints on parameters that leave some of a body's ten
-    not free, a lift that is not consistent or not the initial estimate's, and, with a weight, constraints that fix
-    drives' parameters at values other than zero and a cutoff above 1/T_c, T_c the control period.
+    Raises
+    ------
+    InputError
+        If a number is not positive, a shape is wrong, the lift is not consistent or not the initial estimate's, or
+        constraints take away parameters of bodies.
+    NonFiniteError
+        If a weight is NaN.
 
-    Guarantees, without disturbance: V = s'Ms/2 + sum_i d(P_i true, P_i)/rate_i has the time derivative -s'K_d s - eps'R
-    eps, M the mass matrix, K_d (r,) the control law's damping, P_i a link's pseudo-inertia (4, 4) or a drive's
-    parameter, d(A, B) = log(det B/det A) + tr(B^-1 A) - 4 (- 1 for a drive's parameter), eps = W error, error the
-    estimate less the truth. Without a weight it is, in every control period, the controller of `Natural` on all P
-    parameters, with only k columns of the regressor computed. And whatever disturbs: the estimate is K D of bodies with
-    positive definite pseudo-inertias, so that the estimate's mass matrix is positive definite everywhere. Sampled, the
-    step for the prediction error is solved implicitly in the metric at the D before it.
+    Notes
+    -----
+    The lift D moves by `Natural` [1]_ along :math:`K^\top(Y^\top s+W^\top R(W\hat\beta-F[\tau]))`, K the regrouping
+    matrix. The mass matrix of the estimate KD is always positive definite; D itself need not converge.
 
-    Gives up: convergence of D itself, of which only K D is seen: of all D with K D equal to the estimate it finds the
-    one nearest to the initial D, by the divergence d. It starts from consistent parameters, and a link that starts
-    almost without some moment hardly finds it.
+    References
+    ----------
+    .. [1] Lee, Kwon and Park, IROS, 2018.
+
+    Examples
+    --------
+    >>> lift = np.tile([2.0, -0.2, 0.0, 0.0, 0.1, 0.0, 0.2, 0.0, 0.0, 0.2], 2)
+    >>> consistent = adaptctl.control.ConsistentAdaptation(gain=0.1, lift=lift)
+    >>> controller = adaptctl.SlotineLi(model, 5.0, 4.0, consistent, initial=model.regrouping @ lift)
+    >>> controller.init(p, v).law_state.lift.shape
+    (20,)
     """
 
     tunable = ("gain", "lift", "prediction_weight", "cutoff")
@@ -97,15 +100,23 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
         )
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
-        """Raise `InputError` unless the adaptation law fits the `model`, of k fundamental (base) parameters and r
-        joints, the initial estimate `initial` (k,), in SI units, and the control `period` T_c (s). Required are:
+        """
+        Raise `InputError` if the law does not fit model, initial estimate and period.
 
-        a physically consistent initial lift, the law's attribute `lift` (P,) of all P parameters of bodies and drives,
-        whose fundamental parameters are `initial`, to 1e-9 of the largest of them; one rate, or one for each link with
-        a body and each drive's parameter; and linear constraints on parameters, if any, that leave all ten of each body
-        free. With a weight of prediction errors, also one such weight or one for each joint, a cutoff of the torque
-        filter (rad/s) of at most 1/T_c, and no constraint that fixes a drive's parameter at a value other than zero.
-        The controller, not this method, checks that T_c is positive.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters and r joints.
+        initial : ndarray
+            Initial estimate (k,) in SI units.
+        control_period : float
+            Control period in s.
+
+        Raises
+        ------
+        InputError
+            If a size or the cutoff does not fit, the lift is not consistent or not the initial estimate's (to 1e-9), or
+            constraints take away parameters of bodies.
         """
         validate_whole_links(model, "consistent adaptation")
         P = len(model.mechanism.parameter_names)
@@ -120,16 +131,30 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
     def initial_state(
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
     ) -> ConsistentState:
-        """The internal state before the first control period: the initial lift (P,), a copy of the law's attribute
-        `lift`, and the torque filters. The lift are all P parameters of rigid bodies and drives, in SI units, whose k
-        fundamental (base) parameters are the estimate. With a weight of prediction errors the torque filters' output is
-        zero; without one there are no filters.
+        """
+        Return the initial lift, and torque filters with zero output if torques are predicted.
 
-        `initial`, the initial estimate (k,), is not looked at; q (..., n) are the positions of the spanning tree's n
-        joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary (independent) joints in
-        rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' field `regressor` then has
-        them too, all else is the same for all arms. With a weight, raises `InputError` for a `model` whose linear
-        constraints fix parameters at values other than zero; nothing else is checked.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        initial : ndarray
+            Initial estimate (k,) in SI units.
+        q, v : ndarray
+            Positions (..., n) of the spanning tree's joints in rad (m) and velocities (..., r) of the primary joints in
+            rad/s (m/s).
+        control_period : float
+            Control period in s.
+
+        Returns
+        -------
+        ConsistentState
+            Internal state, with the leading axes of q where it depends on q.
+
+        Raises
+        ------
+        InputError
+            If linear constraints fix parameters of the model at values other than zero.
         """
         filtered = (
             NoMemory()
@@ -141,13 +166,24 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: ConsistentState
     ) -> tuple[Column, ConsistentState]:
-        """The estimate (k,) of the model's k fundamental (base) parameters, in their SI units, and the internal state
-        after a control period. The estimate is regrouped from the lift (P,), all P parameters of bodies and drives,
-        which is moved: a step along geodesics of pseudo-inertias for the tracking error and, with a weight, then one
-        for the prediction error.
+        """
+        Move the lift along geodesics and regroup it.
 
-        `estimate` (k,), which is not looked at, and `memory`, the lift (P,) in SI units and the torque filters, are
-        those before the control period that `period` describes. Nothing is checked here.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        estimate : Column
+            Estimate (k,) before the period, in SI units.
+        period : Period
+            Data of the control period.
+        memory : ConsistentState
+            Internal state before the period.
+
+        Returns
+        -------
+        tuple of Column and ConsistentState
+            Estimate (k,) and internal state after the period.
         """
         rates, bodies = each_rate(self.gain, model), len(model.mechanism.description.bodies)
 
@@ -168,7 +204,7 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
 
     def _validate_first(self, model: ReducedModel, initial: Array) -> None:
         first = model.regrouping @ self.lift
-        wrong = np.flatnonzero(~(np.abs(first - initial) <= NEAR * np.abs(first).max()))
+        wrong = np.flatnonzero(~(np.abs(first - initial) <= LIFT_TOLERANCE * np.abs(first).max()))
         if wrong.size:
             j = int(wrong[0])
             raise InputError(
@@ -179,17 +215,17 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
 
 
 def _lifted(model: ReducedModel, slope: Column) -> Column:
-    """Slope (P,) on the lift of a slope (k,): K' slope."""
+    """Slope (P,) of a slope (k,)."""
     return _product(model.regrouping.T, slope)
 
 
 def _lowered(model: ReducedModel, lift: Column) -> Column:
-    """Fundamental parameters (k,) of a lift: K lift."""
+    """Fundamental parameters (k,)."""
     return _product(model.regrouping, lift)
 
 
 def _product(matrix: ArrayLike, column: Column) -> Column:
-    """A constant matrix times a column, its zeros left out."""
+    """Constant matrix times a column."""
     entries = []
     for row in np.asarray(matrix):
         kept = np.flatnonzero(row).tolist()

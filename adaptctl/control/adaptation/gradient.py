@@ -1,4 +1,4 @@
-"""Gradient adaptation: the law of Slotine and Li's theorem."""
+"""Gradient adaptation."""
 
 from __future__ import annotations
 
@@ -20,15 +20,7 @@ from adaptctl.scalars import Column, Scalar, column, each, sqrt, where
 
 @dataclass(frozen=True, eq=False)
 class Descent(AdaptationLaw[Memory]):
-    """Base class of adaptation laws for k parameters by descent along a gradient (k,) with a constant adaptation gain
-    Gamma. `gain` is Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J, and
-    is kept as a read-only array.
-
-    A subclass writes the methods `start(model, initial, q, v, period)`, which returns the internal state before the
-    first control period, and `law(model, estimate, period, memory)`, which returns the estimate (k,) and the internal
-    state after one; the method `applied` multiplies by Gamma for it. Raises `InputError` at construction for a gain
-    that is not finite, positive and, as a matrix, symmetric and positive definite.
-    """
+    """Base class of laws with a constant gain, (k,) or (k, k)."""
 
     gain: Array
 
@@ -37,35 +29,28 @@ class Descent(AdaptationLaw[Memory]):
         object.__setattr__(self, "gain", checked_gain(self.gain))
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
-        """Raise `InputError` where the adaptation gain is for another number of parameters than the `model`'s k.
-        `initial`, the initial estimate (k,), and `period`, the control period in s, are not used."""
+        """Raise `InputError` if the gain has another size."""
         validate_size(self.gain, model, "adaptation gain")
 
     @property
     def by_parameter(self) -> bool:
-        """True if the adaptation gain is diagonal, so that the law's Lyapunov function is a sum over the single
-        parameters' errors, and clipping one parameter to a bound need not move any other."""
+        """True if the gain is diagonal."""
         return self.gain.ndim == 1
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
-        """The parameters' term error' Gamma^-1 error / 2, in J, of the adaptation law's Lyapunov function. Gamma is the
-        adaptation gain, a prime the transpose and error the `estimate` (k,) of the model's k parameters less their
-        `true` values (k,), both in SI units, scalars of any kind: floats, arrays of samples, nodes of an expression
-        graph. Raises `ValueError` for columns of different lengths."""
+        """Squared parameter error over twice the gain, J."""
         error, gain = estimate - true, self._columns
         if isinstance(gain, list):
             return 0.5 * (error @ solve_symmetric([list(row) for row in gain], error))
         return 0.5 * (error @ Column(e / g for e, g in zip(error, gain, strict=True)))
 
     def applied(self, gradient: Column) -> Column:
-        """The product Gamma x (k,) of the adaptation gain Gamma of k parameters and a `gradient` x (k,), in the unit of
-        each parameter where x is in J per unit of it. Raises `ValueError` for a gradient of another length."""
+        """Gain times gradient (k,)."""
         gain = self._columns
         return Column(row @ gradient for row in gain) if isinstance(gain, list) else gain * gradient
 
     @property
     def _columns(self) -> Column | list[Column]:
-        """Gamma over scalars: its diagonal, or its rows."""
         rows: Any = self.gain
         if getattr(rows, "ndim", 1 + isinstance(rows, tuple)) == 2:  # an array, or a tuple of columns
             return [column(row) for row in rows]
@@ -73,10 +58,7 @@ class Descent(AdaptationLaw[Memory]):
 
 
 def checked_gain(gain: ArrayLike) -> Array:
-    """A read-only float64 copy of an adaptation `gain` of k parameters, its diagonal (k,) or whole (k, k), in units of
-    the parameters squared per J. Raises `InputError` for another shape, for entries that are no finite numbers, for no
-    entries at all, for a diagonal that is not positive, and for a matrix that is not symmetric (to 1e-12 of its largest
-    entry) and positive definite (all eigenvalues above 0 once its diagonal is scaled to 1)."""
+    """Read-only gain. Raises `InputError` unless positive definite."""
     array = numbers(gain, "adaptation gain")
     k = array.shape[:1]
     array = frozen_array(array, (*k, *k) if array.ndim == 2 else k, "adaptation gain")
@@ -89,8 +71,7 @@ def checked_gain(gain: ArrayLike) -> Array:
 
 
 def validate_size(values: Array, model: ReducedModel, what: str) -> None:
-    """Raise `InputError` unless `values`, an array (k, ...), has one row for each of the `model`'s k parameters. `what`
-    names it in the message."""
+    """Raise `InputError` unless there are k rows."""
     k, given = len(model.columns), len(values)
     if given == k:
         return
@@ -101,44 +82,50 @@ def validate_size(values: Array, model: ReducedModel, what: str) -> None:
 
 
 def _is_positive_definite(matrix: Array) -> bool:
-    """True if a matrix is symmetric and positive definite, to round-off of its largest entry; its parameters' units are
-    scaled out first."""
+    """True if positive definite to round-off, whatever the units."""
     symmetric = np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-12 * np.abs(matrix).max(initial=0.0))
     return bool(symmetric and np.all(np.diagonal(matrix) > 0.0) and scaled_eigenvalues(matrix)[0] > 0.0)
 
 
-TINY = 1e-300
-"""Added to a power, so that nothing is divided by zero where s is zero."""
+MIN_POWER = 1e-300  # in W, so that nothing is divided by zero where s is zero
 
 
 @dataclass(frozen=True, eq=False)
 class Gradient(Descent[NoMemory]):
-    """Gradient adaptation of the estimate (k,) of k parameters, estimate' = -Gamma Y' s (Slotine and Li 1987), once a
-    control period.
+    r"""
+    Gradient adaptation, the law of Slotine and Li's theorem.
 
-        estimate -= T_c n Gamma x,  x = Y_j' s,  s = s_j + theta (s_(j+1) - s_j) from tick j to j + 1
-        n = s'Ks/(s'Ks + cap T_c x'Gamma x)
+    Parameters
+    ----------
+    gain : array_like
+        Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
+    theta : float, default 1.0
+        Weight of the sliding variable at the period's end: 1 is the backward rule, 1/2 the trapezium, 0 Euler's.
+    cap : float, default 2.0
+        Bound of the step's power: at most the damping's power divided by this. 0 leaves the bound out.
 
-    j counts the control periods. `theta`, without a unit, is 1 for the backward rule, which is the default, 1/2 for the
-    trapezium and 0 for Euler's. With the factor n, of `cap` without a unit, 2 by default, the step's power T_c n
-    x'Gamma x is at most s'Ks/cap, s'Ks being what the damping takes out; a cap of 0 leaves n out. s (r,) is the sliding
-    variable of r joints in rad/s (m/s for a prismatic joint), Y (r, k) the torque regressor, K (r,) the control law's
-    damping in N m s/rad (N s/m), T_c the period in s; `gain` is Gamma, (k,) its diagonal or (k, k), in units of the
-    parameters squared per J. A prime is the transpose, but on estimate a derivative in time. Raises `InputError` for a
-    gain that is not finite, symmetric and positive definite, a theta outside [0, 1] and a cap that is negative or not
-    finite.
+    Raises
+    ------
+    InputError
+        If the gain is not positive definite, theta is outside [0, 1], or the cap is negative.
 
-    Guarantees, in continuous time and without disturbance: V = s'Ms/2 + error' Gamma^-1 error/2, M the mass matrix and
-    error the estimate less the truth, has the time derivative -s'Ks, so the tracking error goes to zero and the
-    estimate stays bounded. Sampled, with M constant and without the factor n, let h = T_c lambda_max(M^-1 K), the hold
-    number, and a = T_c lambda_max(K^-1 Y Gamma Y'), both without a unit, lambda_max being the largest eigenvalue. By
-    the backward rule V falls where a + h < 2; by the trapezium s'(M - T_c K/2)s/2 + error' Gamma^-1 error/2 falls where
-    a < 2 and h < 2; Euler's rule has no such function and serves for comparison. With n there is no theorem, only
-    experience: it is there for a beyond these bounds. `ReleasedGradient` has one for every a. The derivations:
-    docs/discrete_adaptation.md.
+    Notes
+    -----
+    .. math:: \dot{\hat\beta}=-\Gamma Y^\top s.
 
-    Gives up: with any disturbance (friction, noise, saturation) and no persistent excitation the estimate drifts
-    without bound; it need not become the true one; and nothing keeps it physically consistent.
+    The tracking error converges to zero [1]_. Sampled at a constant mass matrix, the backward rule is stable for
+    :math:`a+h<2`, :math:`a=T_c\lambda_{\max}(K^{-1}Y\Gamma Y^\top)`, :math:`h=T_c\lambda_{\max}(M^{-1}K)`; see
+    docs/discrete_adaptation.md. Under disturbance without excitation the estimate drifts.
+
+    References
+    ----------
+    .. [1] Slotine and Li, Int. J. Robotics Research, 1987.
+
+    Examples
+    --------
+    >>> from adaptctl.control import Gradient
+    >>> adaptctl.SlotineLi(model, 5.0, 4.0, Gradient(np.full(6, 0.1))).adaptation_law.theta
+    1.0
     """
 
     tunable = ("gain",)
@@ -154,17 +141,24 @@ class Gradient(Descent[NoMemory]):
             raise InputError(f"gradient: cap: expected a finite number of at least 0, got {self.cap}")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of the `model`'s k parameters after the step -T_c n Gamma Y' s, T_c being the control
-        period in s, and the empty internal state. Gamma is the adaptation gain, Y' the transpose of the torque
-        regressor Y (r, k) at the period's start.
+        """
+        Take a gradient step.
 
-        s (r,) is the sliding variable of r joints, rad/s (m/s if prismatic): s_0 + theta (s_1 - s_0), s_0 and s_1 those
-        at the period's start and end, so that it is s_1 for the default, 1, of the law's attribute `theta`. n is 1
-        where the law's attribute `cap` is 0; else it is a factor of at most 1, s'Ks/(s'Ks + cap T_c x'Gamma x) with x =
-        Y' s and the control law's damping K, which limits the power of the step.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        estimate : Column
+            Estimate (k,) before the period, in SI units.
+        period : Period
+            Data of the control period.
+        memory : NoMemory
+            Internal state before the period.
 
-        `estimate` (k,), in the parameters' SI units, and the internal state `memory` are those before the control
-        period that `period` describes. Nothing is checked here.
+        Returns
+        -------
+        tuple of Column and NoMemory
+            Estimate (k,) and internal state after the period.
         """
         s = period.s if self.theta == 1.0 else period.s_prev + self.theta * (period.s - period.s_prev)
         slope = period.gradient(s)
@@ -172,35 +166,45 @@ class Gradient(Descent[NoMemory]):
         return estimate - (period.dt * self._share(period, s, slope @ step)) * step, memory
 
     def _share(self, period: Period, s: Column, square: Any) -> Any:
-        """n, for x'Gamma x."""
+        """Factor that bounds the step's power."""
         if self.cap == 0.0:
             return 1.0
         power = s @ (period.damping * s)
-        return power / (power + (self.cap * period.period) * square + TINY)
+        return power / (power + (self.cap * period.period) * square + MIN_POWER)
 
 
 @dataclass(frozen=True, eq=False)
 class DeadZone(Descent[NoMemory]):
-    """Gradient adaptation of the estimate (k,) of k parameters with a dead zone for the sliding variable s (Peterson
-    and Narendra 1982).
+    r"""
+    Gradient adaptation that pauses while the sliding variable is within a zone.
 
-        estimate' = -Gamma Y' s outside the ellipsoid sum (s_i / width_i)^2 <= 1, and 0 within
+    Parameters
+    ----------
+    gain : array_like
+        Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
+    width : array_like, default 0.05
+        Half-widths of the ellipsoidal zone in rad/s (m/s), one number or (r,).
 
-    s (r,), of r joints, is in rad/s (m/s for a prismatic joint), Y (r, k) is the torque regressor; `gain` is Gamma,
-    (k,) its diagonal or (k, k), in units of the parameters squared per J. `width` is the zone's half-width in rad/s
-    (m/s), one number for all joints, 0.05 by default, or (r,). A prime is the transpose, but on estimate and V a
-    derivative in time. Raises `InputError` for a gain that is not finite, symmetric and positive definite and a width
-    that is not positive and finite, and, with a controller, for a gain or width that does not fit its model's k
-    parameters or r joints.
+    Raises
+    ------
+    InputError
+        If the gain is not positive definite or the width not positive.
 
-    Guarantees: within the zone the estimate stands still, so nothing that keeps s there makes it drift. Outside, V =
-    s'Ms/2 + error' Gamma^-1 error/2 has V' = -s'Ks + s'd, error the estimate less the truth, M the mass matrix, K the
-    control law's damping, d (r,) the disturbance torque: not positive where the zone holds {s: s'Ks <= d'K^-1d}.
-    `DeadZone.against` makes that zone.
+    Notes
+    -----
+    .. math:: \dot{\hat\beta}=-\Gamma Y^\top s\quad\text{where}\quad\textstyle\sum_i(s_i/w_i)^2>1.
 
-    Gives up: tracking better than the zone; and a bound on the estimate where s enters and leaves the zone infinitely
-    often: as M varies with the positions, s may leave with a larger s'Ms/2 than it came in with. `Projection` of this
-    law has that bound.
+    Disturbances within the zone cause no drift [1]_; tracking is no better than the zone.
+
+    References
+    ----------
+    .. [1] Peterson and Narendra, IEEE Trans. Automatic Control, 1982.
+
+    Examples
+    --------
+    >>> zone = adaptctl.control.DeadZone.against(np.full(6, 0.1), damping=[6.0, 2.0], torque=[0.3, 0.1])
+    >>> zone.width.shape
+    (2,)
     """
 
     tunable = ("gain", "width")
@@ -213,15 +217,28 @@ class DeadZone(Descent[NoMemory]):
 
     @classmethod
     def against(cls, gain: ArrayLike, damping: ArrayLike, torque: ArrayLike) -> DeadZone:
-        """Dead-zone adaptation law, a `DeadZone`, for disturbance torques d of at most `torque` under a control law of
-        `damping` K: the zone is {s: s'Ks <= d'K^-1 d} for sliding variables s (r,). A prime is the transpose.
+        """
+        Choose the zone for disturbance torques of a known size.
 
-        `torque`, in N m (N for a prismatic joint), and `damping`, in N m s/rad (N s/m), are one number for all joints
-        or (r,), one a joint. The number r of joints is taken from them: where both are one number, the zone is that of
-        an arm of one joint, which models of other arms refuse. `gain` is the adaptation gain Gamma of k parameters,
-        (k,) its diagonal or (k, k), in units of the parameters squared per J. Raises `InputError` for a damping that is
-        not positive, torques and dampings of different sizes, a gain that is not symmetric and positive definite, and
-        torques that are negative, all zero or not finite.
+        Parameters
+        ----------
+        gain : array_like
+            Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per
+            J.
+        damping : array_like
+            Damping K in N m s/rad (N s/m for a prismatic joint), one number or (r,).
+        torque : array_like
+            Largest disturbance torques in N m (N), one number or (r,).
+
+        Returns
+        -------
+        DeadZone
+            Law whose zone contains every s at which the disturbance could outweigh the damping.
+
+        Raises
+        ------
+        InputError
+            If a number is negative, sizes differ, or all torques are zero.
         """
         joints = max(np.size(torque), np.size(damping))
         d, K = per_joint(torque, joints, "dead zone: torque"), positive_per_joint(damping, joints, "damping")
@@ -230,24 +247,45 @@ class DeadZone(Descent[NoMemory]):
         return cls(np.asarray(gain), np.sqrt((d**2 / K).sum() / K))
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
-        """Raise `InputError` unless the adaptation gain is for the `model`'s k parameters, and the half-width of the
-        dead zone is one positive number or one for each of its r joints. `initial`, the initial estimate (k,), and
-        `period`, the control period in s, are not used."""
+        """
+        Raise `InputError` if gain or width does not fit the model.
+
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters and r joints.
+        initial : ndarray
+            Initial estimate (k,) in SI units.
+        control_period : float
+            Control period in s.
+
+        Raises
+        ------
+        InputError
+            If a size does not fit.
+        """
         super().validate(model, initial, control_period)
         positive_per_joint(self.width, model.mechanism.dof, "dead zone: width")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of the `model`'s k parameters after a control period, and the empty internal state. Within
-        the dead zone the estimate is unchanged; outside, it has taken the step -Gamma Y' times the integral of s over
-        the period (trapezium rule).
+        """
+        Take a gradient step by the trapezium rule outside the zone.
 
-        Gamma is the adaptation gain, Y' the transpose of the torque regressor Y (r, k) at the period's start, s (r,)
-        the sliding variable of r joints, rad/s (m/s if prismatic). The zone is one ellipsoid for all joints together:
-        sum (m_i/width_i)^2 <= 1, m (r,) the mean of s at the period's start and end, and the law's attribute `width`
-        the zone's half-widths, rad/s (m/s).
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        estimate : Column
+            Estimate (k,) before the period, in SI units.
+        period : Period
+            Data of the control period.
+        memory : NoMemory
+            Internal state before the period.
 
-        `estimate` (k,), in the parameters' SI units, and the internal state `memory` are those before the control
-        period that `period` describes. Nothing is checked here.
+        Returns
+        -------
+        tuple of Column and NoMemory
+            Estimate (k,) and internal state after the period.
         """
         scaled = Column(1.0 / width for width in each(self.width, model.mechanism.dof)) * period.mean
         outside = where(scaled @ scaled > 1.0, 1.0, 0.0)
@@ -256,7 +294,7 @@ class DeadZone(Descent[NoMemory]):
 
 @dataclass(frozen=True, eq=False)
 class _Leaking(Descent[NoMemory]):
-    """Gradient descent that leaks, at a `rate`, to a `prior` (k,), zero when not given."""
+    """Gradient descent with a leak."""
 
     leakage: float = 0.1
     prior: Array | None = None
@@ -269,8 +307,7 @@ class _Leaking(Descent[NoMemory]):
         object.__setattr__(self, "prior", frozen_array(prior, (len(self.gain),), "leakage: prior"))
 
     def leaked(self, estimate: Column, period: Period, rate: Any) -> Column:
-        """The estimate after a step down the gradient by the trapezium, and of the leak by the implicit rule, so that
-        no rate (1/s) is too large for the period."""
+        """Estimate after a gradient step and an implicit leak."""
         share = period.dt * rate
         moved = estimate - self.applied(period.gradient(period.integral))
         return (1.0 / (1.0 + share)) * (moved + share * column(self.prior))
@@ -278,76 +315,123 @@ class _Leaking(Descent[NoMemory]):
 
 @dataclass(frozen=True, eq=False)
 class SigmaModification(_Leaking):
-    """Gradient adaptation of the estimate (k,) of k parameters with sigma-modification, a constant leak back to the
-    prior (Ioannou and Kokotovic 1984).
+    r"""
+    Gradient adaptation with a constant leak to a prior estimate.
 
-        estimate' = -Gamma Y' s - sigma (estimate - prior),  `rate` is sigma, in 1/s, 0.1 by default
+    Parameters
+    ----------
+    gain : array_like
+        Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
+    leakage : float, default 0.1
+        Rate sigma of the leak in 1/s.
+    prior : array_like, optional
+        Prior estimate (k,) in SI units, zero unless given.
 
-    s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic joint), Y (r, k) the torque regressor;
-    `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `prior` (k,) is in the
-    parameters' SI units, zero when None. A prime is the transpose, but on estimate and V a derivative in time. Raises
-    `InputError` for a gain that is not finite, symmetric and positive definite, a rate that is not positive and finite,
-    and a prior of another size or not finite. The leak is Gamma times sigma Gamma^-1 (estimate - prior), so that
-    parameters of different units leak alike.
+    Raises
+    ------
+    InputError
+        If the gain is not positive definite, the leakage not positive, or the prior of another size.
 
-    Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation: with the mass matrix
-    M, the control law's damping K, V = s'Ms/2 + (estimate - true)' Gamma^-1 (estimate - true)/2 and c = min(sigma, 2
-    lambda_min(M^-1 K)), lambda_min the least eigenvalue and true the true parameters, V' <= -c V + sigma V_prior,
-    V_prior = (prior - true)' Gamma^-1 (prior - true)/2; with a disturbance torque d (r,), c is half as large and
-    d'K^-1d/2 is added.
+    Notes
+    -----
+    .. math:: \dot{\hat\beta}=-\Gamma Y^\top s-\sigma(\hat\beta-\beta_0).
 
-    Gives up: convergence of the tracking error, even without disturbance, unless the prior is true: the leak goes on
-    when s is zero, and bursts may follow (Hsu and Costa 1987).
+    Error and estimate stay bounded under bounded disturbances [1]_, but the tracking error does not converge to zero
+    unless the prior is true.
+
+    References
+    ----------
+    .. [1] Ioannou and Kokotovic, Automatica, 1984.
+
+    Examples
+    --------
+    >>> leaky = adaptctl.control.SigmaModification(np.full(6, 0.1), leakage=0.2)
+    >>> leaky.prior.shape
+    (6,)
     """
 
     tunable = ("gain", "leakage", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of the `model`'s k parameters after a control period, and the empty internal state. The
-        estimate first takes the step -Gamma Y' times the integral of s over the period (trapezium rule), then leaks to
-        the prior estimate by the implicit Euler rule: with x = T_c sigma, it becomes (moved + x prior)/(1 + x), T_c (s)
-        being the control period, sigma (1/s) the law's attribute `rate` and moved (k,) the estimate after that step.
+        """
+        Take a gradient step and an implicit step of the leak.
 
-        Gamma, (k,) its diagonal or (k, k), is the adaptation gain in the parameters' units squared per J, Y' the
-        transpose of the torque regressor Y (r, k) at the period's start, s (r,) the sliding variable of r joints, rad/s
-        (m/s if prismatic). `estimate` (k,), in the parameters' SI units, and the internal state `memory` are those
-        before the control period that `period` describes. Nothing is checked here.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        estimate : Column
+            Estimate (k,) before the period, in SI units.
+        period : Period
+            Data of the control period.
+        memory : NoMemory
+            Internal state before the period.
+
+        Returns
+        -------
+        tuple of Column and NoMemory
+            Estimate (k,) and internal state after the period.
         """
         return self.leaked(estimate, period, self.leakage), memory
 
 
 @dataclass(frozen=True, eq=False)
 class EModification(_Leaking):
-    """Gradient adaptation of the estimate (k,) of k parameters with e-modification, a leak to the prior that stops with
-    the sliding variable s (Narendra and Annaswamy 1987).
+    r"""
+    Gradient adaptation with a leak in proportion to the sliding variable.
 
-        estimate' = -Gamma Y' s - nu |s| (estimate - prior),  `rate` is nu, in 1/rad (1/m), 0.1 by default
+    Parameters
+    ----------
+    gain : array_like
+        Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
+    leakage : float, default 0.1
+        Leak nu in 1/rad (1/m).
+    prior : array_like, optional
+        Prior estimate (k,) in SI units, zero unless given.
 
-    s (r,), of r joints, is in rad/s (m/s for a prismatic joint), |s| its Euclidean norm, Y (r, k) the torque regressor;
-    `gain` is Gamma, (k,) its diagonal or (k, k), in units of the parameters squared per J; `prior` (k,) is in the
-    parameters' SI units, zero when None. A prime is the transpose, but on estimate a derivative in time. Raises
-    `InputError` for a gain that is not finite, symmetric and positive definite, a rate that is not positive and finite,
-    and a prior of another size or not finite.
+    Raises
+    ------
+    InputError
+        If the gain is not positive definite, the leakage not positive, or the prior of another size.
 
-    Guarantees: under any bounded disturbance s and the estimate stay bounded, without excitation. The leak stops with
-    s, so true estimates on the trajectory stay where they are.
+    Notes
+    -----
+    .. math:: \dot{\hat\beta}=-\Gamma Y^\top s-\nu\|s\|(\hat\beta-\beta_0).
 
-    Gives up: where disturbances keep s from zero the estimate is still pulled to the prior; the leak is slow where s is
-    small, so the bound is looser than sigma-modification's.
+    As `SigmaModification`, but the leak stops with s; the bound is looser [1]_.
+
+    References
+    ----------
+    .. [1] Narendra and Annaswamy, IEEE Trans. Automatic Control, 1987.
+
+    Examples
+    --------
+    >>> leaky = adaptctl.control.EModification(np.full(6, 0.1))
+    >>> adaptctl.SlotineLi(model, 5.0, 4.0, leaky).dof
+    2
     """
 
     tunable = ("gain", "leakage", "prior")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """The estimate (k,) of the `model`'s k parameters after a control period, and the empty internal state. The
-        estimate has taken the step -Gamma Y' times the integral of s over the period (trapezium rule), and a leak to
-        the prior estimate at the rate nu |m| (1/s) by the implicit rule, nu being the law's attribute `rate` (1/rad,
-        1/m if prismatic).
+        """
+        Take a gradient step and an implicit step of the leak.
 
-        Gamma is the adaptation gain, Y' the transpose of the torque regressor Y (r, k) at the period's start, s (r,)
-        the sliding variable of r joints, rad/s (m/s if prismatic), |m| the Euclidean norm of the mean m (r,) of s at
-        the period's start and end. `estimate` (k,), in the parameters' SI units, and the internal state `memory` are
-        those before the control period that `period` describes. Nothing is checked here.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        estimate : Column
+            Estimate (k,) before the period, in SI units.
+        period : Period
+            Data of the control period.
+        memory : NoMemory
+            Internal state before the period.
+
+        Returns
+        -------
+        tuple of Column and NoMemory
+            Estimate (k,) and internal state after the period.
         """
         s = period.mean
         return self.leaked(estimate, period, self.leakage * sqrt(s @ s)), memory

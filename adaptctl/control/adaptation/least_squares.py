@@ -1,4 +1,4 @@
-"""Least squares with a gain that follows the information: settings of those that forget, and symmetric matrices."""
+"""Least squares with forgetting."""
 
 from __future__ import annotations
 
@@ -22,18 +22,7 @@ from adaptctl.scalars import Column, Scalar, column, each, sqrt
 
 @dataclass(frozen=True, eq=False)
 class ForgettingLeastSquares(AdaptationLaw[Memory]):
-    """Base class of adaptation laws for k parameters by least squares with forgetting, from filtered torques.
-
-    `gain` (k,), positive, is the diagonal of Gamma, the initial covariance, in units of the parameters squared per J;
-    `weight` the weight of the squared errors of predicted torques, in 1/(N m s) (m/(N s) for a prismatic joint), one
-    number, by default 1, or one for each of r joints (r,); `cutoff` the torque filter's corner frequency, 20 rad/s by
-    default; `forgetting` the rate at which the past is forgotten, in 1/s, 1 by default. A subclass sets the class
-    attribute `called`, the law's name in messages, and writes the methods `start(model, initial, q, v, period)`, which
-    returns the internal state before the first control period, and `law(model, estimate, period, memory)`, which
-    returns the estimate (k,) and the internal state after one. Raises `InputError` at construction for a gain, weight
-    or cutoff that is not positive and finite or of another shape, and a forgetting that is not finite or below 0;
-    `NonFiniteError` for a weight of NaN.
-    """
+    """Base class of least squares with forgetting."""
 
     called: ClassVar[str]
 
@@ -55,73 +44,73 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
             raise InputError(f"{self.called}: forgetting: expected at least 0 1/s, got {self.forgetting}")
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
-        """Raise `InputError` unless the adaptation law fits the `model`, of k parameters and r joints, and the control
-        `period` T_c (s). Required are an adaptation gain of k numbers, one positive weight of prediction errors or one
-        for each joint, a cutoff of the torque filter (rad/s) of at most 1/T_c, and no linear constraint that fixes a
-        parameter of the mechanism at a value other than zero.
+        """
+        Raise `InputError` if the law does not fit model and period.
 
-        `initial`, the initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters and r joints.
+        initial : ndarray
+            Initial estimate (k,) in SI units.
+        control_period : float
+            Control period in s.
+
+        Raises
+        ------
+        InputError
+            If a size or the cutoff does not fit, or constraints fix parameters at values other than zero.
         """
         validate_size(self.gain, model, f"{self.called}: gain")
         validate_predicted(self.called, model, self.prediction_weight, self.cutoff, control_period)
 
     @property
     def _scale(self) -> Column:
-        """Gamma^1/2 (k,): in its units P and the parameters' errors are near 1."""
+        """Root (k,) of the initial gain, the unit of errors."""
         return Column(map(sqrt, column(self.gain)))
 
 
 def first_triangle(k: int) -> Array:
-    """The upper triangle (k (k + 1)/2,), row by row, of the identity (k, k), as floats. Raises `ValueError` for a
-    negative `k`."""
+    """Upper triangle of the identity, row by row."""
     return np.eye(k)[np.triu_indices(k)]
 
 
 def from_triangle(entries: Array, k: int) -> Array:
-    """The symmetric matrix (k, k), as an array, whose upper triangle, row by row, is `entries` (k (k + 1)/2,). Raises
-    `ValueError` for another number of them."""
+    """Symmetric matrix of an upper triangle's entries."""
     upper = np.zeros((k, k))
     upper[np.triu_indices(k)] = np.reshape(entries, k * (k + 1) // 2)
     return upper + np.triu(upper, 1).T
 
 
 def upper_rows(entries: Column, k: int) -> list[list[Scalar]]:
-    """The k rows of a symmetric matrix's upper triangle, given by its `entries` (k (k + 1)/2,), row by row: lists of k,
-    k - 1, ..., 1 scalars, each from the diagonal entry on. Nothing is checked."""
+    """Rows of an upper triangle."""
     return [list(entries.of[a:b]) for a, b in pairwise(_starts(k))]
 
 
 def full_rows(upper: list[list[Scalar]]) -> list[list[Scalar]]:
-    """The k rows of k scalars each of a symmetric matrix, from those of its upper triangle, `upper`: lists of k, k - 1,
-    ..., 1 scalars, each from the diagonal entry on. Raises `IndexError` for rows that are too short."""
+    """Rows of a symmetric matrix."""
     k = len(upper)
     return [[upper[min(i, j)][max(i, j) - min(i, j)] for j in range(k)] for i in range(k)]
 
 
 def symmetric_product(entries: Column, vector: Column) -> Column:
-    """The product (k,) of a symmetric matrix (k, k), given by the `entries` (k (k + 1)/2,) of its upper triangle, row
-    by row, and a `vector` (k,), over scalars of any kind. Raises `IndexError` for too few entries."""
+    """Product of a symmetric matrix and a vector."""
     rows = full_rows(upper_rows(entries, len(vector)))
     return Column(Column(row) @ vector for row in rows)
 
 
 def symmetric_trace(entries: Column, k: int) -> Scalar:
-    """The trace of a symmetric matrix (k, k), given by the `entries` (k (k + 1)/2,) of its upper triangle, row by row.
-    Raises `IndexError` for too few entries."""
+    """Trace of a symmetric matrix."""
     diagonal = [entries[start] for start in _starts(k)[:-1]]
     return sum(diagonal[1:], diagonal[0])
 
 
 def _starts(k: int) -> list[int]:
-    """Indices in an upper triangle's entries at which each row begins, and at which the last ends."""
     return [i * k - i * (i - 1) // 2 for i in range(k + 1)]
 
 
 class CovarianceMemory(NamedTuple):
-    """Internal state, between control periods, of an adaptation law that estimates k parameters by least squares with
-    their covariance P (k, k). `covariance` (k (k + 1)/2,) is the upper triangle, row by row, of S^-1 P S^-1, without a
-    unit, where S = Gamma^1/2 and Gamma is the initial gain: the identity at the start. `filtered` is the torque
-    filters' internal state, a `Filtered`. Nothing is checked."""
+    """Covariance in units of the initial gain, torque filters."""
 
     covariance: Any
     filtered: Filtered
@@ -129,35 +118,50 @@ class CovarianceMemory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
-    """Composite adaptation of the estimate (k,) of k parameters by least squares with bounded-gain forgetting (Slotine
-    and Li 1989).
+    r"""
+    Least squares with one forgetting rate, which keeps the gain bounded.
 
-        estimate' = -P (Y' s + W'R (W estimate - F[tau])),  P' = lambda(t) P - P W'R W P
+    Parameters
+    ----------
+    gain : array_like
+        Diagonal (k,) of the initial gain Gamma, in units of the parameters squared per J.
+    prediction_weight : array_like, default 1.0
+        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,).
+    cutoff : float, default 20.0
+        Corner frequency of the torque filter in rad/s. Choose it about as fast as the motion: noise enters with this
+        gain.
+    forgetting : float, default 1.0
+        Largest rate of forgetting in 1/s, at most 0.1 over the control period.
+    bound : float, default 2.0
+        Bound, at least 1, of the mean gain over the initial one.
 
-    lambda(t) = forgetting (1 - tr(Gamma^-1 P)/(k bound)). The covariance P (k, k) starts at Gamma = diag(`gain`),
-    `gain` (k,) positive, in units of the parameters squared per J. s (r,) is the sliding variable of r joints in rad/s
-    (m/s for a prismatic joint), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind the
-    filter F = cutoff/(d/dt + cutoff). `weight`, 1 by default, is R in 1/(N m s) (m/(N s)), one number or (r,), and
-    `cutoff`, 20 by default, is in rad/s, both positive; `forgetting` of at least 0, 1 by default, is in 1/s; `bound` of
-    at least 1, unitless, is the most that tr(Gamma^-1 P)/k, the mean gain over Gamma, may become; the class attribute
-    `called` is the law's name in messages. A prime is the transpose, but on estimate and P a derivative in time. Raises
-    `InputError` at construction for numbers outside these ranges and for other shapes (`NonFiniteError` for a weight of
-    NaN), and, with a controller, for sizes that do not fit the model, linear constraints on parameters that fix some at
-    values other than zero, a cutoff above 1/T_c and a forgetting above 0.1/T_c, T_c the control period.
+    Raises
+    ------
+    InputError
+        If a number is out of range or a shape is wrong.
+    NonFiniteError
+        If a weight is NaN.
 
-    Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
-    the truth: 0 < P, tr(Gamma^-1 P) <= k bound, and V = s'Ms/2 + error' P^-1 error/2 has the time derivative -s'Ks -
-    eps'R eps/2 - lambda(t) error' P^-1 error/2, eps = W error: s and eps go to zero. Under persistent excitation
-    lambda(t) stays positive, and s and the error go to zero exponentially. Every period is solved implicitly, one
-    joint's equation after the other, which keeps P positive definite.
+    Notes
+    -----
+    .. math::
 
-    Gives up: friction that is no parameter, actuator lag and delay are learned as inertia. Without excitation P grows
-    to its bound along what W does not see, where noise then moves the estimate fastest. And there is one lambda(t) for
-    all directions: it settles at forgetting/(1 + forgetting c/(k bound)), c the trace of the inverse of Gamma^1/2 W'R W
-    Gamma^1/2 on average, which is large where some direction is hardly excited. Then nothing is forgotten, however fast
-    the forgetting, P shrinks along all that W sees, and a parameter that changes, as with a payload, is not learned any
-    more; `CushionedFloor` learns it. This law is for parameters that are constant. Costs k^2 operations for each joint
-    and storage for k (k + 1)/2 numbers.
+        \dot{\hat\beta}=-P\bigl(Y^\top s+W^\top R(W\hat\beta-F[\tau])\bigr),\quad \dot P=\lambda P-PW^\top RWP,\quad
+        \lambda=\lambda_0\bigl(1-\operatorname{tr}(\Gamma^{-1}P)/(k\,\text{bound})\bigr).
+
+    Errors converge as with `Composite` [1]_. Forgetting stops if some direction is hardly excited: use `CushionedFloor`
+    for parameters that change.
+
+    References
+    ----------
+    .. [1] Slotine and Li, Automatica, 1989.
+
+    Examples
+    --------
+    >>> least_squares = adaptctl.control.BoundedGainForgetting(np.full(6, 0.1))
+    >>> controller = adaptctl.SlotineLi(model, 5.0, 4.0, least_squares)
+    >>> least_squares.covariance(controller.init(p, v).law_state).diagonal()
+    array([0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
     """
 
     tunable = ("gain", "prediction_weight", "cutoff", "forgetting", "bound")
@@ -173,12 +177,22 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
             raise InputError(f"{self.called}: bound: expected at least 1, got {self.bound}")
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
-        """Raise `InputError` unless the adaptation law fits the `model`, of k parameters and r joints, and the control
-        `period` T_c (s). Required are an adaptation gain of k numbers, one positive weight of prediction errors or one
-        for each joint, a cutoff of the torque filter (rad/s) of at most 1/T_c, a rate of forgetting (1/s) of at most
-        0.1/T_c, and no linear constraint that fixes a parameter of the mechanism at a value other than zero.
+        """
+        Raise `InputError` if the law does not fit model and period.
 
-        `initial`, the initial estimate (k,), is not used. The controller, not this method, checks that T_c is positive.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters and r joints.
+        initial : ndarray
+            Initial estimate (k,) in SI units.
+        control_period : float
+            Control period in s.
+
+        Raises
+        ------
+        InputError
+            If a size, cutoff or forgetting does not fit, or constraints fix parameters at values other than zero.
         """
         super().validate(model, initial, control_period)
         if self.forgetting * control_period > 0.1:
@@ -190,15 +204,30 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     def initial_state(
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
     ) -> CovarianceMemory:
-        """The internal state before the first control period: the covariance P = Gamma (k, k) of k parameters, Gamma
-        being the initial gain, and the torque filters with zero output. P is given by its upper triangle (k (k +
-        1)/2,), in units of Gamma.
+        """
+        Return the initial gain as covariance, and torque filters with zero output.
 
-        `initial`, the initial estimate (k,), is not looked at; q (..., n) are the positions of the spanning tree's n
-        joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary (independent) joints in
-        rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' field `regressor` then has
-        them too, all else is the same for all arms. Raises `InputError` for a `model` whose linear constraints fix
-        parameters at values other than zero; nothing else is checked.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        initial : ndarray
+            Initial estimate (k,) in SI units.
+        q, v : ndarray
+            Positions (..., n) of the spanning tree's joints in rad (m) and velocities (..., r) of the primary joints in
+            rad/s (m/s).
+        control_period : float
+            Control period in s.
+
+        Returns
+        -------
+        CovarianceMemory
+            Internal state, with the leading axes of q where it depends on q.
+
+        Raises
+        ------
+        InputError
+            If linear constraints fix parameters of the model at values other than zero.
         """
         filtered = TorqueFilter(self.cutoff, control_period).start(model, q, v)
         return CovarianceMemory(first_triangle(self.gain.shape[-1]), filtered)
@@ -206,13 +235,24 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: CovarianceMemory
     ) -> tuple[Column, CovarianceMemory]:
-        """The estimate (k,) of the model's k parameters, in their SI units, and the internal state after a control
-        period. The estimate takes a step for the tracking error (trapezium rule) and an implicit step for each joint's
-        prediction error; then forgetting lets the covariance P (k, k) grow.
+        """
+        Take a gradient step and an implicit step for each joint, then forget.
 
-        `estimate` (k,) and the internal state `memory` are those before the control period that `period` describes;
-        that state is the upper triangle (k (k + 1)/2,) of P, in units of the initial gain Gamma, and the torque
-        filters. Nothing is checked here.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        estimate : Column
+            Estimate (k,) before the period, in SI units.
+        period : Period
+            Data of the control period.
+        memory : CovarianceMemory
+            Internal state before the period.
+
+        Returns
+        -------
+        tuple of Column and CovarianceMemory
+            Estimate (k,) and internal state after the period.
         """
         covariance, scale = memory.covariance, self._scale
         gradient = scale * period.gradient(period.integral)
@@ -228,18 +268,30 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         return moved, CovarianceMemory((1.0 + period.dt * rate) * covariance, filtered)
 
     def covariance(self, memory: CovarianceMemory) -> Array:
-        """Covariance P (k, k) of the estimate of k parameters by least squares, symmetric, in units of the parameters
-        squared per J: the adaptation law's present gain. It is read from `memory`, an internal state of this law for
-        one arm. Raises `ValueError` for that of several arms."""
+        """
+        Return the present gain of the law.
+
+        Parameters
+        ----------
+        memory : CovarianceMemory
+            Internal state of one arm.
+
+        Returns
+        -------
+        ndarray
+            Covariance P (k, k) in units of the parameters squared per J.
+
+        Raises
+        ------
+        ValueError
+            If the state is of several arms.
+        """
         scale = np.sqrt(self.gain)
         return from_triangle(memory.covariance, len(self.gain)) * np.outer(scale, scale)
 
 
 def _update(covariance: Column, row: Column, miss: Scalar, firm: Scalar, share: Scalar) -> tuple[Column, Column]:
-    """The step (k,) that one equation, missed by `miss`, takes from the estimate, and the covariance after it.
-
-    `firm` is the variance of the equation; a share of 0 leaves everything as it is.
-    """
+    """Step (k,) for one equation, and the next covariance; none for a share of 0."""
     k = len(row)
     gain = symmetric_product(covariance, row)
     weight = share * (1.0 / (row @ gain + firm))
@@ -253,10 +305,7 @@ _updated = outlined(_update)
 
 
 class InformationMemory(NamedTuple):
-    """Internal state, between control periods, of an adaptation law that estimates k parameters by least squares with
-    their information matrix P^-1 (k, k), P being the covariance. `information` (k (k + 1)/2,) is the upper triangle,
-    row by row, of S P^-1 S, without a unit, where S = Gamma^1/2 and Gamma is the initial gain: the identity at the
-    start. `filtered` is the torque filters' internal state, a `Filtered`. Nothing is checked."""
+    """Information in units of the initial gain's inverse, torque filters."""
 
     information: Any
     filtered: Filtered
@@ -264,30 +313,47 @@ class InformationMemory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
-    """Composite adaptation of the estimate (k,) of k parameters by least squares with the cushioned floor, a lower
-    bound on P^-1 (Slotine and Li 1989).
+    r"""
+    Least squares with directional forgetting and a lower bound of the information.
 
-        estimate' = -P (Y' s + W'R (W estimate - F[tau])),  (P^-1)' = -lambda (P^-1 - Gamma^-1) + W'R W
+    Parameters
+    ----------
+    gain : array_like
+        Diagonal (k,) of the initial gain Gamma, in units of the parameters squared per J.
+    prediction_weight : array_like, default 1.0
+        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,).
+    cutoff : float, default 20.0
+        Corner frequency of the torque filter in rad/s. Choose it about as fast as the motion: noise enters with this
+        gain.
+    forgetting : float, default 1.0
+        Rate of forgetting in 1/s.
 
-    The information matrix P^-1 (k, k) starts at its floor Gamma^-1, Gamma = diag(`gain`), `gain` (k,) positive, in
-    units of the parameters squared per J. s (r,) is the sliding variable of r joints in rad/s (m/s for a prismatic
-    joint), tau (r,) the torque in N m (N), Y (r, k) the torque regressor, W (r, k) that behind the filter F =
-    cutoff/(d/dt + cutoff). `forgetting`, 1 by default, is lambda of at least 0 in 1/s; `weight`, 1 by default, is R in
-    1/(N m s) (m/(N s)), one number or (r,), and `cutoff`, 20 by default, is in rad/s, both positive; the class
-    attribute `called` is the law's name in messages. A prime is the transpose, but on estimate and P^-1 a derivative in
-    time. Raises `InputError` at construction for numbers outside these ranges and for other shapes (`NonFiniteError`
-    for a weight of NaN), and, with a controller, for sizes that do not fit the model, linear constraints on parameters
-    that fix some at values other than zero, and a cutoff above 1/T_c, T_c the control period.
+    Raises
+    ------
+    InputError
+        If a number is out of range or a shape is wrong.
+    NonFiniteError
+        If a weight is NaN.
 
-    Guarantees, without disturbance, M being the mass matrix, K the control law's damping and error the estimate less
-    the truth: P <= Gamma, and V = s'Ms/2 + error' P^-1 error/2 has the time derivative -s'Ks - eps'R eps/2 - lambda
-    error' (P^-1 - Gamma^-1) error/2, eps = W error: s and eps go to zero, and under persistent excitation s and the
-    error exponentially. Every direction forgets for itself: what W sees is forgotten and learned anew at lambda, what
-    it does not see keeps the gain Gamma. `BoundedGainForgetting` has one lambda(t) for all, and where some directions
-    are not excited they bring it, and with it all learning, to a stop.
+    Notes
+    -----
+    .. math::
 
-    Gives up: friction that is no parameter, actuator lag and delay are learned as inertia. Costs a Cholesky
-    factorisation a period, k^3/3 operations, and storage for k (k + 1)/2 numbers.
+        \dot{\hat\beta}=-P\bigl(Y^\top s+W^\top R(W\hat\beta-F[\tau])\bigr),\quad
+        \dot{(P^{-1})}=-\lambda(P^{-1}-\Gamma^{-1})+W^\top RW.
+
+    Errors converge as with `Composite` [1]_. Directions not excited keep the gain :math:`\Gamma`.
+
+    References
+    ----------
+    .. [1] Slotine and Li, Automatica, 1989.
+
+    Examples
+    --------
+    >>> floor = adaptctl.control.CushionedFloor(np.full(6, 0.1), forgetting=2.0)
+    >>> controller = adaptctl.SlotineLi(model, 5.0, 4.0, floor)
+    >>> floor.covariance(controller.init(p, v).law_state).shape
+    (6, 6)
     """
 
     tunable = ("gain", "prediction_weight", "cutoff", "forgetting")
@@ -297,15 +363,30 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     def initial_state(
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
     ) -> InformationMemory:
-        """The internal state before the first control period: the information matrix P^-1 = Gamma^-1 (k, k) of k
-        parameters, Gamma being the initial gain, and the torque filters with zero output. P^-1 is given by its upper
-        triangle (k (k + 1)/2,), in units of Gamma^-1.
+        """
+        Return the information of the initial gain, and torque filters with zero output.
 
-        `initial`, the initial estimate (k,), is not looked at; q (..., n) are the positions of the spanning tree's n
-        joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary (independent) joints in
-        rad/s (m/s), `period` the control period in s. Leading axes are arms: the filters' field `regressor` then has
-        them too, all else is the same for all arms. Raises `InputError` for a `model` whose linear constraints fix
-        parameters at values other than zero; nothing else is checked.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        initial : ndarray
+            Initial estimate (k,) in SI units.
+        q, v : ndarray
+            Positions (..., n) of the spanning tree's joints in rad (m) and velocities (..., r) of the primary joints in
+            rad/s (m/s).
+        control_period : float
+            Control period in s.
+
+        Returns
+        -------
+        InformationMemory
+            Internal state, with the leading axes of q where it depends on q.
+
+        Raises
+        ------
+        InputError
+            If linear constraints fix parameters of the model at values other than zero.
         """
         filtered = TorqueFilter(self.cutoff, control_period).start(model, q, v)
         return InformationMemory(first_triangle(self.gain.shape[-1]), filtered)
@@ -313,13 +394,24 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: InformationMemory
     ) -> tuple[Column, InformationMemory]:
-        """The estimate (k,) of the model's k parameters, in their SI units, and the internal state after a control
-        period. The information matrix P^-1 (k, k) forgets by the implicit rule and learns from the period's torques,
-        then the estimate descends by the new covariance P.
+        """
+        Forget and learn information implicitly, then descend by the new covariance.
 
-        `estimate` (k,) and the internal state `memory` are those before the control period that `period` describes;
-        that state is the upper triangle (k (k + 1)/2,) of P^-1 in units of Gamma^-1, Gamma the initial gain, and the
-        torque filters. Nothing is checked here.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        estimate : Column
+            Estimate (k,) before the period, in SI units.
+        period : Period
+            Data of the control period.
+        memory : InformationMemory
+            Internal state before the period.
+
+        Returns
+        -------
+        tuple of Column and InformationMemory
+            Estimate (k,) and internal state after the period.
         """
         rows, torque, filtered = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory.filtered)
         scaled = [self._scale * row for row in rows]
@@ -343,8 +435,23 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         return estimate - self._scale * step, InformationMemory(after, filtered)
 
     def covariance(self, memory: InformationMemory) -> Array:
-        """Covariance P (k, k) of the estimate of k parameters by least squares, symmetric, in units of the parameters
-        squared per J: the adaptation law's present gain. It is read from `memory`, an internal state of this law for
-        one arm. Raises `ValueError` for that of several arms."""
+        """
+        Return the present gain of the law.
+
+        Parameters
+        ----------
+        memory : InformationMemory
+            Internal state of one arm.
+
+        Returns
+        -------
+        ndarray
+            Covariance P (k, k) in units of the parameters squared per J.
+
+        Raises
+        ------
+        ValueError
+            If the state is of several arms.
+        """
         scale = np.sqrt(self.gain)
         return np.asarray(np.linalg.inv(from_triangle(memory.information, len(self.gain))) * np.outer(scale, scale))

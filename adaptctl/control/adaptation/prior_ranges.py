@@ -1,4 +1,4 @@
-"""Adaptation gains from prior ranges of the parameters."""
+"""Adaptation gains from prior ranges."""
 
 from __future__ import annotations
 
@@ -20,17 +20,38 @@ from adaptctl.identifiability import ReducedModel
 def parameter_sampling_ratios(
     model: ReducedModel, bandwidth: ArrayLike, control_period: float, workspace: Workspace | None = None
 ) -> Array:
-    """Sampling ratios (k,) of estimate errors: the most that an error of 1 SI unit in each of the `model`'s k
-    parameters beta_i adds to the sampling ratio, in 1 over the parameter's unit. They are T_c max_q |M^-1/2
-    (dM/dbeta_i) Lambda M^-1/2|.
+    r"""
+    Compute how much an error of each parameter adds to the sampling ratio.
 
-    The sampling ratio is T_c lambda_max(M^-1 (K + M^ Lambda)), lambda_max the largest eigenvalue, M the mass matrix, M^
-    the estimated one and K the damping of Slotine and Li's law: a torque held over the control period T_c is stable
-    while it is below 2. `bandwidth` is Lambda in 1/s, one number or one for each of r joints (r,), and `period` T_c in
-    s. The maximum is over the positions q that are the samples of `workspace`, a set of joint positions, None for 200
-    random ones that the joints' limits allow. The norm is Frobenius', which is never below the spectral one. A friction
-    parameter is not in M: its number is 0. Raises `InputError` for a bandwidth of another shape, below 0 or not finite
-    and a period that is not positive.
+    Parameters
+    ----------
+    model : ReducedModel
+        Model of the mechanism with k parameters and r joints.
+    bandwidth : array_like
+        Bandwidth Lambda in 1/s, one number or (r,).
+    control_period : float
+        Time in s for which a torque is held.
+    workspace : Workspace, optional
+        Joint positions whose samples are evaluated. Unless given, 200 random ones within the limits.
+
+    Returns
+    -------
+    ndarray
+        Largest additions (k,) to the sampling ratio for an error of 1 SI unit; 0 for friction.
+
+    Raises
+    ------
+    InputError
+        If the bandwidth is negative or of another shape, or the period not positive.
+
+    Notes
+    -----
+    .. math:: T_c\max_q\|M^{-1/2}(\partial M/\partial\beta_i)\Lambda M^{-1/2}\|_F.
+
+    Examples
+    --------
+    >>> adaptctl.control.parameter_sampling_ratios(model, 5.0, period).shape
+    (6,)
     """
     mechanism = model.mechanism
     place = workspace_of(mechanism, workspace)
@@ -46,10 +67,7 @@ def parameter_sampling_ratios(
 
 
 def inertia_shares(model: ReducedModel, p: Array) -> Array:
-    """Derivatives (samples, k, r, r) of the mass matrix (r, r) of the `model`'s r joints with respect to each of its k
-    parameters, at positions `p` (samples, r), rad (m if prismatic). They are in kg m^2 (kg between prismatic joints)
-    per SI unit of the parameter. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
-    `SingularityError` near a singularity of the kinematic loops."""
+    """Derivatives (samples, k, r, r) of the mass matrix."""
     rest, r = np.zeros_like(p), p.shape[-1]
     still = model.torque_regressor(p, rest, rest)
     columns = [model.torque_regressor(p, rest, np.broadcast_to(unit, p.shape)) - still for unit in np.eye(r)]
@@ -65,25 +83,50 @@ def estimate_sampling_ratio(
     workspace: Workspace | None = None,
     kinetic: float = 0.0,
 ) -> float:
-    """The upper bound H, without a unit, of what the error of the parameter estimate can ever add to the sampling
-    ratio: H = sqrt(2 V_0 u'|Gamma|u). |.| is entry by entry, a prime the transpose.
+    r"""
+    Compute an upper bound of what estimate errors can add to the sampling ratio.
 
-    The sampling ratio is T_c lambda_max(M^-1 (K + M^ Lambda)), lambda_max the largest eigenvalue, M the mass matrix, M^
-    the estimated one and K the damping of Slotine and Li's law: a torque held over the control period T_c is stable
-    while it is below 2. Lambda is the `bandwidth` in 1/s, one number or one for each of r joints (r,), and T_c the
-    `period` in s.
+    Parameters
+    ----------
+    model : ReducedModel
+        Model of the mechanism with k parameters and r joints.
+    gain : array_like
+        Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
+    prior : array_like
+        Largest error (k,) of each initial parameter in SI units.
+    bandwidth : array_like
+        Bandwidth Lambda in 1/s, one number or (r,).
+    control_period : float
+        Time in s for which a torque is held.
+    workspace : Workspace, optional
+        Joint positions whose samples are evaluated. Unless given, 200 random ones within the limits.
+    kinetic : float, default 0.0
+        Initial energy s'Ms/2 of the sliding variable in J.
 
-    u (k,) are the sampling ratios per unit of error in each of the `model`'s k parameters, from
-    `parameter_sampling_ratios`, over the samples of `workspace`, a set of joint positions, None for 200 random ones
-    that the joints' limits allow. Gamma is the adaptation `gain`, its diagonal (k,) or whole (k, k), in units of the
-    parameters squared per J. V_0 = `kinetic` + prior'|Gamma^-1|prior/2 (J) bounds the initial value of the law's
-    Lyapunov function, which never rises: `prior` (k,), SI units, is the greatest magnitude of each parameter's error at
-    the start, and `kinetic` (J) is s'Ms/2 then, 0 by default, with the sliding variable s.
+    Returns
+    -------
+    float
+        Bound without a unit. If the gains' sampling ratio plus this is below 2, no estimate rings; most arms are stable
+        above it too.
 
-    While h + H < 2, h the sampling ratio with the true M for M^, no estimate on the way can ring. H is conservative:
-    above 2 most arms are stable all the same. Raises `InputError` for numbers of another shape or not finite, a gain
-    that is not symmetric and positive definite, a prior, `kinetic` or bandwidth below 0, and a period that is not
-    positive.
+    Raises
+    ------
+    InputError
+        If a number is negative or not finite, a shape is wrong, or the gain not positive definite.
+
+    Notes
+    -----
+    .. math::
+
+        H=\sqrt{2V_0\,u^\top|\Gamma|u},\quad V_0=\text{kinetic}+\tfrac12\text{prior}^\top|\Gamma^{-1}|\text{prior},
+
+    u those of `parameter_sampling_ratios`. The Lyapunov function never exceeds its initial value :math:`V_0`.
+
+    Examples
+    --------
+    >>> ratio = adaptctl.control.estimate_sampling_ratio(model, np.full(6, 0.1), np.full(6, 0.2), 5.0, period)
+    >>> ratio > 0.0
+    True
     """
     k = len(model.columns)
     gamma = checked_gain(frozen_array(gain, (k, k) if np.ndim(gain) == 2 else (k,), "gain"))
@@ -99,31 +142,47 @@ def estimate_sampling_ratio(
 
 
 def _largest_distance(gamma: Array, bound: Array) -> float:
-    """A bound of error' Gamma^-1 error where |error_i| <= bound_i; for a diagonal Gamma it is reached."""
+    """Bound of error' Gamma^-1 error, exact for a diagonal gain."""
     return float(bound @ np.abs(np.linalg.inv(gamma)) @ bound)
 
 
-SAMPLING_RATIO_SHARE = 0.2
-"""of what the gains leave of the sampling ratio, for each parameter"""
-RANGES = {
+SAMPLING_RATIO_SHARE = 0.2  # for each parameter, of what the gains leave below 2
+RANGE_OF_KIND = {
     "m": "mass",
     **dict.fromkeys(("mc_x", "mc_y", "mc_z"), "first_moment"),
     **dict.fromkeys(("I_xx", "I_xy", "I_yy", "I_xz", "I_yz", "I_zz", "rotor_inertia"), "inertia"),
     **dict.fromkeys(("viscous", "square_root"), "viscous"),
     **dict.fromkeys(("coulomb", "stribeck", "offset"), "coulomb"),
 }
-"""The range of each kind of parameter."""
 
 
 @dataclass(frozen=True)
 class PriorRanges:
-    """Prior ranges of parameters by kind: the greatest plausible magnitudes of the initial estimate's error, from which
-    adaptation gains are made. `mass` is in kg, 5 by default; `first_moment` in kg m, 2; `inertia` in kg m^2, 0.6;
-    `viscous` friction in N m s/rad (N s/m for a prismatic joint), 5; and `coulomb` friction in N m (N), 10. Raises
-    `InputError` unless all are positive and finite.
+    """
+    Largest plausible errors of initial parameters, by kind.
 
-    Parameters of different kinds need gains of different size: one gain for a mass in kg and an inertia in kg m^2 would
-    learn one of them far too slowly or far too fast.
+    Parameters
+    ----------
+    mass : float, default 5.0
+        Range of masses in kg.
+    first_moment : float, default 2.0
+        Range of first moments in kg m.
+    inertia : float, default 0.6
+        Range of inertias in kg m^2, of links and rotors.
+    viscous : float, default 5.0
+        Range of viscous friction in N m s/rad (N s/m).
+    coulomb : float, default 10.0
+        Range of Coulomb friction in N m (N).
+
+    Raises
+    ------
+    InputError
+        If a range is not positive and finite.
+
+    Examples
+    --------
+    >>> adaptctl.PriorRanges(mass=2.0).of(("upper.m", "upper.mc_x"))
+    array([2., 2.])
     """
 
     mass: float = 5.0
@@ -138,21 +197,32 @@ class PriorRanges:
 
     @lru_cache(maxsize=64)  # noqa: B019  # a few numbers each, asked for by every controller of a sweep
     def of(self, names: tuple[str, ...]) -> Array:
-        """The prior ranges (k,), in the parameters' SI units and read-only, of the k parameters with the full `names`,
-        such as `link1.m`, in their order.
+        """
+        Return the ranges of parameters by name.
 
-        What follows the last dot counts: `m` has the range `mass`, `mc_...` the range `first_moment`, `viscous` and
-        `square_root` the range `viscous`, `coulomb`, `stribeck` and `offset` the range `coulomb`, `I_...` and
-        `rotor_inertia` the range `inertia`. Raises `NotFoundError` for another name.
+        Parameters
+        ----------
+        names : tuple of str
+            Full names of k parameters, such as `link1.m`.
+
+        Returns
+        -------
+        ndarray
+            Ranges (k,) in SI units, read-only.
+
+        Raises
+        ------
+        NotFoundError
+            If what follows a name's last dot is no kind of parameter.
         """
         return frozen(np.array([self._range(name) for name in names]))
 
     def _range(self, name: str) -> float:
         kind = name.rsplit(".", 1)[-1]
-        if kind not in RANGES:
-            known = f"one that ends in {', '.join(RANGES)}{suggested_name(kind, RANGES)}"
+        if kind not in RANGE_OF_KIND:
+            known = f"one that ends in {', '.join(RANGE_OF_KIND)}{suggested_name(kind, RANGE_OF_KIND)}"
             raise NotFoundError(f"prior ranges: there is no range of a parameter {name!r}: expected {known}")
-        return float(getattr(self, RANGES[kind]))
+        return float(getattr(self, RANGE_OF_KIND[kind]))
 
 
 def adaptation_gain(
@@ -164,23 +234,41 @@ def adaptation_gain(
     control_period: float = 1e-3,
     workspace: Workspace | None = None,
 ) -> Array:
-    """The diagonal (k,) of the adaptation gain Gamma for the `model`'s k parameters, in units of the parameters squared
-    per J: `rate`, in 1/J, 0.6 by default, times the square of each parameter's prior range. A prior range, its greatest
-    plausible error, is taken from `ranges`, `PriorRanges()` where None.
+    """
+    Choose an adaptation gain from prior ranges of the parameters.
 
-    In the Lyapunov function an error of a whole range then counts 1/(2 rate), 0.83 J by default, for every parameter.
+    Parameters
+    ----------
+    model : ReducedModel
+        Model of the mechanism with k parameters and r joints.
+    ranges : PriorRanges, optional
+        Largest plausible errors of the initial parameters, `PriorRanges()` unless given.
+    gain_scale : float, default 0.6
+        Factor in 1/J of the squared ranges: an error of a whole range counts 1/(2 gain_scale) J, for every parameter.
+    gains : Gains, optional
+        Gains of the control law. With them ranges are limited to 0.2 (2 - h)/u, h the sampling ratio and u that of
+        `parameter_sampling_ratios`, so that a light wrist does not ring.
+    control_period : float, default 0.001
+        Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
+    workspace : Workspace, optional
+        Joint positions for these ratios. Unless given, all that the joints' limits allow.
 
-    With the `gains` of a control law, its bandwidth Lambda (1/s) and damping K (N m s/rad, N s/m for a prismatic
-    joint), no range is taken greater than 0.2 (2 - h)/u: otherwise a light wrist, whose inertia a prior range lets be
-    learned a hundred times too large, would ring. The sampling ratio h = T_c lambda_max(M^-1 (K + M Lambda)) of these
-    gains has no unit and is stable below 2, with the largest eigenvalue lambda_max, the mass matrix M and the control
-    `period` T_c in s, 1 ms by default; u is what an error of 1 SI unit in the parameter adds to it
-    (`parameter_sampling_ratios`). Both are the greatest over the set of joint positions `workspace`, all that the
-    joints' limits allow where None: h by a local search, u over its samples. `period` and `workspace` are not used
-    where `gains` is None, the default.
+    Returns
+    -------
+    ndarray
+        Diagonal (k,) of the gain in units of the parameters squared per J.
 
-    Raises `GainError` where h is 2 or more, and `InputError` for a rate that is not positive and finite and, with
-    gains, for a period or damping that is not positive and for gains of another number of joints.
+    Raises
+    ------
+    GainError
+        If the sampling ratio of the gains is 2 or more.
+    InputError
+        If a number is not positive, or gains are for another number of joints.
+
+    Examples
+    --------
+    >>> adaptctl.adaptation_gain(model, adaptctl.PriorRanges(mass=2.0)).shape
+    (6,)
     """
     validate_kind(model, ReducedModel, "adaptation gain", "as ReducedModel(mechanism, basis) is one")
     known = PriorRanges() if ranges is None else ranges
@@ -198,16 +286,34 @@ def adaptation_gain(
         raise GainError(
             f"{model.mechanism.name}: a period of {control_period:g} s does not carry these gains: nothing is left"
         )
-    return np.asarray(positive_number(gain_scale, "adaptation gain: rate: expected a positive number") * reach**2)
+    return np.asarray(positive_number(gain_scale, "adaptation gain: gain_scale: expected a positive number") * reach**2)
 
 
 def mapped_gain(model: ReducedModel, gain: ArrayLike) -> Array:
-    """The adaptation gain Gamma_beta = K_r Gamma_D K_r' (k, k) of a model's k fundamental (base) parameters, for a
-    diagonal gain Gamma_D, `gain` (P,), on all P parameters; both in units of the parameters squared per J.
+    """
+    Map a gain on all parameters to the fundamental ones.
 
-    K_r (k, P) is the model's attribute `regrouping`, K_r' its transpose: K_r times all P parameters gives the k
-    fundamental ones. With Gamma_beta, adapting the k fundamental parameters is the same controller as adapting all P,
-    to round-off. Gamma_beta is symmetric to the last bit. Raises `InputError` unless the gain is P finite numbers.
+    Parameters
+    ----------
+    model : ReducedModel
+        Model with k of P parameters.
+    gain : array_like
+        Diagonal (P,) of the gain on all parameters, in their units squared per J.
+
+    Returns
+    -------
+    ndarray
+        Symmetric gain (k, k), with which adaptation of the k parameters is the same controller.
+
+    Raises
+    ------
+    InputError
+        If the gain is not P finite numbers.
+
+    Examples
+    --------
+    >>> adaptctl.control.mapped_gain(model, np.full(20, 0.1)).shape
+    (6, 6)
     """
     full = frozen_array(gain, (model.regrouping.shape[1],), "gain on all parameters")
     mapped = (model.regrouping * full) @ model.regrouping.T

@@ -1,4 +1,4 @@
-"""Estimates kept within bounds that are known beforehand."""
+"""Projection onto bounds."""
 
 from __future__ import annotations
 
@@ -19,20 +19,36 @@ from adaptctl.scalars import Column, Scalar, clip, column
 
 @dataclass(frozen=True, eq=False)
 class Projection(AdaptationLaw[Memory]):
-    """Projection of another adaptation law's estimate (k,) of k parameters: it is clipped to [lower, upper] after each
-    control period.
+    """
+    Another adaptation law, its estimate clipped to bounds after each control period.
 
-    `of` is that law, whose Lyapunov function must be a sum over the single parameters' errors; `lower` and `upper`
-    (k,), in the parameters' SI units, may be infinite; `limits` makes them from parameters' names. Raises `InputError`
-    for bounds that are NaN or of different shapes, unless lower < upper everywhere, and for a law whose Lyapunov
-    function is no such sum (its property `by_parameter` is False), as one with a gain (k, k).
+    Parameters
+    ----------
+    inner : AdaptationLaw
+        Law with a diagonal gain, so that clipping one parameter cannot move the estimate away from the truth.
+    lower, upper : array_like
+        Bounds (k,) in SI units, infinite for none; `limits` makes them from names.
 
-    Guarantees, where the truth is within the bounds: the estimate stays within, whatever disturbs; and what the law
-    itself guarantees, because with a diagonal gain clipping is the projection in the distance of the law's Lyapunov
-    function, which brings the estimate no farther from anything within (Goodwin and Mayne 1987).
+    Raises
+    ------
+    InputError
+        If bounds are NaN, differ in shape or do not rise, or the law weighs parameters' errors together.
 
-    Gives up: nothing while the estimate is within the bounds. Bounds on fundamental (base) parameters are no guarantee
-    of a positive definite mass matrix: the set of physically consistent parameters is a cone, not a box.
+    Notes
+    -----
+    With the truth within the bounds, the law's guarantee holds [1]_. Bounds do not make the mass matrix positive
+    definite.
+
+    References
+    ----------
+    .. [1] Goodwin and Mayne, Automatica, 1987.
+
+    Examples
+    --------
+    >>> from adaptctl.control import Gradient, Projection, limits
+    >>> bounded = Projection(Gradient(np.full(6, 0.1)), *limits(model, {"lower.I_zz": (0.0, 1.0)}))
+    >>> adaptctl.SlotineLi(model, 5.0, 4.0, bounded).dof
+    2
     """
 
     tunable = ("lower", "upper")
@@ -58,9 +74,23 @@ class Projection(AdaptationLaw[Memory]):
             )
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
-        """Raise `InputError` where the wrapped adaptation law does, for bounds of another number than the `model`'s k
-        parameters, and for an initial estimate outside the bounds. `initial` is the initial estimate (k,), in SI units,
-        `period` the control period in s."""
+        """
+        Raise `InputError` if law, bounds and initial estimate do not fit the model.
+
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters and r joints.
+        initial : ndarray
+            Initial estimate (k,) in SI units.
+        control_period : float
+            Control period in s.
+
+        Raises
+        ------
+        InputError
+            If a size does not fit, or the initial estimate is outside the bounds.
+        """
         self.inner.validate(model, initial, control_period)
         validate_size(self.lower, model, "projection: bounds")
         outside = np.flatnonzero((initial < self.lower) | (initial > self.upper))
@@ -73,45 +103,104 @@ class Projection(AdaptationLaw[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """True, as the adaptation law's Lyapunov function is a sum of one term for each parameter, so that parameters
-        may be clipped one by one: construction refuses a law of which that does not hold, as one with a gain (k, k)."""
+        """True: construction refuses other laws."""
         return True
 
     def initial_state(self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float) -> Memory:
-        """The wrapped adaptation law's internal state, a named tuple of arrays, before the first control period.
+        """
+        Return the wrapped law's internal state.
 
-        `initial` is the initial estimate (k,) of the `model`'s k parameters, in SI units, q (..., n) are the positions
-        of the spanning tree's n joints in rad (m for a prismatic joint), v (..., r) the velocities of the r primary
-        (independent) joints in rad/s (m/s), with leading axes for arms, `period` is the control period in s. Raises
-        what the wrapped law's method `start` does.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        initial : ndarray
+            Initial estimate (k,) in SI units.
+        q, v : ndarray
+            Positions (..., n) of the spanning tree's joints in rad (m) and velocities (..., r) of the primary joints in
+            rad/s (m/s).
+        control_period : float
+            Control period in s.
+
+        Returns
+        -------
+        tuple
+            Internal state, with the leading axes of q where it depends on q.
         """
         return self.inner.initial_state(model, initial, q, v, control_period)
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
-        """The estimate (k,) of the `model`'s k parameters after a step of the wrapped adaptation law, clipped to the
-        projection's bounds, its attributes `lower` and `upper` (k,); and the wrapped law's internal state after the
-        step.
+        """
+        Take a step of the wrapped law and clip the estimate.
 
-        `estimate` (k,), in the parameters' SI units, and the internal state `memory` are those before the control
-        period that `period` describes. Nothing is checked here.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        estimate : Column
+            Estimate (k,) before the period, in SI units.
+        period : Period
+            Data of the control period.
+        memory : tuple
+            Internal state before the period.
+
+        Returns
+        -------
+        tuple of Column and tuple
+            Estimate (k,) and internal state after the period.
         """
         moved, after = self.inner.law(model, estimate, period, memory)
         return Column(map(clip, moved, column(self.lower), column(self.upper))), after
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
-        """The parameters' term, in J, of the wrapped adaptation law's Lyapunov function at an `estimate` (k,) of the
-        `model`'s k parameters whose true values are `true` (k,), both in SI units. None where that law has no term that
-        depends on the estimate alone. Nothing is checked here."""
+        """
+        Compute the wrapped law's term of the Lyapunov function.
+
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        estimate, true : Column
+            Estimate and true values (k,) in SI units.
+
+        Returns
+        -------
+        scalar or None
+            Energy in J, or None if it depends on more than the estimate.
+        """
         return self.inner.lyapunov_term(model, estimate, true)
 
 
 def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
-    """Lower and upper bounds, (k,) each, on the `model`'s k parameters, in their SI units: those in `bounds` for the
-    parameters named there, -infinity and infinity for the others.
+    """
+    Return bounds of a model's parameters from those of some names.
 
-    `bounds` maps a parameter's full name, such as `link1.m`, to its pair (lower, upper). Raises `NotFoundError` for a
-    parameter that is not one of the model's k, also where the model regroups it into other fundamental (base)
-    parameters; `NonFiniteError` for NaN, and `InputError` for bounds that are no pair of numbers with lower < upper.
+    Parameters
+    ----------
+    model : ReducedModel
+        Model with k parameters.
+    bounds : dict
+        Lower and upper bound in SI units by full name, such as `upper.I_zz`.
+
+    Returns
+    -------
+    tuple of ndarray
+        Lower and upper bounds (k,), infinite for parameters that are not named.
+
+    Raises
+    ------
+    NotFoundError
+        If a name is not among the model's parameters.
+    NonFiniteError
+        If a bound is NaN.
+    InputError
+        If bounds are no pair, or do not rise.
+
+    Examples
+    --------
+    >>> lower, upper = adaptctl.control.limits(model, {"lower.I_zz": (0.0, 1.0)})
+    >>> float(upper[-1]), float(upper[0])
+    (1.0, inf)
     """
     lower, upper = np.full(len(model.names), -np.inf), np.full(len(model.names), np.inf)
     for name, pair in bounds.items():
@@ -123,7 +212,6 @@ def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tu
 
 
 def _pair(values: ArrayLike, what: str) -> Array:
-    """Lower and upper bound (2,)."""
     bound = numbers(values, what, "(lower, upper)")
     if bound.shape != (2,):
         raise InputError(f"{what}: expected (lower, upper), got {values!r}")

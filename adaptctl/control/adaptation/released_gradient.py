@@ -1,4 +1,4 @@
-"""Gradient adaptation with a normaliser that is released slowly: a discrete-time theorem for every gain."""
+"""Normalised gradient adaptation."""
 
 from __future__ import annotations
 
@@ -19,36 +19,45 @@ from adaptctl.scalars import Column, Scalar, maximum
 
 
 class Normaliser(NamedTuple):
-    """Internal state of normalised gradient adaptation between control periods: `n` (1,), the normaliser, at least 1
-    and without a unit, by which steps of the estimate are divided. Nothing is checked."""
+    """Divisor (1,) of steps, at least 1."""
 
     n: Any
 
 
 @dataclass(frozen=True, eq=False)
 class ReleasedGradient(Descent[Normaliser]):
-    """Normalised gradient adaptation of the estimate (k,) of k parameters, whose step is divided by a normaliser n,
-    without a unit, that decays in time.
+    r"""
+    Gradient adaptation with a normaliser, stable in discrete time for every gain.
 
-        estimate -= (T_c/n_j) Gamma Y_j' s_(j+1)
-        n_j = max(1, share T_c tr(K^-1 Y_j Gamma Y_j'), n_(j-1)/(1 + release T_c))
+    Parameters
+    ----------
+    gain : array_like
+        Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
+    release : float, default 1.0
+        Rate in 1/s at which the normaliser decays.
+    share : float, default 4.0
+        Factor of the gain's trace in the normaliser.
 
-    j counts the control periods; `release`, 1 by default, is in 1/s, `share`, 4 by default, without a unit. s (r,) is
-    the sliding variable of r joints in rad/s (m/s for a prismatic joint), Y (r, k) the torque regressor, K (r,) the
-    control law's damping in N m s/rad (N s/m), T_c the control period in s; `gain` is Gamma, (k,) its diagonal or (k,
-    k), in units of the parameters squared per J. The theorem below does not cover every `release` and `share`, nor the
-    defaults: `ReleasedGradient.certified` makes those that it covers. A prime is the transpose. Raises `InputError` for
-    a gain that is not finite, symmetric and positive definite and a release or share that is not positive and finite.
+    Raises
+    ------
+    InputError
+        If the gain is not positive definite, or release or share not positive.
 
-    Guarantees, sampled, with the mass matrix M constant, for any Gamma and any Y that varies from one control period to
-    the next: V = s'Ms/(2n) + error' Gamma^-1 error/2, error the estimate less the truth, never rises where share > 1/(2
-    - h), h = T_c lambda_max(M^-1 K) < 2, and release <= 2 (1 - h/2 - 1/(2 share)) lambda_min(M^-1 K), with the largest
-    and the least eigenvalue lambda_max and lambda_min. As T_c goes to zero n goes to 1, and this law to `Gradient`. The
-    derivation: docs/discrete_adaptation.md.
+    Notes
+    -----
+    .. math::
 
-    Gives up: an M that changes, as every such theorem here does; speed, while n is large; and the operations of r
-    gradients, for the trace. Under disturbance and without excitation the estimate drifts, it need not become the true
-    one, and nothing keeps it physically consistent.
+        \hat\beta_{j+1}=\hat\beta_j-(T_c/n_j)\Gamma Y_j^\top s_{j+1},\quad
+        n_j=\max(1,\text{share}\,T_c\operatorname{tr}(K^{-1}Y_j\Gamma Y_j^\top),n_{j-1}/(1+\text{release}\,T_c)).
+
+    `certified` makes settings for which the Lyapunov function never rises at a constant mass matrix; see
+    docs/discrete_adaptation.md. The defaults are not covered by this theorem.
+
+    Examples
+    --------
+    >>> released = adaptctl.control.ReleasedGradient.certified(model, np.full(6, 5.0), [6.0, 2.0], period)
+    >>> adaptctl.SlotineLi(model, 5.0, [6.0, 2.0], released).dof
+    2
     """
 
     release: float = 1.0
@@ -71,18 +80,34 @@ class ReleasedGradient(Descent[Normaliser]):
         control_period: float,
         workspace: Workspace | None = None,
     ) -> ReleasedGradient:
-        """Normalised gradient adaptation law, a `ReleasedGradient`, whose Lyapunov function never rises under a control
-        law's `damping` K and a control `period` T_c (s). Its field `share` is 2/(2 - h), without a unit, and its field
-        `release` (1 - h/2) lambda_min(M^-1 K) in 1/s.
+        """
+        Choose release and share for which the Lyapunov function never rises.
 
-        h = T_c lambda_max(M^-1 K) is the sampling ratio, without a unit, lambda_min and lambda_max the least and the
-        largest eigenvalue and M the mass matrix of the `model`, taken as constant from one control period to the next.
-        Both extremes are sought by a local search over the set of joint positions `workspace`, all that the joints'
-        limits allow where None. K is in N m s/rad (N s/m if prismatic), one number or (r,) for r joints. `gain` is
-        Gamma, (k,) its diagonal or (k, k) for k parameters, in units of the parameters squared per J. Raises
-        `GainError` where h is 2 or more, and `InputError` for a gain that is not finite, symmetric and positive
-        definite or of another size, a damping that is not positive and finite or of another size and a period that is
-        not positive and finite.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model of the mechanism with k parameters and r joints.
+        gain : array_like
+            Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per
+            J.
+        damping : array_like
+            Damping K in N m s/rad (N s/m for a prismatic joint), one number or (r,).
+        control_period : float
+            Time in s for which a torque is held.
+        workspace : Workspace, optional
+            Joint positions that are searched. Unless given, all that the joints' limits allow.
+
+        Returns
+        -------
+        ReleasedGradient
+            Law with a share of 2/(2 - h), h the sampling ratio, and a release of (1 - h/2) times the slowest decay.
+
+        Raises
+        ------
+        GainError
+            If the sampling ratio is 2 or more.
+        InputError
+            If gain, damping or period is not positive, or a shape is wrong.
         """
         gamma = checked_gain(gain)
         validate_size(gamma, model, "adaptation gain")
@@ -95,23 +120,49 @@ class ReleasedGradient(Descent[Normaliser]):
     def initial_state(
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
     ) -> Normaliser:
-        """The internal state before the first control period: the normaliser (1,), without a unit, by which steps of
-        the estimate are divided, which is 1. All arguments are ignored: the `model`, the initial estimate `initial`
-        (k,) of its k parameters, positions q (..., n) of the spanning tree's n joints in rad (m for a prismatic joint),
-        velocities v (..., r) of the r primary (independent) joints in rad/s (m/s), leading axes for arms, and the
-        control `period` in s."""
+        """
+        Return a normaliser of 1.
+
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        initial : ndarray
+            Initial estimate (k,) in SI units.
+        q, v : ndarray
+            Positions (..., n) of the spanning tree's joints in rad (m) and velocities (..., r) of the primary joints in
+            rad/s (m/s).
+        control_period : float
+            Control period in s.
+
+        Returns
+        -------
+        Normaliser
+            Internal state, with the leading axes of q where it depends on q.
+        """
         return Normaliser(np.ones(1))
 
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: Normaliser
     ) -> tuple[Column, Normaliser]:
-        """The estimate (k,) of the `model`'s k parameters after the step -(T_c/n) Gamma Y' s, T_c being the control
-        period in s, and the internal state, the normaliser n (1,) of at least 1, without a unit. Gamma is the
-        adaptation gain, Y' the transpose of the torque regressor Y (r, k) at the period's start, s (r,) the sliding
-        variable of r joints, rad/s (m/s if prismatic), at its end.
+        """
+        Take a gradient step divided by the normaliser.
 
-        `estimate` (k,), in the parameters' SI units, and the internal state `memory` are those before the control
-        period that `period` describes. Nothing is checked here.
+        Parameters
+        ----------
+        model : ReducedModel
+            Model with k parameters.
+        estimate : Column
+            Estimate (k,) before the period, in SI units.
+        period : Period
+            Data of the control period.
+        memory : Normaliser
+            Internal state before the period.
+
+        Returns
+        -------
+        tuple of Column and Normaliser
+            Estimate (k,) and internal state after the period.
         """
         released = memory.n[0] / (1.0 + self.release * period.dt)
         n = maximum(maximum(released, 1.0), (self.share * period.dt) * self._trace(period))
@@ -119,7 +170,6 @@ class ReleasedGradient(Descent[Normaliser]):
         return moved, Normaliser(Column((n,)))
 
     def _trace(self, period: Period) -> Scalar:
-        """tr(K^-1 Y Gamma Y')."""
         r, total = len(period.s), 0.0
         for i in range(r):
             row = period.gradient(Column(float(i == j) for j in range(r)))

@@ -1,1 +1,1 @@
-"""Persistent excitation of a motion, measured, and references made to excite the parameters."""
+"""Excitation of parameters by motions."""

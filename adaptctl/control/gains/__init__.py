@@ -1,1 +1,1 @@
-"""Gains: what a control period can carry, designs, and their margins."""
+"""Gains of the tracking loop."""

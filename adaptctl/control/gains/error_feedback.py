@@ -1,4 +1,4 @@
-"""Feedback of a joint's error, designed for a torque that is held over the control period, and a loop's margins."""
+"""Error feedback and margins."""
 
 from __future__ import annotations
 
@@ -19,25 +19,46 @@ from adaptctl.errors import GainError, InputError, printable
 if TYPE_CHECKING:
     import control
 
-ROUNDING = 0.02
-"""Distance that discretisation may carry two equal real poles into the complex plane before they count as complex."""
-TINY = float(np.finfo(np.float64).tiny)
-"""Below this numbers have fewer digits."""
-POINTS = 1000
-LOWEST = 1e-6
-"""The lowest frequency looked at, over half the sampling rate."""
+REAL_POLE_TOLERANCE = 0.02  # distance that discretisation may move two equal real poles into the complex plane
+MIN_NORMAL = float(np.finfo(np.float64).tiny)  # smaller numbers have fewer digits
+FREQUENCIES = 1000
+MIN_FREQUENCY_RATIO = 1e-6  # of half the sampling rate
 
 
 @dataclass(frozen=True)
 class ErrorFeedback:
-    """Linear feedback of one joint's error e (rad, m for a prismatic joint): the acceleration e'' = -stiffness e - rate
-    e' of the error, held over `period` (s). Primes are derivatives in time.
+    """
+    Linear feedback of a joint's error, held over the control period.
 
-    `stiffness` is in 1/s^2, `rate` in 1/s; the joint's inertia, taken as known, turns the acceleration into a torque.
-    The class methods find both gains from a bandwidth, from poles or as the linear-quadratic regulator, for the double
-    integrator behind a zero-order hold (Astrom and Wittenmark 1997, chapter 4), with python-control. Raises
-    `InputError` unless all three numbers are positive and finite, and `GainError` where the sampled loop would not be
-    stable, that is, where one of its poles has a magnitude of 1 or more.
+    Parameters
+    ----------
+    stiffness : float
+        Acceleration over error in 1/s^2.
+    rate : float
+        Acceleration over error rate in 1/s.
+    control_period : float
+        Time in s for which a torque is held.
+
+    Raises
+    ------
+    InputError
+        If a number is not positive and finite.
+    GainError
+        If the sampled loop would be unstable.
+
+    Notes
+    -----
+    The plant is a double integrator [1]_.
+
+    References
+    ----------
+    .. [1] Astrom and Wittenmark, Computer-Controlled Systems, 1997, chapter 4.
+
+    Examples
+    --------
+    >>> feedback = adaptctl.control.ErrorFeedback.from_bandwidth(10.0, 1.0, period)
+    >>> round(feedback.bandwidth, 2), feedback.is_cascade
+    (9.95, True)
     """
 
     stiffness: float
@@ -61,16 +82,27 @@ class ErrorFeedback:
 
     @classmethod
     def from_bandwidth(cls, bandwidth: float, damping_ratio: float, control_period: float) -> ErrorFeedback:
-        """Linear error feedback of one joint, an `ErrorFeedback`, designed by the poles of a second-order loop: omega
-        is the `bandwidth` (rad/s), zeta the `damping_ratio` (no unit; 1 is critical). Found are the gains `stiffness`
-        (1/s^2) and `rate` (1/s) of e'' = -stiffness e - rate e', primes being derivatives in time of the joint's error
-        e.
+        """
+        Design the feedback by bandwidth and damping ratio.
 
-        The plant is the double integrator from acceleration to e, and the acceleration is held over `period` T_c (s).
-        The closed loop, sampled every T_c, has the poles exp(s T_c) for the two roots s of s^2 + 2 zeta omega s +
-        omega^2 = 0, so that at its samples e decays as in continuous time with the poles s. As T_c goes to zero the
-        gains go to omega^2 and 2 zeta omega. Raises `InputError` unless all three numbers are positive and finite, and
-        where such poles or gains are beyond double precision, as for a bandwidth of 1e-200 rad/s.
+        Parameters
+        ----------
+        bandwidth : float
+            Undamped natural frequency in rad/s.
+        damping_ratio : float
+            Damping ratio; 1 is critical.
+        control_period : float
+            Time in s for which a torque is held.
+
+        Returns
+        -------
+        ErrorFeedback
+            Feedback with which the sampled error decays as that of the second-order loop.
+
+        Raises
+        ------
+        InputError
+            If a number is not positive and finite, or gains are beyond double precision.
         """
         given = real_number(bandwidth, "bandwidth"), real_number(damping_ratio, "damping ratio")
         if not all(0.0 < number < math.inf for number in given):
@@ -87,20 +119,35 @@ class ErrorFeedback:
 
     @classmethod
     def from_poles(cls, poles: Sequence[complex], control_period: float) -> ErrorFeedback:
-        """Linear error feedback of one joint, an `ErrorFeedback`, designed by two continuous-time `poles` (1/s), real
-        or a conjugate pair with negative real parts. Found are the gains `stiffness` (1/s^2) and `rate` (1/s) of e'' =
-        -stiffness e - rate e', primes being derivatives in time of the joint's error e.
+        """
+        Design the feedback by two poles.
 
-        The plant is the double integrator from acceleration to e, and the acceleration is held over `period` T_c (s).
-        The closed loop, sampled every T_c, has the poles exp(pole T_c), so that at its samples e decays as in
-        continuous time with the given poles. Raises `InputError` for other poles, and for a period that is not positive
-        and finite.
+        Parameters
+        ----------
+        poles : sequence of complex
+            Two continuous-time poles in 1/s, real or conjugate, with negative real parts.
+        control_period : float
+            Time in s for which a torque is held.
+
+        Returns
+        -------
+        ErrorFeedback
+            Feedback with which the sampled error decays with these poles.
+
+        Raises
+        ------
+        InputError
+            If the poles are others, or the period not positive and finite.
         """
         try:
             given = np.asarray(poles, dtype=np.complex128)
         except (TypeError, ValueError, OverflowError):
             given = np.empty(0, dtype=np.complex128)  # no numbers: refused as not two
-        if given.shape != (2,) or not np.all(np.isfinite(given) & (given.real <= -TINY)) or not _is_conjugate(given):
+        if (
+            given.shape != (2,)
+            or not np.all(np.isfinite(given) & (given.real <= -MIN_NORMAL))
+            or not _is_conjugate(given)
+        ):
             raise InputError(
                 f"poles: expected two in the left half-plane, real or conjugate, got {printable(repr(poles))}"
             )
@@ -114,15 +161,29 @@ class ErrorFeedback:
 
     @classmethod
     def from_lqr(cls, position: float, velocity: float, effort: float, control_period: float) -> ErrorFeedback:
-        """Linear error feedback of one joint, an `ErrorFeedback`, by the discrete-time linear-quadratic regulator with
-        an infinite horizon. It minimises the sum of `position` e^2 + `velocity` e'^2 + `effort` e''^2 over all samples
-        of the joint's error e (rad, m if prismatic), one each `period` (s), primes being derivatives in time.
+        """
+        Design the feedback as a linear-quadratic regulator.
 
-        The plant is the double integrator from the acceleration e'', held over a period, to e. The weights are in
-        1/rad^2, s^2/rad^2 and s^4/rad^2 (m for rad); only their ratios count. By Bryson's rule each is one over the
-        square of the largest value that is acceptable. Raises `InputError` for a `position` or `effort` that is not
-        positive, a negative `velocity`, weights too far apart for the Riccati equation to be solved at this period, and
-        a period that is not positive.
+        Parameters
+        ----------
+        position : float
+            Weight of the squared error in 1/rad^2 (1/m^2); by Bryson's rule 1 over the largest acceptable square.
+        velocity : float
+            Weight of the squared error rate in s^2/rad^2 (s^2/m^2).
+        effort : float
+            Weight of the squared acceleration in s^4/rad^2 (s^4/m^2).
+        control_period : float
+            Time in s for which a torque is held.
+
+        Returns
+        -------
+        ErrorFeedback
+            Feedback of the discrete-time regulator with infinite horizon.
+
+        Raises
+        ------
+        InputError
+            If a weight is out of range, weights are too far apart, or the period is not positive.
         """
         for name, weight in (("position", position), ("velocity", velocity), ("effort", effort)):
             real_number(weight, f"weights: {name}")
@@ -148,9 +209,7 @@ class ErrorFeedback:
 
     @property
     def sampled_poles(self) -> tuple[complex, complex]:
-        """The two poles in the z plane, without a unit, of a joint's error loop, sampled once a control period with the
-        acceleration held in between and no delay. The greater comes first or, of a conjugate pair, that of positive
-        imaginary part."""
+        """Two poles in the z plane, the greater or upper first."""
         k, c = self.stiffness * self.control_period**2, self.rate * self.control_period
         half, product = 1.0 - 0.5 * c - 0.25 * k, 1.0 - c + 0.5 * k
         root = cmath.sqrt(half**2 - product)
@@ -158,17 +217,35 @@ class ErrorFeedback:
 
     @property
     def poles(self) -> tuple[complex, complex]:
-        """The two continuous-time poles (1/s) that correspond to the sampled error loop: log(z)/T_c, T_c being the
-        control period and z each of the loop's two poles in the z plane, 2.2e-308 for a z of 0, such as that of a loop
-        at rest after two samples. A continuous-time loop with these poles has the same samples. They are in the order
-        of z, the greater first or, of a conjugate pair, that of positive imaginary part."""
-        first, second = (cmath.log(pole or TINY) / self.control_period for pole in self.sampled_poles)
+        """Two continuous-time poles, 1/s."""
+        first, second = (cmath.log(pole or MIN_NORMAL) / self.control_period for pole in self.sampled_poles)
         return first, second
 
     def with_bandwidth_factor(self, factor: float) -> ErrorFeedback:
-        """Linear error feedback, an `ErrorFeedback`, at the same control period, whose continuous-time poles (1/s) are
-        those of this one times a `factor` (no unit). Raises `InputError` unless the factor is positive and finite, and
-        where it leaves gains beyond double precision."""
+        """
+        Return the feedback with all poles multiplied by a factor.
+
+        Parameters
+        ----------
+        factor : float
+            Positive factor of the poles.
+
+        Returns
+        -------
+        ErrorFeedback
+            Feedback at the same control period.
+
+        Raises
+        ------
+        InputError
+            If the factor is not positive and finite, or gains are beyond double precision.
+
+        Examples
+        --------
+        >>> feedback = adaptctl.control.ErrorFeedback.from_bandwidth(10.0, 1.0, period)
+        >>> round(feedback.with_bandwidth_factor(2.0).bandwidth, 1)
+        19.8
+        """
         positive_number(factor, "factor: expected a positive finite number")
         first, second = (factor * pole for pole in self.poles)
         mean = 0.5 * (first + second).real  # log puts the poles of a negative pair on one side of its cut
@@ -181,36 +258,22 @@ class ErrorFeedback:
 
     @property
     def bandwidth(self) -> float:
-        """Undamped natural frequency (rad/s) of the continuous-time error loop e'' = -stiffness e - rate e': the square
-        root of the stiffness (1/s^2). e is the joint's error, primes are derivatives in time, and the rate is in
-        1/s."""
+        """Undamped natural frequency in rad/s."""
         return math.sqrt(self.stiffness)
 
     @property
     def damping_ratio(self) -> float:
-        """Damping ratio, without a unit, of the continuous-time error loop e'' = -stiffness e - rate e': rate/(2
-        sqrt(stiffness)), 1 for two equal real poles. e is the joint's error, primes are derivatives in time, the
-        stiffness is in 1/s^2 and the rate in 1/s."""
+        """Damping ratio."""
         return self.rate / (2.0 * self.bandwidth)
 
     @property
     def is_cascade(self) -> bool:
-        """True if the continuous-time error loop e'' = -stiffness e - rate e' counts as one of two real poles, which is
-        a cascade of two first-order loops. The criterion is 1/zeta^2 - 1 <= 0.02 + omega T_c: zeta is the loop's
-        damping ratio, omega (rad/s) its bandwidth and T_c (s) the control period, so that a zeta a little below 1, such
-        as sampling makes of 1, counts too. e is the joint's error, primes are derivatives in time, stiffness is in
-        1/s^2 and rate in 1/s."""
-        return 1.0 - 1.0 / self.damping_ratio**2 >= -ROUNDING - self.bandwidth * self.control_period
+        """True if the poles count as real: 1/zeta^2 - 1 <= 0.02 + omega T_c."""
+        return 1.0 - 1.0 / self.damping_ratio**2 >= -REAL_POLE_TOLERANCE - self.bandwidth * self.control_period
 
     @property
     def cascaded(self) -> tuple[float, float]:
-        """The decay rates (1/s) of two first-order loops in cascade, slower first, as in Slotine and Li's law: Lambda
-        of e' = -Lambda e + s, and K/M of s' = -(K/M) s. There e is the joint's error, s the sliding variable, K the
-        damping, M the inertia and a prime a derivative in time.
-
-        Raises `InputError` where the feedback's poles are complex (its property `is_cascade` is False): no cascade of
-        first-order loops has these.
-        """
+        """Decay rates, 1/s, slower first. Raises `InputError` for complex poles."""
         squared = 1.0 - 1.0 / self.damping_ratio**2
         if not self.is_cascade:
             raise InputError(
@@ -221,38 +284,52 @@ class ErrorFeedback:
         return 0.5 * self.rate * (1.0 - root), 0.5 * self.rate * (1.0 + root)
 
     def loop(self, delay: int = 0) -> control.StateSpace:
-        """The open loop of one joint's error feedback, cut at the torque and to be closed by negative feedback, as a
-        discrete-time python-control system sampled at the control period. Its input is the commanded and its output the
-        fed-back acceleration (rad/s^2, m/s^2 if prismatic). `delay` is its delay in whole control periods, none by
-        default. Raises `InputError` unless it is a whole number from 0 to 1000."""
+        """
+        Return the open loop, cut at the torque.
+
+        Parameters
+        ----------
+        delay : int, default 0
+            Delay in whole control periods, up to 1000.
+
+        Returns
+        -------
+        control.StateSpace
+            Discrete-time system from commanded to fed-back acceleration, for negative feedback.
+
+        Raises
+        ------
+        InputError
+            If the delay is out of range.
+        """
         import control
 
         whole_number(delay, "delay in periods", 0, 1000)
         A, B = _held_double_integrator()
         C = np.array([[self.stiffness * self.control_period**2, self.rate * self.control_period]])
         opened = control.ss(A, B, C, 0.0, self.control_period)
-        return opened if delay == 0 else opened * _late(delay, self.control_period)
+        return opened if delay == 0 else opened * _delay(delay, self.control_period)
 
 
 def _roots(damping_ratio: float) -> tuple[complex, complex]:
-    """The two roots s of s^2 + 2 zeta s + 1 = 0, the slower first, without a difference of numbers that are alike."""
+    """Roots of s^2 + 2 zeta s + 1, without cancellation."""
     fast = -damping_ratio - cmath.sqrt(damping_ratio - 1.0) * cmath.sqrt(damping_ratio + 1.0)
     return 1.0 / fast, fast
 
 
 def _is_conjugate(poles: NDArray[np.complex128]) -> bool:
-    """True if two poles in the left half-plane are real or a conjugate pair, to round-off."""
+    """True if real or conjugate, to round-off."""
     poles = poles / np.abs(poles.view(np.float64)).max()
     return bool(abs(poles.sum().imag) + abs(poles.prod().imag) < 1e-9)
 
 
 def _held_double_integrator() -> tuple[Any, Any]:
-    """Error and error rate over a hold, in periods: the numbers are then near 1, whatever the period."""
+    """A and B in periods, so that numbers are near 1."""
     return np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[0.5], [1.0]])
 
 
-def _late(delay: int, control_period: float) -> control.StateSpace:
-    """The delay z^-delay as a transfer function."""
+def _delay(delay: int, control_period: float) -> control.StateSpace:
+    """Delay as a system."""
     import control
 
     A = np.eye(delay, k=-1)
@@ -261,13 +338,27 @@ def _late(delay: int, control_period: float) -> control.StateSpace:
 
 @dataclass(frozen=True)
 class Margins:
-    """Gain, phase and delay margins of one sampled loop, stable when closed. Nothing is checked.
+    """
+    Stability margins of a sampled loop.
 
-    `gain` is the factor, without a unit, by which the loop's gain may grow (its inertia fall), infinite if it may grow
-    without limit; `gain_reduction` is the factor, without a unit, to which it may fall (its inertia grow), 0 if it may
-    fall without limit. `phase` is the lag in rad and `delay` the delay in s that the loop bears, the least over all
-    frequencies where its gain crosses 1, infinite where it does so nowhere; `crossover` is the frequency in rad/s at
-    which a delay makes it unstable first, NaN where there is none.
+    Parameters
+    ----------
+    gain : float
+        Factor by which the loop's gain may grow (the inertia fall), infinite without limit.
+    gain_reduction : float
+        Factor to which the loop's gain may fall (the inertia grow), 0 without limit.
+    phase : float
+        Least lag in rad that makes the loop unstable, infinite if its gain never crosses 1.
+    delay : float
+        Least delay in s that makes the loop unstable.
+    crossover : float
+        Frequency in rad/s at which a delay does so first, NaN without any.
+
+    Examples
+    --------
+    >>> margins = adaptctl.control.GainDesign.from_bandwidth(arm, 6.0).margins[0]
+    >>> margins.gain > 2.0, margins.gain_reduction < 0.5
+    (True, True)
     """
 
     gain: float
@@ -278,21 +369,33 @@ class Margins:
 
 
 def margins(loop: control.LTI) -> Margins:
-    """The gain, phase and delay margins of a `loop`, a `Margins`: gains as factors without a unit (not dB), the phase
-    in rad, the delay in s. `loop` is a discrete-time python-control system with one input, one output and its sampling
-    time in s. It is open, to be closed by negative feedback, and must then be stable, which is not checked. Raises
-    `InputError` for a loop in continuous time or without a stated sampling time, and for one with more inputs or
-    outputs.
+    """
+    Compute gain, phase and delay margins of a sampled loop.
 
-    Of several crossings the tightest counts: `gain` is the least factor above 1, and `gain_reduction` the largest of at
-    most 1, that brings a crossing of the negative real axis to -1; `phase` is the least lag, and `delay` the least lag
-    over frequency, which is at the frequency `crossover` (rad/s), of the crossings of gain 1. Without such a crossing
-    `gain`, `phase` and `delay` are infinite, `gain_reduction` 0 and `crossover` NaN. Crossings are sought on
-    python-control's frequency response from 1e-6 of half the sampling rate up to half the sampling rate, included,
-    where a sampled loop often crosses; `control.stability_margins` of version 0.10 looks only below it.
+    Parameters
+    ----------
+    loop : control.LTI
+        Open loop in discrete time with one input and output, stable with negative feedback, which is not checked.
+
+    Returns
+    -------
+    Margins
+        Tightest margins; gains are factors, not dB. Crossings at half the sampling rate count, unlike in
+        `control.stability_margins`.
+
+    Raises
+    ------
+    InputError
+        If the loop has no stated sampling time, or more inputs or outputs.
+
+    Examples
+    --------
+    >>> feedback = adaptctl.control.ErrorFeedback.from_bandwidth(10.0, 1.0, period)
+    >>> adaptctl.control.margins(feedback.loop(delay=1)).phase > 1.0
+    True
     """
     _validate_sampled(loop)
-    angles = np.concatenate((np.geomspace(LOWEST * np.pi, np.pi, POINTS)[:-1], [np.pi]))
+    angles = np.concatenate((np.geomspace(MIN_FREQUENCY_RATIO * np.pi, np.pi, FREQUENCIES)[:-1], [np.pi]))
     values = np.asarray(loop(np.exp(1j * angles)), dtype=np.complex128)
 
     def response(angle: float) -> complex:
@@ -322,12 +425,12 @@ def _validate_sampled(loop: control.LTI) -> None:
 
 
 def _lag(value: complex) -> float:
-    """Lag (rad) that turns a value on the unit circle to -1, in (0, 2 pi]."""
+    """Lag (rad) to -1, in (0, 2 pi]."""
     lag = math.pi + math.atan2(value.imag, value.real)
     return lag if lag > 0.0 else lag + 2.0 * math.pi
 
 
 def _crossings(function: Callable[[float], float], angles: Array, values: Array) -> list[float]:
-    """Angles at which a function, known at some, changes its sign."""
+    """Angles at which a function changes its sign."""
     places = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
     return [float(brentq(function, angles[k], angles[k + 1], xtol=1e-15, rtol=1e-14)) for k in places]

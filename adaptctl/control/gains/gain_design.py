@@ -1,4 +1,4 @@
-"""Gains of a whole arm, with their margins."""
+"""Gain design with margins."""
 
 from __future__ import annotations
 
@@ -17,24 +17,43 @@ from adaptctl.control.gains.workspace import Workspace, everywhere
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError
 
-SEARCHED = (1e-3, 30.0)
-"""rad a period: where the fastest pole is sought that a period carries"""
+POLE_ANGLE_RANGE = (1e-3, 30.0)  # rad per period, in which the largest allowed pole is sought
 
 
 @dataclass(frozen=True, eq=False)
 class GainDesign:
-    """Gain design for a `mechanism`: linear feedback of the error of each of its r joints, for a control `period` (s)
-    and a `delay` of the torque in whole control periods, 0 by default.
+    """
+    Linear error feedback of every joint, with stability margins.
 
-    `from_bandwidth`, `from_poles`, `from_lqr` and `of_gains` make one; the constructor itself checks nothing. `method`
-    is "bandwidth", "poles", "lqr" or "rule"; `feedback` and `margins` have an `ErrorFeedback` and a `Margins` a joint.
-    `inertia` (r,), in kg m^2 (kg if prismatic), is each joint's typical inertia, for which its loop is designed: the
-    median of its entry of the mass matrix's diagonal over 200 random configurations. The margins are those of each
-    joint's sampled loop alone, with the delay. `least_inertia` (r,), without a unit, is a ratio: the least inertia, in
-    these configurations, that a joint has while all others are free, divided by its typical inertia. 1/`least_inertia`
-    is the factor by which the loop's gain grows there, and the loop's gain margin must be above it. With a `workspace`,
-    a set of joint positions, its samples stand for the random configurations. `given` are Slotine and Li's gains that
-    the design was made of, None where they follow from the feedback.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with r joints.
+    method : str
+        Design method: "bandwidth", "poles", "lqr" or "rule".
+    feedback : tuple of ErrorFeedback
+        Feedback of each joint.
+    inertia : ndarray
+        Typical inertia (r,) in kg m^2 (kg), for which each loop is designed.
+    least_inertia : ndarray
+        Least inertia (r,) of each joint while others are free, over the typical one. The loop's gain margin must be
+        above the inverse.
+    margins : tuple of Margins
+        Margins of each sampled loop alone, with the delay.
+    control_period : float
+        Time in s for which a torque is held.
+    delay : int, default 0
+        Delay of the torque in whole control periods.
+    workspace : Workspace, optional
+        Joint positions whose samples replace 200 random ones.
+    given : Gains, optional
+        Gains that the design was made of.
+
+    Examples
+    --------
+    >>> design = adaptctl.control.GainDesign.from_bandwidth(arm, 6.0)
+    >>> design.gains.damping.shape, len(design.margins)
+    ((2,), 2)
     """
 
     mechanism: Mechanism
@@ -48,20 +67,40 @@ class GainDesign:
     workspace: Workspace | None = None
     given: Gains | None = None
 
+    def __repr__(self) -> str:
+        return f"<GainDesign of {self.mechanism.name!r} by {self.method}>"
+
     @classmethod
     def of_gains(
         cls, mechanism: Mechanism, gains: Gains, workspace: Workspace, *, control_period: float = 1e-3, delay: int = 0
     ) -> GainDesign:
-        """Gain design, a `GainDesign`, of Slotine and Li's `gains` given for the r joints of a `mechanism`, such as
-        those that `adaptctl.tune` finds, judged in a `workspace`, the set of joint positions for which they are meant.
-        `period` is the control period in s, 1 ms by default, `delay` that of the torque in whole periods, 0 by default.
+        """
+        Return the design of given gains.
 
-        With the bandwidth Lambda (1/s), the damping K and the inertia m of a joint its error loop has the poles
-        -Lambda and -K/m: the stiffness is Lambda K/m, the rate Lambda + K/m. m is the median of the joint's entry of
-        the diagonal of what a held torque feels as inertia (`sampled_inertia`) over the workspace's samples: the mass
-        matrix's, and more with viscous friction. Raises `InputError` for gains and a period that are not positive, a
-        delay other than a whole number from 0 to 1000, and where m is not positive; `GainError` where a loop alone
-        cannot be carried by a hold of the period.
+        Parameters
+        ----------
+        mechanism : Mechanism
+            Mechanism with r joints.
+        gains : Gains
+            Gains of Slotine and Li's law, as `tune` finds them.
+        workspace : Workspace
+            Joint positions for which they are meant.
+        control_period : float, default 0.001
+            Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
+        delay : int, default 0
+            Delay of the torque in whole control periods, up to 1000.
+
+        Returns
+        -------
+        GainDesign
+            Design whose joints have error poles at minus bandwidth and minus damping over inertia.
+
+        Raises
+        ------
+        InputError
+            If a gain, period or inertia is not positive, or the delay out of range.
+        GainError
+            If the period is too long for a joint's loop alone.
         """
         delay = whole_number(delay, "delay", 0, 1000)
         Lambda, K = (
@@ -88,14 +127,31 @@ class GainDesign:
         control_period: float = 1e-3,
         delay: int = 0,
     ) -> GainDesign:
-        """Gain design for a `mechanism`, a `GainDesign`, in which each joint's sampled error loop has the poles of a
-        second-order loop. Its undamped natural frequency is `bandwidth` (rad/s), its damping ratio `damping_ratio` (no
-        unit; 1, the default, is critical), each one number or one for each of r joints (r,). `period` is the control
-        period in s, 1 ms by default, `delay` that of the torque in whole periods, 0 by default.
+        """
+        Design the feedback by bandwidth and damping ratio.
 
-        Raises `InputError` for numbers that are not positive or of another shape, for a delay other than a whole number
-        from 0 to 1000, and where a joint's typical inertia, the median of its entry of the mass matrix's diagonal over
-        200 random configurations, is not positive.
+        Parameters
+        ----------
+        mechanism : Mechanism
+            Mechanism with r joints.
+        bandwidth : array_like
+            Undamped natural frequency in rad/s, one number or (r,).
+        damping_ratio : array_like, default 1.0
+            Damping ratio, one number or (r,); 1 is critical.
+        control_period : float, default 0.001
+            Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
+        delay : int, default 0
+            Delay of the torque in whole control periods, up to 1000.
+
+        Returns
+        -------
+        GainDesign
+            Design whose sampled loops have the poles of these second-order loops.
+
+        Raises
+        ------
+        InputError
+            If a number or a typical inertia is not positive, a shape is wrong, or the delay out of range.
         """
         rates, ratios = (
             positive_per_joint(values, mechanism.dof, what)
@@ -109,13 +165,29 @@ class GainDesign:
     def from_poles(
         cls, mechanism: Mechanism, poles: Sequence[complex], *, control_period: float = 1e-3, delay: int = 0
     ) -> GainDesign:
-        """Gain design for a `mechanism`, a `GainDesign`, with the same two continuous-time `poles` (1/s) at each
-        joint's error loop, real or a conjugate pair, with negative real parts. `period` is the control period in s, 1
-        ms by default, `delay` that of the torque in whole periods, 0 by default.
+        """
+        Design the feedback by two poles, the same for every joint.
 
-        Raises `InputError` for other poles, a period that is not positive, a delay other than a whole number from 0 to
-        1000, and where a joint's typical inertia, the median of its entry of the mass matrix's diagonal over 200 random
-        configurations, is not positive.
+        Parameters
+        ----------
+        mechanism : Mechanism
+            Mechanism with r joints.
+        poles : sequence of complex
+            Two continuous-time poles in 1/s, real or conjugate, with negative real parts.
+        control_period : float, default 0.001
+            Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
+        delay : int, default 0
+            Delay of the torque in whole control periods, up to 1000.
+
+        Returns
+        -------
+        GainDesign
+            Design whose sampled loops have these poles.
+
+        Raises
+        ------
+        InputError
+            If the poles are others, a period or typical inertia is not positive, or the delay out of range.
         """
         feedback = ErrorFeedback.from_poles(poles, control_period)
         return _design(mechanism, "poles", [feedback] * mechanism.dof, control_period, delay)
@@ -131,27 +203,41 @@ class GainDesign:
         control_period: float = 1e-3,
         delay: int = 0,
     ) -> GainDesign:
-        """Gain design for a `mechanism`, a `GainDesign`, by the linear-quadratic regulator (infinite horizon) at each
-        joint. The weights are `position` of e^2 in 1/rad^2, `velocity` of e'^2 in s^2/rad^2, 0 by default, and `effort`
-        of e''^2 in s^4/rad^2, 1 by default (m for rad at a prismatic joint), e the joint's error and primes derivatives
-        in time; only their ratios count. `period` is the control period in s, 1 ms by default, `delay` that of the
-        torque in whole periods, 0 by default.
+        """
+        Design the feedback as a linear-quadratic regulator.
 
-        Raises `InputError` for a `position` or `effort` that is not positive, a negative `velocity`, weights too far
-        apart for the Riccati equation to be solved at this period, a period that is not positive, a delay other than a
-        whole number from 0 to 1000, and where a joint's typical inertia, the median of its entry of the mass matrix's
-        diagonal over 200 random configurations, is not positive.
+        Parameters
+        ----------
+        mechanism : Mechanism
+            Mechanism with r joints.
+        position : float
+            Weight of the squared error in 1/rad^2 (1/m^2).
+        velocity : float, default 0.0
+            Weight of the squared error rate in s^2/rad^2 (s^2/m^2).
+        effort : float, default 1.0
+            Weight of the squared acceleration in s^4/rad^2 (s^4/m^2). Only ratios of weights count.
+        control_period : float, default 0.001
+            Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
+        delay : int, default 0
+            Delay of the torque in whole control periods, up to 1000.
+
+        Returns
+        -------
+        GainDesign
+            Design with the regulator of an infinite horizon at every joint.
+
+        Raises
+        ------
+        InputError
+            If a weight is out of range or weights are too far apart, a period or typical inertia is not positive, or
+            the delay out of range.
         """
         feedback = ErrorFeedback.from_lqr(position, velocity, effort, control_period)
         return _design(mechanism, "lqr", [feedback] * mechanism.dof, control_period, delay)
 
     @property
     def gains(self) -> Gains:
-        """Slotine and Li's gains of this design for r joints, a `Gains`. Its bandwidth Lambda (r,) in 1/s is the slower
-        of the two decay rates of each joint's error loop; its damping K (r,) in N m s/rad (N s/m if prismatic) is the
-        faster one times the joint's typical inertia, for which the loop is designed. Raises `InputError` where a
-        joint's poles are complex, that is, where the property `damped_enough` is False. For a design that was made of
-        gains they are these."""
+        """Gains of Slotine and Li's law. Raises `InputError` for complex poles."""
         if self.given is not None:
             return self.given
         rates = np.array([feedback.cascaded for feedback in self.feedback])
@@ -159,36 +245,27 @@ class GainDesign:
 
     @property
     def is_well_damped(self) -> bool:
-        """True if every joint's error loop counts as one of two real poles, so that the property `gains`, Slotine and
-        Li's gains, exists. The criterion is 1/zeta^2 - 1 <= 0.02 + omega T_c, with a loop's damping ratio zeta, its
-        undamped natural frequency omega (rad/s) and the control period T_c (s)."""
+        """True if `gains` exists: all poles count as real."""
         return self.given is not None or all(feedback.is_cascade for feedback in self.feedback)
 
     @property
     def bandwidth(self) -> Array:
-        """Undamped natural frequencies (r,), rad/s, of this design's continuous-time error loops of r joints: the
-        argument `bandwidth` of `ComputedTorque`."""
+        """Undamped natural frequencies (r,), rad/s."""
         return np.array([feedback.bandwidth for feedback in self.feedback])
 
     @property
     def damping_ratio(self) -> Array:
-        """Damping ratios (r,), without a unit, of this design's continuous-time error loops of r joints; 1 is
-        critical."""
+        """Damping ratios (r,)."""
         return np.array([feedback.damping_ratio for feedback in self.feedback])
 
     @property
     def damping(self) -> Array:
-        """Velocity gains (r,), N m s/rad (N s/m for a prismatic joint), of this design's error loops of r joints. Each
-        is the rate (1/s) of the feedback e'' = -stiffness e - rate e' of a joint's error e, primes being derivatives in
-        time, times the joint's typical inertia, for which the loop is designed."""
+        """Velocity gains (r,), N m s/rad (N s/m)."""
         return self.inertia * np.array([feedback.rate for feedback in self.feedback])
 
     @property
     def sampled_gain(self) -> float:
-        """The greatest sampled gain T_c lambda_max(M^-1 K), without a unit, that a local search over all positions
-        within the joints' limits finds. T_c is the control period, lambda_max the largest eigenvalue, M the mass matrix
-        and K the velocity gains, the property `damping`: a torque held over T_c is stable below 2, and below 1 with a
-        delay of one period. The search starts from the worst of 200 random positions."""
+        """Greatest T_c lambda_max(M^-1 K), stable below 2 without delay."""
         if (own := self.given) is not None:
             return sampling_ratio(
                 self.mechanism, own.damping, self.control_period, own.bandwidth, workspace=self.workspace
@@ -197,25 +274,17 @@ class GainDesign:
 
     @property
     def largest_sampled_gain(self) -> float:
-        """The largest sampled gain T_c lambda_max(M^-1 K), without a unit, that is allowed: three quarters of the limit
-        of stability of a held torque. It is 1.5 without delay, 0.75 with a delay of one period, less with more. T_c is
-        the control period, lambda_max the largest eigenvalue, M the mass matrix and K the damping."""
+        """Largest `sampled_gain` allowed, three quarters of the limit."""
         return largest_with_delay(self.delay)
 
     @property
     def max_gain(self) -> float:
-        """The greatest magnitude (1/s) of the continuous-time poles of all joints' error loops."""
+        """Greatest magnitude of a pole, 1/s."""
         return max(abs(pole) for feedback in self.feedback for pole in feedback.poles)
 
     @property
     def max_bandwidth(self) -> float:
-        """The largest factor, without a unit, by which all poles may be multiplied with the sampled gain still allowed:
-        below 1 where it is too large already.
-
-        The sampled gain T_c lambda_max(M^-1 K), with the control period T_c, the largest eigenvalue lambda_max, the
-        mass matrix M and the damping K, is allowed up to the property `largest_sampled_gain`, 1.5 without delay. The
-        factor is infinite where even a deadbeat loop is allowed, 0 where none is, as where M is not positive definite.
-        """
+        """Largest allowed factor of all poles, 0 to infinity."""
         if self.given is not None:  # the sampling ratio is in proportion to both gains
             return self.largest_sampled_gain / self.sampled_gain
 
@@ -225,7 +294,7 @@ class GainDesign:
             )
             return sampled_gain(self.mechanism, self.inertia * rates, self.control_period) - self.largest_sampled_gain
 
-        slowest, quickest = (float(np.log(angle / (self.max_gain * self.control_period))) for angle in SEARCHED)
+        slowest, quickest = (float(np.log(angle / (self.max_gain * self.control_period))) for angle in POLE_ANGLE_RANGE)
         if excess(quickest) <= 0.0:
             return np.inf
         if excess(slowest) > 0.0:
@@ -233,10 +302,24 @@ class GainDesign:
         return float(np.exp(brentq(excess, slowest, quickest, xtol=1e-6)))
 
     def check_sample_time(self) -> GainDesign:
-        """This gain design itself, if its sampled gain T_c lambda_max(M^-1 K), without a unit, is allowed: at most the
-        property `largest_sampled_gain`, 1.5 without delay. T_c is the control period, lambda_max the largest
-        eigenvalue, M the mass matrix and K the damping; the gain is the property `sampled_gain`. Raises `GainError`
-        otherwise, whose message says which gains the period allows."""
+        """
+        Return the design if its sampled gain is allowed.
+
+        Returns
+        -------
+        GainDesign
+            The design itself.
+
+        Raises
+        ------
+        GainError
+            If the gain is too large; the message says which gains the period allows.
+
+        Examples
+        --------
+        >>> adaptctl.control.GainDesign.from_bandwidth(arm, 6.0).check_sample_time().method
+        'bandwidth'
+        """
         if not self.sampled_gain <= self.largest_sampled_gain:
             late = f" and a delay of {self.delay} periods" if self.delay else ""
             raise GainError(
@@ -252,14 +335,7 @@ class GainDesign:
 
 
 def largest_with_delay(delay: int) -> float:
-    """The largest sampled gain T_c lambda_max(M^-1 K), without a unit, that is allowed where the torque comes `delay`
-    whole control periods late, 0 or more. It is three quarters of the limit of stability: 1.5 without delay, 0.75 with
-    one period. T_c is the control period, M the mass matrix, K the velocity gains, lambda_max the largest eigenvalue.
-    Nothing is checked.
-
-    A velocity that is held and fed back d periods late, with the characteristic equation z^(d+1) - z^d + g = 0, is
-    stable for sampled gains g below 2 sin(pi/(2(2d + 1))): 2, 1, 0.62, ... (Levin and May 1976).
-    """
+    """Largest sampled gain with a delay, 3/4 of the limit (Levin and May 1976)."""
     limit = 2.0 * float(np.sin(np.pi / (2.0 * (2.0 * delay + 1.0))))
     return 0.5 * MAX_SAMPLING_RATIO * limit
 
@@ -267,7 +343,6 @@ def largest_with_delay(delay: int) -> float:
 def _design(
     mechanism: Mechanism, method: str, feedback: Sequence[ErrorFeedback], control_period: float, delay: int
 ) -> GainDesign:
-    """The design with each joint's feedback. Raises `InputError` for a wrong delay and where an inertia is none."""
     delay = whole_number(delay, "delay", 0, 1000)
     found = _margins(feedback, delay)
     inertia, least = _inertias(mechanism, everywhere(mechanism).mass_matrices)
@@ -275,7 +350,7 @@ def _design(
 
 
 def _inertias(mechanism: Mechanism, M: Array) -> tuple[Array, Array]:
-    """Typical inertia (r,) of each joint in mass matrices (S, r, r), and the least with all others free, over it."""
+    """Typical inertias (r,), and the least with other joints free over these."""
     inertia = np.median(np.diagonal(M, axis1=-2, axis2=-1), axis=0)
     if np.any(inertia <= 0.0):
         raise InputError(f"{mechanism.name}: gains need a positive inertia at every joint, got {inertia}")
@@ -284,6 +359,5 @@ def _inertias(mechanism: Mechanism, M: Array) -> tuple[Array, Array]:
 
 
 def _margins(feedback: Sequence[ErrorFeedback], delay: int) -> tuple[Margins, ...]:
-    """Margins of each loop, found once for equal ones."""
     known = {one: margins(one.loop(delay)) for one in dict.fromkeys(feedback)}
     return tuple(known[one] for one in feedback)

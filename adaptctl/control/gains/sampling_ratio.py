@@ -1,4 +1,4 @@
-"""The sampling ratio: how much velocity feedback a torque that is held over the control period carries."""
+"""Sampling ratio of a held torque."""
 
 from __future__ import annotations
 
@@ -18,26 +18,28 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError, validate_kind
 from adaptctl.scalars import column
 
-MAX_SAMPLING_RATIO = 1.5
-"""A torque held over T_c is stable while the sampling ratio is below 2; the rest is a margin."""
-DEFINITE = 1e-12
-"""Least eigenvalue of a mass matrix, its diagonal scaled to 1, that is positive beyond round-off."""
+MAX_SAMPLING_RATIO = 1.5  # a held torque is stable below 2; the rest is a margin
+MIN_EIGENVALUE = 1e-12  # of a mass matrix scaled to a unit diagonal: positive beyond round-off
 
 
 @sent_as_made
 class SamplingRatio(NamedTuple):
-    """Record of the greatest sampling ratio that a search over a set of joint positions found. `value` is that number,
-    without a unit, `p` (r,), rad (m if prismatic), the positions of the r joints where it was found, and `joint` the
-    name of the joint that rings most there.
+    """
+    Greatest sampling ratio that a search found, and where.
 
-    The sampling ratio is T_c lambda_max(M^-1 (K + M^ Lambda)), and a held torque is stable while it is below 2. T_c is
-    the control period in s, M the mass matrix, M^ the estimated one, K the damping in N m s/rad (N s/m), Lambda the
-    bandwidth in 1/s and lambda_max the largest eigenvalue; where eigenvalues l are complex, the greatest |l|^2/Re l.
-    The search (`Workspace.maximum`) is a local one that starts at the worst samples of the set, by default 200 random
-    positions within the joints' limits. `joint` has the largest entry of sqrt(K) x, x being the eigenvector of the
-    eigenvalue with the greatest real part; where `value` is infinite, it has the least diagonal entry of M, if that is
-    not positive, or else the largest entry of the eigenvector of the least eigenvalue of M, scaled to a unit diagonal.
-    Nothing is checked.
+    Parameters
+    ----------
+    value : float
+        Sampling ratio without a unit, stable below 2.
+    p : ndarray
+        Positions (r,) in rad (m) where it was found.
+    joint : str
+        Joint that rings most there.
+
+    Examples
+    --------
+    >>> adaptctl.control.sampling_ratio(arm, [6.0, 2.0], period).joint in ("shoulder", "elbow")
+    True
     """
 
     value: float
@@ -54,23 +56,45 @@ def sampling_ratio(
     estimate: ArrayLike | None = None,
     workspace: Workspace | None = None,
 ) -> SamplingRatio:
-    """The greatest sampling ratio T_c lambda_max(M^-1 (K + M^ Lambda)), without a unit, and the positions where it is,
-    a `SamplingRatio`, by a local search over `workspace`. A torque held over the control period T_c is stable while the
-    number is below 2.
+    r"""
+    Compute the greatest sampling ratio over joint positions.
 
-    lambda_max is the largest eigenvalue (where eigenvalues l are complex, the greatest |l|^2/Re l), M the mass matrix
-    of the `mechanism`, `damping` K in N m s/rad (N s/m if prismatic) and `bandwidth` Lambda in 1/s, 0 by default, each
-    one number or one for each of r joints (r,); `period` is T_c in s. Slotine and Li's law feeds back -K v, v the
-    joints' velocities, and within its reference acceleration -M^ Lambda v, where M^ is the mass matrix of the
-    `estimate` (P,) of all P inertial and friction parameters, SI units, in the order of `parameter_names`, None for the
-    mechanism's own. From one period to the next v becomes (1 - T_c M^-1 (K + M^ Lambda)) v, which grows, with
-    alternating signs, where the number is above 2. The number is infinite where M is not positive definite, and where
-    an eigenvalue has a real part of 0 or less. The search starts at the worst samples of `workspace`, a set of joint
-    positions, None for 200 random ones within the joints' limits.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with r joints.
+    damping : array_like
+        Damping K in N m s/rad (N s/m for a prismatic joint), one number or (r,).
+    control_period : float
+        Time in s for which a torque is held.
+    bandwidth : array_like, default 0.0
+        Bandwidth Lambda in 1/s, one number or (r,).
+    estimate : array_like, optional
+        All inertial and friction parameters (P,) of the estimate in SI units, the mechanism's own unless given.
+    workspace : Workspace, optional
+        Joint positions that are searched. Unless given, 200 random ones within the joints' limits start the search.
 
-    Viscous friction with coefficients B acts within the period: M is then replaced by M (X/2) coth(X/2), X = T_c M^-1
-    B, for which the limit of 2 is exact. Raises `InputError` unless damping and period are positive, the bandwidth at
-    least 0 and all finite, and on a wrong shape.
+    Returns
+    -------
+    SamplingRatio
+        Greatest value, positions and joint. It is infinite if the mass matrix is not positive definite.
+
+    Raises
+    ------
+    InputError
+        If damping or period is not positive, the bandwidth negative, a number not finite, or a shape wrong.
+
+    Notes
+    -----
+    .. math:: T_c\lambda_{\max}(M^{-1}(K+\hat M\Lambda)).
+
+    Velocities with a held torque are multiplied by one minus this matrix in every period. Viscous friction B replaces M
+    by :math:`M(X/2)\coth(X/2)`, :math:`X=T_cM^{-1}B`.
+
+    Examples
+    --------
+    >>> adaptctl.control.sampling_ratio(arm, [6.0, 2.0], period, bandwidth=5.0).value < 1.5
+    True
     """
     validate_kind(mechanism, Mechanism, "sampling ratio", "as load(...) gives one")
     validate_period(control_period)
@@ -103,28 +127,27 @@ def _searched(
         # T_c M^-1 (K + M lambda) = T_c (k M^-1 (K/k) + lambda): one search for all K in proportion and all such Lambda
         unit = _of_proportion(mechanism, workspace, tuple(float(f"{x:.14g}") for x in K / K.max()))
         return unit._replace(value=control_period * (float(K.max()) * unit.value + bandwidth[0]))
-    return _kept(mechanism, workspace, damping, bandwidth, control_period, estimate)
+    return _stored(mechanism, workspace, damping, bandwidth, control_period, estimate)
 
 
 @lru_cache(maxsize=64)
 def _of_proportion(mechanism: Mechanism, workspace: Workspace | None, damping: tuple[float, ...]) -> SamplingRatio:
-    """The sampling ratio without a bandwidth, for a period of 1 s."""
-    return _kept(mechanism, workspace, damping, (0.0,) * len(damping), 1.0, None)
+    """Sampling ratio of a period of 1 s without bandwidth."""
+    return _stored(mechanism, workspace, damping, (0.0,) * len(damping), 1.0, None)
 
 
-def _kept(mechanism: Mechanism, workspace: Workspace | None, *settings: Any) -> SamplingRatio:
-    """The sampling ratio; over all that the limits allow it is searched once, also for later processes."""
+def _stored(mechanism: Mechanism, workspace: Workspace | None, *settings: Any) -> SamplingRatio:
+    """Sampling ratio, stored for later processes without a workspace."""
     if workspace is not None:
         return _found(workspace, *settings)
     inputs = [mechanism.description.sha256, *settings]
     value, p, joint = kept(
-        "sampling ratio", inputs, tuple[float, list[float], str], lambda: _plain(mechanism, *settings)
+        "sampling ratio", inputs, tuple[float, list[float], str], lambda: _in_json_types(mechanism, *settings)
     )
     return SamplingRatio(value, frozen(np.array(p)), joint)
 
 
-def _plain(mechanism: Mechanism, *settings: Any) -> tuple[float, list[float], str]:
-    """The same in JSON's types."""
+def _in_json_types(mechanism: Mechanism, *settings: Any) -> tuple[float, list[float], str]:
     value, p, joint = _found(everywhere(mechanism), *settings)
     return value, p.tolist(), joint
 
@@ -143,9 +166,9 @@ def _found(
         M = workspace.mass_matrices if p is workspace.samples else mechanism.mass_matrix(p)
         return _feedback(mechanism, p, M, K, L, control_period, parameters)
 
-    worst = workspace.maximum(lambda p: _hold_numbers(feedback(p)))
+    worst = workspace.maximum(lambda p: _ratios_of(feedback(p)))
     if np.isinf(worst.value):
-        return SamplingRatio(np.inf, worst.p, mechanism.primary_joints[_weightless(mechanism, worst.p)].name)
+        return SamplingRatio(np.inf, worst.p, mechanism.primary_joints[_lightest_joint(mechanism, worst.p)].name)
     values, vectors = np.linalg.eig(feedback(worst.p[None])[0])
     joint = int(np.abs(vectors[:, values.real.argmax()] * np.sqrt(K)).argmax())
     return SamplingRatio(worst.value, worst.p, mechanism.primary_joints[joint].name)
@@ -160,23 +183,11 @@ def sampling_ratios(
     *,
     estimate: ArrayLike | None = None,
 ) -> Array:
-    """Sampling ratios T_c lambda_max(M^-1 (K + M^ Lambda)) (...), without a unit, at given positions `p` (..., r) of
-    the r joints of a `mechanism`, rad (m if prismatic). A torque held over the control period T_c is stable while the
-    number is below 2.
-
-    M is the mass matrix, lambda_max the largest eigenvalue (where eigenvalues l are complex, the greatest |l|^2/Re l),
-    `damping` K in N m s/rad (N s/m) and `bandwidth` Lambda in 1/s, 0 by default, each one number or (r,); `period` is
-    T_c in s. M^ is the mass matrix of the `estimate`, (P,) or (..., P), of all P inertial and friction parameters, SI
-    units, in the order of `parameter_names`, None for the mechanism's own. The number is infinite where M is not
-    positive definite, and where an eigenvalue has a real part of 0 or less. Where there is viscous friction B, M (X/2)
-    coth(X/2) stands in place of the inverted M, X = T_c M^-1 B. Raises `InputError` on a wrong shape of `p`, damping or
-    bandwidth, `NonFiniteError` on NaN in these and infinity in `p`, `SingularityError` near a singularity of the
-    kinematic loops; signs, `period` and `estimate` are not checked.
-    """
+    """Sampling ratios (...) at positions (..., r)."""
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     known = None if estimate is None else np.asarray(estimate, dtype=np.float64)
     p = np.asarray(p, dtype=np.float64)
-    return _hold_numbers(_feedback(mechanism, p, mechanism.mass_matrix(p), K, L, control_period, known))
+    return _ratios_of(_feedback(mechanism, p, mechanism.mass_matrix(p), K, L, control_period, known))
 
 
 def _feedback(
@@ -188,9 +199,9 @@ def _feedback(
     control_period: float,
     estimate: Array | None,
 ) -> Array:
-    """T_c M^-1 (K + M^ Lambda) (..., r, r), infinite where M is not positive definite."""
+    """T_c M^-1 (K + M^ Lambda), infinite where M is not positive definite."""
     own = M if estimate is None else mass_matrix_of(mechanism, p, estimate)
-    definite = np.asarray(scaled_eigenvalues(M) > DEFINITE)[..., :1, None]
+    definite = np.asarray(scaled_eigenvalues(M) > MIN_EIGENVALUE)[..., :1, None]
     M = np.where(definite, M, np.eye(mechanism.dof))
     held = np.linalg.solve(
         sampled_inertia(mechanism, p, M, control_period), control_period * (np.diag(damping) + own * bandwidth)
@@ -198,9 +209,8 @@ def _feedback(
     return np.where(definite, held, np.inf)
 
 
-def _hold_numbers(feedback: Array) -> Array:
-    """The radius (...) of the smallest circle through 0, about a point of the real axis, that holds the eigenvalues:
-    the greatest of them where they are real and positive."""
+def _ratios_of(feedback: Array) -> Array:
+    """Greatest eigenvalue, or |l|^2/Re l if complex."""
     finite = np.asarray(np.isfinite(feedback).all(axis=(-2, -1)))
     values = np.linalg.eigvals(np.where(finite[..., None, None], feedback, 0.0))
     damps = np.where(values.real > 0.0, values.real, 1.0)
@@ -209,9 +219,7 @@ def _hold_numbers(feedback: Array) -> Array:
 
 
 def sampled_inertia(mechanism: Mechanism, p: Array, M: Array, control_period: float) -> Array:
-    """Inertia (..., r, r) that a torque feels that is held over the `period` T_c (s), kg m^2 (kg between prismatic
-    joints): M (X/2) coth(X/2), X = T_c M^-1 B, B being the viscous friction of the `mechanism`; without any, M itself.
-    `M` (..., r, r) are its positive definite mass matrices at positions `p` (..., r), rad (m). Nothing is checked."""
+    """Inertia (..., r, r) under a held torque, more than M with viscous friction."""
     columns, D = _viscous(mechanism)
     if not np.any(D):
         return M
@@ -228,27 +236,20 @@ def sampled_inertia(mechanism: Mechanism, p: Array, M: Array, control_period: fl
 
 @lru_cache(maxsize=8)
 def _viscous(mechanism: Mechanism) -> tuple[tuple[int, ...], Array]:
-    """Indices of the parameters of viscous friction, and their values."""
+    """Indices and values of viscous friction."""
     names = mechanism.parameter_names
     columns = tuple(j for j, name in enumerate(names) if name.endswith(f".{DriveParameter.VISCOUS.value}"))
     return columns, frozen(mechanism.inertial_parameters[list(columns)])
 
 
 def mass_matrix_of(mechanism: Mechanism, p: Array, parameters: Array) -> Array:
-    """The mass matrix M (..., r, r) of the r joints of a `mechanism`, kg m^2 (kg between prismatic joints), for given
-    `parameters`. Positions `p` are (..., r), rad (m). The parameters are all P inertial and friction ones, (P,) or
-    (..., P), in SI units; for such as no rigid body has, M need not be positive definite. Raises `InputError` on a
-    wrong shape of `p`, `NonFiniteError` on NaN or infinity in it, `SingularityError` near a singularity of the
-    kinematic loops; the parameters are not checked."""
+    """Mass matrix (..., r, r) of parameters (P,)."""
     rows = mechanism.equations.mass_matrix(column(mechanism.configuration(p)), column(parameters))
     return stacked_rows(rows, p.shape[:-1])
 
 
 def scaled_eigenvalues(M: Array) -> Array:
-    """Eigenvalues (..., r), in ascending order, without a unit, of symmetric matrices `M` (..., r, r), such as mass
-    matrices of r joints, scaled to a diagonal of magnitude 1. Row and column i are divided by sqrt|M_ii|, but not where
-    that is 0. All eigenvalues are above 0 where M is positive definite. NaN and infinity are not looked for; matrices
-    that are not square raise `ValueError`."""
+    """Eigenvalues (..., r) at a unit diagonal."""
     diagonal = np.sqrt(np.abs(np.diagonal(M, axis1=-2, axis2=-1)))
     scale = np.where(diagonal > 0.0, diagonal, 1.0)
     return np.asarray(np.linalg.eigvalsh(M / (scale[..., :, None] * scale[..., None, :])))
@@ -257,14 +258,34 @@ def scaled_eigenvalues(M: Array) -> Array:
 def worst_conditioned_configuration(
     mechanism: Mechanism, parameters: ArrayLike, workspace: Workspace | None = None
 ) -> Worst:
-    """The least eigenvalue of a mass matrix, its diagonal scaled to 1, that a local search over `workspace` finds: a
-    `Worst` with this `value`, without a unit, and the positions `p` (r,) of the r joints, rad (m if prismatic), where
-    it is.
+    """
+    Find where a mass matrix is closest to losing positive definiteness.
 
-    The mass matrix is that of `parameters` (P,), all P inertial and friction parameters of the `mechanism` in SI units
-    and the order of its `parameter_names`; a value above 0 means that it is positive definite wherever the search
-    looked. The search starts from the worst samples of `workspace`, a set of joint positions, None for 200 random ones
-    within the joints' limits. Raises `InputError` for parameters of another shape or not finite.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with r joints.
+    parameters : array_like
+        All inertial and friction parameters (P,) in SI units.
+    workspace : Workspace, optional
+        Joint positions that are searched. Unless given, 200 random ones within the joints' limits start the search.
+
+    Returns
+    -------
+    Worst
+        Least eigenvalue of the mass matrix scaled to a unit diagonal, and the positions (r,). A positive value means
+        positive definite wherever the search looked.
+
+    Raises
+    ------
+    InputError
+        If the parameters have another shape or are not finite.
+
+    Examples
+    --------
+    >>> worst = adaptctl.control.worst_conditioned_configuration(arm, arm.inertial_parameters)
+    >>> worst.value > 0.0, worst.p.shape
+    (True, (2,))
     """
     D = _all_parameters(mechanism, parameters)
     found = workspace_of(mechanism, workspace).maximum(
@@ -274,11 +295,7 @@ def worst_conditioned_configuration(
 
 
 def slowest_decay(mechanism: Mechanism, damping: ArrayLike, workspace: Workspace | None = None) -> float:
-    """The least eigenvalue of M^-1 K, in 1/s, that a local search over `workspace` finds: under the torque -K v all
-    velocities v of the r joints decay at least as fast. M is the mass matrix of the `mechanism`, `damping` K in N m
-    s/rad (N s/m if prismatic), one number or (r,). The search starts from the worst samples of `workspace`, a set of
-    joint positions, None for 200 random ones within the joints' limits. Raises `InputError` for a damping of another
-    shape and `NonFiniteError` for NaN in it; that it is positive is not checked."""
+    """Least eigenvalue of M^-1 K, 1/s."""
     root = 1.0 / np.sqrt(per_joint(damping, mechanism.dof, "damping"))
     found = workspace_of(mechanism, workspace).maximum(
         lambda p: np.asarray(np.linalg.eigvalsh(mechanism.mass_matrix(p) * (root[:, None] * root))[..., -1])
@@ -293,21 +310,7 @@ def validate_sampling_ratio(
     bandwidth: ArrayLike = 0.0,
     workspace: Workspace | None = None,
 ) -> None:
-    """Raise `GainError` where the sampling ratio T_c lambda_max(M^-1 (K + M Lambda)), no unit, is above 1.5 at some
-    position that a local search over `workspace` finds, or the mass matrix M of the `mechanism` is not positive
-    definite there. The message says which gains the period allows.
-
-    T_c is the control `period` (s), over which a held torque is stable below 2, and lambda_max the largest eigenvalue.
-    `damping` is K in N m s/rad (N s/m if prismatic) and `bandwidth` Lambda in 1/s, 0 by default, each one number or
-    (r,) for r joints. The search starts from the worst samples of `workspace`, a set of joint positions, None for 200
-    random ones within the joints' limits. Raises `InputError` unless damping and period are positive, the bandwidth at
-    least 0 and all finite, and on a wrong shape.
-
-    Gains of which none is above gains that were accepted need no search: of M^-1 K + Lambda, similar to S + Lambda with
-    S = K^1/2 M^-1 K^1/2, the greatest eigenvalue l rises with each of K and Lambda. It does with Lambda, by Weyl; and
-    with K, for S becomes D S D, D >= 1 diagonal, and D^-1 u, u being the eigenvector of l, has a Rayleigh quotient of
-    at least l, since l >= Lambda_i.
-    """
+    """Raise `GainError` if the sampling ratio exceeds 1.5; less than accepted gains need no search."""
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     accepted = _accepted(mechanism, workspace, control_period)
     if np.all(K > 0.0) and np.all(L >= 0.0) and any(np.all(more >= K) and np.all(top >= L) for more, top in accepted):
@@ -321,7 +324,6 @@ def validate_sampling_ratio(
 
 @lru_cache(maxsize=64)
 def _accepted(mechanism: Mechanism, workspace: Workspace | None, control_period: float) -> deque[tuple[Array, Array]]:
-    """Dampings and bandwidths of late that the period was found to carry."""
     return deque(maxlen=16)
 
 
@@ -330,7 +332,7 @@ def _refuse(mechanism: Mechanism, found: SamplingRatio, control_period: float, b
     if np.isinf(found.value):
         raise GainError(
             f"{mechanism.name}: the mass matrix is not positive definite everywhere, so no damping can be checked "
-            f"against it: at {where} joint {found.joint} moves {_lightness(mechanism, found.p)}"
+            f"against it: at {where} joint {found.joint} moves {_missing_inertia(mechanism, found.p)}"
         )
     own = control_period * bandwidth
     factor = max(MAX_SAMPLING_RATIO - own, 0.0) / (found.value - own) if found.value > own else 0.0
@@ -345,8 +347,8 @@ def _refuse(mechanism: Mechanism, found: SamplingRatio, control_period: float, b
     )
 
 
-def _weightless(mechanism: Mechanism, p: Array) -> int:
-    """The joint that moves most where M has its least eigenvalue."""
+def _lightest_joint(mechanism: Mechanism, p: Array) -> int:
+    """Joint that moves most where M is least."""
     M = mechanism.mass_matrix(p)
     diagonal = np.diagonal(M)
     if np.any(diagonal <= 0.0):
@@ -355,14 +357,14 @@ def _weightless(mechanism: Mechanism, p: Array) -> int:
     return int(np.abs(np.linalg.eigh(M / np.outer(scale, scale))[1][:, 0]).argmax())
 
 
-def _lightness(mechanism: Mechanism, p: Array) -> str:
-    """A phrase for what a joint moves where the mass matrix is not positive definite, and for the remedy."""
+def _missing_inertia(mechanism: Mechanism, p: Array) -> str:
+    """Phrase for what a joint moves, and the remedy."""
     links, inertia = mechanism.description.inconsistent_links, np.diagonal(mechanism.mass_matrix(p))
-    if links and np.abs(inertia).min() > DEFINITE * np.abs(inertia).max():
+    if links and np.abs(inertia).min() > MIN_EIGENVALUE * np.abs(inertia).max():
         return f"what no rigid body is: give {', '.join(links)} physically consistent parameters"
     return "nothing: give it a link with inertia, or a rotor"
 
 
 def validate_period(control_period: float) -> None:
-    """Raise `InputError` unless the control `period`, a number in s, is positive and finite."""
+    """Raise `InputError` unless the period is positive."""
     positive_number(control_period, "control period: expected a positive time in s")

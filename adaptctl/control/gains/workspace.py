@@ -1,4 +1,4 @@
-"""Configurations at which gains are to hold, and the search for the worst of them."""
+"""Joint positions for which gains are checked."""
 
 from __future__ import annotations
 
@@ -15,23 +15,15 @@ from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
 
-TURNS = 4.0 * np.pi
-"""rad (m): limits farther apart than two turns are none"""
-STARTS, STARTS_WITH_LOOPS, ROUNDS, RANDOM_MOVES = 6, 2, 14, 12
-MOST_SAMPLES = 1_000_000
-LARGEST_MOVE = 0.25
-"""of the range of each joint, in the first round"""
-APART = 0.2
-"""of the range of some joint, from one start to the other"""
+MAX_RANGE = 4.0 * np.pi  # rad (m): limits more than two turns apart count as none
+SEARCH_STARTS, SEARCH_STARTS_WITH_LOOPS, SEARCH_ROUNDS, RANDOM_MOVES = 6, 2, 14, 12
+MAX_SAMPLES = 1_000_000
+MAX_MOVE = 0.25  # of each joint's range, in the first round
+MIN_START_DISTANCE = 0.2  # of some joint's range, between two starts
 
 
 def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Array:
-    """Random positions (S, r) of the `mechanism`'s r joints within their limits, rad (m if prismatic). `samples` of
-    them, 200 by default, are drawn uniformly by `seed`, 0 by default; those where kinematic loops cannot be closed are
-    left out, so that S remain. A missing lower limit counts as the lesser of -pi rad (-1 m) and the upper one less pi
-    rad (1 m), a missing upper one as the greater of pi rad (1 m) and the lower one plus pi rad (1 m), and limits more
-    than 4 pi rad (m) apart as missing. Equal seeds draw equal positions. Raises `InputError` where loops can be closed
-    at none of them; `samples`, at least 1, and `seed` are not checked."""
+    """Random positions (S, r) within the limits, where loops close."""
     p = np.random.default_rng(seed).uniform(*position_range(mechanism), (samples, mechanism.dof))
     p = p[reachable(mechanism, p)]
     if not len(p):
@@ -43,10 +35,7 @@ def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int =
 
 
 def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
-    """The least and the greatest position of each of the r joints of a `mechanism`, two arrays (r,), rad (m if
-    prismatic): its limits. A missing lower one is min(-pi, upper - pi) rad (min(-1, upper - 1) m), a missing upper one
-    max(pi, lower + pi) rad (max(1, lower + 1) m), so that a joint without limits has -pi and pi rad (-1 and 1 m).
-    Limits that are more than 4 pi rad (m) apart count as missing. Nothing is checked."""
+    """Lower and upper positions (r,), about a turn where limits are missing."""
     lower, upper = _limits(mechanism)
     wide = np.array([np.pi if joint.kind.is_revolute else 1.0 for joint in mechanism.primary_joints])
     return np.where(np.isinf(lower), np.minimum(-wide, upper - wide), lower), np.where(
@@ -55,18 +44,15 @@ def position_range(mechanism: Mechanism) -> tuple[Array, Array]:
 
 
 def _limits(mechanism: Mechanism) -> Array:
-    """Lower and upper limits (2, r) of the joints, infinite where there is none or they are too far apart to be any."""
+    """Limits (2, r), infinite where missing or too far apart."""
     limits = [joint.limits for joint in mechanism.primary_joints]
     ends = np.array([(b.lower, b.upper) for b in limits]).reshape(-1, 2).T
-    absurd = np.isfinite(ends).all(axis=0) & (ends[1] - ends[0] > TURNS)
+    absurd = np.isfinite(ends).all(axis=0) & (ends[1] - ends[0] > MAX_RANGE)
     return np.where(absurd, [[-np.inf], [np.inf]], ends)
 
 
 def reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
-    """Mask (samples,) of bools: True where the mechanism's kinematic loops can be closed at positions p (samples, r) of
-    its r primary (independent) joints, rad (m if prismatic). They can if the straight path to p from the mechanism's
-    reference configuration comes to no singularity, and p is within the bounds on weighted sums of joint positions that
-    the mechanism's description states. It is True everywhere without loops. Shapes and numbers of p are not checked."""
+    """Mask (samples,) of positions where loops close."""
     if mechanism.continuation is None:
         return np.ones(len(p), dtype=np.bool_)
     allowed = np.asarray(mechanism.description.within_conditions(p))
@@ -75,9 +61,7 @@ def reachable(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
 
 
 class Worst(NamedTuple):
-    """Record of the extreme value of a function that a search over joint positions found: `value`, in the unit of the
-    function, and the positions `p` (r,) of the r joints, rad (m if prismatic), where it is. It is the greatest value,
-    or the least where the function that returns it says so. Nothing is checked."""
+    """Extreme value of a function, and its positions (r,)."""
 
     value: float
     p: Array
@@ -85,32 +69,59 @@ class Worst(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """Set of joint positions of a `mechanism` of r joints, given by samples and a box about each, over which the worst
-    case of gains is sought. `samples` (S, r) are S positions; `lower` and `upper` (S, r) are the bounds within which a
-    search that starts at each sample stays; all in rad (m if prismatic). Nothing is checked."""
+    """
+    Joint positions for which gains are checked: samples, and a box about each.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with r joints.
+    samples : ndarray
+        Positions (S, r) in rad (m).
+    lower, upper : ndarray
+        Bounds (S, r) of a search from each sample in rad (m).
+
+    Examples
+    --------
+    >>> workspace = adaptctl.control.Workspace.along(arm, reference(np.linspace(0.0, 4.0, 20)).p, margin=0.1)
+    >>> adaptctl.SlotineLi(model, 5.0, [6.0, 2.0], workspace=workspace).workspace.samples.shape
+    (20, 2)
+    """
 
     mechanism: Mechanism
     samples: Array
     lower: Array
     upper: Array
 
+    def __repr__(self) -> str:
+        return f"<Workspace of {self.mechanism.name!r}: {len(self.samples)} samples>"
+
     @classmethod
     def within_limits(cls, mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Workspace:
-        """Set of all joint positions that the limits of a `mechanism` of r joints allow, a `Workspace`, sampled at
-        random. `samples` positions, 200 by default, are drawn uniformly by `seed`, 0 by default, equal for equal seeds;
-        those at which kinematic loops cannot be closed are left out.
+        """
+        Return all positions within the joints' limits, in random samples.
 
-        Samples are within [low, high] of each joint: its limits, in rad (m if prismatic), of which a missing low is
-        min(-pi, high - pi) rad (min(-1, high - 1) m) and a missing high max(pi, low + pi) rad (max(1, low + 1) m).
-        Limits more than 4 pi rad (m) apart count as missing. A search, such as that of the method `highest`, may leave
-        a sample for any position in [low, high], which for a revolute joint is widened by pi rad on each side without a
-        limit, so that it does not stop at the end of the sampled turn.
+        Parameters
+        ----------
+        mechanism : Mechanism
+            Mechanism with r joints.
+        samples : int, default 200
+            Number of samples, up to 1,000,000, less those where kinematic loops cannot be closed.
+        seed : int, default 0
+            Seed of the samples.
 
-        Raises `InputError` unless `samples` is a whole number from 1 to 1,000,000 and `seed` one from 0 to 2^32 - 1,
-        and where loops can be closed at none of the samples.
+        Returns
+        -------
+        Workspace
+            Samples within the limits; a missing limit is pi rad (1 m) beyond zero and the other limit.
+
+        Raises
+        ------
+        InputError
+            If a number is out of range, or loops can be closed at none of the samples.
         """
         validate_kind(mechanism, Mechanism, "workspace", "as load(...) gives one")
-        samples = whole_number(samples, "workspace: samples", 1, MOST_SAMPLES)
+        samples = whole_number(samples, "workspace: samples", 1, MAX_SAMPLES)
         seed = whole_number(seed, "workspace: seed", 0, 2**32 - 1)
         p = sampled_configurations(mechanism, samples, seed)
         turns = [joint.kind.is_revolute for joint in mechanism.primary_joints]
@@ -120,14 +131,29 @@ class Workspace:
 
     @classmethod
     def along(cls, mechanism: Mechanism, p: ArrayLike, margin: float = 0.2) -> Workspace:
-        """Set of joint positions near a reference, a `Workspace`: its samples are S positions `p` (S, r) on the
-        reference, in rad (m if prismatic), and a search stays within `margin` rad (m), 0.2 by default, of a sample in
-        each of the r joints of the `mechanism`. Positions at which kinematic loops cannot be closed are left out.
+        """
+        Return the positions near those of a reference.
 
-        Gains that would be too large near a singularity of the wrist or with the arm folded are accepted where the
-        reference keeps clear of these. Raises `InputError` for a margin that is negative or not finite and for a wrong
-        shape, and where loops can be closed at none of the positions, `NonFiniteError` for positions that are not
-        finite.
+        Parameters
+        ----------
+        mechanism : Mechanism
+            Mechanism with r joints.
+        p : array_like
+            Positions (S, r) of the reference in rad (m), of which those where loops cannot be closed are left out.
+        margin : float, default 0.2
+            Largest distance in rad (m) from a sample in each joint.
+
+        Returns
+        -------
+        Workspace
+            Samples on the reference, so that singularities elsewhere do not limit gains.
+
+        Raises
+        ------
+        InputError
+            If the margin is negative, the shape wrong, or loops can be closed nowhere.
+        NonFiniteError
+            If a position is not finite.
         """
         if not 0.0 <= real_number(margin, "workspace: margin") < np.inf:
             raise InputError(f"workspace: margin: expected at least 0 rad, got {margin}")
@@ -139,32 +165,38 @@ class Workspace:
 
     @cached_property
     def mass_matrices(self) -> Array:
-        """Mass matrices M (S, r, r) at the S samples of this set of positions of r joints, in kg m^2 (kg between
-        prismatic joints). They are computed once, since with kinematic loops they take seconds. Raises
-        `SingularityError` near a singularity of the loops."""
+        """Mass matrices (S, r, r) at the samples."""
         return frozen(self.mechanism.mass_matrix(self.samples))
 
     def maximum(self, value: Callable[[Array], Array]) -> Worst:
-        """The greatest value of the function `value` that a pattern search over this set of joint positions finds, a
-        `Worst`: this value and the positions `p` (r,) of the r joints, rad (m if prismatic), where it is. The function
-        maps N positions (N, r), rad (m), to N numbers (N,), finite or infinite. What it raises goes through; nothing
-        else is checked.
+        """
+        Find the greatest value of a function by a pattern search.
 
-        The search starts at 6 samples (2 with kinematic loops) of greatest value, where possible apart by more than a
-        fifth of some joint's range, and takes up to 14 rounds of steps, each joint by itself and 12 random directions,
-        within the bounds of these samples. The samples alone do not tell: take the greatest eigenvalue of M^-1 K, M the
-        mass matrix and K the damping. The largest of some hundred samples is nine tenths of the maximum in the median
-        case, and less than half of it for an arm whose wrist folds.
+        Parameters
+        ----------
+        value : callable
+            Function from positions (N, r) in rad (m) to numbers (N,).
+
+        Returns
+        -------
+        Worst
+            Greatest value and positions. The samples alone often have less than nine tenths of it.
+
+        Examples
+        --------
+        >>> workspace = adaptctl.control.Workspace.within_limits(arm)
+        >>> workspace.maximum(lambda p: np.cos(p[:, 0])).value > 0.99
+        True
         """
         found = value(self.samples)
-        start = self._apart(np.argsort(found)[::-1])
+        start = self._starts(np.argsort(found)[::-1])
         lower, upper, p, best = self.lower[start], self.upper[start], self.samples[start], found[start]
-        step, moves, each = LARGEST_MOVE * (upper - lower), self._moves, np.arange(len(start))
-        for _ in range(ROUNDS):
+        step, moves, each = MAX_MOVE * (upper - lower), self._moves, np.arange(len(start))
+        for _ in range(SEARCH_ROUNDS):
             if np.isinf(best).any() or not step.any():  # there is nothing greater, or nowhere to go
                 break
             near = np.clip(p[:, None] + moves * step[:, None], lower[:, None], upper[:, None])
-            reached = self._valued(value, near.reshape(-1, p.shape[1])).reshape(near.shape[:2])
+            reached = self._values(value, near.reshape(-1, p.shape[1])).reshape(near.shape[:2])
             chosen = reached.argmax(axis=1)
             better = reached[each, chosen] > best
             p = np.where(better[:, None], near[each, chosen], p)
@@ -173,20 +205,20 @@ class Workspace:
         worst = int(best.argmax())
         return Worst(float(best[worst]), frozen(p[worst].copy()))
 
-    def _apart(self, order: NDArray[np.intp]) -> NDArray[np.intp]:
-        """The first few in an order of samples that lie apart, as far as there are such."""
-        most = STARTS if self.mechanism.continuation is None else STARTS_WITH_LOOPS
+    def _starts(self, order: NDArray[np.intp]) -> NDArray[np.intp]:
+        """First of an order of samples that are apart, as far as possible."""
+        most = SEARCH_STARTS if self.mechanism.continuation is None else SEARCH_STARTS_WITH_LOOPS
         scale = np.maximum(np.ptp(self.samples, axis=0), 1e-12)
         chosen, near = [order[0]], list[np.intp]()
         for k in order[1:]:
             away = np.abs(self.samples[chosen] - self.samples[k]) / scale
-            (chosen if np.all(away.max(axis=1) > APART) else near).append(k)
+            (chosen if np.all(away.max(axis=1) > MIN_START_DISTANCE) else near).append(k)
             if len(chosen) == most:
                 break
         return np.array((chosen + near)[:most])
 
-    def _valued(self, value: Callable[[Array], Array], p: Array) -> Array:
-        """Values of positions, minus infinity where loops cannot be."""
+    def _values(self, value: Callable[[Array], Array], p: Array) -> Array:
+        """Values, minus infinity where loops do not close."""
         reached = np.full(len(p), -np.inf)
         allowed = reachable(self.mechanism, p)
         reached[allowed] = value(p[allowed])
@@ -194,7 +226,7 @@ class Workspace:
 
     @cached_property
     def _moves(self) -> Array:
-        """Moves (m, r): each joint to either side, by a whole step and by a part, and some of all joints together."""
+        """Moves (m, r): single joints and random directions."""
         unit = np.eye(self.mechanism.dof)
         together = np.random.default_rng(0).normal(size=(RANDOM_MOVES, self.mechanism.dof))
         together /= np.linalg.norm(together, axis=1, keepdims=True)
@@ -203,17 +235,12 @@ class Workspace:
 
 @lru_cache(maxsize=8)
 def everywhere(mechanism: Mechanism) -> Workspace:
-    """Set of all joint positions that the limits of a `mechanism` of r joints allow, a `Workspace`, in 200 random
-    samples, the same in every call, less those at which kinematic loops cannot be closed. The sets of the last 8
-    mechanisms are kept, so that the next call returns the same object at once. Raises `InputError` where loops can be
-    closed at none of the samples."""
+    """Workspace of all positions within the limits."""
     return Workspace.within_limits(mechanism)
 
 
 def workspace_of(mechanism: Mechanism, workspace: Workspace | None) -> Workspace:
-    """The workspace in which a mechanism is judged: all that its joints' limits allow for a `workspace` of None, else
-    the given one, with the masses of this mechanism where it was made for another, such as a rough model of it. Raises
-    `InputError` for a `workspace` that is no `Workspace` or of another number of joints."""
+    """Given workspace with this mechanism's masses, or `everywhere`."""
     if workspace is None:
         return everywhere(mechanism)
     validate_kind(workspace, Workspace, "workspace", "as Workspace.within_limits(mechanism) gives one")
