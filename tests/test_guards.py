@@ -14,12 +14,12 @@ from adaptctl.arrays import Array
 from adaptctl.compilation.kernel import LARGEST_COMPILED
 from adaptctl.control import ComputedTorque, Controller, ReferencePoint, SafetyFilter, SlotineLi, adaptation_gain
 from adaptctl.control.pytree import leaves
-from adaptctl.control.safety_filter import _differ, _sound
+from adaptctl.control.safety_filter import _all_finite, _differ
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.recording.trace import MARKS
+from adaptctl.recording.trace import FLAGS
 from adaptctl.scalars import Column
 from adaptctl.simulation import rollout
 
@@ -191,7 +191,7 @@ def test_a_rollout_has_the_marks(puma: Mechanism, law: SlotineLi) -> None:
     env = TrackingEnv(puma, 1, duration=0.2, initial_error=0.1)
     run = rollout(env, SafetyFilter(law, torque_limits=np.full(6, 40.0), rate_limits=1e4), seed=0)
     assert tuple(run.flags) == ("torque_limited", "rate_limited", "frozen", "bounded", "ringing", "stopped")
-    assert set(run.flags) <= set(MARKS)
+    assert set(run.flags) <= set(FLAGS)
     assert 0.0 < run.flags["frozen"].mean() < 1.0
     held = np.isclose(np.abs(run.torque), 40.0).any(axis=1)
     assert np.all(run.flags["torque_limited"][held] == 1.0)
@@ -341,6 +341,6 @@ def test_a_torque_that_is_another_by_however_little_is_told(joint: int, change: 
 @pytest.mark.parametrize("place", range(5))
 def test_one_number_that_is_not_finite_is_found_wherever_it_is(place: int, bad: float) -> None:
     numbers = [1.0, -2.0, 3.0, -4.0, 5.0]
-    assert _sound((Column(numbers[:2]), Column(numbers[2:])))
+    assert _all_finite((Column(numbers[:2]), Column(numbers[2:])))
     numbers[place] = bad
-    assert not _sound((Column(numbers[:2]), Column(numbers[2:])))
+    assert not _all_finite((Column(numbers[:2]), Column(numbers[2:])))
