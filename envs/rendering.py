@@ -15,7 +15,7 @@ from adaptctl.arrays import Array
 from adaptctl.description import GROUND
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import link_poses
-from adaptctl.recording.drawing import BASE, BODY, GOAL, INK, RUNS, Color
+from adaptctl.recording.drawing import BASE, BODY, GOAL, INK, RUN_COLORS, Color
 from adaptctl.recording.skeleton import ROOT_RADIUS, Solid, skeleton
 
 OVERSAMPLING = 2
@@ -26,7 +26,7 @@ GHOST_OPACITY, GHOST_SCALE = 0.5, 0.95
 ZENITH, HORIZON = np.array([0.74, 0.81, 0.90]), np.array([0.95, 0.96, 0.98])
 FLOOR, LINE, SHADOW = np.array([0.87, 0.89, 0.91]), np.array([0.70, 0.74, 0.79]), 0.66
 """Colours of the floor and of its lines, and the brightness of a shadow on it."""
-PAINT = {Solid.LINK: BODY, Solid.JOINT: RUNS[0], Solid.TOOL: INK}
+PAINT = {Solid.LINK: BODY, Solid.JOINT: RUN_COLORS[0], Solid.TOOL: INK}
 
 
 class Renderer:
@@ -44,7 +44,7 @@ class Renderer:
         self.camera = _camera(feet, self._floor, reach, (width, height))
         self._rays = self.camera.rays()
         self._backdrop, self._on_floor, self._ground = self._background(reach)
-        self._caption = Caption(mechanism.name, {"arm": RUNS[0], "reference": GOAL}, width, height)
+        self._caption = Caption(mechanism.name, {"arm": RUN_COLORS[0], "reference": GOAL}, width, height)
 
     def image(self, p: Array, goal: Array, time: float) -> NDArray[np.uint8]:
         """RGB image (height, width, 3), uint8, of the arm at positions `p` (r,) of its r primary (independent) joints,

@@ -13,7 +13,7 @@ from adaptctl.description import Condition, Limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability import essential_space, random_states, states_within_limits
-from adaptctl.identifiability.sampling import REGULAR, _within_conditions
+from adaptctl.identifiability.sampling import MIN_SINGULAR_VALUE_SHARE, _within_conditions
 from adaptctl.scalars import Column
 
 WIDE = dict.fromkeys(RECIPES, 1) | {
@@ -48,7 +48,7 @@ def test_random_states_are_regular_and_spread(name: str) -> None:
     states = random_states(mechanism, 200, np.random.default_rng(0))
     assert mechanism.continuation is not None
     reached = mechanism.configuration(states.p)
-    assert mechanism.continuation.regularity(reached).min() > 0.9 * REGULAR
+    assert mechanism.continuation.regularity(reached).min() > 0.9 * MIN_SINGULAR_VALUE_SHARE
     spread = states.p - q[list(mechanism.description.primary)]
     assert (np.abs(spread).max(axis=0) > 0.02).all()
     assert states.origin == "random states on the reference's branch"

@@ -12,7 +12,7 @@ from adaptctl.dynamics import load
 from adaptctl.experiments.disturbed_arm import LAWS
 from adaptctl.recording import Comparison
 from adaptctl.recording.comparison import color_places
-from adaptctl.recording.drawing import GOAL, JOINTS, LIMIT, RUNS, Color, run_color
+from adaptctl.recording.drawing import GOAL, JOINT_COLORS, LIMIT, RUN_COLORS, Color, run_color
 from adaptctl.recording.report import report
 
 
@@ -46,6 +46,6 @@ def test_a_report_shows_each_run_in_its_own_colour(two: Comparison) -> None:
 
 
 def test_so_many_controllers_as_are_compared_can_be_told_apart() -> None:
-    assert len(RUNS) >= len(LAWS)
-    for palette in (RUNS, (*JOINTS, GOAL, LIMIT)):
+    assert len(RUN_COLORS) >= len(LAWS)
+    for palette in (RUN_COLORS, (*JOINT_COLORS, GOAL, LIMIT)):
         assert min(apart(a, b) for a, b in combinations(palette, 2)) > 30.0

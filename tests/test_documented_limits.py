@@ -17,7 +17,7 @@ from adaptctl.dynamics.recursion import drive
 from adaptctl.experiments.contest import MANY
 from adaptctl.identifiability import certificate
 from adaptctl.identification import choice
-from adaptctl.identification.identify import HELD_OUT
+from adaptctl.identification.identify import HELD_OUT_SHARE
 from adaptctl.simulation import integrator
 from adaptctl.tuning import feasible_gains, feasible_reference, verification
 from adaptctl.tuning.tune import SEARCH_DURATION
@@ -39,10 +39,10 @@ def percent(share: float) -> str:
 
 STATED = [
     ("concepts", f"smoothed below {drive.SLOW} rad/s"),
-    ("concepts", f"this gap is at least {power(certificate.SMALLEST_GAP)}"),
-    ("concepts", f"at least {power(certificate.SMALLEST_SINGULAR_VALUE)}, and if"),
+    ("concepts", f"this gap is at least {power(certificate.MIN_GAP)}"),
+    ("concepts", f"at least {power(certificate.MIN_SINGULAR_VALUE_RATIO)}, and if"),
     ("concepts", f"close to round-off, below {power(certificate.MAX_RESIDUAL_SINGULAR_VALUE)} of $"),
-    ("concepts", f"within round-off of such a value ({power(certificate.EXACT)} rad"),
+    ("concepts", f"within round-off of such a value ({power(certificate.RIGHT_ANGLE_TOLERANCE)} rad"),
     ("concepts", f"A value above {sampling_ratio.MAX_SAMPLING_RATIO} is refused"),
     ("concepts", f"in steps of at most {continuation.LARGEST_STEP} rad"),
     ("concepts", f"Mechanisms of more than {kernel.LARGEST_COMPILED} links run the same equations in Python"),
@@ -67,9 +67,9 @@ STATED = [
     ("robots", f"frames farther apart than 1e{log10(pose.LARGEST_LENGTH):.0f} m"),
     ("robots", f"beyond 1e{log10(xml_elements.LARGEST):.0f}"),
     ("robots", f"within {power(transforms.WITHIN)} rad of a multiple of 90°"),
-    ("identification", f"at most {percent(choice.ALLOWED_MISFIT - 1.0)} over that of least squares"),
-    ("identification", f"the last {percent(HELD_OUT)} of the others"),
-    ("identification", f"the same filter of {choice.JUDGED_AT:.0f} Hz"),
+    ("identification", f"at most {percent(choice.MAX_MISFIT_RATIO - 1.0)} over that of least squares"),
+    ("identification", f"the last {percent(HELD_OUT_SHARE)} of the others"),
+    ("identification", f"the same filter of {choice.COMPARISON_CUTOFF:.0f} Hz"),
     ("tuning", f"initial error $e_j$ ({feasible_gains.MAX_INITIAL_ERROR} rad or m"),
     ("tuning", rf"${feasible_gains.ACCELERATION_SHARE}\,\tau_j / M_{{jj}}$"),
     ("tuning", rf"$K_j \le {feasible_gains.DAMPING_TORQUE_SHARE}\,\tau_j"),

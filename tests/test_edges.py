@@ -17,7 +17,7 @@ from adaptctl.control.adaptation.gradient import _is_positive_definite
 from adaptctl.control.gains.error_feedback import ErrorFeedback, _lag
 from adaptctl.errors import GainError, InputError, SingularityError
 from adaptctl.identifiability import FundamentalBasis, Relation, essential_space, fundamental_basis
-from adaptctl.identifiability.certificate import LISTED, _listing
+from adaptctl.identifiability.certificate import MAX_LISTED_VALUES, _listing
 from adaptctl.simulation.references import warn_of_derivatives
 
 
@@ -85,11 +85,18 @@ def test_effort_weighs_one_unless_told() -> None:
     assert asked == told
 
 
-@pytest.mark.parametrize(("count", "rank"), [(LISTED, 5), (LISTED + 1, 5), (3 * LISTED, 2 * LISTED)])
+@pytest.mark.parametrize(
+    ("count", "rank"),
+    [(MAX_LISTED_VALUES, 5), (MAX_LISTED_VALUES + 1, 5), (3 * MAX_LISTED_VALUES, 2 * MAX_LISTED_VALUES)],
+)
 def test_very_many_values_are_listed_about_the_gap(count: int, rank: int) -> None:
-    assert _listing(np.ones(count), rank).startswith("(") == (count > LISTED)
-    words = _listing(np.ones(count), rank).removeprefix(f"(from the {max(0, rank - LISTED // 2) + 1}th) ").split()
-    assert words == ["1.0e+00"] * LISTED
+    assert _listing(np.ones(count), rank).startswith("(") == (count > MAX_LISTED_VALUES)
+    words = (
+        _listing(np.ones(count), rank)
+        .removeprefix(f"(from the {max(0, rank - MAX_LISTED_VALUES // 2) + 1}th) ")
+        .split()
+    )
+    assert words == ["1.0e+00"] * MAX_LISTED_VALUES
 
 
 def test_an_estimate_may_begin_on_its_bounds() -> None:

@@ -26,7 +26,7 @@ from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.friction_model import FrictionModel, with_all_friction
 from adaptctl.identification.identify import gathered, identified
 from adaptctl.identification.least_squares import least_squares
-from adaptctl.identification.preparation import AROUND, derivative, filtered, low_pass, padded, prepare
+from adaptctl.identification.preparation import DIFFERENCE_MARGIN, derivative, filtered, low_pass, padded, prepare
 
 
 @cache
@@ -134,7 +134,7 @@ def test_the_filters_keep_phase_and_know_derivatives() -> None:
     for frequency in (1.0, 5.0, 12.0):
         kernel = low_pass(50.0, rate)
         signal = np.sin(2.0 * np.pi * frequency * time)
-        inner = time[len(kernel) // 2 + AROUND : -(len(kernel) // 2) - AROUND]
+        inner = time[len(kernel) // 2 + DIFFERENCE_MARGIN : -(len(kernel) // 2) - DIFFERENCE_MARGIN]
         gain = np.sum(kernel * np.cos(2.0 * np.pi * frequency * (np.arange(len(kernel)) - len(kernel) // 2) / rate))
         np.testing.assert_allclose(
             filtered(signal, padded(kernel)), gain * np.sin(2 * np.pi * frequency * inner), atol=1e-9

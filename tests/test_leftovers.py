@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from adaptctl.identifiability.certificate import ROUND_OFF, ResidualSingularValue
+from adaptctl.identifiability.certificate import ROUND_OFF_RATIO, ResidualSingularValue
 from adaptctl.identifiability.certification import residual_singular_values
 
 NAMES = tuple("abcdefgh")
@@ -15,11 +15,11 @@ SIZES = np.array([0.2, -9.0, 0.8, 8.0, -7.0, 0.91, 6.0, 5.0])
 
 @pytest.mark.parametrize("largest", [1.0, 40.0])
 def test_a_leftover_is_relative_and_names_at_most_four_parameters_that_dominate(largest: float) -> None:
-    spectrum = largest * np.array([1.0, 0.5, 2.0 * ROUND_OFF, 0.5 * ROUND_OFF, 0.0, 0.0, 0.0, 0.0])
+    spectrum = largest * np.array([1.0, 0.5, 2.0 * ROUND_OFF_RATIO, 0.5 * ROUND_OFF_RATIO, 0.0, 0.0, 0.0, 0.0])
     vectors = np.eye(8)
     vectors[:, 2] = SIZES
     (found,) = residual_singular_values(spectrum, vectors, 2, NAMES)
-    assert found == ResidualSingularValue(pytest.approx(2.0 * ROUND_OFF, rel=1e-12), ("b", "d", "e", "g"))  # type: ignore[arg-type]
+    assert found == ResidualSingularValue(pytest.approx(2.0 * ROUND_OFF_RATIO, rel=1e-12), ("b", "d", "e", "g"))  # type: ignore[arg-type]
 
 
 def test_parameters_that_are_a_tenth_of_the_largest_do_not_dominate() -> None:

@@ -112,8 +112,8 @@ def test_ranks_and_first_columns_of_known_matrices(seed: int, m: int, n: int, ra
     assert arithmetic.rank(small % PRIME) == len(expected)
     assert arithmetic.ranks(np.stack([small % PRIME, 0 * small])) == (len(expected), 0)
     many = small.astype(object) << BITS
-    assert list(arithmetic.independent_columns(many, order, arithmetic.NOTHING)) == expected
-    assert arithmetic.rank(many, arithmetic.NOTHING) == len(expected)
+    assert list(arithmetic.independent_columns(many, order, arithmetic.ZERO_TOLERANCE)) == expected
+    assert arithmetic.rank(many, arithmetic.ZERO_TOLERANCE) == len(expected)
 
 
 @settings(max_examples=15, deadline=None)

@@ -31,9 +31,9 @@ from adaptctl.recording.report import report
 from adaptctl.recording.rerun_recording import estimated_links, legend_room
 from adaptctl.recording.result import answers
 from adaptctl.recording.scene import log_base
-from adaptctl.recording.skeleton import SEEN, Solid, Viewpoint, skeleton
+from adaptctl.recording.skeleton import VIEW_SLOPE, Solid, Viewpoint, skeleton
 from adaptctl.recording.trace import quantities
-from adaptctl.recording.views import LONG, SHORT
+from adaptctl.recording.views import LONG_LEGEND, SHORT_LEGEND
 from adaptctl.recording.wording import INCOMPLETE, parameter_unit
 
 FILES = {"recording.rrd", "summary.json", "trace.parquet", "report.html"}
@@ -361,7 +361,12 @@ def test_skeleton_leads_from_joint_to_joint(robot: str) -> None:
 
 
 def test_legends_of_long_names_have_more_room() -> None:
-    assert legend_room(("joint1", "joint2")) == SHORT < legend_room(("joint1", "right_ankle_roll_joint")) == LONG
+    assert (
+        legend_room(("joint1", "joint2"))
+        == SHORT_LEGEND
+        < legend_room(("joint1", "right_ankle_roll_joint"))
+        == LONG_LEGEND
+    )
 
 
 def test_all_that_moves_is_seen_from_the_viewpoint() -> None:
@@ -374,4 +379,4 @@ def test_all_that_moves_is_seen_from_the_viewpoint() -> None:
     axis = (seen.eye - seen.target) / np.linalg.norm(seen.eye - seen.target)
     ahead = (seen.eye - tips) @ axis
     beside = np.linalg.norm((seen.eye - tips) - ahead[:, None] * axis, axis=-1)
-    assert np.all(beside <= (SEEN + 1e-9) * ahead)
+    assert np.all(beside <= (VIEW_SLOPE + 1e-9) * ahead)

@@ -341,7 +341,7 @@ class TestCommand:
         self, more: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:  # fmt: skip
-        monkeypatch.setattr("adaptctl.sweeps.cluster.PATIENCE", 1.0)
+        monkeypatch.setattr("adaptctl.sweeps.cluster.CONNECTION_TIMEOUT", 1.0)
         assert main(["sweep", *self.ARGUMENTS, *more, "--out", str(tmp_path / "out")]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert told in line

@@ -252,7 +252,7 @@ def test_capsules_take_over_where_meshes_are_too_large(
     two_link: Description, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     size = (tmp_path / "part.stl").stat().st_size
-    monkeypatch.setattr(recorded, "MOST", size)
+    monkeypatch.setattr(recorded, "MAX_MESH_BYTES", size)
     assert recorded.visuals(two_link)
-    monkeypatch.setattr(recorded, "MOST", size - 1)
+    monkeypatch.setattr(recorded, "MAX_MESH_BYTES", size - 1)
     assert not recorded.visuals(two_link)

@@ -1,4 +1,4 @@
-"""Designing arms for their dynamics: where mass may be added, where it helps, and which parameters it can remove."""
+"""Designing arms for their dynamics."""
 
 from adaptctl.optional_packages import imported_lazily
 

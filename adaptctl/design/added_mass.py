@@ -1,4 +1,4 @@
-"""Costs of a body fixed to a link: its projection on the essential space, and the cost of the motion with it."""
+"""Effects of a body fixed to a link."""
 
 from __future__ import annotations
 
@@ -17,25 +17,42 @@ from adaptctl.design.task import DesignTask
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.simulation.effects import Payload
 
-PERCENT = 1.0
-"""Energy error (%) at which components are counted, unless given."""
-EACH = 9
-"""Places along each edge of a link's box that are looked at."""
+# Energy error (%) at which components are counted, unless given.
+ENERGY_ERROR_PERCENT = 1.0
+# Positions along each edge of a link's box.
+GRID_POINTS = 9
 
 
 @dataclass(frozen=True, eq=False)
 class AddedMass:
-    """The effect of a body added to a link on the energy, the joint torques and the essential parameters of a
-    mechanism, over the states of a `task`, a `DesignTask`.
+    """
+    Effect of a body added to a link on a mechanism's energy, torques and parameters.
 
-    `link` is the link's name, `body` the `Payload` fixed to it, placed in the link's frame, and `percent` the energy
-    error (%) that the property `components`, a number of essential components, allows; essential components are the
-    parts of the inertial parameters along the right singular vectors of the task's energies. Energies, kinetic plus
-    potential, are root mean squares about their mean over the states. There are P inertial parameters: ten a link,
-    about its frame's origin (kg, kg m, kg m^2), and rotor inertias (kg m^2, kg for a prismatic joint); friction is left
-    out. Made by `added_mass`; nothing is checked at construction. An unknown link or a percentage that is no finite
-    number of at least 0 raises `InputError` where it is first used. The properties `essential`, `components`, `changed`
-    and `becomes_essential` raise `RankError` where the number of identifiable parameters cannot be certified.
+    `added_mass` makes it. Nothing is checked at construction; an unknown link raises `InputError` where it is first
+    used.
+
+    Parameters
+    ----------
+    task : DesignTask
+        Mechanism and states; costs are root mean squares over the states.
+    link : str
+        Name of the link.
+    body : Payload
+        Body fixed to it, placed in the link's frame.
+    percent : float
+        Energy error in percent that `components` allows.
+
+    Notes
+    -----
+    Properties that count parameters raise `RankError` where the mechanism's rank cannot be certified. Those that
+    compute a cost raise `NonFiniteError` where it overflows.
+
+    Examples
+    --------
+    >>> from adaptctl.design import DesignTask, added_mass
+    >>> effect = added_mass(DesignTask.within_limits(arm, samples=20), "lower", 0.5)
+    >>> effect.torques.shape, effect.energy_change > 0.0
+    ((2,), True)
     """
 
     task: DesignTask
@@ -43,86 +60,58 @@ class AddedMass:
     body: Payload
     percent: float
 
+    def __repr__(self) -> str:
+        return f"<AddedMass of {self.body.mass:.3g} kg on {self.link!r} of {self.task.mechanism.name!r}>"
+
     @cached_property
     def change(self) -> Array:
-        """The change (P,) of a mechanism's P inertial parameters by the body added to a link of it. That link's ten
-        change by the body's mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy,
-        I_yy, I_xz, I_yz, I_zz (kg m^2), about the origin of the link's frame; the others by zero. The order is ten a
-        link, in the mechanism's order of links, then rotor inertias. Raises `InputError` for an unknown link and where
-        a parameter overflows. Read-only."""
+        """Change (P,) of the inertial parameters in SI units, in the order of `task.parameters`."""
         return frozen(change_of(self.task, self.link, self.body))
 
     @cached_property
     def parameters(self) -> Array:
-        """The P inertial parameters (P,) of a mechanism with the added body, without friction: of each link, in the
-        mechanism's order, its mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx,
-        I_xy, I_yy, I_xz, I_yz, I_zz (kg m^2), about the origin of its frame, then rotor inertias (kg m^2, or kg for a
-        prismatic joint). Raises `InputError` for an unknown link. Read-only."""
+        """Inertial parameters (P,) with the body in SI units, without friction."""
         return frozen(self.task.parameters + self.change)
 
     @cached_property
     def essential(self) -> Array:
-        """The projection V1 V1' c (P,), in SI units, of the change c (P,) of a mechanism's P inertial parameters by the
-        added body, in the order of the property `parameters`: the part of c that changes energies and torques. V1 (P,
-        k) is an orthonormal basis of the essential space: the k right singular vectors of the task's energies whose
-        singular values are not zero. Raises `InputError` for an unknown link, `RankError` where the number of
-        identifiable parameters cannot be certified. Read-only."""
+        """Part (P,) of `change` that changes energies and torques, its projection on the essential space."""
         return frozen(self.task.space.project(self.change))
 
     @property
     def own_energy(self) -> float:
-        """Energy of the added body alone, kinetic plus potential, J: the root mean square about its mean over the
-        task's states. Raises `InputError` for an unknown link, `NonFiniteError` where the energy overflows."""
+        """Root mean square energy of the body alone about its mean, in J."""
         return self.task.cost("energy", self.change)
 
     @property
     def energy_change(self) -> float:
-        """Relative change (unitless) of the mechanism's energy by the added body, 0.1 for 10 % more. The energy is
-        kinetic plus potential, as its root mean square about its mean over the task's states. Negative where the body
-        balances the mechanism; infinite where the energy without the body is zero. Raises `InputError` for an unknown
-        link, `NonFiniteError` where the energy overflows."""
+        """Relative change of the energy (0.1 for 10 % more), negative where the body balances the mechanism."""
         return self._change("energy")
 
     @property
     def torque_change(self) -> float:
-        """Relative change (unitless) of the joint torques, without friction, by the added body, 0.1 for 10 % more. The
-        torques, each as a fraction of its joint's torque limit, count as one number: the square root of the sum, over
-        the joints, of their mean squares over the task's states. Infinite where the torques without the body are zero.
-        Raises `InputError` for an unknown link, `NonFiniteError` where the torques overflow."""
+        """Relative change of the joint torques as fractions of their limits, without friction."""
         return self._change("torque")
 
     @property
     def torques(self) -> Array:
-        """Root mean square torques (r,) of the r primary (independently moving) joints with the added body, over the
-        task's states, N m (N for a prismatic joint), without friction. Raises `InputError` for an unknown link,
-        `NonFiniteError` where the torques overflow."""
+        """Root mean square torques (r,) with the body, in N m (N for a prismatic joint), without friction."""
         return self.task.torques(self.parameters)
 
     @property
     def components(self) -> int:
-        """Least number of essential components that keep the mechanism's root mean square energy, with the added body,
-        to an error of at most this object's `percent` (%; Sheu and Walker 1991, equation 23). Essential components are
-        the parts of the inertial parameters along the right singular vectors of the task's energies. Raises
-        `InputError` for an unknown link and for a percentage that is no finite number of at least 0, `RankError` where
-        the number of identifiable parameters cannot be certified."""
+        """Least number of essential components that keep the energy to an error of `percent`."""
         return self.task.components(self.percent, self.parameters)
 
     @cached_property
     def newly_identifiable(self) -> tuple[str, ...]:
-        """Names of the fundamental (base) parameters that matter only with the added body: the part of the energy that
-        each makes alone is more than 1e-6 (unitless) of the whole with the body, and at most 1e-6 without it. Energies
-        are kinetic plus potential, as root mean squares about their mean over the task's states. Raises `InputError`
-        for an unknown link and where the energy is constant, with the body or without, `RankError` where the number of
-        identifiable parameters cannot be certified."""
+        """Names of the fundamental parameters that contribute more than 1e-6 of the energy only with the body."""
         before = set(self.task.nonzero_parameters())
         return tuple(name for name in self.task.nonzero_parameters(self.parameters) if name not in before)
 
     @cached_property
     def changed(self) -> tuple[tuple[str, float], ...]:
-        """Pairs (name, change), in the order of the basis `task.basis`, of the fundamental (base) parameters that the
-        added body changes, the changes in SI units (kg, kg m or kg m^2). Left out are changes whose magnitude, in SI
-        units, is at most 1e-9 of the greatest change of one of the link's ten inertial parameters. Raises `InputError`
-        for an unknown link, `RankError` where the number of identifiable parameters cannot be certified."""
+        """Pairs (name, change in SI units) of the fundamental parameters that the body changes."""
         basis = self.task.basis
         changes = basis.regrouping @ self.change
         size = 1e-9 * float(np.abs(self.change).max(initial=0.0))
@@ -134,19 +123,47 @@ class AddedMass:
 
 
 def added_mass(
-    task: DesignTask, link: str, body: Payload | float, place: ArrayLike | None = None, *, percent: float = PERCENT
+    task: DesignTask,
+    link: str,
+    body: Payload | float,
+    place: ArrayLike | None = None,
+    *,
+    percent: float = ENERGY_ERROR_PERCENT,
 ) -> AddedMass:
-    """The effect, an `AddedMass`, of adding a body to the link named `link` on energy, torques and essential parameters
-    of a task's mechanism, over the task's states. The body is a `Payload`, or a number: a point's mass in kg, from 0 to
-    1e20.
+    """
+    Compute the effect of adding a body to a link.
 
-    `place` (3,) is the position of the body's centre of mass in the link's frame, m, which replaces the payload's own;
-    by default (None) the payload's own `center`, or the frame's origin for a point. `percent` is the error (%), by
-    default 1, of the root mean square energy, kinetic plus potential, that the result's number of essential components
-    allows. Raises `InputError` for links that do not exist, masses out of range, percentages that are no finite number
-    of at least 0, positions that are not three finite numbers, bodies with inertial parameters above 1e20 and tasks
-    with constant energy, `NonFiniteError` where the energy overflows, `RankError` where the number of identifiable
-    parameters cannot be certified.
+    Parameters
+    ----------
+    task : DesignTask
+        Mechanism and states.
+    link : str
+        Name of the link.
+    body : Payload or float
+        Body, or the mass of a point in kg, from 0 to 1e20.
+    place : array_like, optional
+        Position (3,) of its center of mass in the link's frame in m; the payload's own, or the origin, by default.
+    percent : float, default 1.0
+        Energy error in percent that the number of essential components allows.
+
+    Returns
+    -------
+    AddedMass
+        Effect on energy, torques and parameters.
+
+    Raises
+    ------
+    InputError
+        If the link is unknown, a number is out of range, or the task's energy is constant.
+    RankError
+        If the number of identifiable parameters cannot be certified.
+
+    Examples
+    --------
+    >>> from adaptctl.design import DesignTask, added_mass, gripper
+    >>> task = DesignTask.within_limits(arm, samples=20)
+    >>> [name for name, _ in added_mass(task, "lower", gripper()).changed]
+    ['upper.mc_x', 'upper.I_zz', 'lower.mc_x', 'lower.I_zz']
     """
     loaded = Payload.of(body) if isinstance(body, Payload | Mapping) else point(body)
     if place is not None:
@@ -158,11 +175,7 @@ def added_mass(
 
 
 def change_of(task: DesignTask, link: str, body: Payload) -> Array:
-    """The change (P,) of a mechanism's P inertial parameters by a `body` fixed to the link named `link`: that of the
-    link's mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy, I_xz, I_yz,
-    I_zz (kg m^2), about the origin of its frame, and zero for all others. The order is that of `task.parameters`: ten a
-    link, in the mechanism's order of links, then rotor inertias. Raises `InputError` for an unknown link and where a
-    parameter overflows."""
+    """Change (P,) of the inertial parameters in SI units by a body on a link."""
     change, place = np.zeros(len(task.parameters)), 10 * task.link(link)
     change[place : place + 10] = from_center_of_mass(body.mass, body.center, body.inertia)
     if not np.isfinite(change).all():
@@ -172,11 +185,7 @@ def change_of(task: DesignTask, link: str, body: Payload) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class LinkCost:
-    """Cost of a point mass on a link named `link`: the `least` and the `most` of the relative changes (unitless, 0.1
-    for 10 % more) that the mass makes, over a grid of positions, of a cost of the mechanism's motion, such as its root
-    mean square energy. `cheapest` and `dearest` (3,) are the positions of both, m in the link's frame; `at_center` is
-    the change with the mass at the link's centre of mass. Made by `CostMap.over`; nothing is checked at
-    construction."""
+    """Least and greatest relative change of a cost by a point mass on a link, and their positions (3,) in m."""
 
     link: str
     least: float
@@ -188,16 +197,31 @@ class LinkCost:
 
 @dataclass(frozen=True, eq=False)
 class CostMap:
-    """Map of the relative changes (unitless) that a point `mass` (kg), fixed at any position on any link, makes of a
-    cost of a mechanism's motion over a `task`, a `DesignTask`.
+    """
+    Relative changes that a point mass at any position makes of a cost of the motion.
 
-    `objective` names the cost, a root mean square over the task's states: "energy" of the kinetic plus potential energy
-    about its mean (J), "torque" of the joint torques as fractions of their limits (unitless), "coupling" of the mass
-    matrix's entries off the diagonal (kg m^2; their mean over pairs of joints), "components" of the energy about its
-    mean, computed from the combinations of inertial parameters that change it (J). Made by `cost_map`. Raises
-    `InputError` at construction for a mass that is not positive and finite, for an unknown objective and for a cost
-    that is zero without the mass, `RankError` for "components" where the number of identifiable parameters cannot be
-    certified.
+    Parameters
+    ----------
+    task : DesignTask
+        Mechanism and states.
+    mass : float
+        Mass of the point in kg.
+    objective : {"energy", "torque", "coupling", "components"}
+        Cost, as `DesignTask.cost` computes it.
+
+    Raises
+    ------
+    InputError
+        If the mass is not positive and finite, the objective is unknown, or the cost without the mass is zero.
+    RankError
+        If "components" is asked for and the rank cannot be certified.
+
+    Examples
+    --------
+    >>> from adaptctl.design import CostMap, DesignTask
+    >>> costs = CostMap(DesignTask.within_limits(arm, samples=20), 0.5, "energy")
+    >>> costs.at("lower", np.zeros((4, 3))).shape
+    (4,)
     """
 
     task: DesignTask
@@ -212,10 +236,26 @@ class CostMap:
             )
 
     def at(self, link: str, places: ArrayLike) -> Array:
-        """Relative changes (...), unitless, 0.1 for 10 % more, of the cost that this map's `objective` names, by its
-        point mass at the positions `places` (..., 3), m in the frame of the link named `link`. Raises `InputError` for
-        unknown links and for positions of another shape, `NonFiniteError` for positions that are not finite, or so far
-        that the cost overflows."""
+        """
+        Compute the relative changes at positions on a link.
+
+        Parameters
+        ----------
+        link : str
+            Name of the link.
+        places : array_like
+            Positions (..., 3) in the link's frame in m.
+
+        Returns
+        -------
+        numpy.ndarray
+            Relative changes (...), 0.1 for 10 % more.
+
+        Raises
+        ------
+        InputError
+            If the link is unknown or the shape is wrong (`NonFiniteError` for NaN, infinity and overflow).
+        """
         x = checked(places, 3, f"{link}: places")
         M, first = self.task.matrix(self.objective), 10 * self.task.link(link)
         before = M @ self.task.parameters
@@ -229,16 +269,34 @@ class CostMap:
         size = float(np.linalg.norm(before))
         return np.asarray((after - size) / size)
 
-    def over(self, places: MountingBounds, each: int = EACH) -> LinkCost:
-        """The least and the greatest relative change (unitless), 0.1 for 10 % more, of the cost that this map's
-        `objective` names, by its point mass on a grid of positions on a link, and the positions of both, as a
-        `LinkCost`.
+    def over(self, places: MountingBounds, each: int = GRID_POINTS) -> LinkCost:
+        """
+        Find the least and the greatest change on a grid of positions.
 
-        The grid has `each` positions, 9 by default, along each edge of the box of `places`, a `MountingBounds`, which
-        also names the link. The `LinkCost` has the link's name, the changes `least` and `most`, their positions
-        `cheapest` and `dearest` (3,), m in the link's frame, and the change `at_center`, for the mass at the link's
-        centre of mass. Raises `InputError` for unknown links and `each` other than a whole number from 1 to 100,
-        `NonFiniteError` for bounds so far that the cost overflows.
+        Parameters
+        ----------
+        places : MountingBounds
+            Link, and box of positions on it.
+        each : int, default 9
+            Positions along each edge of the box, 1 to 100.
+
+        Returns
+        -------
+        LinkCost
+            Least and greatest change, their positions, and the change at the link's center of mass.
+
+        Raises
+        ------
+        InputError
+            If the link is unknown or the number is out of range.
+
+        Examples
+        --------
+        >>> from adaptctl.design import CostMap, DesignTask, MountingBounds
+        >>> costs = CostMap(DesignTask.within_limits(arm, samples=20), 0.5, "energy")
+        >>> found = costs.over(MountingBounds.of(arm, "lower"))
+        >>> found.least < found.most
+        True
         """
         grid = places.grid(each)
         changes = self.at(places.link, grid)
@@ -248,16 +306,35 @@ class CostMap:
 
 
 def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> CostMap:
-    """The map, a `CostMap`, of the relative changes (unitless) that a point mass (kg; 1 by default), fixed at any
-    position on any link, makes of a cost of a mechanism's motion over a task.
+    """
+    Return the map of relative changes that a point mass makes of a cost.
 
-    `objective` names the cost, a root mean square over the task's states: "energy", the default, of the kinetic plus
-    potential energy about its mean (J), "torque" of the joint torques as fractions of their limits (unitless),
-    "coupling" of the mass matrix's entries off the diagonal (kg m^2; their mean over pairs of joints), "components" of
-    the energy about its mean, computed from the combinations of inertial parameters that change it (J). Raises
-    `InputError` for a mass that is not positive and finite, for an unknown objective, for a cost that is zero without
-    the mass and for a task with constant energy, and `RankError` for "components" where the number of identifiable
-    parameters cannot be certified.
+    Parameters
+    ----------
+    task : DesignTask
+        Mechanism and states.
+    mass : float, default 1.0
+        Mass of the point in kg.
+    objective : {"energy", "torque", "coupling", "components"}, default "energy"
+        Cost, as `DesignTask.cost` computes it.
+
+    Returns
+    -------
+    CostMap
+        Function of link and position.
+
+    Raises
+    ------
+    InputError
+        If the mass is not positive and finite, the objective is unknown, or the cost without the mass is zero.
+    RankError
+        If "components" is asked for and the rank cannot be certified.
+
+    Examples
+    --------
+    >>> from adaptctl.design import DesignTask, cost_map
+    >>> cost_map(DesignTask.within_limits(arm, samples=20), 0.5).at("upper", [0.0, 0.0, 0.0]).shape
+    ()
     """
     task.validate_energy()
     return CostMap(task, mass, objective)

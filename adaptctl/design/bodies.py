@@ -1,4 +1,4 @@
-"""Bodies that are fixed to links: solids of even density, and what arms commonly carry."""
+"""Bodies that are fixed to links."""
 
 from __future__ import annotations
 
@@ -12,37 +12,106 @@ from adaptctl.description.description import LARGEST_INERTIA
 from adaptctl.errors import InputError
 from adaptctl.simulation.effects import Payload
 
-STEEL = 7850.0
-"""kg/m^3"""
-LEAST, MOST = 1e-100, 1e100
-"""Lengths (m) and densities (kg/m^3) with which every solid's numbers are finite."""
+# Density of steel in kg/m^3.
+STEEL_DENSITY = 7850.0
+# Lengths (m) and densities (kg/m^3) with which every solid's numbers are finite.
+MIN_SIZE, MAX_SIZE = 1e-100, 1e100
 
 
 def point(mass: float, place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
-    """A point mass (kg), as a `Payload` without inertia about its centre, at the position `place` (3,), m, in its
-    link's frame, by default the origin. Raises `InputError` for a mass below zero, above 1e20 kg or not finite, for a
-    position that is not three finite numbers, and for inertial parameters about the frame's origin above 1e20 (SI
-    units)."""
+    """
+    Return a point mass.
+
+    Parameters
+    ----------
+    mass : float
+        Mass in kg, from 0 to 1e20.
+    place : array_like, optional
+        Position (3,) in the link's frame in m; the origin by default.
+
+    Returns
+    -------
+    Payload
+        Body without inertia about its center.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range or not finite, or a shape is wrong.
+
+    Examples
+    --------
+    >>> from adaptctl.design import point
+    >>> point(0.5, [0.1, 0.0, 0.0]).mass
+    0.5
+    """
     given: Any = mass
     number: Any = given[()] if isinstance(given, np.ndarray) and given.ndim == 0 else given
     return Payload(number, frozen_array(place, (3,), "place"))
 
 
-def sphere(mass: float, place: ArrayLike = (0.0, 0.0, 0.0), *, density: float = STEEL) -> Payload:
-    """A solid ball, as a `Payload`, of a mass (kg) and a density (kg/m^3; steel's 7850 by default) with its centre at
-    the position `place` (3,), m, in its link's frame, by default the origin. Raises `InputError` for a mass below zero,
-    above 1e20 kg or not finite, for a density not from 1e-100 to 1e100, for a position that is not three finite
-    numbers, and for inertial parameters about the frame's origin above 1e20 (SI units)."""
+def sphere(mass: float, place: ArrayLike = (0.0, 0.0, 0.0), *, density: float = STEEL_DENSITY) -> Payload:
+    """
+    Return a solid ball.
+
+    Parameters
+    ----------
+    mass : float
+        Mass in kg, from 0 to 1e20.
+    place : array_like, optional
+        Position (3,) of its center in the link's frame in m; the origin by default.
+    density : float, default 7850.0
+        Density in kg/m^3, steel's by default.
+
+    Returns
+    -------
+    Payload
+        Ball with its inertia.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range or not finite, or a shape is wrong.
+
+    Examples
+    --------
+    >>> from adaptctl.design import sphere
+    >>> sphere(2.0).inertia.shape
+    (3, 3)
+    """
     density, mass = _size("density", density), _mass(mass)
     return Payload(mass, frozen_array(place, (3,), "place"), ball_moment(mass, density) * np.eye(3))
 
 
 def box(mass: float, size: ArrayLike, place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
-    """A solid box of uniform density, as a `Payload`, of a mass (kg), whose edges, of lengths `size` (3,) in m, lie
-    along the axes of its link's frame. `place` (3,) is the position of its centre in the link's frame, m, by default
-    the origin. Raises `InputError` for a mass below zero, above 1e20 kg or not finite, for lengths that are not three
-    numbers from 1e-100 to 1e100, for a position that is not three finite numbers, and for inertial parameters about the
-    frame's origin above 1e20 (SI units)."""
+    """
+    Return a solid box whose edges are along the axes of the link's frame.
+
+    Parameters
+    ----------
+    mass : float
+        Mass in kg, from 0 to 1e20.
+    size : array_like
+        Lengths (3,) of the edges in m.
+    place : array_like, optional
+        Position (3,) of its center in the link's frame in m; the origin by default.
+
+    Returns
+    -------
+    Payload
+        Box with its inertia.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range or not finite, or a shape is wrong.
+
+    Examples
+    --------
+    >>> from adaptctl.design import box
+    >>> round(float(box(1.2, (0.1, 0.2, 0.3)).inertia[0, 0]), 3)
+    0.013
+    """
     edges = frozen_array(size, (3,), "size").tolist()
     x, y, z = (_size(f"size: {axis}", edge) for axis, edge in zip("xyz", edges, strict=True))
     mass = _mass(mass)
@@ -58,11 +127,38 @@ def cylinder(
     *,
     axis: ArrayLike = (0.0, 0.0, 1.0),
 ) -> Payload:
-    """A solid cylinder of uniform density, as a `Payload`, of a mass (kg), a radius and a length (m). `place` (3,) is
-    the position of its centre in the link's frame, m, by default the origin. `axis` (3,), of any length within the
-    bounds below, is its direction in that frame, by default z. Raises `InputError` for a mass below zero, above 1e20 kg
-    or not finite, for a radius, a length or an axis shorter than 1e-100 or longer than 1e100, for a position or an axis
-    that is not three finite numbers, and for inertial parameters about the frame's origin above 1e20 (SI units)."""
+    """
+    Return a solid cylinder.
+
+    Parameters
+    ----------
+    mass : float
+        Mass in kg, from 0 to 1e20.
+    radius : float
+        Radius in m.
+    length : float
+        Length in m.
+    place : array_like, optional
+        Position (3,) of its center in the link's frame in m; the origin by default.
+    axis : array_like, optional
+        Direction (3,) in that frame, of any length; z by default.
+
+    Returns
+    -------
+    Payload
+        Cylinder with its inertia.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range or not finite, or a shape is wrong.
+
+    Examples
+    --------
+    >>> from adaptctl.design import cylinder
+    >>> round(float(cylinder(2.0, 0.1, 0.3).inertia[2, 2]), 3)
+    0.01
+    """
     radius, length, mass = _size("radius", radius), _size("length", length), _mass(mass)
     along = frozen_array(axis, (3,), "axis")
     size = _size("axis", float(np.linalg.norm(along)))
@@ -72,64 +168,113 @@ def cylinder(
 
 
 def gripper(place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
-    """A two-finger gripper, as a `Payload`: 0.9 kg, a solid cylinder 75 mm across and 160 mm long, along z of its
-    link's frame. `place` (3,) is the position of its centre in that frame, m, by default the origin. Raises
-    `InputError` for a position that is not three finite numbers, or so far that an inertial parameter is above 1e20 (SI
-    units)."""
+    """
+    Return a two-finger gripper of 0.9 kg: a cylinder 75 mm across and 160 mm long, along z.
+
+    Parameters
+    ----------
+    place : array_like, optional
+        Position (3,) of its center in the link's frame in m; the origin by default.
+
+    Returns
+    -------
+    Payload
+        Gripper with its inertia.
+
+    Raises
+    ------
+    InputError
+        If the position is not three finite numbers, or too far.
+
+    Examples
+    --------
+    >>> from adaptctl.design import gripper
+    >>> gripper([0.0, 0.0, 0.1]).mass
+    0.9
+    """
     return cylinder(0.9, 0.0375, 0.16, place)
 
 
 def camera(place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
-    """A depth camera with its mount, as a `Payload`: 0.2 kg, a solid box of 90, 25 and 25 mm along x, y and z of its
-    link's frame. `place` (3,) is the position of its centre in that frame, m, by default the origin. Raises
-    `InputError` for a position that is not three finite numbers, or so far that an inertial parameter is above 1e20 (SI
-    units)."""
+    """
+    Return a depth camera with its mount of 0.2 kg: a box of 90, 25 and 25 mm.
+
+    Parameters
+    ----------
+    place : array_like, optional
+        Position (3,) of its center in the link's frame in m; the origin by default.
+
+    Returns
+    -------
+    Payload
+        Camera with its inertia.
+
+    Raises
+    ------
+    InputError
+        If the position is not three finite numbers, or too far.
+
+    Examples
+    --------
+    >>> from adaptctl.design import camera
+    >>> camera().mass
+    0.2
+    """
     return box(0.2, (0.09, 0.025, 0.025), place)
 
 
 def motor(place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
-    """A joint's motor, as a `Payload`, its rotor at rest: 1.5 kg, a solid cylinder 70 mm across and 90 mm long, along z
-    of its link's frame. `place` (3,) is the position of its centre in that frame, m, by default the origin. Raises
-    `InputError` for a position that is not three finite numbers, or so far that an inertial parameter is above 1e20 (SI
-    units)."""
+    """
+    Return a joint's motor of 1.5 kg, rotor at rest: a cylinder 70 mm across and 90 mm long, along z.
+
+    Parameters
+    ----------
+    place : array_like, optional
+        Position (3,) of its center in the link's frame in m; the origin by default.
+
+    Returns
+    -------
+    Payload
+        Motor with its inertia.
+
+    Raises
+    ------
+    InputError
+        If the position is not three finite numbers, or too far.
+
+    Examples
+    --------
+    >>> from adaptctl.design import motor
+    >>> motor().mass
+    1.5
+    """
     return cylinder(1.5, 0.035, 0.09, place)
 
 
+# Bodies by name.
 CATALOGUE = {"gripper": gripper, "camera": camera, "motor": motor}
-"""Bodies by name."""
 
 
-EVEN = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
-"""The ten of a tensor that is the same about every axis."""
+# Ten parameters of a tensor that is the same about every axis.
+ISOTROPIC_TENSOR = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
 
 def ball_moment(mass: float, density: float) -> float:
-    """The moment of inertia (kg m^2), about its centre, of a solid ball of a mass (kg) and a density (kg/m^3); 0 for an
-    infinite density. Arguments are not checked: floats raise `ZeroDivisionError` for a density of 0, and `TypeError`
-    where mass / density is negative."""
+    """Moment of inertia of a solid ball about its center in kg m^2."""
     return float(0.4 * mass * (3.0 * mass / (4.0 * np.pi * density)) ** (2.0 / 3.0))
 
 
 def ball_tens(masses: ArrayLike, places: ArrayLike, density: float = np.inf) -> Array:
-    """The ten inertial parameters (..., 10) of solid balls of masses (...), kg, with centres at the positions `places`
-    (..., 3), m, in a link's frame, and one density (kg/m^3): mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and
-    inertia tensor's entries I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg m^2), about the frame's origin. By default the
-    density is infinite: point masses. Masses and positions broadcast; raises `ValueError` where they do not. Values are
-    not checked: a negative mass at a finite density gives NaN."""
+    """Ten inertial parameters (..., 10) in SI units of solid balls."""
     m, x = np.asarray(masses, dtype=np.float64), np.asarray(places, dtype=np.float64)
     own = 0.4 * m * (3.0 * m / (4.0 * np.pi * density)) ** (2.0 / 3.0)
-    return np.asarray(m[..., None] * _per_mass(x) + own[..., None] * EVEN)
+    return np.asarray(m[..., None] * _per_mass(x) + own[..., None] * ISOTROPIC_TENSOR)
 
 
 def ball_tens_slopes(masses: Array, places: Array, density: float) -> Array:
-    """Derivatives (..., 10, 4) of the ten inertial parameters of solid balls with respect to, along the last axis, the
-    mass (per kg) and the three coordinates of the centre (per m). The balls have masses (...), kg, centres at the
-    positions `places` (..., 3), m, in a link's frame, and one density (kg/m^3); the parameters are mass m (kg), first
-    moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg m^2), about the
-    frame's origin. Masses and positions are arrays that broadcast; raises `ValueError` where they do not. Values are
-    not checked."""
+    """Derivatives (..., 10, 4) of balls' ten inertial parameters by mass and three coordinates."""
     own = (2.0 / 3.0) * (3.0 * masses / (4.0 * np.pi * density)) ** (2.0 / 3.0)
-    with_mass = _per_mass(places) + own[..., None] * EVEN
+    with_mass = _per_mass(places) + own[..., None] * ISOTROPIC_TENSOR
     slopes = [with_mass]
     for i in range(3):
         # The tens per mass are quadratic in each coordinate, so central differences are exact.
@@ -139,7 +284,6 @@ def ball_tens_slopes(masses: Array, places: Array, density: float) -> Array:
 
 
 def _per_mass(places: Array) -> Array:
-    """The tens (..., 10) of a point of 1 kg."""
     x, y, z = np.moveaxis(places, -1, 0)
     return np.stack([np.ones_like(x), x, y, z, y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y], -1)
 
@@ -153,6 +297,6 @@ def _mass(value: float) -> float:
 
 def _size(name: str, value: float) -> float:
     size = real_number(value, name)
-    if not LEAST <= size <= MOST:
-        raise InputError(f"{name}: expected a number above 0, from {LEAST:g} to {MOST:g}, got {value!r}")
+    if not MIN_SIZE <= size <= MAX_SIZE:
+        raise InputError(f"{name}: expected a number above 0, from {MIN_SIZE:g} to {MAX_SIZE:g}, got {value!r}")
     return size

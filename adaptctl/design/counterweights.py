@@ -11,28 +11,46 @@ import numpy as np
 from adaptctl.arrays import Array, frozen, positive_number, whole_number
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.description.inertia import is_physically_consistent
-from adaptctl.design.added_mass import PERCENT
-from adaptctl.design.bodies import STEEL, ball_tens, ball_tens_slopes, sphere
+from adaptctl.design.added_mass import ENERGY_ERROR_PERCENT
+from adaptctl.design.bodies import STEEL_DENSITY, ball_tens, ball_tens_slopes, sphere
 from adaptctl.design.mounting_bounds import MountingBounds
 from adaptctl.design.task import OBJECTIVES, DesignTask, component_counts
 from adaptctl.errors import InputError
 from adaptctl.simulation.effects import Payload
 
-DRAWN, STARTS = 4096, 10
-"""Designs that are looked at first, evenly spread, and the best of them that are improved."""
-NO_MASS = 1e-6
-"""Share of the mass allowed below which there is no counterweight."""
+# Sampled designs, evenly spread, and the best of them that are improved.
+SAMPLED_DESIGNS, SEARCH_STARTS = 4096, 10
+# Share of the mass allowed below which there is no counterweight.
+MIN_MASS_SHARE = 1e-6
 
 
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Counterweight:
-    """A counterweight: a solid ball of a `mass` (kg) and a `density` (kg/m^3) on the link named `link`, its centre at
-    the position `place` (3,), m in the link's frame.
+    """
+    Solid ball on a link that balances it.
 
-    Raises `InputError` for a mass below zero or above 1e20 kg, a density not from 1e-100 to 1e100, a position that is
-    not of shape (3,), inertial parameters about the frame's origin above 1e20 (SI units), and numbers that are not
-    finite. The link's name is checked only where it is used.
+    Parameters
+    ----------
+    link : str
+        Name of the link, checked where it is used.
+    mass : float
+        Mass in kg, from 0 to 1e20.
+    place : numpy.ndarray
+        Position (3,) of its center in the link's frame in m.
+    density : float
+        Density in kg/m^3.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range or not finite, or a shape is wrong.
+
+    Examples
+    --------
+    >>> from adaptctl.design import Counterweight
+    >>> Counterweight("upper", 2.0, np.array([-0.5, 0.0, 0.0]), 7850.0).body.mass
+    2.0
     """
 
     link: str
@@ -47,23 +65,40 @@ class Counterweight:
 
     @property
     def body(self) -> Payload:
-        """The counterweight as a rigid body, a `Payload`, in the link's frame: mass (kg), centre (3,), m, and inertia
-        (3, 3), kg m^2, about it."""
+        """Ball as a rigid body in the link's frame."""
         return sphere(self.mass, self.place, density=self.density)
 
 
 @dataclass(frozen=True, eq=False)
 class Counterweights:
-    """Optimal counterweights of a mechanism, which make a cost of its motion least within bounds, with the costs with
-    and without them: the result of `optimal_counterweights`.
+    """
+    Counterweights that make a cost of the motion least, and this cost with and without them.
 
-    `task` (a `DesignTask`), `objective` (the cost: "energy", "torque", "coupling", which is the mass matrix's entries
-    off the diagonal, or "components", which is the number of essential components), `within` (the bounds of masses and
-    positions, one `MountingBounds` for each link) and `percent` are those asked for. Essential components are the parts
-    of the inertial parameters along the right singular vectors of the task's energies; `percent` is the energy error
-    (%) that their number allows. `weights` are the counterweights found, in the order of `within`, without those of at
-    most 1e-6 of the mass allowed on their link, and `evaluations` is the number of designs evaluated. Nothing is
-    checked at construction.
+    `optimal_counterweights` makes it. Nothing is checked at construction; properties raise `InputError` for unknown
+    links and objectives, `RankError` where "components" needs a rank that cannot be certified.
+
+    Parameters
+    ----------
+    task : DesignTask
+        Mechanism without counterweights, and states.
+    objective : {"energy", "torque", "coupling", "components"}
+        Cost, as `DesignTask.cost` computes it; the number of components for the last.
+    percent : float
+        Energy error in percent that the number of components allows.
+    within : tuple of MountingBounds
+        Bounds of masses and positions.
+    weights : tuple of Counterweight
+        Counterweights found, without those of at most 1e-6 of the mass allowed.
+    evaluations : int
+        Number of designs evaluated.
+
+    Examples
+    --------
+    >>> from adaptctl.design import Counterweight, Counterweights, DesignTask
+    >>> ball = Counterweight("upper", 3.0, np.array([-0.6, 0.0, 0.0]), 7850.0)
+    >>> found = Counterweights(DesignTask.within_limits(arm, samples=20), "energy", 1.0, (), (ball,), 0)
+    >>> found.cost_after < found.cost_before
+    True
     """
 
     task: DesignTask
@@ -73,12 +108,12 @@ class Counterweights:
     weights: tuple[Counterweight, ...]
     evaluations: int
 
+    def __repr__(self) -> str:
+        return f"<Counterweights on {self.task.mechanism.name!r}: {len(self.weights)} for {self.objective}>"
+
     @cached_property
     def parameters(self) -> Array:
-        """The P inertial parameters (P,) of a mechanism with the counterweights, without friction: of each link, in the
-        mechanism's order, its mass m (kg), first moments mc_x, mc_y, mc_z (kg m) and inertia tensor's entries I_xx,
-        I_xy, I_yy, I_xz, I_yz, I_zz (kg m^2), about the origin of its frame, then rotor inertias (kg m^2, or kg for a
-        prismatic joint). Raises `InputError` for a counterweight on an unknown link. Read-only."""
+        """Inertial parameters (P,) with the counterweights in SI units, without friction."""
         D = np.array(self.task.parameters)
         for weight in self.weights:
             first = 10 * self.task.link(weight.link)
@@ -87,54 +122,27 @@ class Counterweights:
 
     @cached_property
     def balanced_task(self) -> DesignTask:
-        """Design task of the mechanism with the counterweights, a `DesignTask`: the same states as without them, and
-        inertial parameters that include them. Raises `InputError` for a counterweight on an unknown link and for a
-        link's inertial parameter above 1e20 (SI units)."""
+        """Task with the same states, of the mechanism with the counterweights."""
         return self.task.with_parameters(self.parameters)
 
     @property
     def cost_before(self) -> float:
-        """The cost, which this object's `objective` names, of the mechanism's motion without counterweights: a root
-        mean square over the task's states, of the energy about its mean, J ("energy"), of the joint torques as
-        fractions of their limits, unitless ("torque"), or of the mass matrix's entries off the diagonal, kg m^2
-        ("coupling"); or the number of essential components (parts of the inertial parameters along the right singular
-        vectors of the energies) that keep the energy to an error of this object's `percent` % ("components"). Raises
-        `InputError` for an unknown objective and, for "components", for a percentage that is no finite number of at
-        least 0, `NonFiniteError` where the cost overflows, `RankError` for "components" where the number of
-        identifiable parameters cannot be certified."""
+        """Cost without counterweights: J for "energy", kg m^2 for "coupling", a number without unit otherwise."""
         return _cost(self.task, self.objective, self.percent)
 
     @property
     def cost_after(self) -> float:
-        """The cost, which this object's `objective` names, of the mechanism's motion with the counterweights: a root
-        mean square over the task's states, of the energy about its mean, J ("energy"), of the joint torques as
-        fractions of their limits, unitless ("torque"), or of the mass matrix's entries off the diagonal, kg m^2
-        ("coupling"); or the number of essential components (parts of the inertial parameters along the right singular
-        vectors of the energies) that keep the energy to an error of this object's `percent` % ("components"). Raises
-        `InputError` for a counterweight on an unknown link, for a link's inertial parameter above 1e20 (SI units), for
-        an unknown objective and, for "components", for a percentage that is no finite number of at least 0,
-        `NonFiniteError` where the cost overflows, `RankError` for "components" where the number of identifiable
-        parameters cannot be certified."""
+        """Cost with the counterweights, in the unit of `cost_before`."""
         return _cost(self.balanced_task, self.objective, self.percent)
 
     @property
     def relative_reduction(self) -> float:
-        """Fraction (unitless) by which the counterweights reduce the cost of the mechanism's motion that this object's
-        `objective` names: (before - after) / before, of the properties `cost_before` and `cost_after`; 0 where the cost
-        without them is zero. The cost "components" is the number of essential components (parts of the inertial
-        parameters along the right singular vectors of the energies) that keep the energy to an error of `percent` %.
-        Raises `InputError` for a counterweight on an unknown link, for a link's inertial parameter above 1e20 (SI
-        units), for an unknown objective and, for "components", for a percentage that is no finite number of at least 0,
-        `NonFiniteError` where the cost overflows, `RankError` for "components" where the number of identifiable
-        parameters cannot be certified."""
+        """Fraction by which the counterweights reduce the cost."""
         return 1.0 - self.cost_after / self.cost_before if self.cost_before > 0.0 else 0.0
 
     @property
     def inconsistent(self) -> tuple[str, ...]:
-        """Names of the links whose ten inertial parameters, with the counterweights, no rigid body can have, since
-        their pseudo-inertia (4, 4), the matrix of second moments, first moments and mass, is not positive definite. A
-        link whose pseudo-inertia is positive definite without the counterweights is not among them. Raises `InputError`
-        for a counterweight on an unknown link."""
+        """Names of the links that with counterweights are no rigid bodies (and were none without)."""
         names, tens = self.task.mechanism.description.body_names, self.parameters
         pairs = ((name, tens[10 * i : 10 * i + 10]) for i, name in enumerate(names))
         return tuple(name for name, ten in pairs if not is_physically_consistent(ten))
@@ -145,27 +153,53 @@ def optimal_counterweights(
     within: Sequence[MountingBounds],
     objective: str = "energy",
     *,
-    percent: float = PERCENT,
-    density: float = STEEL,
+    percent: float = ENERGY_ERROR_PERCENT,
+    density: float = STEEL_DENSITY,
     seed: int = 0,
 ) -> Counterweights:
-    """The counterweights, at most one ball on each link of `within`, that make a cost of a mechanism's motion over a
-    task least, as a `Counterweights`. `within` has one `MountingBounds` for each such link: bounds of the ball's mass
-    and position.
+    """
+    Find the counterweights that make a cost of a mechanism's motion least.
 
-    `objective` names the cost: a root mean square over the task's states, of the energy about its mean ("energy", J),
-    of the joint torques as fractions of their limits ("torque", unitless), or of the mass matrix's entries off the
-    diagonal ("coupling", kg m^2); or the number of essential components ("components"). Essential components are the
-    parts of the inertial parameters along the right singular vectors of the task's energies; the fewest are counted
-    that keep the energy to an error of `percent`, by default 1 %, and of designs with equally few, the one with the
-    least error is taken. Balls, of a density in kg/m^3 (steel's 7850 by default), have a positive definite
-    pseudo-inertia (the matrix of second moments, first moments and mass), so that links that are physically consistent
-    stay so. The search starts from the ten best of 4096 designs of a scrambled Sobol sequence, the same for the same
-    `seed`, and of the design without counterweights, and goes on by trust regions within bounds (SciPy's
-    `least_squares`): a local optimum between the sampled designs can be missed. Raises `InputError` for an unknown
-    objective or link, for no links or one given twice, for a `percent` that is no finite number of at least 0, a
-    density not positive and finite, a `seed` other than a whole number from 0 to 2^32 - 1 and a task with constant
-    energy, `RankError` where the number of identifiable parameters cannot be certified.
+    Parameters
+    ----------
+    task : DesignTask
+        Mechanism and states.
+    within : sequence of MountingBounds
+        Bounds of mass and position for each link that may carry a ball.
+    objective : {"energy", "torque", "coupling", "components"}, default "energy"
+        Cost, as `DesignTask.cost` computes it; the number of components for the last.
+    percent : float, default 1.0
+        Energy error in percent that the number of components allows.
+    density : float, default 7850.0
+        Density of the balls in kg/m^3, steel's by default.
+    seed : int, default 0
+        Seed of the sampled designs, from 0 to 2^32 - 1.
+
+    Returns
+    -------
+    Counterweights
+        At most one ball on each link, and the cost with and without.
+
+    Raises
+    ------
+    InputError
+        If an objective or link is unknown, a link is missing or given twice, a number is out of range, or the task's
+        energy is constant.
+    RankError
+        If the number of identifiable parameters cannot be certified.
+
+    Notes
+    -----
+    A trust-region search within bounds starts from the ten best of 4096 sampled designs (a Sobol sequence) and from the
+    design without counterweights: an optimum between the samples can be missed. Consistent links stay consistent.
+
+    Examples
+    --------
+    >>> from adaptctl.design import DesignTask, MountingBounds, optimal_counterweights
+    >>> bounds = MountingBounds("upper", np.array([-0.6, 0.0, 0.0]), np.zeros(3), 3.0)
+    >>> found = optimal_counterweights(DesignTask.within_limits(arm, samples=20), [bounds])
+    >>> [weight.link for weight in found.weights], found.relative_reduction > 0.3
+    (['upper'], True)
     """
     if objective not in OBJECTIVES:
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")
@@ -181,13 +215,13 @@ def optimal_counterweights(
     found = [
         Counterweight(name, mass, place, density)
         for name, mass, place, most in zip(links, masses.tolist(), places, search.masses.tolist(), strict=True)
-        if mass > NO_MASS * most
+        if mass > MIN_MASS_SHARE * most
     ]
     return Counterweights(task, objective, percent, tuple(within), tuple(found), search.evaluations)
 
 
 class _Search:
-    """Residuals M (D + change) over designs z (4 L,) in the unit cube: a link's mass, then its place."""
+    """Residuals M (D + change) over designs z (4 L,) in the unit cube: a link's mass, then its position."""
 
     def __init__(self, task: DesignTask, within: tuple[MountingBounds, ...], objective: str, density: float) -> None:
         M = task.matrix(objective)
@@ -200,7 +234,7 @@ class _Search:
         self.density, self.evaluations = density, 0
 
     def physical(self, z: Array) -> tuple[Array, Array]:
-        """Masses (..., L) in kg and places (..., L, 3) in m."""
+        """Masses (..., L) in kg and positions (..., L, 3) in m."""
         each = z.reshape(*z.shape[:-1], len(self.masses), 4)
         return each[..., 0] * self.masses, self.lower + each[..., 1:] * self.width
 
@@ -218,7 +252,7 @@ class _Search:
         return np.concatenate(list(self.shares @ each), axis=-1)
 
     def least(self, kept: int | None, seed: int, designs: Array | None = None) -> Array:
-        """The design of least residuals; with `kept`, of the least share that is beyond as many components."""
+        """The design of least residuals."""
         from scipy.optimize import least_squares
 
         def share(z: Array) -> Array:
@@ -230,7 +264,7 @@ class _Search:
         drawn = self.drawn(seed) if designs is None else designs
         order = np.argsort(np.linalg.norm(share(drawn), axis=-1), kind="stable")
         settings: dict[str, Any] = {"bounds": (0.0, 1.0), "xtol": 1e-9, "ftol": 1e-9, "max_nfev": 200}
-        found = [least_squares(share, z, slopes, **settings) for z in drawn[order[:STARTS]]]
+        found = [least_squares(share, z, slopes, **settings) for z in drawn[order[:SEARCH_STARTS]]]
         return np.asarray(min(found, key=lambda result: result.cost).x, dtype=np.float64)
 
     def fewest(self, percent: float, seed: int) -> Array:
@@ -252,7 +286,7 @@ class _Search:
         from scipy.stats import qmc
 
         size = 4 * len(self.masses)
-        cube = qmc.Sobol(size, rng=np.random.default_rng(seed)).random(DRAWN)
+        cube = qmc.Sobol(size, rng=np.random.default_rng(seed)).random(SAMPLED_DESIGNS)
         return np.vstack([np.r_[np.tile([0.0, 0.5, 0.5, 0.5], len(self.masses))], cube])
 
 
@@ -265,7 +299,6 @@ def _beyond(residuals: Array, kept: int | None) -> Array:
 
 
 def _beyond_slopes(residuals: Array, slopes: Array, kept: int | None) -> Array:
-    """Slopes of `_beyond` (n, 4 L) where no two sizes are alike."""
     if kept is None:
         return slopes
     smallest = np.argsort(np.abs(residuals), kind="stable")[: len(residuals) - kept]

@@ -1,4 +1,4 @@
-"""An arm in closed loop, as described and with its counterweights: what its motors and its controllers have of them."""
+"""Closed-loop runs of an arm as described and with its counterweights."""
 
 from __future__ import annotations
 
@@ -17,18 +17,14 @@ from adaptctl.identifiability import ReducedModel, reduce
 from adaptctl.simulation import Plant, Rollouts, simulate_many
 from adaptctl.tuning import Tuning, tune
 
-COMPONENTS, DURATION = 10, 20.0
-"""that the small controllers carry, and s of a run"""
-ASTRAY = 1.0
-"""rad or m at which a run ends"""
+# Components that the small controllers adapt, and time of a run in s.
+NUM_COMPONENTS, RUN_DURATION = 10, 20.0
+# Position error in rad or m at which a run ends.
+MAX_POSITION_ERROR = 1.0
 
 
 class Demand(NamedTuple):
-    """Named tuple of what one closed-loop run asked of an arm and its motors. Tracking errors are positions less the
-    reference's, rad (m if prismatic), as root mean squares over all joints and samples: `rms_error` of the whole run
-    and `final_rms_error` of its last two seconds (None where it was shorter). `rms_torque` (no unit) is the root of the
-    mean over time of the sum over joints of (torque / its limit)^2; `work`, J, the motors', the integral over time of
-    |torque times velocity| summed over joints; `duration`, s; and `stopped`, True where an error passed 1 rad (m)."""
+    """Tracking errors, torque, work and duration of a closed-loop run; `stopped` where an error passed 1 rad (m)."""
 
     rms_error: float
     final_rms_error: float | None
@@ -40,10 +36,7 @@ class Demand(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DrivenArm:
-    """A closed-loop run of an arm of r joints, as described or with counterweights. `name` is that of the controller,
-    "all", "few" or "held", with "-before" or "-after"; `label` says both in words; `demand` what it asked. Every
-    control period is a sample: `time` (T,), s, positions `p` (T, r), rad (m if prismatic), their `error` (T, r) and the
-    torques `applied` (T, r), N m (N). Nothing is checked."""
+    """Closed-loop run of an arm, as described or with counterweights: its demand, and every sample of it."""
 
     name: str
     label: str
@@ -58,27 +51,16 @@ def driven(
     study: DesignStudy,
     *,
     control_period: float = 1e-3,
-    duration: float = DURATION,
+    duration: float = RUN_DURATION,
     components: int | None = None,
     seed: int = 0,
     progress: Callable[[float], object] = lambda share: None,
 ) -> tuple[DrivenArm, ...]:
-    """Closed-loop runs, six `DrivenArm`, on the reference and with the gains that `tune` finds by `seed` for the arm of
-    a design `study`: first as it is described, then with the study's counterweights. Each time Slotine and Li's law
-    runs for `duration` (s), its torques held over a `period` (s), 1 ms by default, from knowing nothing while it adapts
-    all parameters ("all"), so while it adapts the essential components of most energy alone, `components` in number, by
-    default 10 or all if they are fewer ("few"), and with the true values of these and adaptation off ("held").
-    Essential components are the parts of the inertial parameters along the right singular vectors of the arm's energies
-    over the study's states.
-
-    `progress(share)` is called with the fraction of the runs that is done, 0 to 1. Raises `InputError` for an arm with
-    friction, which carries no energy, for more components than it has essential parameters or less than 1, a duration
-    that is not positive, and where `tune` does; `GainError` for gains too large with the counterweights.
-    """
+    """Run an arm with and without counterweights, adapting all parameters, few components, and none."""
     mechanism, whole = study.task.mechanism, study.task.space.rank
     if len(mechanism.parameter_names) != mechanism.num_energy_parameters:
         raise InputError(f"{mechanism.name} has friction, which carries no energy: drive an arm without")
-    few = min(COMPONENTS, whole) if components is None else components
+    few = min(NUM_COMPONENTS, whole) if components is None else components
     count = whole_number(few, f"components of {mechanism.name}", 1, whole)
     positive_number(duration, "duration: expected a positive number of s")
     tuning = tune(mechanism, control_period=control_period, seed=seed)
@@ -112,7 +94,7 @@ def _laws(task: DesignTask, tuning: Tuning, count: int) -> Iterator[tuple[str, s
 def _run(plant: Plant, law: SlotineLi, tuning: Tuning, duration: float) -> Rollouts:
     start = tuning.reference(np.zeros(1)).p + tuning.initial_error
     return simulate_many(
-        plant, law, tuning.reference, duration=duration, p=start, v=0.0 * start, divergence_bound=ASTRAY
+        plant, law, tuning.reference, duration=duration, p=start, v=0.0 * start, divergence_bound=MAX_POSITION_ERROR
     )
 
 

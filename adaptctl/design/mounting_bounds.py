@@ -1,4 +1,4 @@
-"""MountingBounds on links where mass may be: boxes in the links' frames."""
+"""Bounds on links where mass may be."""
 
 from __future__ import annotations
 
@@ -14,23 +14,41 @@ from adaptctl.description.reach import attachments, joint_line
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 
-BEYOND, LEAST = 0.5, 0.1
-"""Share of a link's length that places reach beyond its joints, and the least that they do, m."""
-SHARE = 0.2
-"""Of a link's mass that may be added."""
-SLACK = 1e-9
-"""m beyond a box within which a place is in it still"""
+# Margin beyond a link's joints as a share of its length, and the least margin in m.
+OFFSET_SHARE, MIN_OFFSET = 0.5, 0.1
+# Share of a link's mass that may be added.
+MASS_SHARE = 0.2
+# Distance in m beyond a box that counts as inside.
+POSITION_TOLERANCE = 1e-9
 
 
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class MountingBounds:
-    """Bounds of a counterweight on the link named `link`: the box of positions of its centre from `lower` (3,) to
-    `upper` (3,), m in the link's frame, and its greatest `mass` (kg).
+    """
+    Box of positions on a link, and the greatest mass that may be there.
 
-    Raises `InputError` for masses that are no numbers or below zero, for a `lower` above `upper` in a coordinate (equal
-    ones are allowed), for ends that are not of shape (3,) and for numbers that are not finite. The link's name is
-    checked only where the bounds are used.
+    Parameters
+    ----------
+    link : str
+        Name of the link, checked where the bounds are used.
+    lower : numpy.ndarray
+        Lower corner (3,) in the link's frame in m.
+    upper : numpy.ndarray
+        Upper corner (3,) in m; a coordinate may equal that of `lower`.
+    mass : float
+        Greatest mass in kg.
+
+    Raises
+    ------
+    InputError
+        If the mass is negative, `lower` is above `upper`, a shape is wrong, or a number is not finite.
+
+    Examples
+    --------
+    >>> from adaptctl.design import MountingBounds
+    >>> MountingBounds("upper", np.full(3, -0.1), np.full(3, 0.1), 2.0).grid(3).shape
+    (27, 3)
     """
 
     link: str
@@ -52,15 +70,37 @@ class MountingBounds:
 
     @classmethod
     def of(
-        cls, mechanism: Mechanism, link: str, mass_ratio: float = SHARE, max_offset: float = BEYOND
+        cls, mechanism: Mechanism, link: str, mass_ratio: float = MASS_SHARE, max_offset: float = OFFSET_SHARE
     ) -> MountingBounds:
-        """Default bounds of a counterweight on the link named `link` of a mechanism. Its positions are a box along the
-        axes of the link's frame: the smallest around the link's joint, the points where other links or loops join it,
-        the frame's origin where that is farther from the joint than these points, and the centre of mass, widened on
-        all sides by the fraction `beyond` (unitless, by default 0.5) of the box's diagonal, and by 0.1 m at least.
+        """
+        Return the default bounds of a counterweight on a link.
 
-        Its greatest mass (kg) is the fraction `share` (unitless, by default 0.2) of the link's own. Raises `InputError`
-        for a link that is unknown or owns no inertia and for a fraction that is no number, below zero or not finite.
+        Parameters
+        ----------
+        mechanism : Mechanism
+            Mechanism with the link.
+        link : str
+            Name of the link.
+        mass_ratio : float, default 0.2
+            Greatest mass as a fraction of the link's own.
+        max_offset : float, default 0.5
+            Margin around the link's joints and center of mass as a fraction of their box's diagonal; at least 0.1 m.
+
+        Returns
+        -------
+        MountingBounds
+            Box along the axes of the link's frame.
+
+        Raises
+        ------
+        InputError
+            If the link is unknown or owns no inertia, or a fraction is negative or not finite.
+
+        Examples
+        --------
+        >>> from adaptctl.design import MountingBounds
+        >>> round(MountingBounds.of(arm, "lower").mass, 2)
+        0.24
         """
         mass_ratio, max_offset = real_number(mass_ratio, "places: share"), real_number(max_offset, "places: beyond")
         if not 0.0 <= mass_ratio < np.inf or not 0.0 <= max_offset < np.inf:
@@ -73,35 +113,56 @@ class MountingBounds:
         if own.inertia[0] > 0.0:
             points.append(own.inertia[1:4] / own.inertia[0])
         low, high = np.min(points, axis=0), np.max(points, axis=0)
-        margin = max(LEAST, max_offset * float(np.linalg.norm(high - low)))
+        margin = max(MIN_OFFSET, max_offset * float(np.linalg.norm(high - low)))
         return cls(link, low - margin, high + margin, mass_ratio * float(own.inertia[0]))
 
     def validate(self, place: ArrayLike) -> None:
-        """Raise `InputError`, which states the box, unless a position `place` (3,), m in the link's frame, is within
-        the box from this object's `lower` to its `upper` or at most 1e-9 m outside it in each coordinate; `InputError`
-        too for a position that is not three finite numbers. Nothing is returned."""
+        """
+        Refuse a position outside the box.
+
+        Parameters
+        ----------
+        place : array_like
+            Position (3,) in the link's frame in m; 1e-9 m outside is accepted.
+
+        Raises
+        ------
+        InputError
+            If the position is outside, or not three finite numbers.
+        """
         x = frozen_array(place, (3,), f"{self.link}: place")
-        if np.any(x < self.lower - SLACK) or np.any(x > self.upper + SLACK):
+        if np.any(x < self.lower - POSITION_TOLERANCE) or np.any(x > self.upper + POSITION_TOLERANCE):
             low, high = np.round(self.lower, 4).tolist(), np.round(self.upper, 4).tolist()
             raise InputError(f"{self.link}: the place {x.tolist()} is outside the bounds {low} to {high} m")
 
     def grid(self, each: int) -> Array:
-        """Positions (each^3, 3), m in the link's frame, evenly spaced over the box from this object's `lower` to its
-        `upper`, faces included, with `each` of them along every edge, z changing fastest, then y, then x; for 1, the
-        corner `lower` alone. Raises `InputError` for an `each` other than a whole number from 1 to 100."""
+        """
+        Return evenly spaced positions over the box, faces included.
+
+        Parameters
+        ----------
+        each : int
+            Positions along each edge, 1 to 100; 1 gives the lower corner.
+
+        Returns
+        -------
+        numpy.ndarray
+            Positions (each^3, 3) in m, z changing fastest.
+
+        Raises
+        ------
+        InputError
+            If the number is out of range.
+        """
         whole_number(each, "grid: places along an edge", 1, 100)
         axes = [np.linspace(a, b, each) for a, b in zip(self.lower, self.upper, strict=True)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def bounds(
-    mechanism: Mechanism, links: Iterable[str], mass_ratio: float = SHARE, max_offset: float = BEYOND
+    mechanism: Mechanism, links: Iterable[str], mass_ratio: float = MASS_SHARE, max_offset: float = OFFSET_SHARE
 ) -> tuple[MountingBounds, ...]:
-    """Default bounds of counterweights, a tuple of one `MountingBounds` for each of the `links` named, in their order:
-    a greatest mass (kg), the fraction `share` (unitless, by default 0.2) of the link's own, and a box of positions, m
-    in its frame, around its joints and centre of mass, widened on all sides by the fraction `beyond` (unitless, by
-    default 0.5) of the box's diagonal, and by 0.1 m at least. Raises `InputError` for no links or one given twice,
-    links that are unknown or own no inertia, and fractions that are no numbers, below zero or not finite."""
+    """Default bounds of counterweights on several links."""
     names = tuple(links)
     if len(set(names)) < len(names) or not names:
         raise InputError(f"links: expected at least one, each once, got {', '.join(names) or 'none'}")

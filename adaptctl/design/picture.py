@@ -1,4 +1,4 @@
-"""An arm coloured by what a mass costs, in a rerun recording and as a figure."""
+"""Arm colored by the cost of a mass, in a rerun recording and as a figure."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ if TYPE_CHECKING:
 
     from adaptctl.recording.stream import Curves
 
-SPOTS = 24
-"""Balls that a shape is drawn by."""
-CLOUD = 5
-"""Places along each edge of a link's box."""
-BALL = Color(240, 200, 40)
-TURN, FRAMES, SHOWN = 6.0, 121, 600
-"""s that the arm moves where nothing was run, positions of it then, and at most of a run"""
-AVERAGE = 0.25
-"""s over which errors and torques are averaged"""
+# Balls that a shape is drawn by.
+BALLS_PER_SHAPE = 24
+# Positions along each edge of a link's box.
+GRID_POINTS = 5
+COUNTERWEIGHT_COLOR = Color(240, 200, 40)
+# Time in s of a swing where nothing was run, its positions, and the most positions of a run.
+SWING_TIME, NUM_FRAMES, MAX_FRAMES = 6.0, 121, 600
+# Time in s over which errors and torques are averaged.
+AVERAGING_TIME = 0.25
 
 
 def scale_of_costs() -> Colormap:
-    """Colour map (Matplotlib) of relative changes of cost: blue, light grey in its middle, orange to red."""
+    """Color map of relative changes of cost: blue, light grey in its middle, orange to red."""
     from matplotlib.colors import LinearSegmentedColormap
 
     steps = [(0.0, run_color(0)), (0.5, BODY), (0.75, run_color(1)), (1.0, Color(160, 24, 24))]
@@ -48,10 +48,7 @@ def scale_of_costs() -> Colormap:
 
 
 class Spots(NamedTuple):
-    """Positions on an arm, n of them, and the relative changes of the cost of its motion by a point mass there. `link`
-    (n,) are zero-based indices of links, the ground not counted, as floats; `place` (n, 3) positions, m in the link's
-    frame; `radius` (n,), m, those of the balls that are drawn there; and `change` (n,) relative changes, no unit, 0.1
-    for 10 % more. Nothing is checked at construction."""
+    """Positions on an arm, radii of the balls drawn there, and relative changes of cost by a point mass."""
 
     link: Array
     place: Array
@@ -60,17 +57,14 @@ class Spots(NamedTuple):
 
 
 def spots(costs: CostMap, parts: Skeleton) -> Spots:
-    """Positions on all links of an arm, as `Spots`: 24, evenly spaced, on the axis of each shape of a link or tool in
-    `parts`, those of massless links left out. Each has the relative change, no unit, of the cost of the motion when the
-    point mass of `costs`, a map of these changes over the arm, is fixed there. Raises `IndexError` where no shape is on
-    a link with inertia."""
+    """Positions along all shapes of an arm with the relative changes of cost by the mass of `costs`."""
     rows = []
     names = costs.task.mechanism.description.body_names
     for shape in parts.shapes:
         name = costs.task.mechanism.links[shape.link].name
         if shape.solid is Solid.JOINT or name not in names:
             continue
-        places = shape.start + np.linspace(0.0, 1.0, SPOTS)[:, None] * (shape.end - shape.start)
+        places = shape.start + np.linspace(0.0, 1.0, BALLS_PER_SHAPE)[:, None] * (shape.end - shape.start)
         values = costs.at(name, places)
         rows += [(shape.link, *x, shape.radius, value) for x, value in zip(places.tolist(), values, strict=True)]
     table = np.array(rows)
@@ -78,10 +72,7 @@ def spots(costs: CostMap, parts: Skeleton) -> Spots:
 
 
 def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
-    """Colour scale, a Matplotlib `TwoSlopeNorm`, for relative changes of cost, no unit, with 0 in its middle. Its lower
-    end is the least of `change` (n,) and of the changes at the cheapest position on each link of the study, its upper
-    end the greatest of `change`; each end is moved, where need be, at least a thousandth of the other's size below or
-    above 0. Raises `ValueError` for n = 0."""
+    """Color scale for relative changes of cost, with 0 in its middle."""
     from matplotlib.colors import TwoSlopeNorm
 
     low = min(*(cost.least for cost in study.links), float(change.min()), 0.0)
@@ -91,22 +82,14 @@ def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
 
 
 def colors(change: Array, scale: TwoSlopeNorm) -> NDArray[np.uint8]:
-    """Colours (n, 4), red, green, blue and opacity from 0 to 255, of n relative changes of cost `change` (n,), no unit,
-    by a colour `scale` such as `norm` makes. They are blue where the cost falls, light grey for 0, orange to red where
-    it rises; changes beyond the scale have the colours of its ends. Nothing is checked."""
+    """Colors (n, 4), red, green, blue and opacity, of n relative changes of cost."""
     return np.asarray(scale_of_costs()(scale(change), bytes=True), dtype=np.uint8)
 
 
 def record(
     study: DesignStudy, runs: Sequence[DrivenArm], shown: Report, path: Path, figures: Mapping[str, Path]
 ) -> None:
-    """Write the recording of a design `study` for the rerun viewer to the file `path` (.rrd), whole or not at all: the
-    arm in motion, that of the last of the `runs` if there are any, as balls along its links, whose colour is the
-    relative change of the motion's energy when a point with the mass of the study's body is fixed there: blue where
-    the energy falls, red where it rises. Small balls, coloured alike, fill the box of positions that the study allows
-    on each link; yellow balls are the counterweights. Errors and torques of the runs, the tables of the report `shown`
-    and the pictures in the PNG files `figures`, by name, stand beside. Raises `FileError` where it cannot be written.
-    """
+    """Write the recording of a design study for the rerun viewer, whole or not at all."""
     import rerun.blueprint as rrb
 
     from adaptctl.recording import views
@@ -132,13 +115,12 @@ def record(
 
 
 def _beside(study: DesignStudy, runs: Sequence[DrivenArm]) -> list[Any]:
-    """Views beside the arm: errors and torques of the runs, or, without any, the error by the components kept."""
     from adaptctl.recording import views
 
     if not runs:
         return [views.picture("figures/components", "Energy error by the number of components kept")]
     error = f"Tracking error of all joints (RMS), powers of ten of a {error_unit(study.task.mechanism)}"
-    torque = f"Torque of all joints (RMS over {AVERAGE:g} s, {torque_error_unit(study.task.mechanism)})"
+    torque = f"Torque of all joints (RMS over {AVERAGING_TIME:g} s, {torque_error_unit(study.task.mechanism)})"
     end = max(run.demand.duration for run in runs)
     return [views.curves("/error", error, end), views.curves("/torque", torque, end)]
 
@@ -147,7 +129,7 @@ def _curves(runs: Sequence[DrivenArm]) -> Iterator[Curves]:
     from adaptctl.recording.stream import Curves, in_decades
 
     for i, run in enumerate(runs):
-        window = min(len(run.time), max(1, round(AVERAGE * len(run.time) / run.demand.duration)))
+        window = min(len(run.time), max(1, round(AVERAGING_TIME * len(run.time) / run.demand.duration)))
         error, torque = (
             np.sqrt(np.convolve(np.mean(values**2, axis=1), np.full(window, 1.0 / window), "same"))
             for values in (run.error, run.applied)
@@ -157,17 +139,16 @@ def _curves(runs: Sequence[DrivenArm]) -> Iterator[Curves]:
 
 
 def _moved(study: DesignStudy, runs: Sequence[DrivenArm]) -> tuple[Array, Array]:
-    """Times (T,) and positions (T, r) of the last run, or of every joint swinging a little about home, within reach of
-    the loops, where none was run."""
+    """Times (T,) and positions (T, r) of the last run, or of joints swinging about home where none was run."""
     if runs:
-        every = thinned(len(runs[-1].time), SHOWN)
+        every = thinned(len(runs[-1].time), MAX_FRAMES)
         return runs[-1].time[every], runs[-1].p[every]
     mechanism = study.task.mechanism
-    phase = np.linspace(0.0, 2.0 * np.pi, FRAMES)[:, None] * np.arange(1, mechanism.dof + 1).clip(max=3)
+    phase = np.linspace(0.0, 2.0 * np.pi, NUM_FRAMES)[:, None] * np.arange(1, mechanism.dof + 1).clip(max=3)
     swing = np.where([joint.kind.is_revolute for joint in mechanism.primary_joints], 0.25, 0.05)
     if mechanism.description.loops is not None:
         swing = swing * np.where(np.arange(mechanism.dof) == 0, 1.0, 0.5)
-    return np.linspace(0.0, TURN, FRAMES), np.asarray(mechanism.neutral_configuration + swing * np.sin(phase))
+    return np.linspace(0.0, SWING_TIME, NUM_FRAMES), np.asarray(mechanism.neutral_configuration + swing * np.sin(phase))
 
 
 def _log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleton, time: Array, p: Array) -> None:
@@ -183,22 +164,20 @@ def _log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleto
             shown = rr.Points3D(found.place[own], radii=found.radius[own], colors=colors(found.change[own], scale))
             recording.log(f"{WORLD}/arm/{entity(link.name)}/cost", shown, static=True)
     for places in study.within:
-        grid = places.grid(CLOUD)
+        grid = places.grid(GRID_POINTS)
         shades = colors(np.clip(study.map.at(places.link, grid), scale.vmin, scale.vmax), scale)
         small = rr.Points3D(grid, radii=[0.004], colors=shades)
         recording.log(f"{WORLD}/arm/{entity(places.link)}/room", small, static=True)
     for weight in weights:
         radius = (3.0 * weight.mass / (4.0 * np.pi * weight.density)) ** (1.0 / 3.0)
-        ball = rr.Points3D([weight.place], radii=[radius], colors=[BALL], labels=[f"{weight.mass:.3g} kg"])
+        ball = rr.Points3D(
+            [weight.place], radii=[radius], colors=[COUNTERWEIGHT_COLOR], labels=[f"{weight.mass:.3g} kg"]
+        )
         recording.log(f"{WORLD}/arm/{entity(weight.link)}/counterweight", ball, static=True)
 
 
 def arm_figure(study: DesignStudy, parts: Skeleton, p: Array) -> Figure:
-    """Figure (Matplotlib) of an arm at positions `p` (r,), rad (m if prismatic), of its r joints, from the side and
-    from above, in m. Dots along its links are coloured by the relative change of the motion's energy when a point with
-    the mass of the study's body is fixed there; yellow dots are the counterweights. `parts` are the shapes it is drawn
-    by. Raises `InputError` for another number of positions, `NonFiniteError` for NaN and infinity, `LoopError` where
-    kinematic loops cannot be closed, `SingularityError` near a singularity of these."""
+    """Figure of an arm from the side and from above, colored by the change of energy by a mass."""
     found = spots(study.map, parts)
     world, scale = _in_world(study.task.mechanism, p, found.link, found.place), norm(study, found.change)
     figure = sheet(4.4)
@@ -212,7 +191,9 @@ def arm_figure(study: DesignStudy, parts: Skeleton, p: Array) -> Figure:
         order = np.argsort(world[:, 3 - i - j])
         colored = {"c": found.change[order], "cmap": scale_of_costs(), "norm": scale}
         axes.scatter(world[order, i], world[order, j], s=130.0, linewidths=0.0, **colored)
-        axes.scatter(balls[:, i], balls[:, j], s=110.0, color=BALL.hex, edgecolors=INK.hex, label="counterweight")
+        axes.scatter(
+            balls[:, i], balls[:, j], s=110.0, color=COUNTERWEIGHT_COLOR.hex, edgecolors=INK.hex, label="counterweight"
+        )
         axes.set_aspect("equal", "datalim")
         axes.set(xlabel="x [m]", ylabel=f"{'xyz'[j]} [m]", title=title)
         if len(weights):

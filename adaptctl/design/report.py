@@ -1,4 +1,4 @@
-"""A study of a design as people and programs read it: outcome, facts, tables, figures, and the same in JSON's types."""
+"""Report of a design study."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SCHEMA = "adaptctl/design/2"
-TOLD = (
+EXPLANATION = (
     "The energy that is carried is its root mean square about its mean, which counts all pairs of states. A body "
     "changes it by no more than its projection on the essential parameter space."
 )
@@ -37,10 +37,10 @@ IN_LOOP = (
     "Slotine and Li's law follows one reference before and after, from knowing nothing: adapting all parameters, "
     "adapting the few components of most energy, and with their true values."
 )
-DRAWN = 3000
-"""at most as many points of a curve"""
-EXPLAINED = 4
-"""changes of links whose equations are shown"""
+# Largest number of points of a curve.
+MAX_DRAWN_POINTS = 3000
+# Largest number of changes whose equations are shown.
+MAX_EXPLAINED_CHANGES = 4
 
 
 def write_study(
@@ -51,19 +51,12 @@ def write_study(
     runs: Sequence[DrivenArm] = (),
     progress: Progress = silent,
 ) -> None:
-    """Write the files of a design `study` into a `folder`, all or none: design.json with the `content`, in JSON's
-    types, and what is `shown`, its `report`, as report.html, figures as PNG in the subfolder `figures` and
-    recording.rrd, in which are the curves of the `runs` and the last one's motion. `progress(what, share)` is called
-    with what is being written and the fraction done, 0 to 1. Raises `FileError` where a file cannot be written, and for
-    numbers in `content` that are NaN or infinite, `RankError` where the mechanism's rank cannot be certified."""
+    """Write the files of a design study into a folder, all or none."""
     shown.write(folder, content, name="design.json", record=partial(record, study, runs, shown), progress=progress)
 
 
 def report(study: DesignStudy, detail: AddedMass | None = None, runs: Sequence[DrivenArm] = ()) -> Report:
-    """The report of a design `study`: what a mass costs on every link, counterweights with the costs before and after
-    them, and changes by which parameters are no longer needed. `detail` is the effect of a body at one position, None
-    (the default) for none; `runs` are those in closed loop, if there are any. Raises `RankError` where the mechanism's
-    rank, its number of base parameters, cannot be certified."""
+    """Report of a design study, with a body at one position and closed-loop runs where given."""
     return Report(
         experiment="design",
         title=f"{study.task.mechanism.name}: where a mass may be added",
@@ -88,7 +81,6 @@ def _outcome(study: DesignStudy) -> str:
 
 
 def _run_words(study: DesignStudy, runs: Sequence[DrivenArm]) -> Iterator[str]:
-    """Sentences on what the counterweights change in closed loop, none where nothing was run."""
     of, unit = {run.name: run.demand for run in runs}, error_unit(study.task.mechanism)
     if of and of["all-before"].work > 0.0:
         share = of["all-after"].work / of["all-before"].work - 1.0
@@ -108,13 +100,7 @@ def _facts(study: DesignStudy) -> Iterator[Fact]:
 
 
 def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
-    """Costs of a mechanism's motion over a design `task`, as pairs of texts, a label and a number with its unit. They
-    are the numbers of base parameters, of those that are not zero (each contributes more than 1e-6 of the energy), and
-    of essential components, combinations of parameters, that keep the energy to an error of `percent` (%); and root
-    mean squares of energy about its mean (J), torque (% of its limit), coupling, the mass matrix's entries off the
-    diagonal (kg m^2, kg between prismatic joints, kg m between one of each kind), and each joint's torque (N m, N if
-    prismatic). Raises `InputError` for a `percent` that is not a finite number of at least 0, `RankError` where the
-    mechanism's rank, its number of base parameters, cannot be certified."""
+    """Costs of a mechanism's motion as pairs of a label and a number with its unit."""
     of = costs(task, percent)
     yield "independent parameters", f"{of['rank']}"
     yield "of them not zero", f"{of['nonzero_parameters']}"
@@ -127,8 +113,7 @@ def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
 
 
 def change(share: float) -> str:
-    """Relative change `share` (a fraction) formatted as a percentage with its sign: 0.125 is "+12.5 %". Nothing is
-    raised."""
+    """Relative change as a percentage with its sign: 0.125 is "+12.5 %"."""
     return f"{100.0 * share:+.3g} %".replace("-", "−")
 
 
@@ -140,7 +125,7 @@ def _sections(study: DesignStudy, detail: AddedMass | None, runs: Sequence[Drive
     mass, mechanism, task, found = f"{study.body.mass:g} kg", study.task.mechanism, study.task, study.counterweights
     told = (
         f"{mechanism.name}: {len(task.parameters)} inertial parameters, {task.basis.rank} independent, "
-        f"{len(task.nonzero_parameters())} of them not zero; over {task.origin}. {TOLD}"
+        f"{len(task.nonzero_parameters())} of them not zero; over {task.origin}. {EXPLANATION}"
     )
     arm = Drawing(
         "arm",
@@ -164,7 +149,9 @@ def _sections(study: DesignStudy, detail: AddedMass | None, runs: Sequence[Drive
     yield Section(f"Counterweights for the least {found.objective}", (listed, both, components))
     if runs:
         yield Section("In closed loop", (IN_LOOP, _runs(runs), *_run_drawings(study, runs)))
-    equations = [Lines(r.before, beside=r.after, title=r.description) for r, _ in study.recommended[:EXPLAINED]]
+    equations = [
+        Lines(r.before, beside=r.after, title=r.description) for r, _ in study.recommended[:MAX_EXPLAINED_CHANGES]
+    ]
     yield Section("Parameters that can go", (EACH_ALONE, _removals(study), *equations))
 
 
@@ -189,7 +176,6 @@ def _bodies(study: DesignStudy) -> Table:
 
 
 def _compared(before: DesignTask, after: DesignTask, percent: float, heads: tuple[str, str]) -> Table:
-    """Table of the costs of a motion before and after a change."""
     both = zip(quantities(before, percent), quantities(after, percent), strict=True)
     return Table(("", *heads), [(what, old, new) for (what, old), (_, new) in both], align="lrr")
 
@@ -221,7 +207,7 @@ def _runs(runs: Sequence[DrivenArm]) -> Table:
 
 
 def _late(found: Demand, scale: float = 1.0, unit: str = "") -> str:
-    """The error of the last two seconds; where the run was stopped, when."""
+    """The error of the last two seconds."""
     if found.stopped:
         return f"stopped at {found.duration:.3g} s"
     return "–" if found.final_rms_error is None else f"{scale * found.final_rms_error:.3g}{unit}"
@@ -243,7 +229,7 @@ def _curves(runs: Sequence[DrivenArm], values: Callable[[DrivenArm], Array], lab
     figure = sheet(3.4)
     axes = figure.subplots()
     for i, run in enumerate(runs):
-        every = thinned(len(run.time), DRAWN)
+        every = thinned(len(run.time), MAX_DRAWN_POINTS)
         shown = np.sqrt(np.mean(values(run)[every] ** 2, axis=1))
         axes.plot(run.time[every], shown, color=run_color(i).hex, label=run.label, linewidth=1.3)
     axes.set(yscale="log" if log else "linear", xlabel="time [s]", ylabel=label)
@@ -252,7 +238,6 @@ def _curves(runs: Sequence[DrivenArm], values: Callable[[DrivenArm], Array], lab
 
 
 def _components_figure(study: DesignStudy) -> Figure:
-    """Energy errors by the number of components kept, those of most energy first (Sheu and Walker 1991, eq. 23)."""
     figure = sheet(2.8)
     axes = figure.subplots()
     tasks = {"as described": study.task, "with counterweights": study.counterweights.balanced_task}
@@ -267,15 +252,7 @@ def _components_figure(study: DesignStudy) -> Figure:
 
 
 def as_builtins(study: DesignStudy, detail: AddedMass | None = None, runs: Sequence[DrivenArm] = ()) -> dict[str, Any]:
-    """Results of a design `study`, a dict in JSON's types, in SI units, changes of energy and torque being relative
-    (0.1 for 10 % more). Its keys are `robot`, name and hash; `task`, its `states` in words and their number, `samples`;
-    `before`, the costs of the motion (as `costs` returns them); the `body` to add, its mass and inertia; `links`, for
-    each link its mass, the positions where the body's mass makes the energy least and greatest, with the change of
-    energy, and the body's effect at the link's centre of mass; `counterweights`, with the costs after them;
-    `simplifications`, changes that remove parameters, with the floating-point operations saved; `bodies`, the changes
-    of energy by common bodies. `detail`, the effect of a body at one position, is `added`, and what `runs` in closed
-    loop asked is `runs`; both are left out where there is none, the default. Raises `RankError` where the mechanism's
-    rank, its number of base parameters, cannot be certified."""
+    """Results of a design study in JSON's types and SI units."""
     task, mechanism = study.task, study.task.mechanism
     content: dict[str, Any] = {
         "schema": SCHEMA,
@@ -302,15 +279,7 @@ def as_builtins(study: DesignStudy, detail: AddedMass | None = None, runs: Seque
 
 
 def costs(task: DesignTask, percent: float) -> dict[str, Any]:
-    """Costs of a mechanism's motion over a design `task`, a dict in JSON's types. Root mean squares (RMS) are over the
-    task's states, torques without friction. `rank` counts base parameters, `nonzero_parameters` counts
-    those that each contribute more than 1e-6 of the energy. `energy` is the RMS, about its mean, of kinetic plus
-    potential energy, J; `components` is the number of essential components (combinations of inertial parameters) that
-    keep it to an error of `percent` (%), itself an entry. `torque` is the RMS of the torques divided by their limits,
-    no unit, squares summed over joints; `torques` are RMS, one a joint, N m (N if prismatic). `coupling`, kg m^2, is
-    the RMS, over pairs of joints too, of the mass matrix's entries off the diagonal, each times the mechanism's
-    characteristic length for each prismatic joint of its pair. Raises `InputError` for a `percent` that is not a finite
-    number of at least 0, `RankError` where the rank cannot be certified."""
+    """Costs of a mechanism's motion in JSON's types and SI units, torques without friction."""
     return {
         "rank": task.basis.rank,
         "nonzero_parameters": len(task.nonzero_parameters()),

@@ -1,4 +1,4 @@
-"""Parameters that a design can do without: made zero by symmetry, by balance, or by moving a part of a link."""
+"""Parameters that a design can do without."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array, positive_number
 from adaptctl.caching import cached_property
-from adaptctl.design.bodies import STEEL, ball_tens
+from adaptctl.design.bodies import STEEL_DENSITY, ball_tens
 from adaptctl.design.mounting_bounds import MountingBounds
 from adaptctl.design.task import DesignTask
 from adaptctl.dynamics.equation_costs import equation_costs
@@ -19,32 +19,54 @@ from adaptctl.identifiability import FundamentalBasis
 from adaptctl.identifiability.regrouping import TOLERANCE, regrouping_equations
 
 Way = Literal["symmetry", "balance", "relocation"]
+# Parameters that vanish where a link is its own mirror image along an axis of its frame.
 MIRRORED = {
     "x": ("mc_x", "I_xy", "I_xz"),
     "y": ("mc_y", "I_xy", "I_yz"),
     "z": ("mc_z", "I_xz", "I_yz"),
 }
-"""Parameters that vanish where a link is its own mirror image along an axis of its frame."""
-ROUND_OFF = 1e-11
-"""Size of coefficients that are zero."""
-EACH = 13
-"""MountingBounds along each edge of a link's box that are tried; the ends are among them."""
+# Size of coefficients that are zero.
+ZERO_COEFFICIENT = 1e-11
+# Positions along each edge of a link's box that are tried, ends included.
+GRID_POINTS = 13
 
 
 @dataclass(frozen=True, eq=False)
 class Simplification:
-    """A change of a mechanism's design after which j inertial parameters are enough for its torques, fewer than the k
-    fundamental (base) parameters of a `basis`, a `FundamentalBasis`, before.
+    """
+    Change of a design after which fewer inertial parameters are enough for the torques.
 
-    `way` is "symmetry" (a link made its own mirror image), "balance" (a ball added) or "relocation" (a part of a link's
-    mass moved), and `link` the name of the link to change, empty for all symmetries that links have already. `known`
-    names the inertial parameters that are zero by symmetry (none for a ball or a moved part), `zero` the fundamental
-    parameters that are zero after the change. `columns` (j,) are the indices, from 0, among all P inertial parameters
-    without friction, of those that are enough, and `regrouping` (j, P), in SI units, gives their values: Y D = Y[:,
-    columns] regrouping D for the inertial parameters D (P,) of the changed design, with the torque regressor Y (r, P)
-    of r primary (independently moving) joints. `mass` (kg) is added at the position `place` (3,), m in the link's
-    frame, or moved there from the link's centre of mass; 0 and None for a symmetry. `holds` is True where the mechanism
-    has the symmetry already. Made by `simplifications`; nothing is checked at construction.
+    `simplifications` makes it. Nothing is checked at construction.
+
+    Parameters
+    ----------
+    basis : FundamentalBasis
+        Basis of k parameters before the change.
+    kind : {"symmetry", "balance", "relocation"}
+        Link made its own mirror image, ball added, or part of a link's mass moved.
+    link : str
+        Name of the link; empty for all symmetries that links have already.
+    known : tuple of str
+        Inertial parameters that are zero by symmetry.
+    columns : tuple of int
+        Indices (j,) of the parameters that are enough after the change.
+    regrouping : numpy.ndarray
+        Matrix (j, P) in SI units that gives their values from all P.
+    zero : tuple of str
+        Fundamental parameters that become zero.
+    mass : float, default 0.0
+        Mass in kg that is added or moved.
+    place : numpy.ndarray, optional
+        Position (3,) of that mass in the link's frame in m.
+    condition : bool, default False
+        True where the mechanism has the symmetry already.
+
+    Examples
+    --------
+    >>> from adaptctl.design import DesignTask, MountingBounds, simplifications
+    >>> found = simplifications(DesignTask.within_limits(arm, samples=20), [MountingBounds.of(arm, "lower")])
+    >>> found[0].description
+    'lower is its own mirror image along y already'
     """
 
     basis: FundamentalBasis
@@ -58,25 +80,23 @@ class Simplification:
     place: Array | None = None
     condition: bool = False
 
+    def __repr__(self) -> str:
+        return f"<Simplification: {self.description}>"
+
     @property
     def rank(self) -> int:
-        """Number of inertial parameters that are enough for the mechanism's torques after this change of its design (a
-        symmetry, a ball added or mass moved): the length of the field `columns`."""
+        """Number of inertial parameters that are enough after the change."""
         return len(self.columns)
 
     @property
     def eliminated(self) -> tuple[str, ...]:
-        """Names of the mechanism's fundamental (base) parameters that are not needed after this change of its design (a
-        symmetry, a ball added or mass moved), in the order of the field `basis`. They may be more than the difference
-        of the numbers of parameters, since another inertial parameter can replace one of them."""
+        """Names of the fundamental parameters that are not needed after the change."""
         left = {self.basis.parameter_names[j] for j in self.columns}
         return tuple(name for name in self.basis.names if name not in left)
 
     @property
     def description(self) -> str:
-        """Phrase, as text, that describes this change of a mechanism's design, such as "add 1.2 kg to link2 at (0.100,
-        0.000, 0.000) m", or for a symmetry that a link has already, such as "link2 is its own mirror image along x
-        already"."""
+        """Description of the change, such as "add 1.2 kg to link2 at (0.100, 0.000, 0.000) m"."""
         if not self.link:
             return "rely on every symmetry that links have already"
         if self.place is None:
@@ -90,18 +110,12 @@ class Simplification:
 
     @cached_property
     def before(self) -> tuple[str, ...]:
-        """Regrouping equations, as text, that this change of a mechanism's design (a symmetry, a ball added or mass
-        moved) alters, as they are before it. Each gives a fundamental (base) parameter, with a star after its name, as
-        a sum of inertial parameters, such as "link2.mc_x* = link2.mc_x + 0.4318 (link2.m + link3.m)". Coefficients are
-        in SI units."""
+        """Regrouping equations that the change alters, before it, coefficients in SI units."""
         return tuple(equation for equation in self.basis.equations() if equation not in self._left)
 
     @cached_property
     def after(self) -> tuple[str, ...]:
-        """Regrouping equations, as text, that this change of a mechanism's design (a symmetry, a ball added or mass
-        moved) alters, as they are after it. Each gives a fundamental (base) parameter, with a star after its name, as a
-        sum of inertial parameters, coefficients in SI units. First come those that become zero, such as "link3.I_xy* =
-        0"."""
+        """Regrouping equations that the change alters, after it: first those that become zero."""
         own = set(self.basis.equations())
         return (*(f"{name}* = 0" for name in self.zero), *(equation for equation in self._left if equation not in own))
 
@@ -111,13 +125,7 @@ class Simplification:
 
 
 def operations_saved(task: DesignTask, removal: Simplification) -> int:
-    """Number of floating-point operations that an adaptive controller of the task's mechanism saves in each control
-    period after a change of its design, a `removal`, since it needs fewer parameters. Counted are the torques Y beta
-    (r,) of r primary (independently moving) joints and the powers Y' s (k,), with the regressor Y (r, k), its transpose
-    Y', the values beta (k,) of the k parameters and the sliding variables s (r,), the joints' velocity errors plus
-    weighted position errors; sines, cosines and roots are not counted. Friction parameters are kept. Raises `RankError`
-    where the number of identifiable parameters cannot be certified, `LoopError` where kinematic loops cannot be closed.
-    """
+    """Floating-point operations that an adaptive controller saves in each control period after a change."""
     mechanism = task.mechanism
     friction = range(mechanism.num_energy_parameters, len(mechanism.parameter_names))
     before, after = (equation_costs(mechanism, (*c, *friction)).tick for c in (task.basis.columns, removal.columns))
@@ -125,21 +133,43 @@ def operations_saved(task: DesignTask, removal: Simplification) -> int:
 
 
 def simplifications(
-    task: DesignTask, within: Sequence[MountingBounds], density: float = STEEL
+    task: DesignTask, within: Sequence[MountingBounds], density: float = STEEL_DENSITY
 ) -> tuple[Simplification, ...]:
-    """All changes of a mechanism's design that remove fundamental (base) parameters, as a tuple of `Simplification`,
-    the one that leaves the fewest first, of equal ones the one with the least mass. `within` has one `MountingBounds`
-    for each link that may change: bounds of added or moved mass and of its position. Empty where there are no such
-    changes.
+    """
+    Find the changes of a design that remove fundamental parameters.
 
-    By symmetry: a link becomes its own mirror image along one or two axes of its frame. By balance: a ball of a density
-    in kg/m^3 (steel's 7850 by default), added to a link, makes one fundamental parameter zero. By relocation: a part of
-    the link's own mass, taken from its centre of mass and placed as such a ball, does so. Tried are the fundamental
-    parameters that alone make more than 1e-6 of the root mean square energy. The ball's position is the one with the
-    largest effect among 13 along each edge of the link's box, its mass the least that is enough there. Each is one
-    change alone; where links have symmetries already, one more takes all of these at once. Raises `InputError` for an
-    unknown link or one given twice, a density that is not positive and finite and a task in whose states the energy is
-    constant, `RankError` where the number of identifiable parameters cannot be certified.
+    Parameters
+    ----------
+    task : DesignTask
+        Mechanism and states.
+    within : sequence of MountingBounds
+        Bounds of mass and position for each link that may change.
+    density : float, default 7850.0
+        Density of added balls in kg/m^3, steel's by default.
+
+    Returns
+    -------
+    tuple of Simplification
+        Changes, each alone; those that leave fewest parameters first, then those of least mass.
+
+    Raises
+    ------
+    InputError
+        If a link is unknown or given twice, the density is not positive and finite, or the task's energy is constant.
+    RankError
+        If the number of identifiable parameters cannot be certified.
+
+    Notes
+    -----
+    Balls are tried on a grid of 13 positions along each edge, for parameters that contribute more than 1e-6 of the
+    energy. Where links have symmetries already, one change more takes all of these at once.
+
+    Examples
+    --------
+    >>> from adaptctl.design import DesignTask, MountingBounds, simplifications
+    >>> found = simplifications(DesignTask.within_limits(arm, samples=20), [MountingBounds.of(arm, "lower")])
+    >>> found[0].eliminated
+    ('lower.mc_y',)
     """
     positive_number(density, "density: expected a positive number of kg/m^3")
     within = tuple(within)
@@ -155,11 +185,7 @@ def simplifications(
 
 
 def by_symmetry(task: DesignTask, known: Sequence[str], link: str = "") -> Simplification | None:
-    """The change of a mechanism's design, a `Simplification`, by which the inertial parameters named in `known`, such
-    as "link3.I_xy", are zero by symmetry; None where as many parameters are needed as before. `link` is the name of the
-    link to change, empty, the default, for several; it is only copied to the `Simplification`. That the `known` belong
-    to a symmetry is not checked. Raises `InputError` for a name that is no inertial parameter of the task's mechanism,
-    `RankError` where the number of identifiable parameters cannot be certified."""
+    """Simplification by which `known` parameters are zero."""
     basis = task.basis
     wrong = [name for name in known if name not in basis.parameter_names]
     if wrong:
@@ -172,7 +198,7 @@ def by_symmetry(task: DesignTask, known: Sequence[str], link: str = "") -> Simpl
         return None
     zero = tuple(name for name, row in zip(basis.names, K, strict=True) if not np.any(row))
     solved = np.linalg.lstsq(K[:, columns], K, rcond=None)[0]
-    regrouping: Array = np.where(np.abs(solved) < ROUND_OFF, 0.0, solved)
+    regrouping: Array = np.where(np.abs(solved) < ZERO_COEFFICIENT, 0.0, solved)
     holds = not np.any(task.parameters[places])
     return Simplification(basis, "symmetry", link, tuple(known), columns, regrouping, zero, condition=holds)
 
@@ -207,10 +233,10 @@ def _by_mass(task: DesignTask, places: MountingBounds, density: float, row: int)
 def _least_mass(
     share: Array, wanted: float, taken: float, places: MountingBounds, density: float
 ) -> tuple[float, Array] | None:
-    """The least mass, at the best place of a grid, whose ball changes the row's parameter as wanted."""
+    """Least mass, at the best position of a grid, whose ball changes the row's parameter as wanted."""
     from scipy.optimize import brentq
 
-    grid = places.grid(EACH)
+    grid = places.grid(GRID_POINTS)
     most = ball_tens(np.full(len(grid), places.mass), grid, density) @ share - places.mass * taken
     best = int(np.argmax(most * np.sign(wanted)))
     x = grid[best]
@@ -218,7 +244,7 @@ def _least_mass(
     def short(mass: float) -> float:
         return float(share @ ball_tens(mass, x, density)) - mass * taken - wanted
 
-    if abs(short(places.mass)) <= ROUND_OFF * abs(wanted):  # all that is allowed is just enough
+    if abs(short(places.mass)) <= ZERO_COEFFICIENT * abs(wanted):  # all that is allowed is just enough
         return places.mass, x
     if short(0.0) * short(places.mass) >= 0.0:
         return None
@@ -232,8 +258,7 @@ def _without(basis: FundamentalBasis, way: Way, link: str, row: int, mass: float
 
 
 def _independent_columns(K: Array, basis: FundamentalBasis) -> tuple[int, ...]:
-    """Columns (k',) of K (k, P) that span all of them, in ascending order: those of the basis first, as far as they are
-    enough."""
+    """Columns of K (k, P) that span all of them, ascending: those of the basis first."""
     scaled = K * basis.scales / basis.scales[list(basis.columns), None]
     own = set(basis.columns)
     others = [j for j in range(K.shape[1]) if j not in own]

@@ -1,4 +1,4 @@
-"""The certificate of a rank: the evidence for it, and angles of the geometry that are nearly right ones."""
+"""Certificate of a rank."""
 
 from __future__ import annotations
 
@@ -18,32 +18,47 @@ Method = Literal["automatic", "svd", "transfers"]
 Near = Literal["refuse", "as_is"]
 
 
-NEAR = 1e-3
-"""Angle (rad) to a multiple of 90 degrees below which a miss is suspicious."""
-EXACT = 1e-11
-"""Angle (rad) to a multiple of 90 degrees below which it counts as reached: 1.57079632679 misses by 5e-12."""
+# Angle (rad) to a multiple of 90 degrees below which a miss is suspicious.
+NEAR_RIGHT_ANGLE = 1e-3
+# Angle (rad) to a multiple of 90 degrees below which it counts as reached: 1.57079632679 misses by 5e-12.
+RIGHT_ANGLE_TOLERANCE = 1e-11
 
 
-SMALLEST_GAP = 1e6
-SMALLEST_SINGULAR_VALUE = 1e-9
-"""Least sigma_k/sigma_1 of the scaled energy differences."""
-ROUND_OFF = 1e-14
-"""Values beyond the gap above this, relative to sigma_1, are named: they are more than round-off."""
+MIN_GAP = 1e6
+# Least sigma_k/sigma_1 of the scaled energy differences.
+MIN_SINGULAR_VALUE_RATIO = 1e-9
+# Values beyond the gap above this, relative to sigma_1, are named: they are more than round-off.
+ROUND_OFF_RATIO = 1e-14
+# Values beyond the gap above this, relative to sigma_1, are far more than round-off, and refuse the rank: 1e-11 of an
+# angle, times a thousand where a small column is scaled up.
 MAX_RESIDUAL_SINGULAR_VALUE = 1e-8
-"""Values beyond the gap above this, relative to sigma_1, are far more than round-off, and refuse the rank: 1e-11 of an
-angle, times a thousand where a small column is scaled up."""
-LISTED = 80
-"""Most singular values in a message."""
+# Most singular values in a message.
+MAX_LISTED_VALUES = 80
 
 
 @dataclass(frozen=True)
 class NearRightAngle:
-    """A near right angle: two successive joints, the angle between whose axes is within 1e-3 rad of a multiple of 90
-    degrees, but not that multiple.
+    """
+    Angle between successive joint axes that is nearly, but not exactly, a multiple of 90 degrees.
 
-    `parent` is the name of the joint before, or "gravity" for a joint on the ground, `child` the joint; `degrees` is
-    the multiple that is missed (0, 90 or 180), and `miss` the angle beyond it in rad, negative where it falls short,
-    less than 1e-3 in size. Nothing is checked at construction.
+    Nearly is within 1e-3 rad. Nothing is checked at construction.
+
+    Parameters
+    ----------
+    parent : str
+        Name of the joint before, or "gravity" for a joint on the ground.
+    child : str
+        Name of the joint.
+    degrees : int
+        Multiple that is missed: 0, 90 or 180.
+    deviation : float
+        Angle beyond that multiple in rad, negative where it falls short.
+
+    Examples
+    --------
+    >>> from adaptctl.identifiability import NearRightAngle
+    >>> print(NearRightAngle("shoulder", "elbow", 90, 2e-5))  # doctest: +ELLIPSIS
+    shoulder and elbow miss 90 degrees by 2.0e-05 rad: ...
     """
 
     parent: str
@@ -58,11 +73,8 @@ class NearRightAngle:
         )
 
 
-def near_right_angles(description: Description, exact: float = EXACT) -> tuple[NearRightAngle, ...]:
-    """The near right angles of a mechanism: a `NearRightAngle` for each pair of successive joint axes of its
-    `description` whose angle is within 1e-3 rad of a multiple of 90 degrees, but not within `exact` (rad, 1e-11 by
-    default). For a joint on the ground, the direction of gravity replaces the axis before it; without gravity it has no
-    pair. Empty where there are no near right angles. Nothing is checked."""
+def near_right_angles(description: Description, exact: float = RIGHT_ANGLE_TOLERANCE) -> tuple[NearRightAngle, ...]:
+    """Return the angles of successive joint axes (or gravity) that miss a right angle by more than `exact` rad."""
     meeting = list(meeting_axes(description))
     if not meeting:
         return ()
@@ -72,7 +84,7 @@ def near_right_angles(description: Description, exact: float = EXACT) -> tuple[N
     angles = np.arctan2(np.linalg.norm(np.cross(first, second), axis=1), np.sum(first * second, axis=1))
     quarters = np.round(angles / (np.pi / 2)).astype(int)
     misses = angles - quarters * (np.pi / 2)
-    near = np.flatnonzero((exact < np.abs(misses)) & (np.abs(misses) < NEAR)).tolist()
+    near = np.flatnonzero((exact < np.abs(misses)) & (np.abs(misses) < NEAR_RIGHT_ANGLE)).tolist()
     pairs = ((meeting[i], i) for i in near)
     return tuple(
         NearRightAngle(parent, link.joint.name, 90 * int(quarters[i]), float(misses[i]))
@@ -82,12 +94,24 @@ def near_right_angles(description: Description, exact: float = EXACT) -> tuple[N
 
 @dataclass(frozen=True)
 class ResidualSingularValue:
-    """A singular value after the first k that the rank k counts as zero, though it is more than round-off (above 1e-14
-    of the largest).
+    """
+    Singular value that a rank counts as zero, though it is above round-off (1e-14 of the largest).
 
-    `value` is its ratio to the largest, sigma_1, no unit. `parameters` are the names of those that dominate its right
-    singular vector, four at most, or, where a tree's rank was found joint by joint, one text with the name of the link
-    at whose joint it is. Nothing is checked at construction.
+    Nothing is checked at construction.
+
+    Parameters
+    ----------
+    value : float
+        Ratio to the largest singular value.
+    parameters : tuple of str
+        Names of at most four parameters that dominate its right singular vector; for a rank found joint by joint, one
+        text with the name of the link.
+
+    Examples
+    --------
+    >>> from adaptctl.identifiability import ResidualSingularValue
+    >>> print(ResidualSingularValue(3e-12, ("link2.m", "link3.m")))
+    3.0e-12 (link2.m, link3.m)
     """
 
     value: float
@@ -99,28 +123,51 @@ class ResidualSingularValue:
 
 @dataclass(frozen=True)
 class Certificate:
-    """Certificate of a mechanism's rank k, the number of identifiable inertial parameters: ranks found in independent
-    ways, three from scaled matrices and one in exact arithmetic, and ratios, all without a unit, that say how clear-cut
-    they are.
+    """
+    Evidence for the rank k, the number of identifiable inertial parameters of a mechanism.
 
-    With singular values sigma_1 >= sigma_2 >= ..., `rank_energy` is the rank of the energy differences at `samples`
-    random states, drawn by `seed`, `rank_doubled` that of twice as many, `rank_torque` that of rows of the torque
-    regressor, None where the method was transfers (below). `gap` is sigma_k/sigma_k+1 of the energy differences,
-    `relative_smallest` sigma_k/sigma_1, both floored at 1e-15 of sigma_1. `null_residual` is the largest torque that
-    any null vector (a change of parameters that changes no energy) makes on other samples, relative to the largest that
-    a vector of its size can make.
+    The rank is found in independent ways, which must agree. Nothing is checked at construction: `failures` and
+    `validate_accepted` judge it.
 
-    By transfers, the method that finds a tree's rank joint by joint, `rank_geometry`, which follows from the tree's
-    geometry (None otherwise), takes the place of `rank_torque`. Both ratios are then the least over the joints, of the
-    energy changes as inertial parameters are moved from a joint's link to the parent link, and `null_residual` is the
-    largest change by a combination of these that by geometry makes none, relative to the largest that one of its size
-    can make.
+    Parameters
+    ----------
+    rank_energy : int
+        Rank of the energy differences at `samples` random states.
+    rank_doubled : int
+        Rank of the energy differences at twice as many states.
+    gap : float
+        Ratio of the singular values k and k + 1, the latter floored at 1e-15 of the largest.
+    relative_smallest : float
+        Ratio of the singular value k to the largest.
+    samples : int
+        Number of random states.
+    seed : int
+        Seed that drew the states.
+    null_residual : float
+        Largest torque that a null vector makes at other states, relative to the largest that a vector of its size
+        makes.
+    residual_singular_values : tuple of ResidualSingularValue, optional
+        Singular values after the first k that are above 1e-14 of the largest.
+    near_right_angles : tuple of NearRightAngle, optional
+        Angles of successive joint axes that nearly are right ones.
+    rank_torque : int, optional
+        Rank of the torque regressor at random states; None for the method "transfers".
+    rank_geometry : int, optional
+        Rank that follows from a tree's geometry; None for the method "svd".
+    rank_exact : int, optional
+        Rank on exact geometry; None where it was not asked for.
+    proof_method : str, optional
+        Arithmetic of `rank_exact`: "a prime field" or "60 digits".
 
-    `rank_exact` is that of exact geometry, computed in the arithmetic that `proof_method` names ("a prime field" or "60
-    digits"); None, and "", where it was not asked for. `residual_singular_values` are singular values after sigma_k
-    that are above 1e-14 of sigma_1, `near_right_angles` pairs of successive joint axes whose angle is within 1e-3 rad
-    of a multiple of 90 degrees, but not exactly that; both are empty where there are none. Nothing is checked at
-    construction: `faults` and `validate_accepted` judge it.
+    Notes
+    -----
+    With the method "transfers" the ratios are the least over a tree's joints, of energy changes as parameters are moved
+    from a joint's link to its parent.
+
+    Examples
+    --------
+    >>> space.certificate.rank, space.certificate.failures
+    (6, ())
     """
 
     rank_energy: int
@@ -139,25 +186,19 @@ class Certificate:
 
     @property
     def rank(self) -> int:
-        """The rank k of the energy differences: the number of identifiable inertial parameters, without friction. It is
-        certified where this certificate's `faults`, reasons to refuse it, are empty."""
+        """Rank k of the energy differences, certified where `failures` is empty."""
         return self.rank_energy
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Reasons, as texts, for which the rank k cannot be accepted; empty when it can. These are a ratio
-        sigma_k/sigma_k+1 of successive singular values (`gap`) below 1e6, a ratio sigma_k/sigma_1 (`relative_smallest`)
-        below 1e-9, ranks found in different ways that are not all equal, and a singular value after sigma_k above 1e-8
-        of sigma_1."""
+        """Reasons, as texts, to refuse the rank."""
         other, what = self._other
         ranks = (self.rank_energy, other, self.rank_doubled)
         largest = max((leftover.value for leftover in self.residual_singular_values), default=0.0)
         wrong = {
-            f"the gap at {self.rank} is {self.gap:.1e}, at least {SMALLEST_GAP:.0e} is needed": (
-                self.gap < SMALLEST_GAP
-            ),
-            f"sigma_k/sigma_1 is {self.relative_smallest:.1e}, at least {SMALLEST_SINGULAR_VALUE:.0e} is needed": (
-                self.relative_smallest < SMALLEST_SINGULAR_VALUE
+            f"the gap at {self.rank} is {self.gap:.1e}, at least {MIN_GAP:.0e} is needed": (self.gap < MIN_GAP),
+            f"sigma_k/sigma_1 is {self.relative_smallest:.1e}, at least {MIN_SINGULAR_VALUE_RATIO:.0e} is needed": (
+                self.relative_smallest < MIN_SINGULAR_VALUE_RATIO
             ),
             f"energies say {ranks[0]}, {what} {ranks[1]}, energies of twice as many samples {ranks[2]}": (
                 len(set(ranks)) > 1
@@ -172,9 +213,7 @@ class Certificate:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Remarks, as texts, on findings that do not refuse the rank; empty where there are none. They are first one
-        for each singular value beyond the rank that is above 1e-14 of the largest, then one for each pair of joint axes
-        that meet within 1e-3 rad of a multiple of 90 degrees, but not exactly."""
+        """Findings, as texts, that do not refuse the rank: residual singular values and near right angles."""
         residual_singular_values = [
             f"beyond the gap, {leftover} is more than round-off" for leftover in self.residual_singular_values
         ]
@@ -196,10 +235,23 @@ class Certificate:
         return self.rank_torque, "torques"
 
     def validate_accepted(self, mechanism: str, spectrum: Array, suspects: Sequence[object] = ()) -> None:
-        """Raise `RankError` unless the rank, the number of identifiable parameters, can be accepted, that is unless
-        this certificate's `faults`, reasons to refuse it, are empty. The error's `singular_values` are the n scaled
-        singular values `spectrum` (n,), in descending order, no unit, an array that is not checked; its message names
-        the `mechanism`, the faults and the `suspects`, possible causes, none by default."""
+        """
+        Refuse a rank that has `failures`.
+
+        Parameters
+        ----------
+        mechanism : str
+            Name for the message.
+        spectrum : numpy.ndarray
+            Scaled singular values (n,) in descending order, which the error carries.
+        suspects : sequence, optional
+            Possible causes, which the message lists.
+
+        Raises
+        ------
+        RankError
+            If `failures` is not empty.
+        """
         if not self.failures:
             return
         hints = "".join(f"; {suspect}" for suspect in suspects)
@@ -211,9 +263,8 @@ class Certificate:
 
 
 def _listing(relative: Array, rank: int) -> str:
-    """Text of all values, or of those about the gap where there are very many."""
-    if len(relative) <= LISTED:
+    if len(relative) <= MAX_LISTED_VALUES:
         return " ".join(f"{x:.1e}" for x in relative)
-    first = max(0, rank - LISTED // 2)
-    shown = relative[first : first + LISTED]
+    first = max(0, rank - MAX_LISTED_VALUES // 2)
+    shown = relative[first : first + MAX_LISTED_VALUES]
     return f"(from the {first + 1}th) " + " ".join(f"{x:.1e}" for x in shown)

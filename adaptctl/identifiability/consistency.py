@@ -1,4 +1,4 @@
-"""The lift of fundamental parameters to full parameters that rigid bodies can have."""
+"""Full parameters of rigid bodies that have given fundamental parameters."""
 
 from __future__ import annotations
 
@@ -19,61 +19,105 @@ from adaptctl.identifiability.reduced_model import ReducedModel
 if TYPE_CHECKING:
     import cvxpy
 
-REALISABLE = 1e-6
-"""Relative distance below which fundamental parameters count as realisable: the solver's accuracy."""
+# Relative distance below which fundamental parameters count as realisable: the solver's accuracy.
+FEASIBLE_DISTANCE = 1e-6
+# Fractions by which the distance may be exceeded to come nearer to the prior, where nothing is realisable: the next one
+# where the solver ends without a result.
 SLACKS = (1e-3, 1e-2, 1e-1)
-"""Fractions by which the distance may be exceeded to come nearer to the prior, where nothing is realisable: the next
-one where the solver ends without a result."""
 
-EDGE = 1e-9
-"""Smallest eigenvalue of a body relative to the prior's, as a fraction of the largest one."""
+# Smallest eigenvalue of a body relative to the prior's, as a fraction of the largest one.
+MIN_EIGENVALUE_RATIO = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Lift:
-    """A lift of k fundamental (base) parameters to P full (inertial and friction) ones of the same mechanism that rigid
-    bodies can have, all in SI units.
+    """
+    Full parameters of a mechanism that rigid bodies can have, for given fundamental ones.
 
-    `parameters` (P,) are physically consistent, in the order of the mechanism's `parameter_names`; `fundamental` (k,)
-    are their fundamental ones, in that of the reduced model's `names`, and `wanted` (k,), in the same order, those
-    asked for. Nothing is checked at construction.
+    All are in SI units. Nothing is checked at construction.
+
+    Parameters
+    ----------
+    parameters : numpy.ndarray
+        Physically consistent inertial and friction parameters (P,).
+    fundamental : numpy.ndarray
+        Their fundamental parameters (k,), in the order of the reduced model's `names`.
+    target : numpy.ndarray
+        Fundamental parameters (k,) that were asked for.
+
+    Examples
+    --------
+    >>> from adaptctl.identifiability import Lift
+    >>> lift = Lift(arm.inertial_parameters, model.fundamental_parameters, model.fundamental_parameters)
+    >>> lift.distance, lift.is_feasible
+    (0.0, True)
     """
 
     parameters: Array
     fundamental: Array
     target: Array
 
+    def __repr__(self) -> str:
+        return f"<Lift of {len(self.target)} to {len(self.parameters)} parameters: distance {self.distance:.3g}>"
+
     @cached_property
     def distance(self) -> float:
-        """The relative distance |fundamental - wanted| / |wanted|, no unit, of the lift's fundamental (base) parameters
-        from those asked for: |.| is the root of the sum of squares of the values in SI units, whatever their units. It
-        is |fundamental| where all asked for are zero."""
+        """Relative distance |fundamental - target| / |target|."""
         return float(np.linalg.norm(self.fundamental - self.target)) / _size(self.target)
 
     @property
     def is_feasible(self) -> bool:
-        """True if some rigid bodies have the fundamental (base) parameters asked for: if the lift's `distance` from
-        them, relative to their size, no unit, is below 1e-6."""
-        return self.distance < REALISABLE
+        """True if rigid bodies have the target: if `distance` is below 1e-6."""
+        return self.distance < FEASIBLE_DISTANCE
 
 
 def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | None = None) -> Lift:
-    """The lift of k fundamental (base) parameters `beta` (k,) to P full (inertial and friction) ones that are
-    physically consistent (rigid bodies can have them), the nearest of these to a `prior` (P,), as a `Lift`. All are in
-    SI units, beta in the order of the model's `names`, the prior in that of its mechanism's `parameter_names`.
+    r"""
+    Compute the physically consistent parameters nearest to a prior that have given fundamental parameters.
 
-    Fundamental parameters fix k of P values only; many sets of rigid bodies have the same, or none. The distance from
-    the prior is the Bregman divergence sum_i tr(Q_i^-1 J_i) - log det(Q_i^-1 J_i) of the links' pseudo-inertias J_i (4,
-    4) from the prior's Q_i, which depends on no units and no frames (Lee, Wensing and Park 2020). The prior must be
-    consistent; None takes the mechanism's own parameters. Where no rigid bodies have beta, let d be the least distance
-    from beta, the root of the sum of squares of the differences in SI units, of parameters that rigid bodies have: the
-    result is the nearest to the prior of those within 1.001 d of beta (up to 1.1 d, where the solver needs it). The
-    lift's `realisable` and `distance` say which it is. Rotor inertia and friction stay positive.
+    Parameters
+    ----------
+    model : ReducedModel
+        Model of a mechanism without constraints on its parameters.
+    beta : array_like
+        Fundamental parameters (k,) in SI units, in the order of the model's `names`.
+    prior : array_like, optional
+        Consistent parameters (P,) in SI units; the mechanism's own by default.
 
-    It is found by a semidefinite programme of 10 unknowns a link. Raises `MissingExtraError` without cvxpy and Clarabel
-    (the extra `consistency`), `InputError` for a mechanism whose constraints take parameters away, on wrong shapes, for
-    values that are not finite and for a prior that no rigid bodies have, or with rotor inertia or friction that is not
-    positive, `AdaptctlError` where the programme ends without a solution.
+    Returns
+    -------
+    Lift
+        Parameters, and the distance of their fundamental ones from `beta`.
+
+    Raises
+    ------
+    MissingExtraError
+        If cvxpy or Clarabel (the extra `consistency`) is not installed.
+    InputError
+        If the mechanism has constraints, a shape is wrong, a number is not finite, or the prior is no rigid bodies'.
+    AdaptctlError
+        If the semidefinite programme ends without a solution.
+
+    Notes
+    -----
+    The distance between pseudo-inertias :math:`J_i` and the prior's :math:`Q_i` is the Bregman divergence [1]_
+
+    .. math:: \sum_i \mathrm{tr}(Q_i^{-1} J_i) - \log\det(Q_i^{-1} J_i),
+
+    which depends on no units and frames. Where no rigid bodies have `beta`, parameters are taken whose distance from it
+    is at most 1.001 times the least one (1.1 where the solver needs it).
+
+    References
+    ----------
+    .. [1] T. Lee, P. M. Wensing and F. C. Park, 2020. Geometric robot dynamic identification: a convex programming
+       approach. IEEE Transactions on Robotics.
+
+    Examples
+    --------
+    >>> from adaptctl.identifiability import nearest_consistent
+    >>> nearest_consistent(model, [0.5, 0.1])
+    Traceback (most recent call last):
+    adaptctl.errors.InputError: fundamental parameters: expected shape (6,), got (2,)
     """
     given, every = len(model.mechanism.parameter_names), len(model.mechanism.description.parameter_names)
     if given != every:
@@ -92,7 +136,7 @@ def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | 
 
 
 class _Bodies:
-    """The unknowns X of each link, whose pseudo-inertia is G X G' with the prior's G G': X is 1 at the prior."""
+    """Unknowns X of each link, whose pseudo-inertia is G X G' with the prior's G G': X is 1 at the prior."""
 
     def __init__(self, model: ReducedModel, prior: Array) -> None:
         self._cp = _solver()
@@ -111,13 +155,12 @@ class _Bodies:
         return cp.hstack(parts)
 
     def nearest(self, wanted: Array) -> Array:
-        """Parameters (P,) whose fundamental ones are nearest; at the cone's edge, where none are realisable."""
+        """Parameters (P,) whose fundamental ones are nearest."""
         away = self._cp.norm((self._regrouping @ self._parameters - wanted) / _size(wanted))
         return self._solved(away, [])
 
     def likeliest(self, wanted: Array, within: float | None) -> Array:
-        """The consistent parameters nearest to the prior among those with these fundamental ones, exactly or to a
-        relative distance of `within`."""
+        """Consistent parameters nearest to the prior, of the fundamental ones exactly or to a relative distance."""
         cp = self._cp
         away = (self._regrouping @ self._parameters - wanted) / _size(wanted)
         divergence = sum(cp.trace(X) - cp.log_det(X) for X in self._relative)
@@ -126,13 +169,12 @@ class _Bodies:
         return self._solved(divergence, [away == 0 if within is None else cp.norm(away) <= within])
 
     def likeliest_near(self, wanted: Array, nearest: Lift) -> Array:
-        """The consistent parameters nearest to the prior among those almost as near to beta as any are: with the least
-        slack that the solver can do, and keeps; the nearest to beta where it can do none."""
-        least = max(nearest.distance, 0.5 * REALISABLE)
+        """Consistent parameters nearest to the prior among those almost as near to beta as any are."""
+        least = max(nearest.distance, 0.5 * FEASIBLE_DISTANCE)
         for within in (*([None] if nearest.is_feasible else []), *(least * (1.0 + slack) for slack in SLACKS)):
             with suppress(AdaptctlError):
                 found = self.likeliest(wanted, within)
-                if Lift(found, self._regrouping @ found, wanted).distance < (within or REALISABLE):
+                if Lift(found, self._regrouping @ found, wanted).distance < (within or FEASIBLE_DISTANCE):
                     return found
         return nearest.parameters
 
@@ -150,12 +192,12 @@ class _Bodies:
         return np.asarray(self._parameters.value, dtype=np.float64)
 
     def _move_inside(self) -> None:
-        """Bodies at the cone's edge, which an interior-point method may leave by its accuracy, are moved inside it."""
+        """Move bodies inside the cone, whose edge an interior-point method may leave by its accuracy."""
         for X in self._relative:
             values, vectors = np.linalg.eigh(X.value)
-            X.value = (vectors * np.maximum(values, EDGE * values[-1])) @ vectors.T
+            X.value = (vectors * np.maximum(values, MIN_EIGENVALUE_RATIO * values[-1])) @ vectors.T
         if self._share is not None:
-            self._share.value = np.maximum(self._share.value, EDGE)
+            self._share.value = np.maximum(self._share.value, MIN_EIGENVALUE_RATIO)
 
 
 def _solver() -> Any:
@@ -198,6 +240,6 @@ def _roots(model: ReducedModel, prior: Array) -> list[Array]:
 
 
 def _as_ten(root: Array) -> Array:
-    """The matrix (10, 16) that takes X, column by column, to the ten of the pseudo-inertia G X G'."""
+    """Matrix (10, 16) that takes X, column by column, to the ten parameters of the pseudo-inertia G X G'."""
     to_ten = np.linalg.pinv(UNIT_PSEUDO_INERTIAS.reshape(10, 16).T)
     return np.asarray(to_ten @ np.kron(root, root))

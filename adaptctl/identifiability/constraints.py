@@ -1,7 +1,4 @@
-"""Constraints on inertial parameters, known values and linear relations, and mechanisms that keep to them.
-
-Sheu and Walker (1991), section 5.3: three relations that decouple the arm's inertia make 26 parameters into 23.
-"""
+"""Constraints on inertial parameters, and mechanisms that keep to them (Sheu and Walker 1991, section 5.3)."""
 
 from __future__ import annotations
 
@@ -25,10 +22,10 @@ from adaptctl.identifiability.priority import Priority, or_default, suggestion
 from adaptctl.identifiability.regrouping import removable
 from adaptctl.identifiability.sampling import characteristic_length
 
-MOST = 1000
-"""Most relations in one file."""
-INDEPENDENT = 1e-9
-"""Least part of a relation, relative to its size, that those before it must leave unsaid."""
+# Most relations in one file.
+MAX_RELATIONS = 1000
+# Least part of a relation, relative to its size, that those before it must leave unsaid.
+MIN_INDEPENDENT_PART = 1e-9
 
 
 _Nested = dict[str, float | dict[str, float]]
@@ -36,11 +33,28 @@ _Nested = dict[str, float | dict[str, float]]
 
 @dataclass(frozen=True, eq=False)
 class Relation:
-    """A linear relation among inertial parameters: sum of weight times parameter = `value`, in SI units.
+    """
+    Linear relation among inertial parameters: the sum of weight times parameter equals a value.
 
-    `weights` are by parameter name, such as ``link4.m``, `value` is 0 by default; `name` is the relation's name in
-    messages, its terms where empty. Raises `InputError` for weights that are no mapping or all zero, and for weights or
-    a value that are no numbers or not finite.
+    Parameters
+    ----------
+    weights : mapping of str to float
+        Weights by parameter name, such as ``link4.m``.
+    value : float, default 0.0
+        Sum in SI units.
+    name : str, default ""
+        Name in messages; the terms where it is empty.
+
+    Raises
+    ------
+    InputError
+        If weights are no mapping or all zero, or a number is not finite.
+
+    Examples
+    --------
+    >>> from adaptctl.identifiability import Relation
+    >>> str(Relation({"link4.m": 1.0, "link5.m": -1.0}, name="equal forks"))
+    "relation 'equal forks'"
     """
 
     weights: Mapping[str, float]
@@ -63,10 +77,28 @@ class Relation:
 
 @dataclass(frozen=True, eq=False)
 class Constraints:
-    """Constraints on inertial parameters: `known` values in SI units by parameter name, such as ``link2.mc_z``, and
-    linear `relations` among them; both are empty by default. The function `constrained` checks both against a
-    mechanism. Raises `InputError` unless `known` is a mapping from names to numbers and `relations` holds `Relation`
-    objects."""
+    """
+    Linear equality constraints on inertial parameters.
+
+    Parameters
+    ----------
+    known : mapping of str to float, optional
+        Known values in SI units by parameter name, such as ``link2.mc_z``.
+    relations : tuple of Relation, optional
+        Relations among parameters.
+
+    Raises
+    ------
+    InputError
+        If `known` is no mapping from names to numbers, or `relations` holds anything but `Relation`.
+
+    Examples
+    --------
+    >>> from adaptctl.identifiability import Constraints, constrained
+    >>> free = constrained(arm, Constraints(known={"lower.mc_y": 0.0}))
+    >>> len(arm.parameter_names), len(free.parameter_names)
+    (20, 19)
+    """
 
     known: Mapping[str, float] = field(default_factory=dict)
     relations: tuple[Relation, ...] = ()
@@ -83,12 +115,33 @@ class Constraints:
 
     @classmethod
     def of(cls, matrix: ArrayLike, names: Sequence[str], values: ArrayLike | None = None) -> Constraints:
-        """The constraints that a matrix states on n inertial parameters D (n,) of these `names`: `matrix` times D =
-        `values`, a relation for each of its m rows.
+        """
+        Return the constraints `matrix` times parameters equals `values`.
 
-        `matrix` is (m, n), or (n,) for one row; `values` (m,), None for zeros; D in SI units; `names` (n,), each once,
-        such as ``link4.m``. Raises `InputError` for other shapes, names given twice, values that are not finite, and a
-        row of zeros.
+        Parameters
+        ----------
+        matrix : array_like
+            Weights (m, n), or (n,) for one relation.
+        names : sequence of str
+            Names (n,) of the parameters, each once.
+        values : array_like, optional
+            Sums (m,) in SI units; zeros by default.
+
+        Returns
+        -------
+        Constraints
+            A relation for each row.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, a name is given twice, a number is not finite, or a row is zero.
+
+        Examples
+        --------
+        >>> from adaptctl.identifiability import Constraints
+        >>> len(Constraints.of([[1.0, -1.0]], ["upper.m", "lower.m"]).relations)
+        1
         """
         rows = np.atleast_2d(numbers(matrix, "relations: matrix"))
         right = np.zeros(len(rows)) if values is None else numbers(values, "relations: values")
@@ -108,22 +161,32 @@ class Constraints:
 
     @classmethod
     def read(cls, path: str | Path) -> Constraints:
-        """The linear equality constraints on inertial parameters that the TOML file at `path` states, a `Constraints`.
-        The table `[known]` fixes parameters, by name, at values in SI units; each table `[[relations]]` sets the sum of
-        weight times parameter to a value::
+        r"""
+        Read constraints from a TOML file.
 
-            schema = "adaptctl/parameter-constraints/1"
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            File with a table `[known]` and tables `[[relations]]`, either of which may be left out.
 
-            [known]
-            link2.mc_z = 0.0
+        Returns
+        -------
+        Constraints
+            The file's constraints; `name` and `value` (0) of a relation are optional.
 
-            [[relations]]
-            name = "equal forks"
-            weights = { link4.m = 1.0, link5.m = -1.0 }
-            value = 0.0
+        Raises
+        ------
+        FileError
+            If the file cannot be read, or an element is wrong, which the message names.
 
-        Both tables, `name` and `value` (0 by default) may be left out. Raises `FileError` for a file that cannot be
-        read, or naming the element that is wrong.
+        Examples
+        --------
+        >>> from adaptctl.identifiability import Constraints
+        >>> lines = ['schema = "adaptctl/parameter-constraints/1"', "[known]", "lower.mc_z = 0.0", "[[relations]]",
+        ...          'name = "equal forks"', "weights = { upper.m = 1.0, lower.m = -1.0 }", "value = 0.0"]
+        >>> _ = (tmp / "constraints.toml").write_text("\n".join(lines))
+        >>> dict(Constraints.read(tmp / "constraints.toml").known)
+        {'lower.mc_z': 0.0}
         """
         content = read_toml(path, _ConstraintsFile)
         try:
@@ -134,8 +197,7 @@ class Constraints:
 
     @property
     def every(self) -> tuple[Relation, ...]:
-        """All constraints as relations (sum of weight times parameter = value): the known values, each with weight 1,
-        then the relations. Raises `InputError` for a known value that is not finite."""
+        """All constraints as relations: known values with weight 1, then `relations`."""
         known = (Relation({name: 1.0}, value, f"{name} = {value:g}") for name, value in self.known.items())
         return (*known, *self.relations)
 
@@ -143,19 +205,37 @@ class Constraints:
 def constrained(
     mechanism: Mechanism, constraints: Constraints, priority: Priority | None = None
 ) -> ConstrainedMechanism:
-    """A mechanism in the inertial parameters that `constraints` leave free: each constraint takes one parameter away,
-    whose value follows from the others'.
+    """
+    Return a mechanism in the inertial parameters that constraints leave free.
 
-    The parameter taken away is the one that the `priority`, an order of removal, would remove first and that no other
-    constraint has taken. None is the rule of Table 4 in Sheu and Walker (1991): m first, then mc_x, mc_y, mc_z, I_xy,
-    I_xz, I_yz, I_xx, I_yy, I_zz, rotor inertias, each from the first link to the last. Essential space, fundamental
-    (base) parameters, reduced model and controllers that are made from the result keep to the constraints, and need not
-    know of them. The mechanism's own values of parameters taken away are replaced by those that the constraints give.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism that is not constrained yet.
+    constraints : Constraints
+        Each takes one parameter away, whose value then follows from the others'.
+    priority : Priority, optional
+        Order in which parameters are taken away; Table 4 of Sheu and Walker (1991) by default, masses first.
 
-    Raises `InputError` for `constraints` of another type, naming a relation that contradicts those before it (one that
-    follows from them is left out), for a known value that is not finite, a `priority` that is no `Priority` or names a
-    parameter twice, and a mechanism that is constrained already. Raises `NotFoundError` for a parameter, of constraints
-    or priority, that the mechanism does not have, or that is friction.
+    Returns
+    -------
+    ConstrainedMechanism
+        Mechanism whose essential space, fundamental basis, model and controllers keep to the constraints.
+
+    Raises
+    ------
+    InputError
+        If a relation contradicts others, a known value is not finite, a type is wrong, the priority names a parameter
+        twice, or the mechanism is constrained already.
+    NotFoundError
+        If the mechanism has no inertial parameter of a name.
+
+    Examples
+    --------
+    >>> from adaptctl.identifiability import Constraints, Relation, constrained
+    >>> equal = Relation({"upper.m": 1.0, "lower.m": -1.0})
+    >>> constrained(arm, Constraints(relations=(equal,))).num_energy_parameters
+    19
     """
     validate_kind(mechanism, Mechanism, "constrained", "as load(...) gives one")
     validate_kind(constraints, Constraints, "constrained", "as Constraints({...}) is one")
@@ -208,8 +288,8 @@ def _independent(relations: Sequence[Relation], A: Array, b: Array) -> list[int]
         if kept:
             mix, *_ = np.linalg.lstsq(A[kept].T, row, rcond=None)
             beside = np.linalg.norm(row - mix @ A[kept])
-            if beside <= INDEPENDENT * size:
-                if abs(mix @ b[kept] - b[i]) > INDEPENDENT * max(np.abs(b).max(), size):
+            if beside <= MIN_INDEPENDENT_PART * size:
+                if abs(mix @ b[kept] - b[i]) > MIN_INDEPENDENT_PART * max(np.abs(b).max(), size):
                     raise InputError(f"{relations[i]} contradicts those before it: they make it {mix @ b[kept]:g}")
                 continue
         kept.append(i)
@@ -225,11 +305,11 @@ class _RelationEntry(msgspec.Struct, forbid_unknown_fields=True):
 class _ConstraintsFile(msgspec.Struct, forbid_unknown_fields=True):
     schema: Literal["adaptctl/parameter-constraints/1"]
     known: _Nested = {}
-    relations: Annotated[list[_RelationEntry], msgspec.Meta(max_length=MOST)] = []
+    relations: Annotated[list[_RelationEntry], msgspec.Meta(max_length=MAX_RELATIONS)] = []
 
 
 def _flat(nested: _Nested) -> dict[str, float]:
-    """Numbers by full name; TOML reads link4.m without quotes as a table within a table."""
+    """Numbers by full name."""
     out: dict[str, float] = {}
     for name, value in nested.items():
         inner = {f"{name}.{kind}": x for kind, x in value.items()} if isinstance(value, dict) else {name: value}

@@ -1,4 +1,4 @@
-"""The essential parameter space: the combinations of inertial parameters that a mechanism's motion depends on."""
+"""Essential parameter space."""
 
 from __future__ import annotations
 
@@ -26,27 +26,13 @@ if TYPE_CHECKING:
     from adaptctl.identifiability.sampling import States
 
 
+# Entries of a certificate in a notebook's view.
 CERTIFIED = ("rank_energy", "rank_doubled", "gap", "relative_smallest", "samples", "null_residual")
-"""Entries of a certificate in a notebook's view."""
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """The settings of a search for the null space of a mechanism's energies, the directions of its inertial parameters
-    that change no energy, and its result, `found`, computed when that attribute is first read.
-
-    `method` is "svd" (singular values of energies at random states), "transfers" (a tree's geometry, joint by joint) or
-    "automatic": transfers for a tree of 100 parameters or more if they can certify the rank, else "svd". `samples` is
-    the number of random states, `seed` draws them. `prove` True also computes the rank on exact geometry, False does
-    not; None does so for trees, and for closed loops only where some geometry is nearly special: an angle within 1e-3
-    rad of a multiple of 90 degrees, or an offset within 1e-4 of the characteristic length of zero or of another, that
-    is not exact to 1e-11. `near` is for such geometry, unless `prove` is False: "refuse" makes `found` raise
-    `RankError` if the rank would be another with these exact, "as_is" takes them as they stand.
-
-    Nothing is checked at construction: reading `found` raises `RankError` where the rank cannot be certified or is
-    refused, `InputError` for another `method` or `near`, for fewer than 2 `samples`, and for "transfers" of a mechanism
-    with loops, constrained parameters, or drives that turn with several joints.
-    """
+    """Settings of a search for the null space of a mechanism's energies, and its result, computed once."""
 
     mechanism: Mechanism
     method: Method
@@ -57,20 +43,13 @@ class Search:
 
     @cached_property
     def inputs(self) -> list[str]:
-        """The key under which results of this search are cached: a list of seven texts with all that they depend on.
-        They are the SHA-256 hashes (hexadecimal) of the mechanism's description and of its geometry, which counts
-        linear constraints on parameters, then the search's settings `method`, `near`, `prove`, `samples` and `seed`, as
-        Python's repr writes them."""
+        """Key (seven texts) under which results are cached: hashes of description and geometry, and the settings."""
         settings = self.method, self.near_singular, self.prove, self.samples, self.seed
         return [self.mechanism.description.sha256, self.mechanism.geometry_sha256, *map(repr, settings)]
 
     @cached_property
     def found(self) -> CertifiedNullSpace:
-        """The certified null space, a `CertifiedNullSpace`: the directions of the mechanism's inertial parameters that
-        change no energy, the certificate of their number, its proof on exact geometry if there is one, and the energies
-        behind them. Raises `RankError` where the rank cannot be certified or is refused, `InputError` for an unknown
-        `method` or `near`, and for "transfers" where the mechanism has loops, constrained parameters, or drives that
-        turn with several joints."""
+        """Certified null space."""
         from adaptctl.identifiability.certification import certified  # a tenth of the time to the first torque
 
         return certified(self.mechanism, self.method, self.near_singular, self.prove, self.samples, self.seed)
@@ -78,19 +57,39 @@ class Search:
 
 @dataclass(frozen=True, eq=False)
 class EssentialSpace:
-    """The essential space of inertial parameters D (P,), in SI units, without friction: the k of their P directions
-    that change energies and torques, and the complement, the null space, which changes none.
+    """
+    Directions of inertial parameters that change energies and torques, and the null space that changes none.
 
-    `singular_values` (P,) and `basis` V1 (P, k) are those of the matrix H (samples - 1, P) of differences of kinetic
-    plus potential energy between successive ones of `samples` states, in J per SI unit of each parameter, not scaled
-    (Sheu and Walker 1991, section 3). `null_basis` V2 (P, P-k) is orthonormal and does not depend on the states.
-    `scales` (P,) make parameters comparable: choices between parameters of different units are made on D / scales,
-    whose null vectors are `scaled_null_basis` (P, P-k). Arrays are computed when first asked for, and are read-only.
+    `essential_space` makes it. Arrays are computed when first read and are read-only. Nothing is checked at
+    construction.
 
-    `search` holds the mechanism and the settings by which the null space is found, `certificate` the evidence for its
-    rank k, `states` says in words where the states of H come from, and `energies()` returns the triangular factor R (n,
-    P), n at most P, of H = Q R, Q orthonormal, in the units of H; None for the random states of the search. Made by
-    `essential_space`; nothing is checked at construction.
+    Parameters
+    ----------
+    search : Search
+        Mechanism, and settings by which its null space is found.
+    certificate : Certificate
+        Evidence for the rank k.
+    states : str
+        Origin, in words, of the states whose energies make the singular values.
+    energies : callable, optional
+        Function that returns the triangular factor (n, P) of the states' energy differences; those of the search's
+        random states by default.
+
+    Notes
+    -----
+    The matrix :math:`H` (samples - 1, P) has the differences of kinetic plus potential energy between successive
+    states, in J per SI unit of each parameter [1]_. `basis` :math:`V_1` (P, k) and `singular_values` are those of
+    :math:`H`; `null_basis` :math:`V_2` (P, P-k) does not depend on the states. Friction is not among the P parameters.
+
+    References
+    ----------
+    .. [1] Sheu and Walker, 1991. Identifying the independent inertial parameter space of robot manipulators.
+       International Journal of Robotics Research, section 3.
+
+    Examples
+    --------
+    >>> space.rank, space.basis.shape, space.null_basis.shape
+    (6, (20, 6), (20, 14))
     """
 
     search: Search
@@ -98,27 +97,24 @@ class EssentialSpace:
     states: str
     energies: Callable[[], Array] | None = None
 
+    def __repr__(self) -> str:
+        return (
+            f"<EssentialSpace of {self.mechanism.name!r}: rank {self.rank} of {len(self.parameter_names)} parameters>"
+        )
+
     @property
     def mechanism(self) -> Mechanism:
-        """The mechanism whose inertial parameters the space describes."""
+        """Mechanism whose inertial parameters the space describes."""
         return self.search.mechanism
 
     @property
     def null_space(self) -> NullSpace:
-        """The null space of the mechanism's energies, the directions of the P inertial parameters D that change none.
-        Its members are the rank `rank` k, `scales` (P,), `null_basis` (P, P-k) of orthonormal vectors among D / scales,
-        and `regrouping`, a method that removes P-k parameters in an order and regroups them onto the others."""
+        """Null space of the energies: its rank, scales, null vectors and regrouping."""
         return self.search.found.null_space
 
     @property
     def proof(self) -> ExactEnergies | None:
-        """The mechanism's energies on exact geometry, as `ExactEnergies`, from which the rank of the essential space
-        was computed a second time, in exact arithmetic (60 digits for closed loops).
-
-        None where that was left out: where `essential_space` was called with `prove` False, or, for closed loops, with
-        `prove` None and no angle within 1e-3 rad of a multiple of 90 degrees, and no offset within 1e-4 of the
-        characteristic length of zero or of another, that is not exact to 1e-11.
-        """
+        """Energies on exact geometry, which give the rank a second time."""
         return self.search.found.proof
 
     @cached_property
@@ -128,59 +124,65 @@ class EssentialSpace:
 
     @property
     def rank(self) -> int:
-        """The rank k: the number of independent directions of the P inertial parameters (all but friction) that change
-        energies and torques."""
+        """Rank k: number of independent directions of the inertial parameters that change energies and torques."""
         return self.certificate.rank
 
     @cached_property
     def scales(self) -> Array:
-        """The scales (P,), read-only, in SI units per J, that make the P inertial parameters D comparable: D / scales
-        are all in J.
-
-        A parameter's scale is 1/e, where e is the root of the summed squares of the energies that a unit of it has at
-        46 random states. Where e is below 1e-3 of the largest (units counted in the characteristic length), that floor
-        replaces it.
-        """
+        """Scales (P,) in SI units per J."""
         return frozen_array(self.null_space.scales, (len(self.parameter_names),), "scales")
 
     @cached_property
     def scaled_null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of the P scaled inertial parameters
-        D / scales (in J, without friction; `scales` is this object's property) that change no energy and no torque."""
+        """Orthonormal null vectors (P, P-k) of the parameters divided by `scales`."""
         return self._null_vectors(self.null_space.null_basis, "scaled null basis")
 
     @cached_property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors V2 (P, P-k), k the rank: directions of the P inertial parameters D (without
-        friction), as values in SI units, that change no energy and no torque."""
+        """Orthonormal null vectors V2 (P, P-k) of the parameters in SI units."""
         return self._null_vectors(self._bases[0], "null basis")
 
     @cached_property
     def singular_values(self) -> Array:
-        """Singular values (P,), in descending order, of the matrix H (samples - 1, P) of differences of kinetic plus
-        potential energy between successive ones of `samples` states, in J per SI unit of each of the P inertial
-        parameters, which are not scaled."""
+        """Singular values (P,) of the energy differences H, in descending order, in J per SI unit."""
         return frozen_array(singular_values(self._triangle), (len(self.parameter_names),), "singular values")
 
     @cached_property
     def basis(self) -> Array:
-        """Orthonormal right singular vectors V1 (P, k), without a unit, of the k largest singular values, in their
-        order, k the rank, of the matrix H (samples - 1, P). H has the differences of kinetic plus potential energy
-        between successive ones of `samples` states, one column for each of P inertial parameters in SI units."""
+        """Orthonormal right singular vectors V1 (P, k) of the k largest singular values, in their order."""
         complement = self._bases[1]
         V1 = complement @ right_vectors(self._triangle @ complement)
         return frozen_array(V1, (len(self.parameter_names), self.rank), "basis")
 
     def _repr_html_(self) -> str:
-        """Notebook's view of the space: its rank, and its certificate."""
         rows = [(name.replace("_", " "), f"{getattr(self.certificate, name):.4g}") for name in CERTIFIED]
         text = f"rank {self.rank} of {len(self.parameter_names)} parameters of {self.mechanism.name}"
         return titled("EssentialSpace", text) + table(("certificate", ""), rows)
 
     def project(self, parameters: ArrayLike) -> Array:
-        """Essential parameters D_E = V1 V1' D (..., P) of P inertial parameters D (..., P) without friction, in SI
-        units: D without its part in the null space, which changes no energy. V1 (P, k) is this object's `basis`, V1'
-        its transpose, k the rank. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        """
+        Compute the essential part of inertial parameters, without their part in the null space.
+
+        Parameters
+        ----------
+        parameters : array_like
+            Inertial parameters (..., P) in SI units, without friction.
+
+        Returns
+        -------
+        numpy.ndarray
+            Parameters (..., P) with the same energies and torques.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong (`NonFiniteError` for NaN and infinity).
+
+        Examples
+        --------
+        >>> space.project(np.ones(20)).shape
+        (20,)
+        """
         return (checked(parameters, len(self.parameter_names), "parameters") @ self.basis) @ self.basis.T
 
     @cached_property
@@ -206,26 +208,50 @@ def essential_space(
     near_singular: Near = "refuse",
     prove: bool | None = None,
 ) -> EssentialSpace:
-    """The essential parameter space of a mechanism: the k directions of its P inertial parameters (all but friction)
-    that change energies and torques.
+    """
+    Compute the directions of a mechanism's inertial parameters that change energies and torques.
 
-    By the method "svd" it comes from energies at random states, drawn by `seed` (0 to 2^32 - 1); `samples` is their
-    number, at least 2 P, 2 P + 1 where None. By "transfers", for trees alone, its null space, the directions that
-    change nothing, follows from the geometry, joint by joint, in time that grows with the number of links, and it is
-    checked against sampled energies. "automatic" takes transfers for trees of a hundred parameters or more if their
-    rank k can be certified so, and else "svd". With `states`, the singular values and their vectors V1 (P, k) are those
-    of the given states' energies, so that model reduction holds for them; None takes the random ones. The rank k and
-    the null vectors V2 (P, P-k) are the mechanism's own and do not depend on them.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with P inertial parameters, without friction; any tree or closed loops.
+    samples : int, optional
+        Number of random states, at least 2 P; 2 P + 1 by default.
+    seed : int, default 0
+        Seed of the states, from 0 to 2^32 - 1.
+    states : States, optional
+        States whose energies give singular values and vectors, so that model reduction holds for this motion; the
+        random ones by default. Rank and null vectors do not depend on them.
+    method : {"automatic", "svd", "transfers"}, default "automatic"
+        "svd" decomposes energies at random states; "transfers" follows a tree's geometry joint by joint, in time
+        proportional to its length. "automatic" takes transfers for trees of 100 parameters or more.
+    near_singular : {"refuse", "as_is"}, default "refuse"
+        Treatment of angles and offsets that are nearly special, where the rank would change if they were exact.
+    prove : bool, optional
+        True computes the rank on exact geometry too. None does so for trees, and for loops with nearly special
+        geometry; False never does, and does not look for such geometry.
 
-    `near` is for angles within 1e-3 rad of a multiple of 90 degrees, or offsets within 1e-4 of the characteristic
-    length of zero (in loops also of one another), that are not exact to 1e-11, where the rank would be another one if
-    they were: "refuse" raises `RankError`, "as_is" takes the geometry as it stands; `prove` False looks for none. With
-    `prove` the rank is also computed on exact geometry; None does so for trees, and for closed loops, which take long,
-    only where there are such angles or lengths; False leaves it out.
+    Returns
+    -------
+    EssentialSpace
+        Space of rank k with its certificate.
 
-    Raises `RankError` when the rank cannot be certified, with the singular values, or is refused, and `InputError` for
-    a `method` that is unknown or not for this mechanism, for another `near`, `prove` or `seed`, for `samples` that are
-    too few or no whole number, and for `states` that are no `States`, or of another number of joints.
+    Raises
+    ------
+    RankError
+        If the rank cannot be certified or is refused; carries the singular values.
+    InputError
+        If an argument is unknown, out of range, or not for this mechanism.
+
+    Notes
+    -----
+    Nearly special are angles within 1e-3 rad of a multiple of 90 degrees, and offsets within 1e-4 of the characteristic
+    length of zero (in loops also of one another), that are not exact to 1e-11.
+
+    Examples
+    --------
+    >>> adaptctl.essential_space(arm).rank
+    6
     """
     validate_kind(mechanism, Mechanism, "essential_space", "as load(...) gives one")
     seed = whole_number(seed, "seed", 0, 2**32 - 1)
@@ -275,18 +301,41 @@ def _triangle(mechanism: Mechanism, states: States) -> Array:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A reduction of P inertial parameters to essential components: the parameters, less their part that changes no
-    energy, as a sum of k components, of which only those with the largest weights are kept (Sheu and Walker 1991,
-    section 3.2).
+    """
+    Inertial parameters as a sum of essential components, of which the most important are kept.
 
-    It holds for `states`, the motions behind the essential space's singular values, in words, and for the parameters D
-    (P,) from which it was made: others change the weights. `components` (k, P), in descending order of size of their
-    weight, are in the parameters' SI units, k the space's rank, and the first `kept` of them sum to the reduced
-    parameters. With H c the energy differences (J) that parameters c make between successive states, and |.| the root
-    of the summed squares, the size of each of the `weights` (k,), J, is |H c| of its component c; `order` (k,) has the
-    zero-based column indices of the essential space's `basis` V1 from which the components come; `percent_errors` (k +
-    1,) are the errors 100 |H (D' - D)| / |H D| in percent (equation 23) of the sums D' of the first 0, 1, ... k
-    components. Made by `reduce`, with read-only arrays; nothing is checked at construction.
+    `reduce` makes it, for given parameters and states. Arrays are read-only; nothing is checked at construction.
+
+    Parameters
+    ----------
+    states : str
+        Origin, in words, of the states for which the errors hold.
+    components : numpy.ndarray
+        Components (k, P) in SI units, in descending order of the size of their weights.
+    weights : numpy.ndarray
+        Weights (k,) in J: the size is the root of the summed squares of a component's energy differences.
+    order : tuple of int
+        Column (k,) of the space's `basis` of each component.
+    percent_errors : numpy.ndarray
+        Energy errors (k + 1,) in percent of the sums of the first 0, 1, ... k components.
+    num_components : int
+        Number of components that are kept.
+
+    Notes
+    -----
+    The error of reduced parameters :math:`D'` is :math:`100 |H (D' - D)| / |H D|`, with the energy differences
+    :math:`H D` between successive states [1]_.
+
+    References
+    ----------
+    .. [1] Sheu and Walker, 1991. Identifying the independent inertial parameter space of robot manipulators.
+       International Journal of Robotics Research, section 3.2, equation 23.
+
+    Examples
+    --------
+    >>> reduction = adaptctl.reduce(space, arm, components=3)
+    >>> reduction.parameters().shape, reduction.percent_error < 100.0
+    ((20,), True)
     """
 
     states: str
@@ -296,19 +345,33 @@ class Reduction:
     percent_errors: Array
     num_components: int
 
+    def __repr__(self) -> str:
+        kept = f"{self.num_components} of {len(self.weights)} components"
+        return f"<Reduction to {kept}: energy error {self.percent_error:.3g} %>"
+
     @property
     def percent_error(self) -> float:
-        """The energy error, in percent, of the reduced parameters D', the sum of the kept components: 100 |H (D' - D)|
-        / |H D| for the parameters D. H D are the differences (J) of kinetic plus potential energy between successive
-        states, and |.| is the root of the summed squares."""
+        """Energy error of the kept components' sum in percent."""
         return float(self.percent_errors[self.num_components])
 
     def parameters(self, components: int | None = None) -> Array:
-        """Reduced values (P,) of the P inertial parameters in SI units, without friction: the sum of the first
-        `components` of the k essential components, those with the largest weights; of all that are kept where None.
+        """
+        Return the sum of the most important components.
 
-        The components are the parts (P,) of the parameters along the k directions that change energies. Raises
-        `InputError` unless `components` is a whole number from 0 to k.
+        Parameters
+        ----------
+        components : int, optional
+            Number of components, from 0 to k; those that are kept by default.
+
+        Returns
+        -------
+        numpy.ndarray
+            Reduced inertial parameters (P,) in SI units, without friction.
+
+        Raises
+        ------
+        InputError
+            If the number is out of range.
         """
         count = self.num_components if components is None else _checked_count(components, len(self.weights))
         return self.components[:count].sum(axis=0)
@@ -321,16 +384,35 @@ def reduce(
     energy_error: float | None = None,
     components: int | None = None,
 ) -> Reduction:
-    """The reduction of inertial parameters to the fewest essential components (parts along the singular vectors in the
-    space's `basis`) with an energy error of at most `energy_error` percent, or to a number of `components`, from 0 to
-    the space's rank.
+    """
+    Reduce inertial parameters to the fewest essential components, within an energy error.
 
-    `parameters` are inertial parameters (P,) in SI units, without friction, or a mechanism that has them. The error, in
-    percent, is 100 |H (D' - D)| / |H D| for the parameters D and the reduced ones D', where H D are the differences (J)
-    of kinetic plus potential energy between successive ones of the space's `states`, and |.| is the root of the summed
-    squares (equation 22 of Sheu and Walker 1991). Raises `InputError` unless one of `energy_error` and `components` is
-    given, the other None; for an `energy_error` below 0, not finite or no number, and `components` out of range or no
-    whole number; and for parameters of a wrong shape, not finite, or without energy differences between the states.
+    Parameters
+    ----------
+    space : EssentialSpace
+        Space whose states weight the components.
+    parameters : Mechanism or array_like
+        Inertial parameters (P,) in SI units, without friction, or a mechanism that has them.
+    energy_error : float, optional
+        Largest energy error in percent.
+    components : int, optional
+        Number of components instead, from 0 to the rank.
+
+    Returns
+    -------
+    Reduction
+        Components, weights and errors.
+
+    Raises
+    ------
+    InputError
+        If both or neither of error and number are given, one is out of range, or the parameters have a wrong shape, are
+        not finite or make no energy differences.
+
+    Examples
+    --------
+    >>> adaptctl.reduce(space, arm, energy_error=1.0).percent_error <= 1.0
+    True
     """
     validate_kind(space, EssentialSpace, "reduce", "as essential_space(mechanism) gives one")
     if (energy_error is None) == (components is None):
@@ -354,8 +436,7 @@ def reduce(
 
 
 def percent_errors(weights: Array) -> Array:
-    """Energy errors (k + 1,) in percent, when only the first 0, 1, ... k of k essential components are kept whose sizes
-    `weights` (k,), J, descend (Sheu and Walker 1991, equation 23). Raises `InputError` where all are zero."""
+    """Return the energy errors (k + 1,) in percent of the first 0, 1, ... k components with descending `weights`."""
     # Summed from the smallest, so that the last ones keep their digits.
     tails = np.append(np.cumsum(weights[::-1] ** 2)[::-1], 0.0)
     if tails[0] == 0.0:

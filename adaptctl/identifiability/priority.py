@@ -1,4 +1,4 @@
-"""Priorities: the order in which a user would rather be without parameters."""
+"""Priorities: the order in which parameters are removed."""
 
 from __future__ import annotations
 
@@ -15,24 +15,38 @@ from adaptctl.files import read_toml
 
 SCHEMA = "adaptctl/priority/1"
 
+# Kinds in the order of Table 4 of Sheu and Walker (1991): the first kind is removed first, of all links.
 KINDS = ("m", "mc_x", "mc_y", "mc_z", "I_xy", "I_xz", "I_yz", "I_xx", "I_yy", "I_zz")
-"""Kinds in the order of Table 4 of Sheu and Walker (1991): the first kind is removed first, of all links."""
 
+# Our names by the paper's, which files may use.
 PAPER_KINDS = {"I_x": "I_xx", "I_y": "I_yy", "I_z": "I_zz"}
-"""Our names by the paper's, which files may use."""
 
 
 @dataclass(frozen=True)
 class Priority:
-    """A priority: the order in which dependent inertial parameters are removed, by name, such as ``link3.I_xx``, first
-    removed first.
+    """
+    Order in which dependent inertial parameters are removed.
 
-    Parameters that are not named come after those of `order`, in the default order: by kind, m, mc_x, mc_y, mc_z, I_xy,
-    I_xz, I_yz, I_xx, I_yy, I_zz, rotor inertia, and within a kind from the first link to the last. Those of `keep` are
-    removed last, the first of them last of all; both are empty by default. Either way a parameter stays when removing
-    it would lose something that the motion depends on. Friction is never removed, since energies do not show it, and
-    has no name here. Raises `InputError` for an `order` or a `keep` that is a text or another thing that is no list of
-    names; the names themselves are checked by the method `indices`, not at construction.
+    Parameters that are not named come between `order` and `keep`, in the default order: by kind, m, mc_x, mc_y, mc_z,
+    I_xy, I_xz, I_yz, I_xx, I_yy, I_zz, rotor inertia, and within a kind from first link to last. A parameter stays
+    where removing it would lose something that the motion depends on.
+
+    Parameters
+    ----------
+    order : tuple of str, optional
+        Names such as ``link3.I_xx``, the first removed first.
+    keep : tuple of str, optional
+        Names removed last, the first of them last of all.
+
+    Raises
+    ------
+    InputError
+        If `order` or `keep` is no list of names; `indices` checks the names. Friction is never removed and has no name.
+
+    Examples
+    --------
+    >>> adaptctl.Priority(order=("lower.I_zz",)).indices(space.parameter_names)[0]
+    19
     """
 
     order: tuple[str, ...] = ()
@@ -47,37 +61,61 @@ class Priority:
 
     @classmethod
     def default(cls, mechanism: Mechanism) -> Priority:
-        """The default priority, the order in which a mechanism's dependent inertial parameters are removed by Table 4
-        of Sheu and Walker (1991). It goes kind by kind, m, mc_x, mc_y, mc_z, I_xy, I_xz, I_yz, I_xx, I_yy, I_zz, then
-        rotor inertias, each from the mechanism's first link to its last. Nothing is raised."""
+        """
+        Return the default order for a mechanism.
+
+        Parameters
+        ----------
+        mechanism : Mechanism
+            Mechanism whose inertial parameters are ordered.
+
+        Returns
+        -------
+        Priority
+            Order of Table 4 of Sheu and Walker (1991), kind by kind.
+
+        Examples
+        --------
+        >>> adaptctl.Priority.default(arm).order[:2]
+        ('upper.m', 'lower.m')
+        """
         return cls(_default_order(mechanism.parameter_names[: mechanism.num_energy_parameters]))
 
     @classmethod
     def read(cls, path: str | Path, mechanism: Mechanism) -> Priority:
-        """The priority that the TOML file at `path` states for a `mechanism`: the order in which inertial parameters
-        are removed, in one of three ways.
+        r"""
+        Read a priority from a TOML file.
 
-        By parameter, those that are named first, the rest in the default order::
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            File with ``schema = "adaptctl/priority/1"`` and one of three ways to state the order.
+        mechanism : Mechanism
+            Mechanism whose parameters are named.
 
-            order = ["link1.I_zz", "link2.I_zz"]
-            keep = ["link6.m"]
+        Returns
+        -------
+        Priority
+            Order of removal; what is left out follows in the default order.
 
-        By kind and link, kinds first (``first = "links"`` for link by link); what is left out follows in the default
-        order, m, mc_x, mc_y, mc_z, I_xy, I_xz, I_yz, I_xx, I_yy, I_zz, rotor inertia::
+        Raises
+        ------
+        FileError
+            If the file cannot be read, or an element is wrong or unknown, which the message names.
 
-            kinds = ["I_xx", "I_yy"]
-            links = ["link2", "link1"]
+        Notes
+        -----
+        The order is a list ``order`` of names; or lists ``kinds`` and ``links``, kinds first unless ``first =
+        "links"``; or a table ``[grid]`` as in Tables 4 and 11 of Sheu and Walker (1991): for each kind a number for
+        each link, the lowest removed first. A list ``keep`` is allowed everywhere, and the paper's ``I_x`` for
+        ``I_xx``.
 
-        As a grid of numbers like Tables 4 and 11 of Sheu and Walker (1991), a row for each kind with a number for each
-        link, in the mechanism's order or that of `links`; the lowest number is removed first, and no two are the same::
-
-            [grid]
-            m = [1, 2, 3]
-            mc_x = [4, 5, 6]
-
-        Every file begins with ``schema = "adaptctl/priority/1"``, and may have a list `keep` of parameters removed
-        last; the paper's ``I_x`` may stand for ``I_xx``. Raises `FileError` for a file that cannot be read, or naming
-        the element that is wrong, a name that the mechanism does not have among them.
+        Examples
+        --------
+        >>> lines = ['schema = "adaptctl/priority/1"', 'kinds = ["I_xx", "I_yy"]', 'keep = ["lower.m"]']
+        >>> _ = (tmp / "priority.toml").write_text("\n".join(lines))
+        >>> adaptctl.Priority.read(tmp / "priority.toml", arm).order[:2]
+        ('upper.I_xx', 'lower.I_xx')
         """
         table = read_toml(path, _Table)
         try:
@@ -88,13 +126,25 @@ class Priority:
         return priority
 
     def indices(self, parameter_names: Sequence[str]) -> tuple[int, ...]:
-        """Zero-based indices (P,) of the parameters in the order of removal, the first removed first: their positions
-        in `parameter_names`, the names of all P inertial parameters, without friction. Those that the priority does not
-        name come between its `order` and its `keep`, in the default order (Sheu and Walker 1991, Table 4).
+        """
+        Return the positions of the parameters in the order of removal.
 
-        Raises `NotFoundError` for names of the priority that are not among them, `InputError` for those given twice,
-        and where one of `parameter_names` is there twice, is friction or anything else but an inertial parameter or a
-        rotor inertia.
+        Parameters
+        ----------
+        parameter_names : sequence of str
+            Names of all P inertial parameters, without friction.
+
+        Returns
+        -------
+        tuple of int
+            Indices (P,), the first removed first.
+
+        Raises
+        ------
+        NotFoundError
+            If the priority names an unknown parameter.
+        InputError
+            If a name is given twice or is no inertial parameter.
         """
         named = (*self.order, *self.keep)
         _validate_known(named, parameter_names, "parameter")
@@ -107,8 +157,7 @@ class Priority:
 
 
 def or_default(priority: Priority | None) -> Priority:
-    """The given `priority`, an order in which dependent inertial parameters are removed; for None a `Priority` that
-    names no parameter, so that the default order holds. Raises `InputError` for anything but a `Priority` or None."""
+    """Return the given priority, or one that names no parameter for None."""
     if not isinstance(priority, Priority | None):
         raise InputError(f"priority: expected a Priority or None, got {printable(repr(priority))}")
     return Priority() if priority is None else priority
@@ -139,7 +188,6 @@ def _from_table(table: _Table, parameter_names: Sequence[str]) -> Priority:
 
 
 def _links(table: _Table, parameter_names: Sequence[str]) -> list[str]:
-    """The links that a file asks for; all where it names none."""
     parts = (name.rpartition(".") for name in parameter_names)
     known = list(dict.fromkeys(link for link, _, kind in parts if kind in KINDS))
     links = known if table.links is None else table.links
@@ -184,7 +232,7 @@ def _kinds(given: Iterable[str]) -> list[str]:
 
 
 def _default_order(parameter_names: Sequence[str]) -> tuple[str, ...]:
-    """Kind by kind, rotors last; a stable sort keeps the links in their order."""
+    """Kind by kind, rotors last."""
     kinds = (*KINDS, "rotor_inertia")
     for name in parameter_names:
         if name.rpartition(".")[2] not in kinds:
@@ -208,9 +256,7 @@ def _validate_once(given: Sequence[str], what: str) -> None:
 
 
 def suggestion(name: str, known: Sequence[str]) -> str:
-    """The hint, as text, for an unknown `name`: ``did you mean 'link1.m'?`` with the nearest of the `known` names, or,
-    where none is similar (a ratio of difflib of at least 0.6), ``there are`` and their list, 20 at most. Nothing is
-    checked."""
+    """Return a hint for an unknown name: the nearest known one, or the list of them."""
     from difflib import get_close_matches  # here, since only errors need it
 
     close = get_close_matches(name, known, n=1)

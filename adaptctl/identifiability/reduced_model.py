@@ -1,4 +1,4 @@
-"""A mechanism's dynamics on its fundamental parameters alone."""
+"""Dynamics of a mechanism in its fundamental parameters alone."""
 
 from __future__ import annotations
 
@@ -23,24 +23,41 @@ if TYPE_CHECKING:
     from adaptctl.identifiability.sampling import States
 
 
-SAMPLES, NEAR = 8, 0.02
-"""States that are tried, and how far from its reference (rad or m) a mechanism with loops is moved to them."""
-TOLERANCE, FLOOR = 1e-4, 1e-8
-"""Of a column's energies: what may be missing. Of the greatest, in comparable units: what is round-off."""
+# States that are tried, and how far from its reference (rad or m) a mechanism with loops is moved to them.
+CHECKED_STATES, MAX_LOOP_OFFSET = 8, 0.02
+# Share of a column's energies that may be missing, and share of the greatest that is round-off.
+ENERGY_TOLERANCE, ROUND_OFF_FLOOR = 1e-4, 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel(Keyed):
-    """A mechanism's equations of motion in its k fundamental (base) parameters, the inertial parameters that a
-    fundamental basis keeps with the removed ones regrouped onto them, and all friction; in all P parameters where
-    `basis` is None.
+    r"""
+    Equations of motion of a mechanism in its k fundamental parameters and friction.
 
-    For r primary (independent) joints, torques are tau = Y[:, columns] beta (r,), N m (N for a prismatic joint), with
-    the torque regressor Y (r, P), the indices `columns` (k,) of the kept parameters and the fundamental ones beta (k,),
-    SI units: columns of removed parameters are never computed. The `basis` may come from any mechanism of the same
-    geometry, gravity and link names as `mechanism`. Raises `InputError` for a `basis` that is neither a
-    `FundamentalBasis` nor None, for one of another geometry, gravity or link names, and for one whose regrouping
-    changes energies by more than about 1e-4.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with r primary (independent) joints.
+    basis : FundamentalBasis or None
+        Basis of any mechanism of the same geometry, gravity and link names; None keeps all P parameters.
+
+    Raises
+    ------
+    InputError
+        If the basis belongs to other geometry, gravity or link names, or changes energies by more than about 1e-4.
+
+    Notes
+    -----
+    Torques are :math:`\tau = Y_c(p, v, a) \beta`; columns of removed parameters are never computed.
+
+    Examples
+    --------
+    >>> model = adaptctl.ReducedModel(arm, basis)
+    >>> model.torque_regressor(p, v, np.zeros(2)).shape
+    (2, 6)
+    >>> torque = model.inverse_dynamics(p, v, np.zeros(2))
+    >>> bool(np.allclose(torque, arm.inverse_dynamics(p, v, np.zeros(2))))
+    True
     """
 
     mechanism: Mechanism
@@ -60,16 +77,35 @@ class ReducedModel(Keyed):
             )
         _validate_energies(self.mechanism, self.basis)
 
+    def __repr__(self) -> str:
+        kept = f"{len(self.names)} of {len(self.mechanism.parameter_names)} parameters"
+        return f"<ReducedModel of {self.mechanism.name!r}: {kept}>"
+
     @classmethod
     def full(cls, mechanism: Mechanism) -> ReducedModel:
-        """The reduced model that keeps all P inertial and friction parameters of a `mechanism`, for comparison: k = P,
-        and the regrouping matrix (P, P) is the identity. Nothing is raised."""
+        """
+        Return the model that keeps all parameters, for comparison.
+
+        Parameters
+        ----------
+        mechanism : Mechanism
+            Mechanism with P inertial and friction parameters.
+
+        Returns
+        -------
+        ReducedModel
+            Model with k = P.
+
+        Examples
+        --------
+        >>> len(adaptctl.ReducedModel.full(arm).names)
+        20
+        """
         return cls(mechanism, None)
 
     @cached_property
     def columns(self) -> tuple[int, ...]:
-        """Zero-based indices (k,), in ascending order, of the k kept parameters among the mechanism's P inertial and
-        friction parameters: those of the fundamental (base) basis, and all friction, which energies cannot show."""
+        """Indices (k,) of the kept parameters among all P, ascending: the basis's, and all friction."""
         everything = range(len(self.mechanism.parameter_names))
         if self.basis is None:
             return tuple(everything)
@@ -77,14 +113,12 @@ class ReducedModel(Keyed):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the k kept parameters, such as ``link2.mc_x``, in the order of the fundamental (base) parameters:
-        inertial ones, then friction's."""
+        """Names of the k kept parameters, such as ``link2.mc_x``: inertial ones, then friction's."""
         return tuple(self.mechanism.parameter_names[j] for j in self.columns)
 
     @cached_property
     def regrouping(self) -> Array:
-        """The regrouping matrix K (k, P), read-only, that maps the P inertial and friction parameters D (P,) to the k
-        fundamental (base) ones beta = K D, in SI units."""
+        """Regrouping matrix K (k, P) in SI units: fundamental parameters are K times all P."""
         P, energetic = len(self.mechanism.parameter_names), self.mechanism.num_energy_parameters
         K = np.eye(P)[list(self.columns)]
         if self.basis is not None:
@@ -93,21 +127,37 @@ class ReducedModel(Keyed):
 
     @cached_property
     def fundamental_parameters(self) -> Array:
-        """The mechanism's own k fundamental (base) parameters beta = K D (k,), read-only, in SI units and the order of
-        this model's `names`: its P inertial and friction parameters D (P,), regrouped by the matrix `regrouping` K (k,
-        P)."""
+        """The mechanism's own fundamental parameters (k,) in SI units, in the order of `names`."""
         return frozen_array(
             self.regrouping @ self.mechanism.inertial_parameters, (len(self.columns),), "fundamental parameters"
         )
 
     def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
-        """The torque regressor Y[:, columns] (..., r, k) of r primary (independent) joints and the k kept parameters:
-        times the fundamental (base) parameters (k,) in SI units it gives torques in N m (N for a prismatic joint).
+        """
+        Compute the torque regressor, which gives torques when multiplied by the fundamental parameters.
 
-        It is at positions `p`, rad (m), velocities `v`, rad/s (m/s), and accelerations `a`, rad/s^2 (m/s^2), all (...,
-        r). It is written to `out`, float64 (..., r, k), and returned; None makes a new array. Raises `InputError` on a
-        wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near a singularity of closed kinematic
-        loops.
+        Parameters
+        ----------
+        p : array_like
+            Positions (..., r) in rad, or m for a prismatic joint.
+        v : array_like
+            Velocities (..., r) in rad/s or m/s.
+        a : array_like
+            Accelerations (..., r) in rad/s^2 or m/s^2.
+        out : numpy.ndarray, optional
+            Array (..., r, k) of float64 that the result is written to.
+
+        Returns
+        -------
+        numpy.ndarray
+            Regressor (..., r, k) in N m (N for a prismatic joint) per SI unit of each parameter.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong (`NonFiniteError` for NaN and infinity).
+        SingularityError
+            If closed loops are near a singularity.
         """
         equation = self._torque_regressor
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
@@ -115,15 +165,43 @@ class ReducedModel(Keyed):
     def slotine_li_regressor(
         self, p: ArrayLike, v: ArrayLike, v_r: ArrayLike, a_r: ArrayLike, out: Array | None = None
     ) -> Array:
-        """The Slotine-Li regressor Y_r[:, columns] (..., r, k) of r primary (independent) joints and the k kept
-        parameters. Times the fundamental (base) parameters (k,) in SI units it gives the torques M(p) a_r + C(p, v) v_r
-        + g(p) + friction at v_r, N m (N for a prismatic joint), with the mass matrix M, the Christoffel (Coriolis)
-        matrix C and the gravity torques g.
+        """
+        Compute the regressor of Slotine and Li's control law.
 
-        It is at positions `p`, rad (m), velocities `v` and Slotine and Li's reference velocities `v_r`, rad/s (m/s),
-        and reference accelerations `a_r`, rad/s^2 (m/s^2), all (..., r). It is written to `out`, float64 (..., r, k),
-        and returned; None makes a new array. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
-        `SingularityError` near a singularity of closed kinematic loops.
+        Parameters
+        ----------
+        p : array_like
+            Positions (..., r) in rad, or m for a prismatic joint.
+        v : array_like
+            Velocities (..., r) in rad/s or m/s.
+        v_r : array_like
+            Reference velocities (..., r) in rad/s or m/s.
+        a_r : array_like
+            Reference accelerations (..., r) in rad/s^2 or m/s^2.
+        out : numpy.ndarray, optional
+            Array (..., r, k) of float64 that the result is written to.
+
+        Returns
+        -------
+        numpy.ndarray
+            Regressor (..., r, k) in N m (N for a prismatic joint) per SI unit of each parameter.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong (`NonFiniteError` for NaN and infinity).
+        SingularityError
+            If closed loops are near a singularity.
+
+        Notes
+        -----
+        Times the fundamental parameters it gives :math:`M(p) a_r + C(p, v) v_r + g(p)` and friction at :math:`v_r`,
+        with the matrix :math:`C` of Christoffel symbols.
+
+        Examples
+        --------
+        >>> model.slotine_li_regressor(p, v, v, np.zeros(2)).shape
+        (2, 6)
         """
         equation = self._slotine_li_regressor
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
@@ -131,14 +209,33 @@ class ReducedModel(Keyed):
     def inverse_dynamics(
         self, p: ArrayLike, v: ArrayLike, a: ArrayLike, beta: ArrayLike | None = None, out: Array | None = None
     ) -> Array:
-        """Torques (..., r) of r primary (independent) joints, N m (N for a prismatic joint), that give the
-        accelerations `a`, rad/s^2 (m/s^2), at positions `p`, rad (m), and velocities `v`, rad/s (m/s), all (..., r),
-        gravity and friction included. `beta` (..., k) are values of the k fundamental (base) parameters in SI units,
-        None for the mechanism's own.
+        """
+        Compute the torques that give accelerations, with gravity and friction.
 
-        They are written to `out`, float64 (..., r), and returned; None makes a new array. Raises `InputError` on a
-        wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near a singularity of closed kinematic
-        loops.
+        Parameters
+        ----------
+        p : array_like
+            Positions (..., r) in rad, or m for a prismatic joint.
+        v : array_like
+            Velocities (..., r) in rad/s or m/s.
+        a : array_like
+            Accelerations (..., r) in rad/s^2 or m/s^2.
+        beta : array_like, optional
+            Fundamental parameters (..., k) in SI units; the mechanism's own by default.
+        out : numpy.ndarray, optional
+            Array (..., r) of float64 that the result is written to.
+
+        Returns
+        -------
+        numpy.ndarray
+            Torques (..., r) in N m, or forces in N for a prismatic joint.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong (`NonFiniteError` for NaN and infinity).
+        SingularityError
+            If closed loops are near a singularity.
         """
         equation, values = self._inverse_dynamics, self.fundamental_parameters if beta is None else beta
         return equation.call(p, v, a, values) if out is None else equation.into(out, p, v, a, values)
@@ -161,9 +258,29 @@ class ReducedModel(Keyed):
         return self.mechanism.column_regressor("slotine_li_regressor", self.columns)
 
     def embed(self, beta: ArrayLike) -> Array:
-        """Values (..., P) of all P inertial and friction parameters D_I = F1 beta with the same torques as k
-        fundamental (base) ones `beta` (..., k): F1 (P, k) puts beta at the kept indices, zeros elsewhere; in SI units.
-        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        """
+        Return full parameters that have the same torques as fundamental ones.
+
+        Parameters
+        ----------
+        beta : array_like
+            Fundamental parameters (..., k) in SI units.
+
+        Returns
+        -------
+        numpy.ndarray
+            Parameters (..., P): `beta` at the kept indices, zeros elsewhere.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong (`NonFiniteError` for NaN and infinity).
+
+        Examples
+        --------
+        >>> model.embed(model.fundamental_parameters).shape
+        (20,)
+        """
         values = self._checked(beta)
         out = np.zeros((*values.shape[:-1], len(self.mechanism.parameter_names)))
         out[..., list(self.columns)] = values
@@ -175,7 +292,6 @@ class ReducedModel(Keyed):
 
 @lru_cache(maxsize=32)  # neither changes, and sweeps make many models of them
 def _validate_energies(mechanism: Mechanism, basis: FundamentalBasis) -> None:
-    """Raise `InputError` for a basis whose regrouping changes energies; tried once, also for later processes."""
     numbers = basis.regrouping.tobytes() + basis.scales.tobytes()
     content = [list(basis.columns), list(basis.parameter_names), hashlib.sha256(numbers).hexdigest()]
     inputs = [mechanism.description.sha256, mechanism.geometry_sha256, *content]
@@ -188,21 +304,17 @@ def _keeps_energies(mechanism: Mechanism, basis: FundamentalBasis) -> bool:
 
 
 def validate_energies(mechanism: Mechanism, basis: FundamentalBasis) -> None:
-    """Raise `InputError`, naming a parameter, unless a fundamental (base) `basis` reproduces the energies of a
-    `mechanism`: H = H[:, columns] K must hold in each of the P columns, but for about 1e-4 of its entries' size.
-
-    H (7, P), in J per SI unit of each parameter, are the differences of kinetic plus potential energy between 8
-    successive random states, the same at every call, `columns` (k,) the indices of the basis's k kept parameters and K
-    (k, P) its property `regrouping`. A saved basis is data from a file: with a wrong coefficient or a missing row, a
-    controller would apply wrong torques. With loops, the states' positions are drawn uniformly within 0.02 rad (m if
-    prismatic) of the reference configuration. That the basis has the mechanism's P parameters is not checked.
-    """
+    """Raise `InputError` unless a basis reproduces the mechanism's energies within about 1e-4 (H = H[:, columns] K)."""
+    # A saved basis is data from a file: with a wrong coefficient, a controller would apply wrong torques.
     from adaptctl.identifiability.energy_matrix import energy_differences  # as no saved result needs it
 
     H = energy_differences(mechanism, _few_states(mechanism))
     kept, K, scales = H[:, basis.columns], basis.regrouping, basis.scales
     size = np.abs(H).max(axis=0)
-    allowed = TOLERANCE * (size + np.abs(kept).max(axis=0) @ np.abs(K)) + FLOOR * (size * scales).max() / scales
+    allowed = (
+        ENERGY_TOLERANCE * (size + np.abs(kept).max(axis=0) @ np.abs(K))
+        + ROUND_OFF_FLOOR * (size * scales).max() / scales
+    )
     missing = np.abs(H - kept @ K).max(axis=0)
     worst = int(np.argmax(missing / np.maximum(allowed, np.finfo(float).tiny)))
     if missing[worst] > allowed[worst]:
@@ -217,6 +329,8 @@ def _few_states(mechanism: Mechanism) -> States:
 
     generator = np.random.default_rng(0)
     if mechanism.description.loops is None:
-        return random_states(mechanism, SAMPLES, generator)
-    p: Array = mechanism.neutral_configuration + NEAR * generator.uniform(-1.0, 1.0, (SAMPLES, mechanism.dof))
+        return random_states(mechanism, CHECKED_STATES, generator)
+    p: Array = mechanism.neutral_configuration + MAX_LOOP_OFFSET * generator.uniform(
+        -1.0, 1.0, (CHECKED_STATES, mechanism.dof)
+    )
     return States(p, generator.normal(size=p.shape), "about the reference")

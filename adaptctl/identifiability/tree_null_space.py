@@ -1,4 +1,4 @@
-"""The null space of a tree's energies from its inertial transfers, regrouped from the leaves and verified."""
+"""Null space of a tree's energies from its inertial transfers, regrouped from the leaves and verified."""
 
 from __future__ import annotations
 
@@ -17,17 +17,23 @@ from adaptctl.description.inertia import parameter_names
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion import energy
 from adaptctl.dynamics.tree_equations import TreeEquations
-from adaptctl.identifiability.energy_matrix import FLOOR, SMALLEST_NORM, energy_scales, length_scales, parameter_units
+from adaptctl.identifiability.energy_matrix import (
+    MIN_NORM_RATIO,
+    SINGULAR_VALUE_FLOOR,
+    energy_scales,
+    length_scales,
+    parameter_units,
+)
 from adaptctl.identifiability.inertial_transfers import (
-    BODY,
-    NEGLIGIBLE,
+    BODY_PARAMETERS,
+    RANK_TOLERANCE,
     InertialTransfers,
     LinkParameters,
     frame_changes,
     inertial_transfers,
 )
 from adaptctl.identifiability.regrouping import (
-    CLEAR,
+    CERTAIN_INDEPENDENCE,
     TOLERANCE,
     Regrouping,
     by_null_vectors,
@@ -39,45 +45,32 @@ from adaptctl.scalars import column
 
 Indices = NDArray[np.int64]
 
-FEW = 6
-"""Up to six dependent parameters are passed to the parent unchanged; more are first reduced to independent
-representatives."""
+# Up to six dependent parameters are passed to the parent unchanged; more are first reduced to independent
+# representatives.
+MAX_PASSED_UNCHANGED = 6
 
 
 class _LinkSelection(NamedTuple):
-    """The parameters that met at a link: kept there, or dependent on those."""
+    """Selection at a link: kept, dependent and represented parameters with their coefficients."""
 
     kept: Indices
     dependent: Indices
+    # Coefficients (kept, dependent) of the dependent parameters' observable parts on the kept ones.
     coefficients: Array
-    """Coefficients (kept, dependent) of the dependent parameters' observable parts on the kept ones."""
+    # Dependent parameters whose remainders are passed to the parent.
     representatives: Indices
-    """Dependent parameters whose remainders are passed to the parent."""
+    # The other dependent parameters.
     represented: Indices
-    """The other dependent parameters."""
+    # Weights (representatives, represented) of the represented remainders on those of the representatives.
     weights: Array
-    """Weights (representatives, represented) of the represented remainders on those of the representatives."""
 
 
 def tree_regrouping(transfers: InertialTransfers, order: Sequence[int], tolerance: float) -> Regrouping:
-    """The regrouping that removes a tree's dependent inertial parameters in an `order` (P,), all zero-based indices,
-    the first removed first, and adds them to the kept ones, the same as by all null vectors at once.
-
-    `transfers` are the tree's inertial transfers; a column counts as independent at a link where its part orthogonal to
-    those taken before is longer than `tolerance`, without a unit. Nothing is checked; `numpy.linalg.LinAlgError` may be
-    raised where the tolerance is near round-off.
-
-    At each link, from the leaves, the link's own parameters and those passed from its children are bodies d (11,), ten
-    inertial parameters and a rotor inertia each. Energies depend only on F d, with the joint's observable functionals F
-    (n, 11), n of 1 to 11, so as many parameters are kept as F d has independent columns, chosen from the end of the
-    order. Each dependent one has F d = (F d_kept) c, and its remainder d - d_kept c, which is unobservable at the
-    joint, is passed to the parent. Of more than six remainders only independent ones are passed on, chosen from the end
-    of the order; they represent all. What reaches the ground changes no energy.
-
-    What a subtree keeps is kept for good: a parameter stays when the null vectors' rows of those before it determine
-    its own (Sheu and Walker 1991, theorem 4.1), and rows that do so within a subtree do so among all. In the same way
-    no represented parameter will ever be kept.
-    """
+    """Regrouping of a tree in an order (P,), link by link from the leaves."""
+    # At each link, its own parameters and those passed from its children are bodies d (11,). Energies depend on F d,
+    # so as many stay as F d has independent columns, from the end of the order; the remainder of each other one,
+    # unobservable here, is passed to the parent. What a subtree keeps is kept for good: rows that determine a parameter
+    # within a subtree do so among all (Sheu and Walker 1991, theorem 4.1).
     importance = np.empty(len(order))
     importance[list(order)] = np.arange(len(order))
     selections: list[_LinkSelection] = []
@@ -96,12 +89,11 @@ def tree_regrouping(transfers: InertialTransfers, order: Sequence[int], toleranc
 def _selected(
     pool: LinkParameters, observable: Array, unobservable: Array, importance: Array, tolerance: float
 ) -> tuple[_LinkSelection, Array]:
-    """The selection at a link, and the remainders (11, n) of its representatives."""
     indices, bodies = pool
     kept, others, coefficients = _chosen(observable @ bodies, importance[indices], tolerance)
     remainders = bodies[:, others] - bodies[:, kept] @ coefficients
     dependent = indices[others]
-    if len(others) <= FEW:
+    if len(others) <= MAX_PASSED_UNCHANGED:
         none, no_weights = dependent[:0], np.zeros((len(others), 0))
         return _LinkSelection(indices[kept], dependent, coefficients, dependent, none, no_weights), remainders
     lead, rest, weights = _chosen(unobservable @ remainders, importance[dependent], tolerance)
@@ -110,10 +102,10 @@ def _selected(
 
 
 def _chosen(columns: Array, importance: Array, tolerance: float) -> tuple[Indices, Indices, Array]:
-    """The most important independent columns of (r, n), the others, and c (chosen, others) in others = chosen @ c."""
+    """Most important independent columns of (r, n), the others, and c in others = chosen @ c."""
     order = np.argsort(-importance)
     columns = columns[:, order]
-    taken, directions = independent_columns(columns, tolerance, NEGLIGIBLE)
+    taken, directions = independent_columns(columns, tolerance, RANK_TOLERANCE)
     rest = np.ones(len(order), dtype=bool)
     rest[taken] = False
     seen = directions @ columns
@@ -121,13 +113,7 @@ def _chosen(columns: Array, importance: Array, tolerance: float) -> tuple[Indice
 
 
 def _collected(selections: Sequence[_LinkSelection], parameters: int) -> Regrouping:
-    """The regrouping from the selections at all links, leaves first, substituted from the root to the leaves.
-
-    Kept parameters have a row each, in the order of keeping, which begins with the coefficients at their own links. A
-    parameter that is kept nearer to the root stands for its remainder alone: its row, complete by then, is subtracted
-    from the rows of those that its observable parts depended on. A represented parameter's coefficients nearer to the
-    root are those of its representatives, weighted.
-    """
+    """Regrouping from the selections at all links, leaves first, substituted from the root to the leaves."""
     order = np.concatenate([selection.kept for selection in selections])
     row = np.full(parameters, -1)
     row[order] = np.arange(len(order))
@@ -149,13 +135,7 @@ def _collected(selections: Sequence[_LinkSelection], parameters: int) -> Regroup
 
 @dataclass(frozen=True, eq=False)
 class TreeNullSpace:
-    """The null space of a tree's energies, found joint by joint in time that grows with the number of links: the
-    directions of the `mechanism`'s P inertial parameters (all but friction) that change no energy.
-
-    `transfers` are the inertial transfers at its joints, changes of a link's and its parent's parameters that together
-    change no energy; `seed` draws the 46 states whose energies make `scales`, by which parameters of different units
-    become comparable. Made by `of`; nothing is checked at construction.
-    """
+    """Null space of a tree's energies, found joint by joint in time that grows with the number of links."""
 
     mechanism: Mechanism
     transfers: InertialTransfers
@@ -163,30 +143,22 @@ class TreeNullSpace:
 
     @classmethod
     def of(cls, mechanism: Mechanism, seed: int = 0) -> TreeNullSpace:
-        """The null space of a tree's energies, from its geometry and the direction of gravity. States, drawn by `seed`,
-        0 by default, are sampled only for its property `scales`, which makes parameters of different units comparable.
-        The mechanism must be a tree whose parameters are not constrained; this is not checked."""
+        """Null space of a tree."""
         return cls(mechanism, inertial_transfers(mechanism), seed)
 
     @cached_property
     def rank(self) -> int:
-        """The rank k: the number of independent directions of the tree's P inertial parameters (all but friction) that
-        change energies and torques."""
+        """Rank k, the number of directions that change energies."""
         return self.mechanism.num_energy_parameters - self.transfers.nullity
 
     @cached_property
     def scales(self) -> Array:
-        """The scales (P,), positive, in SI units per J, that make the tree's P inertial parameters D (all but friction)
-        comparable: D / scales are all in J. Each is 1/e, where e is the root of the summed squares of the kinetic plus
-        potential energies that a unit of the parameter has at 46 random states, drawn by this object's `seed`. Where e
-        is below 1e-3 of the largest (units counted in the mechanism's characteristic length), that floor replaces it.
-        """
+        """Scales (P,) in SI units per J, by energies at 46 random states."""
         return energy_scales(self.mechanism, self.seed)
 
     @cached_property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k), without a unit, k the rank: directions of the tree's P inertial parameters
-        D, divided by this object's `scales` (P,), D / scales in J, that change no energy."""
+        """Orthonormal null vectors (P, P-k) of scaled parameters."""
         found = self._by_links(range(self.mechanism.num_energy_parameters), TOLERANCE)
         vectors = np.zeros((self.mechanism.num_energy_parameters, len(found.removed)))
         vectors[list(found.removed), range(len(found.removed))] = 1.0
@@ -194,24 +166,16 @@ class TreeNullSpace:
         return np.linalg.qr(vectors)[0]
 
     def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
-        """The regrouping that removes P-k of the tree's P scaled parameters in an `order`, k the rank, and adds them to
-        the k kept ones, made link by link from the leaves to the root.
-
-        `order` (P,) has all zero-based indices, the first removed first. At each link any independence counts that is
-        more than round-off (1e-8). `tolerance`, without a unit, is for choices from all null vectors (P, P-k) at once:
-        a parameter is removed where its row of them, less its projection on the rows of those removed before, is
-        longer. Where that would remove other parameters, the regrouping is made in this way, which takes longer. Raises
-        `InputError` for a tolerance that is not between 0 and 1/sqrt(P).
-        """
+        """Regrouping in an order, link by link."""
         validate_tolerance(tolerance, self.mechanism.num_energy_parameters)
         with suppress(np.linalg.LinAlgError):  # Of what is hardly independent, round-off may leave nothing.
-            found = self._by_links(order, CLEAR)
+            found = self._by_links(order, CERTAIN_INDEPENDENCE)
             if found.leaves_more_than(tolerance, order):
                 return found
         return by_null_vectors(self.null_basis, order, tolerance)
 
     def _by_links(self, order: Sequence[int], tolerance: float) -> Regrouping:
-        """The regrouping by choices made link by link alone, with coefficients among parameters over their scales."""
+        """Regrouping by choices made link by link alone, with coefficients among scaled parameters."""
         found = tree_regrouping(self.transfers, order, tolerance)
         own = parameter_units(self.mechanism, self.transfers.frames.length) / self.scales
         kept, removed = list(found.kept), list(found.removed)
@@ -220,17 +184,7 @@ class TreeNullSpace:
 
 @dataclass(frozen=True, eq=False)
 class TransferEvidence:
-    """The evidence for the rank of a tree's energies: at each joint, the rank of the energy changes, at sampled states,
-    when inertial parameters are moved from its link to the parent link, against that by geometry. Ratios have no unit;
-    sigma_1 >= sigma_2 >= ... are a joint's singular values, k its rank by geometry.
-
-    `surplus` is the sum over the joints of ranks by energies less those by geometry, 0 if all agree; `gap` the smallest
-    sigma_k/sigma_k+1 of all joints, `smallest` the smallest sigma_k/sigma_1; `residual` the largest energy change by a
-    combination of parameters that by geometry makes none, over the largest that one of its size could make; `weakest`
-    (11,) the singular values of the joint with the smallest gap; `leftover` the largest sigma_k+1/sigma_1, round-off if
-    the ranks agree, and `worst` the zero-based index of the joint that has that `leftover`. Nothing is checked at
-    construction.
-    """
+    """Singular values of energy changes at each joint, sampled, against the rank by geometry."""
 
     surplus: int
     gap: float
@@ -242,24 +196,14 @@ class TransferEvidence:
 
 
 def energy_changes(mechanism: Mechanism, found: InertialTransfers, states: States) -> Array:
-    """Energy changes (N, samples, 11), in J per kg, as a body is moved from the link of each of a tree's N joints to
-    the parent link, at `samples` given `states`. They are the kinetic plus potential energy of the body on the joint's
-    link, less its energy on the parent link (on the ground for a joint there), in the pose that it has there at joint
-    position zero.
-
-    They are per unit of each of a body's parameters: the ten (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz)
-    in the joint's frame, with lengths in units of the tree's characteristic length, and the joint's rotor inertia, 0
-    where it has none. `mechanism` is the tree, `found` are its inertial transfers, whose joint frames are used. A
-    combination of the eleven is unobservable at a joint exactly when the energy changes in no state. Nothing is
-    checked.
-    """
+    """Energy changes (N, samples, 11) in J per kg as a body is moved from each joint's link to its parent."""
     energies = _energies(mechanism, found.frames.length, states) @ frame_changes(
         np.asarray(np.linalg.inv(found.frames.far), dtype=np.float64)
     )
     before = np.zeros((len(energies) + 1, *energies.shape[1:]))
     before[:-1] = energies
     before[GROUND, :, 1:4] = -mechanism.description.gravity * found.frames.length
-    out = np.zeros((*energies.shape[:2], BODY))
+    out = np.zeros((*energies.shape[:2], BODY_PARAMETERS))
     out[..., :10] = energies - before[list(found.parents)] @ found.to_parent
     rotors = np.array([own.bodies[10].any() for own in found.own]) * found.frames.rotor_scales
     out[..., 10] = 0.5 * rotors[:, None] * states.v.T**2
@@ -267,17 +211,11 @@ def energy_changes(mechanism: Mechanism, found: InertialTransfers, states: State
 
 
 def transfer_evidence(found: InertialTransfers, changes: Array) -> TransferEvidence:
-    """The evidence for a tree's rank: at each of N joints, the singular values of the energy `changes` (N, samples,
-    11), in J per kg, against the rank by geometry in `found`, the tree's inertial transfers.
-
-    The changes, of `energy_changes` at `samples` states, 11 or more, are per unit of each of 11 inertial parameters
-    that is moved from a link to its parent; columns are divided by their norms, or by 1e-3 of the joint's largest norm
-    where that is more. Raises `numpy.linalg.LinAlgError` for NaN.
-    """
+    """Evidence for a tree's rank by energy changes (N, samples, 11)."""
     norms = np.linalg.norm(changes, axis=1, keepdims=True)
-    scales = 1.0 / np.maximum(norms, SMALLEST_NORM * norms.max(axis=2, keepdims=True))
+    scales = 1.0 / np.maximum(norms, MIN_NORM_RATIO * norms.max(axis=2, keepdims=True))
     values = np.linalg.svd(changes * scales, compute_uv=False)
-    relative = np.maximum(values / values[:, :1], FLOOR)
+    relative = np.maximum(values / values[:, :1], SINGULAR_VALUE_FLOOR)
     ratios = relative[:, :-1] / relative[:, 1:]
     ranks = np.array([len(functionals) for functionals in found.observable])
     last, beyond = (np.arange(len(ranks)), ranks - 1), (np.arange(len(ranks)), ranks)
@@ -293,7 +231,7 @@ def transfer_evidence(found: InertialTransfers, changes: Array) -> TransferEvide
 
 
 def _energies(mechanism: Mechanism, length: float, states: States) -> Array:
-    """Energies (N, samples, 10) of the ten of every link, massless ones too, with lengths in units of `length`."""
+    """Energies (N, samples, 10) of the parameters of every link, massless ones too, lengths in units of `length`."""
     tree, places, rates = TreeEquations.of(mechanism.description), column(states.p), column(states.v)
     row = energy.energy_regressor(tree.links, places, rates, tree.gravity)
     energies = stacked(row.of, (len(states),)).reshape(len(states), -1, 10)
@@ -301,7 +239,6 @@ def _energies(mechanism: Mechanism, length: float, states: States) -> Array:
 
 
 def _residual(found: InertialTransfers, changes: Array) -> float:
-    """Largest relative energy change by an unobservable body, over all joints."""
     pairs = zip(found.observable, found.unobservable, strict=True)
     bodies = np.stack([np.vstack([0.0 * functionals, bodies]) for functionals, bodies in pairs])
     sizes = np.abs(changes).max(axis=(1, 2))[:, None] * np.abs(bodies).max(axis=2)

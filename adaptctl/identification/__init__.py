@@ -1,4 +1,4 @@
-"""Identification of a robot's parameters from its logs: reading, preparation, estimators, uncertainty, validation."""
+"""Identification of a robot's parameters from its logs."""
 
 from adaptctl.optional_packages import imported_lazily
 

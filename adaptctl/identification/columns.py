@@ -24,16 +24,13 @@ from adaptctl.identification.drives_file import (
 )
 from adaptctl.identification.log_files import LogTable
 
-FEWEST = 100
-"""Samples below which nothing can be learnt from a log."""
+# Samples below which nothing can be learnt from a log.
+MIN_SAMPLES = 100
 
 
 @dataclass(frozen=True, eq=False)
 class JointLog:
-    """Log of a robot's joints, n samples of r joints in SI units. `time` (n,) is in s, in ascending order, as logged;
-    `position` (n, r) in rad (m for a prismatic joint); `torque` (n, r) in N m (N), where a motor's torque constant is
-    unknown as if it were 1; and `velocity` (n, r) in rad/s (m/s), as logged, None, the default, where it was not.
-    `source` is the log's file, as text; `len` gives n. Nothing is checked at construction."""
+    """Log of r joints in SI units; torques of an unknown torque constant are as if it were 1."""
 
     source: str
     time: Array
@@ -46,20 +43,14 @@ class JointLog:
 
 
 def joint_log(log: LogTable, drives: Drives, sample_rate: float | None = None) -> JointLog:
-    """The log of a robot's joints, a `JointLog`, from the table `log` of its motors' positions, torques and, if logged,
-    velocities. Columns, units and the transmission from motors to joints are those of `drives`, in whose order the
-    joints are.
-
-    With a sampling `rate` (Hz, not checked) rows are taken as evenly spaced from time 0, else (None) by their stamps.
-    Raises `FileError`, naming the column, for a column that is missing or not finite in every row, fewer than 100
-    samples, positions or torques that are the same in every row, and times that do not rise from row to row or only
-    count rows.
-    """
+    """Log of joints from a table of its motors' columns."""
     time = _time(log, drives, sample_rate)
     position = np.stack([log.column(m.position, f"position of {m.name}") for m in drives.motors], axis=-1)
     torque = np.stack([log.column(m.torque, f"torque of {m.name}") for m in drives.motors], axis=-1)
-    if len(log) < FEWEST:
-        raise FileError(f"{log.source}: has {len(log)} samples; at least {FEWEST} are needed, some seconds of motion")
+    if len(log) < MIN_SAMPLES:
+        raise FileError(
+            f"{log.source}: has {len(log)} samples; at least {MIN_SAMPLES} are needed, some seconds of motion"
+        )
     _validate_change(log, [m.position for m in drives.motors], position, "the joint is at rest throughout")
     _validate_change(log, [m.torque for m in drives.motors], torque, "no torque was logged there")
     constants = np.nan_to_num(drives.constants, nan=1.0)
@@ -110,21 +101,20 @@ def _validate_change(log: LogTable, names: list[str], values: Array, meaning: st
 
 
 def same_place(first: str | Path, second: str | Path) -> bool:
-    """True if two paths mean one log: `first` and `second` are equal, or their last parts, the file names, are. No file
-    is looked up, and nothing is raised."""
+    """True if two paths or their file names are equal."""
     return Path(first) == Path(second) or Path(first).name == Path(second).name
 
 
-KNOWN = (
+# Patterns of column names that are understood by themselves: of ROS messages, of our own runs, and usual ones.
+KNOWN_PATTERNS = (
     {"position": "position.{joint}", "torque": "effort.{joint}", "velocity": "velocity.{joint}"},
     {"position": "p.{joint}", "torque": "applied.{joint}", "velocity": "v.{joint}"},
     {"position": "position.{joint}", "torque": "torque.{joint}", "velocity": "velocity.{joint}"},
     {"position": "{joint}.position", "torque": "{joint}.torque", "velocity": "{joint}.velocity"},
     {"position": "{joint}_position", "torque": "{joint}_torque", "velocity": "{joint}_velocity"},
 )
-"""Patterns of column names that are understood by themselves: of ROS messages, of our own runs, and usual ones."""
 FACTORS = {"time": TIME, "position": POSITION, "torque": TORQUE, "velocity": VELOCITY}
-WHAT = tuple(FACTORS)
+QUANTITIES = tuple(FACTORS)
 
 
 def joint_columns(
@@ -133,21 +123,7 @@ def joint_columns(
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
 ) -> Drives:
-    """The `Drives` of a robot whose joints are measured directly, without gears between. It has for each primary
-    (independent) joint of a `mechanism` the names of its columns in a `log`, the identity as transmission, offsets of
-    zero, and the columns' units.
-
-    `columns` gives names by "position", "torque", "velocity" and "time"; in the first three `{joint}` stands for a
-    joint's name, `{}` for its number from 1 and `{0}` for that from 0. Where names are not given, the first usual
-    pattern that fits is taken, such as "position.{joint}" with "effort.{joint}" or "torque.{joint}", or
-    "{joint}_position" with "{joint}_torque", and "time"; velocities are left out where the log has none. `units` gives
-    symbols, such as "deg" or "N m", by the same four keys; where they are not given, the units that the log itself
-    states are taken. Raises `InputError` for other keys, for columns of time, positions or torques that are not found,
-    for one column of two joints, for units that are unknown, stated nowhere, of different factors to SI units among the
-    columns of one kind, or of joints of the other kind (deg where a joint slides, mm where one turns), and for units of
-    torque that are none (A, mA, %, 1), which need torque constants; `FileError`, a subclass of it, for given names of
-    columns that do not exist.
-    """
+    """Drives of a robot whose joints are measured directly, by patterns of column names."""
     given, stated = _checked("columns", columns), _checked("units", units)
     joints = [joint.name for joint in mechanism.primary_joints]
     pattern = _pattern(log, joints, given)
@@ -174,8 +150,8 @@ def joint_columns(
 
 def _checked(what: str, given: Mapping[str, str] | None) -> dict[str, str]:
     for name in given or {}:
-        if name not in WHAT:
-            raise InputError(f"{what}: expected {', '.join(WHAT)}, got {name!r}")
+        if name not in QUANTITIES:
+            raise InputError(f"{what}: expected {', '.join(QUANTITIES)}, got {name!r}")
     for name, text in (given or {}).items():
         if not isinstance(text, str):
             raise InputError(f"{what}: {name}: expected a text, got {text!r}")
@@ -190,9 +166,7 @@ def _named(pattern: str, joints: list[str]) -> list[str]:
 
 
 def _pattern(log: LogTable, joints: list[str], given: dict[str, str]) -> dict[str, str]:
-    """Names of the columns of position, torque and perhaps velocity: as given, completed by the first known naming that
-    the log has. Raises `InputError` naming what is missing."""
-    for known in KNOWN:
+    for known in KNOWN_PATTERNS:
         whole = known | {name: text for name, text in given.items() if name != "time"}
         if all(name in log.columns for what in ("position", "torque") for name in _named(whole[what], joints)):
             if not all(name in log.columns for name in _named(whole["velocity"], joints)) and "velocity" not in given:
@@ -216,7 +190,7 @@ def _require(log: LogTable, what: str, names: list[str]) -> None:
 
 
 def _one_of(symbols: list[str], what: str, source: str) -> str:
-    """One of several units of the same factor to SI units, such as rad and m. Raises `InputError` for others."""
+    """One of several units of the same factor to SI units, such as rad and m."""
     factors = {FACTORS[what].get(spaced(symbol), symbol) for symbol in symbols}
     if len(factors) > 1:
         raise InputError(f"{source}: its columns of {what} are in {', '.join(symbols)}: convert them to SI units")
@@ -224,7 +198,6 @@ def _one_of(symbols: list[str], what: str, source: str) -> str:
 
 
 def _validate_own(names: dict[str, list[str]], joints: list[str]) -> None:
-    """Raise `InputError` where two joints have one column."""
     for what, columns in names.items():
         for j, name in enumerate(columns):
             if (i := columns.index(name)) < j:
@@ -235,7 +208,6 @@ def _validate_own(names: dict[str, list[str]], joints: list[str]) -> None:
 
 
 def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]) -> dict[str, str]:
-    """Units' symbols as stated, by the caller or by the log itself. Raises `InputError` naming all that are not."""
     units = dict(stated)
     for what, columns in names.items():
         own = sorted({log.units.get(name, "") for name in columns})
@@ -251,7 +223,7 @@ def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]
 
 
 def _checked_units(log: LogTable, units: dict[str, str]) -> Units:
-    """Units of their symbols. Raises `InputError` for torques that are only proportional to one."""
+    """Units of their symbols."""
     checked = Units.checked(units["time"], units["position"], units["torque"], units.get("velocity"))
     if checked.torque is None:
         raise InputError(

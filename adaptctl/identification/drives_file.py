@@ -1,4 +1,4 @@
-"""A drives file: how an arm's motors turn its joints, and which columns of a log are theirs (TOML)."""
+"""Drives files (TOML)."""
 
 from __future__ import annotations
 
@@ -25,17 +25,15 @@ POSITION = {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "m": 1.0, 
 VELOCITY = {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0, "m/s": 1.0, "mm/s": 1e-3}
 TORQUE = {"N m": 1.0, "mN m": 1e-3, "N": 1.0}
 TURNING = {"position": ("rad", "deg", "rev"), "velocity": ("rad/s", "deg/s", "rpm"), "torque": ("N m", "mN m")}
+# Units of revolute and of prismatic joints.
 SLIDING = {"position": ("m", "mm"), "velocity": ("m/s", "mm/s"), "torque": ("N",)}
-"""Units of revolute and of prismatic joints."""
+# Units of quantities that are only proportional to a torque.
 OTHER_TORQUE = ("A", "mA", "%", "1")
-"""Units of quantities that are only proportional to a torque."""
 
 
 @dataclass(frozen=True)
 class Units:
-    """Units of a log's columns, as factors to SI units: of `time` to s, of `position` to rad (or m), and of `torque` to
-    N m (or N), None where the column is only proportional to a torque. `velocity` is the factor to rad/s (or m/s),
-    None, the default, where it is not logged. Nothing is checked at construction."""
+    """Factors from the units of a log's columns to SI units; None for a torque column without unit of torque."""
 
     time: float
     position: float
@@ -44,10 +42,7 @@ class Units:
 
     @classmethod
     def checked(cls, time: str, position: str, torque: str, velocity: str | None = None) -> Units:
-        """The units, a `Units`, of columns by symbols: `time` one of s, ms, us, ns; `position` one of rad, deg, rev, m,
-        mm; `torque` one of N m (or Nm), mN m, N, or A, mA, %, 1 for a quantity that is only proportional to it;
-        `velocity` one of rad/s, deg/s, rpm, m/s, mm/s, or None where it is not logged. Raises `InputError`, which lists
-        those that are known, for another symbol."""
+        """Units by their symbols; `InputError` for an unknown one."""
         return cls(
             _factor("time", time, TIME),
             _factor("position", position, POSITION),
@@ -57,10 +52,7 @@ class Units:
 
 
 def validate_fitting(symbols: Mapping[str, str], turns: Mapping[str, bool]) -> None:
-    """Raise `InputError`, naming the joint, where a unit cannot be that of a joint's column: one of angles for a joint
-    that slides, or one of lengths for one that turns. `symbols` has the units' symbols by "position", "velocity" and
-    "torque", other keys do not count, and `turns` by joint whether it turns. SI units are those of joints of both kinds
-    where some slide: one column of a message has rad or m, whichever is its joint's."""
+    """Raise `InputError` for a unit of angle on a joint that slides, or of length on one that turns."""
     for what, symbol in symbols.items():
         for joint, turning in turns.items():
             own, others = (TURNING, SLIDING) if turning else (SLIDING, TURNING)
@@ -73,7 +65,7 @@ def validate_fitting(symbols: Mapping[str, str], turns: Mapping[str, bool]) -> N
 
 
 def spaced(symbol: str) -> str:
-    """A unit's `symbol`, a text, as tables of factors have it: "Nm" becomes "N m". Nothing is raised."""
+    """Unit's symbol as the tables of factors have it: "Nm" becomes "N m"."""
     return symbol.replace("Nm", "N m")
 
 
@@ -87,13 +79,7 @@ SCHEMA = "adaptctl/drives/1"
 
 
 class MotorEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Entry of a motor in a drives file (TOML): its `name`, and the names of the columns of a log with its `position`,
-    its `torque` and, if it is logged, its `velocity`.
-
-    `torque_constant` is the torque, N m (N for a linear motor), for one unit of the torque column, such as an ampere;
-    "unknown" where it is to be identified, None where the column is a torque already. Entries are checked where
-    `read_drives` reads a file (names of 1 to 128 characters, a positive constant); nothing is checked at construction.
-    """
+    """Motor in a drives file: its columns in a log, and its torque constant in N m (N) for a unit of its column."""
 
     name: Name
     position: Name
@@ -103,10 +89,7 @@ class MotorEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class UnitsEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Entry of the units of a log's columns in a drives file (TOML), as symbols: `time` one of s, ms, us, ns;
-    `position` one of rad, deg, rev, m, mm; `velocity` one of rad/s, deg/s, rpm, m/s, mm/s, or None where it is not
-    logged; `torque` one of N m, mN m, N, or A, mA, %, 1 for a quantity that is only proportional to it. `read_drives`
-    refuses other symbols; nothing is checked at construction."""
+    """Units of a log's columns in a drives file, as symbols."""
 
     time: str
     position: str
@@ -115,13 +98,7 @@ class UnitsEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class PayloadEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Entry of a known payload in a drives file (TOML): a rigid body fixed to the link named `link` throughout one log,
-    whose path or file name is `log`.
-
-    `mass` is in kg, `center_of_mass` (3 numbers) in m in the link's frame, and `inertia_at_center` (xx, xy, yy, xz, yz,
-    zz) in kg m^2 about that centre, along the frame's axes. Nothing is checked at construction; `identify` refuses
-    unknown links and an inertia that no body has.
-    """
+    """Known body in a drives file, fixed to a link throughout one log: kg, m and kg m^2 in the link's frame."""
 
     log: Name
     link: Name
@@ -131,16 +108,7 @@ class PayloadEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class DrivesFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Contents of a drives file (TOML, `schema` "adaptctl/drives/1"): the transmission between an arm's motors and its
-    joints, and the columns of a log that are the motors'.
-
-    `joints` are the names of r joints; row i of `transmission` (r rows of r numbers) has the ratios of motor i's speed
-    to each joint's speed; `motors` has a `MotorEntry` for each row. `time` is the name of the column of time, `units`
-    are the columns' units. The joint positions where the motors are at zero are `joint_offsets` (r numbers, rad, or m
-    for a prismatic joint) or `joint_offsets_deg` (degrees), zero without either. `payloads` are known bodies fixed to
-    links, and `source` is where the numbers come from, as text. Only types are checked on reading; `read_drives` checks
-    the entries against each other, and nothing is checked at construction.
-    """
+    """Content of a drives file: transmission (row: motor, column: joint), motors, columns, units and payloads."""
 
     schema: Literal["adaptctl/drives/1"]
     joints: Annotated[list[Name], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]
@@ -156,19 +124,47 @@ class DrivesFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """Drives of a robot: the transmission between its motors and joints, and the columns of a log that are the motors'.
-    Motor positions are transmission (joint positions - offsets), and joint torques are the transposed transmission
-    times the motor torques.
+    """
+    Transmission between a robot's motors and joints, and the motors' columns in a log.
 
-    `joints` are the names of the r joints; `transmission` (r, r) has the ratios of each motor's speed (row) to each
-    joint's speed (column); `offsets` (r,) are the joint positions, rad (m if prismatic), where the motors are at zero.
-    `motors`, r of them, are the names of each motor's columns in a log (position, torque, velocity), and its torque
-    constant in N m (N if linear) for a unit of its torque column; `time` is the name of the log's column of time,
-    `units` are the factors from the columns' units to SI units. `payloads` are known bodies (mass, kg, centre of mass,
-    m, inertia, kg m^2) that are fixed to a link throughout one log, none by default, and `source` is where the numbers
-    come from, as text. Raises `InputError` for another number of motors, a transmission or offsets of another shape or
-    not finite, a motor that does not turn its own joint, and a transmission from which the joints do not follow (its
-    condition number is 1e6 or more); `read_drives` checks the rest.
+    Parameters
+    ----------
+    joints : tuple of str
+        Names of the r joints.
+    transmission : numpy.ndarray
+        Ratios (r, r) of each motor's speed (row) to each joint's speed (column).
+    offsets : numpy.ndarray
+        Joint positions (r,) in rad (m) where the motors are at zero.
+    motors : tuple of MotorEntry
+        Columns of each motor, and its torque constant in N m (N) for a unit of its torque column.
+    time : str
+        Name of the column of time.
+    units : Units
+        Factors from the columns' units to SI units.
+    payloads : tuple of PayloadEntry, optional
+        Known bodies that are fixed to a link throughout one log.
+    source : str, default ""
+        Source of the numbers in words.
+
+    Raises
+    ------
+    InputError
+        If shapes or numbers of motors differ, a number is not finite, a motor does not turn its own joint, or the
+        transmission's condition number is 1e6 or more.
+
+    Notes
+    -----
+    Motor positions are :math:`T (p - p_0)` with the transmission :math:`T` and offsets :math:`p_0`; joint torques are
+    :math:`T^T` times motor torques.
+
+    Examples
+    --------
+    >>> from adaptctl.identification.drives_file import Drives, MotorEntry, Units
+    >>> motors = tuple(MotorEntry(name=name, position=name, torque=f"{name}.i") for name in ("m1", "m2"))
+    >>> ratios = np.array([[50.0, 0.0], [10.0, 50.0]])
+    >>> drives = Drives(("shoulder", "elbow"), ratios, np.zeros(2), motors, "t", Units(1.0, 1.0, 1.0))
+    >>> drives.torque([0.1, 0.2]).tolist()
+    [7.0, 10.0]
     """
 
     joints: tuple[str, ...]
@@ -189,23 +185,70 @@ class Drives:
         object.__setattr__(self, "transmission", transmission)
         object.__setattr__(self, "offsets", frozen_array(self.offsets, (r,), "drives: offsets"))
 
+    def __repr__(self) -> str:
+        return f"<Drives of {len(self.joints)} joints>"
+
     def position(self, motor: ArrayLike) -> Array:
-        """Joint positions (..., r), rad (m if prismatic), of the positions `motor` (..., r) of r motors, rad (m if
-        linear): the inverse of the drives' `transmission` (r, r), the ratios of motor to joint speeds, times `motor`,
-        plus their `offsets` (r,), the joint positions where the motors are at zero. Raises `InputError` on a wrong
-        shape, `NonFiniteError` on NaN or infinity."""
+        """
+        Compute joint positions from motor positions.
+
+        Parameters
+        ----------
+        motor : array_like
+            Motor positions (..., r) in rad, or m for a linear motor.
+
+        Returns
+        -------
+        numpy.ndarray
+            Joint positions (..., r) in rad, or m for a prismatic joint.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong (`NonFiniteError` for NaN and infinity).
+        """
         return checked(motor, len(self.joints), "drives: positions") @ self._inverse.T + self.offsets
 
     def velocity(self, motor: ArrayLike) -> Array:
-        """Joint velocities (..., r), rad/s (m/s if prismatic), of the velocities `motor` (..., r) of r motors, rad/s
-        (m/s if linear): the inverse of the drives' `transmission` (r, r), the ratios of motor to joint speeds, times
-        `motor`. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        """
+        Compute joint velocities from motor velocities.
+
+        Parameters
+        ----------
+        motor : array_like
+            Motor velocities (..., r) in rad/s, or m/s for a linear motor.
+
+        Returns
+        -------
+        numpy.ndarray
+            Joint velocities (..., r) in rad/s, or m/s for a prismatic joint.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong (`NonFiniteError` for NaN and infinity).
+        """
         return checked(motor, len(self.joints), "drives: velocities") @ self._inverse.T
 
     def torque(self, motor: ArrayLike) -> Array:
-        """Joint torques (..., r), N m (N for a prismatic joint), of the torques `motor` (..., r) of r motors, N m (N if
-        linear): the transpose of the drives' `transmission` (r, r), the ratios of motor to joint speeds, times `motor`.
-        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity."""
+        """
+        Compute joint torques from motor torques.
+
+        Parameters
+        ----------
+        motor : array_like
+            Motor torques (..., r) in N m, or N for a linear motor.
+
+        Returns
+        -------
+        numpy.ndarray
+            Joint torques (..., r) in N m, or forces in N for a prismatic joint.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong (`NonFiniteError` for NaN and infinity).
+        """
         return checked(motor, len(self.joints), "drives: torques") @ self.transmission
 
     @cached_property
@@ -214,14 +257,29 @@ class Drives:
 
     @cached_property
     def constants(self) -> Array:
-        """Torque constants (r,) of the r motors, in N m (N for a linear motor) for a unit of their torque columns (an
-        ampere, say): 1 where these are torques already, NaN where unknown."""
+        """Torque constants (r,) in N m (N) for a unit of the torque columns: 1 for torques, NaN where unknown."""
         given = (motor.torque_constant for motor in self.motors)
         return np.array([math.nan if k == "unknown" else 1.0 if k is None else float(k) for k in given])
 
     def of(self, mechanism: Mechanism) -> Drives:
-        """These drives, a `Drives`, with their joints and motors in the order of a mechanism's primary (independent)
-        joints. Raises `InputError` unless the drives are of just these joints, by name."""
+        """
+        Return the drives in the order of a mechanism's joints.
+
+        Parameters
+        ----------
+        mechanism : Mechanism
+            Mechanism with the same primary (independent) joints.
+
+        Returns
+        -------
+        Drives
+            Reordered drives.
+
+        Raises
+        ------
+        InputError
+            If the joints are others.
+        """
         names = [joint.name for joint in mechanism.primary_joints]
         if sorted(names) != sorted(self.joints):
             raise InputError(
@@ -240,11 +298,19 @@ class Drives:
         )
 
     def on_joints(self) -> tuple[Drive, ...]:
-        """Drives (`Drive`) for a mechanism's description, one for each of r joints in the order of this object's
-        `joints`, with no rotor or friction modelled. Each has in `turns_with` the names of the other joints that turn
-        its motor, with ratios (no unit): the motor's speed over that joint's speed, divided by the motor's speed over
-        its own joint's speed. Raises `InputError` where one of these ratios is too large for a double-precision
-        number."""
+        """
+        Return the drives for a mechanism's description, without rotors and friction.
+
+        Returns
+        -------
+        tuple of Drive
+            Drive of each joint, coupled with the other joints that turn its motor.
+
+        Raises
+        ------
+        InputError
+            If a ratio overflows.
+        """
         ratios = self.transmission / np.diag(self.transmission)[:, None]
         coupled = [
             [(name, float(x)) for j, (name, x) in enumerate(zip(self.joints, row, strict=True)) if x and j != i]
@@ -254,9 +320,34 @@ class Drives:
 
 
 def read_drives(path: str | Path) -> Drives:
-    """The `Drives` that the TOML file `path` of the schema "adaptctl/drives/1" describes: joints, transmission, motors
-    with their columns in a log, units, and, if any, joint offsets and payloads. Raises `FileError`, naming the element,
-    for a file that cannot be read or is of another schema, and for entries that contradict each other."""
+    r"""
+    Read drives from a TOML file.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        File of the schema "adaptctl/drives/1".
+
+    Returns
+    -------
+    Drives
+        Transmission, columns, units and payloads.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read, or an element is wrong or contradicts another, which the message names.
+
+    Examples
+    --------
+    >>> from adaptctl.identification import read_drives
+    >>> lines = ['schema = "adaptctl/drives/1"', 'joints = ["elbow"]', "transmission = [[100.0]]", 'time = "t"',
+    ...          "[units]", 'time = "s"', 'position = "rad"', 'torque = "N m"',
+    ...          "[[motors]]", 'name = "m1"', 'position = "m1.q"', 'torque = "m1.tau"']
+    >>> _ = (tmp / "drives.toml").write_text("\n".join(lines))
+    >>> read_drives(tmp / "drives.toml").joints
+    ('elbow',)
+    """
     content = read_toml(path, DrivesFile)
     try:
         return _checked(content)
@@ -294,7 +385,6 @@ def _checked(content: DrivesFile) -> Drives:
 
 
 def _validate_turning(transmission: Array, joints: Sequence[str], motors: Sequence[MotorEntry], what: str) -> None:
-    """Raise `InputError` unless each motor turns its own joint, and the joints follow from the motors."""
     for i, (motor, joint) in enumerate(zip(motors, joints, strict=True)):
         if not transmission[i, i]:
             raise InputError(f"{what}[{i}]: motor {motor.name!r} must turn its own joint {joint!r}")

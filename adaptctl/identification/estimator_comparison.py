@@ -1,4 +1,4 @@
-"""Comparison of two estimators on a real log: filtered dynamics and energy differences, by what each amplifies."""
+"""Comparison of two estimators on a real log."""
 
 from __future__ import annotations
 
@@ -24,23 +24,18 @@ from adaptctl.identification.log_files import read_log
 from adaptctl.recording.page import SHEU_WALKER, Report, Section, Table
 from adaptctl.recording.result import Fact, Progress, silent
 
-TOLD = (
+TEXT = (
     "Both estimators learn from the first part of one motion and predict its last part. The torques are those of a "
     "fitted model, with more and more added to them, up to what the log measured."
 )
 FRICTION = "viscous,coulomb,square_root"
-HELD_OUT = 0.4
-WEIGHT, CUTOFF = 5.0, 25.0
-"""of the robot file's links as a prior; Hz: what the log's identification chooses"""
+HELD_OUT_SHARE = 0.4
+# Weight of the robot file's links and cut-off in Hz that the log's identification chooses.
+PRIOR_WEIGHT, CUTOFF = 5.0, 25.0
 
 
 class TorqueCase(NamedTuple):
-    """Relative errors of two estimators of a robot's parameters, no units, for one kind of torques that they are fitted
-    to, described by `torques`. They are root mean square errors over all joints, divided by the root mean square of the
-    torques of a model that stands for the truth. `off` is the error of the fitted torques against the model's, over the
-    whole log. `momentum` and `energy` are the errors, against the model's, of the torques that the two estimators
-    predict for the last part of a log: filtered dynamics (the equations of motion behind a low-pass filter) and energy
-    differences (work and energy over windows of time). Nothing is checked at construction."""
+    """Relative errors of two estimators for one kind of torques that they are fitted to."""
 
     torques: str
     off: float
@@ -50,11 +45,7 @@ class TorqueCase(NamedTuple):
 
 @dataclass(frozen=True)
 class Amplification:
-    """Comparison of two estimators of the parameters of the robot named `robot` by the errors of the torques that they
-    predict, given the errors of the torques that they learn from: filtered dynamics (the equations of motion behind a
-    low-pass filter) and energy differences (one equation of work and energy over each window of time, `window` s long).
-    `measured` has a `TorqueCase` for each kind of torques, the exact ones first, the measured ones last; `seed` is that
-    of the random numbers. Nothing is checked at construction."""
+    """Comparison of two estimators by how much they amplify the errors of measured torques."""
 
     robot: str
     window: float
@@ -62,9 +53,7 @@ class Amplification:
     seed: int
 
     def report(self) -> Report:
-        """The report of both estimators' errors: the finding in a sentence, a fact and a row of a table for each kind
-        of torques. Raises `IndexError` where there are no cases, `ZeroDivisionError` where the error of filtered
-        dynamics in the last case is zero."""
+        """Report of both estimators' errors."""
         last, exact = self.measured[-1], self.measured[0]
         found = (
             f"From exact torques, energy differences predict to {exact.energy:.2%}; from measured ones to "
@@ -78,15 +67,13 @@ class Amplification:
             f"{self.robot}: parameters from energy differences",
             found,
             [Fact(e[0], f"filtered dynamics {e[2]}, energy differences {e[3]}") for e in rows],
-            [Section("What torques that are off make of either estimate", (TOLD, table))],
+            [Section("What torques that are off make of either estimate", (TEXT, table))],
             seed=self.seed,
             source=f"Method: {SHEU_WALKER}.",
         )
 
     def write(self, folder: Path, progress: Progress = silent) -> None:
-        """Write the result into a `folder`: summary.json, report.html and recording.rrd, all or none. `progress(what,
-        share)` is called with what is being written and the fraction done, 0 to 1. Raises `FileError` where a file
-        cannot be written, and for errors that are NaN or infinite."""
+        """Write summary, report and recording into a folder, all or none."""
         content = {
             "schema": "adaptctl/energy-differences/1",
             "experiment": "energy-differences",
@@ -99,16 +86,7 @@ class Amplification:
 def compared_estimators(
     log: str | Path, robot: str | Path, drives: str | Path, window: float = 0.1, seed: int = 0
 ) -> Amplification:
-    """Errors of two estimators of a `robot`'s parameters on a `log` with its file of `drives`: energy differences over
-    windows of time, `window` s long, and filtered dynamics, the equations of motion behind a low-pass filter.
-
-    A model fitted to the whole log is taken as the truth; each estimator is fitted to the first 60 % of the log and
-    predicts the torques of the rest, with the error |predicted - true| / |true| (no unit), of all joints and
-    samples in one vector, low-pass filtered at 25 Hz. This is done with five kinds of torques in the log: the true
-    ones; these with white noise of 1 % and of 5 % of each joint's RMS torque, by `seed`; these with a tenth of the
-    residual, measured less true torques; and the measured ones. Raises `InputError` for a window out of 0.01 to 2 s
-    and logs that are too short, `FileError` for files that cannot be used.
-    """
+    """Errors of two estimators on a log, with a model of the whole log taken as the truth."""
     if not 0.01 <= window <= 2.0:
         raise InputError(f"energy differences: expected windows of 0.01 to 2 s, got {window:g}")
     mechanism = load(robot, snap=True)
@@ -130,7 +108,6 @@ def compared_estimators(
 
 
 def _fitted(evidence: LogEvidence, window: float) -> tuple[Array, Array]:
-    """Parameters (P,) by filtered dynamics and by energy differences, of the log's first part."""
     friction = FrictionModel.named(FRICTION)
     P = len(evidence.mechanism.parameter_names)
     columns = evidence.independent(friction)
@@ -142,18 +119,16 @@ def _fitted(evidence: LogEvidence, window: float) -> tuple[Array, Array]:
 
 
 def _early(evidence: LogEvidence) -> range:
-    return range(round((1.0 - HELD_OUT) * evidence.blocks))
+    return range(round((1.0 - HELD_OUT_SHARE) * evidence.blocks))
 
 
 def _until(motion: SmoothMotion, end: float) -> SmoothMotion:
-    """A motion's first part, up to a time of the log."""
     times = motion.log.time[motion.first :: motion.every][: len(motion.position)]
     count = int(np.sum(times < end))
     return replace(motion, position=motion.position[:count], velocity=motion.velocity[:count])
 
 
 def _torques(evidence: LogEvidence, x: Array) -> Array:
-    """The model's torques at every sample of the log, by straight lines between those of the motion."""
     (motion,) = evidence.motions
     inner = slice(2, -2)
     p, v, a = motion.position[inner], motion.velocity[inner], motion.acceleration()
@@ -163,20 +138,17 @@ def _torques(evidence: LogEvidence, x: Array) -> Array:
 
 
 def _model(evidence: LogEvidence) -> Array:
-    """Consistent parameters (P,) of the whole log, which stand for the truth."""
-    settings = FitSettings(FrictionModel.named(FRICTION), WEIGHT, CUTOFF)
+    settings = FitSettings(FrictionModel.named(FRICTION), PRIOR_WEIGHT, CUTOFF)
     return evidence.fit(settings, range(evidence.blocks)).x[: len(evidence.mechanism.parameter_names)]
 
 
 def _with_torques(evidence: LogEvidence, torque: Array) -> LogEvidence:
-    """The same motion with other torques."""
     motions = [replace(motion, log=replace(motion.log, torque=torque)) for motion in evidence.motions]
     rows = dict(zip(evidence.rows, rows_of(motions, evidence.mechanism, list(evidence.rows)), strict=True))
     return replace(evidence, motions=motions, rows=rows)
 
 
 def _error(evidence: LogEvidence, x: Array, truth: Array) -> float:
-    """Relative error of the torques on the log's last part, against the true model's."""
     rows = evidence.rows[CUTOFF]
     late: NDArray[np.bool_] = rows.time >= evidence.edges[len(_early(evidence))][1]
     expected = rows.regressor[late] @ truth

@@ -1,4 +1,4 @@
-"""The folder of an identification: robot, estimates, validation, summary, page and recording."""
+"""Folder of an identification."""
 
 from __future__ import annotations
 
@@ -27,22 +27,14 @@ SUMMARY_SCHEMA, ESTIMATES_SCHEMA, VALIDATION_SCHEMA = (
     "adaptctl/estimates/1",
     "adaptctl/validation/1",
 )
-SAMPLES = 3000
-"""at most as many are in the recording"""
+# At most as many are in the recording
+MAX_RECORDED_SAMPLES = 3000
 
 
 def write_identification(
     folder: str | Path, found: Identification, robot: str | Path | None = None, before: Mechanism | None = None
 ) -> Path:
-    """Write the files of an identification into a `folder`, all or none, and return the folder's path. The files are
-    robot.toml, the identified robot, estimates.json, validation.parquet (torques), recording.rrd, report.html, PNG
-    files in the folder `figures`, and summary.json, the last.
-
-    Where `robot`, the file that was identified, is a URDF file and `before` is the mechanism that it describes,
-    robot.urdf is a copy of it with the identified inertias; without them, by default, there is none. Raises `FileError`
-    where a file cannot be written or the URDF file not be read, for numbers that are NaN or infinite, and for an
-    inertia without mass, which URDF does not allow; `KeyError` for a link that the URDF file does not have.
-    """
+    """Write the files of an identification into a folder, all or none."""
     shown, description = report(found), found.mechanism.description
     files: dict[str, Callable[[Path], object]] = {
         ROBOT: partial(write_mechanism, description=description),
@@ -55,23 +47,7 @@ def write_identification(
 
 
 def summary(found: Identification) -> dict[str, Any]:
-    """Summary, a mapping of JSON's types, of the identification of a robot's inertial and friction parameters from
-    logs. `validation` is a mapping with the torque errors, predicted less measured, of the identified robot: `of`, in
-    words the rows it is on, `rms_error` in N m (N if prismatic) over all joints and rows, `relative_error`, that
-    divided by the root mean square of the measured torques (no unit), `cutoff` of the low-pass filter in Hz, `rows`,
-    their number, and `joints`, a mapping from a joint's name to both its errors. `alternatives` maps the names of
-    simpler models to such mappings, for the same rows.
-
-    Besides these it has texts: `schema`, `robot`, its name, `robot_sha256`, and `friction`, the friction model's terms;
-    numbers: `prior_weight` (no unit), the filter's `cutoff` (Hz), `training_misfit_over_least_squares`, the ratio of
-    the fit's residual to that of least squares, and `deviations_over_nominal`, the ratio of the estimates' standard
-    deviations to those for white residuals; the truth value `consistent`, True where rigid bodies can have all links'
-    parameters; the mapping `essential_components`, of the `rank` and the number `for_energy_to_1_percent`; lists of
-    texts: `logs`, `unexcited`, combinations of parameters that the logs hardly excite, and `remarks`; the list `trials`
-    of the settings tried, each a mapping of `what`, `candidate`, `rms` (N m; N if all joints are prismatic) and
-    `taken`; and the mapping `steps` from the names of the steps of the logs' preparation to their outcomes in words.
-    Nothing is raised.
-    """
+    """Summary of an identification in JSON's types."""
     settings = found.choice.settings
     return {
         "schema": SUMMARY_SCHEMA,
@@ -107,12 +83,7 @@ def _errors(found: Identification, validation: Validation) -> dict[str, Any]:
 
 
 def estimates(found: Identification) -> dict[str, Any]:
-    """Initial estimates for an adaptive controller, those of an identification, in JSON's types. `fundamental` has, by
-    name of each fundamental (base) parameter, in its `unit`, `value`, standard `deviation` and `prior_range`, the
-    greatest distance of the true value that is expected, and `gain`, in that unit squared per J, the diagonal of the
-    adaptation gain. `parameters` has all inertial and friction parameters, SI units; `load_dependent_friction`, by
-    joint, the coefficient of friction proportional to the joint's torque, no unit. The `robot`'s name is there too.
-    Nothing is raised."""
+    """Initial estimates for an adaptive controller in JSON's types."""
     joints = [joint.name for joint in found.mechanism.primary_joints]
     columns = zip(found.estimate, found.deviations, found.prior_ranges, found.adaptation_gain(), strict=True)
     fundamental = {
@@ -133,10 +104,7 @@ def estimates(found: Identification) -> dict[str, Any]:
 
 
 def write_validation(path: str | Path, found: Identification) -> None:
-    """Write the torques of an identification's validation to the Parquet file `path`, whole or not at all. It has a row
-    for each instant, with `time`, s, as in the log, and for each joint, by its name, `measured_NAME` and
-    `predicted_NAME`, N m (N if prismatic), both through the same low-pass filter. Raises `FileError` where it cannot be
-    written."""
+    """Write the torques of the validation to a Parquet file, a row for each instant."""
     from adaptctl.recording.trace import Quantity, write_columns
 
     def columns() -> Iterator[Quantity]:
@@ -154,7 +122,6 @@ def write_validation(path: str | Path, found: Identification) -> None:
 
 
 def _record(found: Identification, shown: Report, path: Path, figures: Mapping[str, Path]) -> None:
-    """The arm in the logs' motion, torques of every joint over the validation, their errors, and the outcome."""
     import rerun.blueprint as rrb
 
     from adaptctl.recording import views
@@ -189,7 +156,6 @@ def _record(found: Identification, shown: Report, path: Path, figures: Mapping[s
 
 
 def _motion(found: Identification) -> tuple[Array, Array]:
-    """Times (T,) and positions (T, r) of the logs that were learnt from, in order of time, thinned."""
     time = np.concatenate([m.log.time[m.first :: m.every][: len(m.position)] for m in found.motions])
-    order = np.argsort(time, kind="stable")[thinned(len(time), SAMPLES)]
+    order = np.argsort(time, kind="stable")[thinned(len(time), MAX_RECORDED_SAMPLES)]
     return time[order], np.concatenate([motion.position for motion in found.motions])[order]

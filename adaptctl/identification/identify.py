@@ -14,7 +14,7 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.identifiability.factorisation import one_thread
-from adaptctl.identification.choice import BLOCKS, Choice, choose, cutoffs_for, judged_at, misfit_ratio
+from adaptctl.identification.choice import NUM_BLOCKS, Choice, choose, cutoffs_for, judged_at, misfit_ratio
 from adaptctl.identification.columns import JointLog, joint_columns, joint_log
 from adaptctl.identification.drives_file import Drives, read_drives
 from adaptctl.identification.entropic import EntropicPrior, prior_links
@@ -30,8 +30,8 @@ from adaptctl.identification.torque_constants import known_drives, torque_consta
 from adaptctl.identification.uncertainty import combinations, essential_components, uncertainty
 from adaptctl.identification.validation import Validation, alternatives, predicted_torques, validate_plausible
 
-HELD_OUT = 0.4
-"""Of the blocks, from the end, where no log for validation is given."""
+# Share of the blocks, from the end, that is held out where no log for validation is given.
+HELD_OUT_SHARE = 0.4
 
 
 @one_thread()
@@ -51,33 +51,79 @@ def identify(
     prior_weight: float | None = None,
     instrumental_variables: bool = False,
 ) -> Identification:
-    """The identification, an `Identification`, of a robot's inertial and friction parameters from `logs` of its motion.
+    """
+    Identify a robot's inertial and friction parameters from logs of its motion.
 
-    Logs are one file or several (text, Parquet, ROS bags). `robot` is its mechanism, or its file or a built-in's name,
-    of which angles between joint axes within 1e-3 rad of right ones are made exact; its links are a first guess.
-    `drives`, or the path of their file, is the transmission between motors and joints. Where joints are measured
-    directly it is None, and `columns` and `units` give, by "position", "torque", "velocity" and "time", patterns of
-    column names (`{joint}` for a joint's name, `{}` for its number from 1, `{0}` from 0) and units ("deg", "N m",
-    "deg/s", "ms"); None where the log itself states them. With a sampling `rate` (Hz) rows are taken as evenly spaced,
-    else (None) by their stamps. Without logs to `validate` on, the last 40 % of the given ones are held out for it, and
-    settings are chosen on the rest; the final estimate uses all.
+    Parameters
+    ----------
+    logs : str, pathlib.Path or sequence of them
+        Logs as text, Parquet or ROS bags.
+    robot : Mechanism, str or pathlib.Path
+        Mechanism, its file, or a built-in robot's name. Its links are the first guess; angles within 1e-3 rad of right
+        ones are made exact in files.
+    drives : Drives, str or pathlib.Path, optional
+        Transmission between motors and joints, or its file; None where joints are measured directly.
+    validate : str, pathlib.Path or sequence of them, optional
+        Logs to validate on; the last 40 % of `logs` by default, which settings are chosen without.
+    columns : mapping of str to str, optional
+        Patterns of column names by "position", "torque", "velocity" and "time": `{joint}` is a joint's name, `{}` its
+        number from 1, `{0}` from 0. Usual patterns are found by default.
+    units : mapping of str to str, optional
+        Units by the same keys, such as "deg", "N m", "deg/s" and "ms"; those that the log states by default.
+    sample_rate : float, optional
+        Rate in Hz of evenly spaced rows; the rows' time stamps count by default.
+    topic : str, optional
+        Topic of JointState messages in a ROS bag; the only one by default.
+    skip_steps : collection of str, optional
+        Steps of preparation to leave out: "resample", "unwrap", "velocities", "limits", "standstill".
+    friction : str, optional
+        Friction terms, separated by commas: "viscous", "coulomb", "square_root", "stribeck", "offset", "load"; chosen
+        by an inner validation by default.
+    cutoff : float, optional
+        Cut-off in Hz of the low-pass filter; chosen by an inner validation by default.
+    prior_weight : float, optional
+        Weight of the first guess against the logs; chosen by an inner validation by default.
+    instrumental_variables : bool, default False
+        True frees regressors of encoder noise, for coarse or noisy encoders.
 
-    `topic` names that of a ROS bag with several (None: its only one), `skip` steps of the logs' preparation to leave
-    out ("resample", "unwrap", "velocities", "limits", "standstill"), none by default. `friction` names the terms of the
-    friction model ("viscous", "coulomb", "square_root", "stribeck", "offset", "load", separated by commas), `cutoff`
-    (Hz) is the low-pass filter's, and `weight` (no unit) that of the prior, the first guess of the links, against the
-    logs: an inner validation chooses each of the three that is None. With `instruments`, regressors are freed of noise
-    by instrumental variables, for encoders that are coarse or noisy.
+    Returns
+    -------
+    Identification
+        Parameters fitted to all logs, with deviations and the validation.
 
-    Raises `FileError` for files that cannot be read or used, `NotFoundError` for an unknown built-in robot, `LoopError`
-    for kinematic loops that cannot be closed, `MissingExtraError` for ROS bags without rosbags, and `InputError` for no
-    logs, a log given twice or both to fit and to validate on, drives of other joints, missing or unknown columns or
-    units and those given beside `drives`, unknown names in `skip` or `friction`, a `rate`, `cutoff` or `weight` that is
-    not positive and finite, a `cutoff` that the logs do not allow, a link without mass, linear constraints on the
-    robot's parameters, payloads of unknown links or with an inertia that no body has, torque constants that the logs do
-    not determine, and logs that are at rest, too short or slow, or not this robot's; `RankError` where the robot's
-    rank, the number of its identifiable parameters, cannot be certified, `SingularityError` near a singularity of
-    kinematic loops, and `AdaptctlError` where no consistent estimate is found.
+    Raises
+    ------
+    FileError
+        If a file cannot be read or used.
+    InputError
+        If an argument is wrong or contradicts another, columns or units are missing, or the logs are at rest, too
+        short, too slow or not this robot's.
+    NotFoundError
+        If a built-in robot is unknown.
+    MissingExtraError
+        If a ROS bag is given and rosbags is not installed.
+    RankError
+        If the number of identifiable parameters cannot be certified.
+    LoopError
+        If closed loops cannot be closed (`SingularityError` near a singularity).
+    AdaptctlError
+        If no consistent estimate is found.
+
+    Notes
+    -----
+    Links stay physically consistent by an entropic prior; see :doc:`/identification`.
+
+    Examples
+    --------
+    >>> time = np.arange(0.0, 8.0, 0.01)
+    >>> positions, *rates = reference(time)
+    >>> rows = np.column_stack([time, positions, arm.inverse_dynamics(positions, *rates)])
+    >>> names = "time,position.shoulder,position.elbow,torque.shoulder,torque.elbow"
+    >>> np.savetxt(tmp / "log.csv", rows, delimiter=",", header=names, comments="")
+    >>> units = {"time": "s", "position": "rad", "torque": "N m"}
+    >>> found = adaptctl.identify(tmp / "log.csv", arm, units=units, friction="viscous", cutoff=12.5, prior_weight=1.0)
+    >>> found.validation.relative_error < 0.01
+    True
     """
     given = _paths(logs)
     if not given:
@@ -118,7 +164,6 @@ def _paths(given: str | Path | Sequence[str | Path]) -> list[str | Path]:
 
 
 def _validate_different(logs: Sequence[str | Path], others: Sequence[str | Path]) -> None:
-    """Raise `InputError` for a log that would count twice, or be judged by itself."""
     fitted = [Path(log).resolve() for log in logs]
     judged = [Path(log).resolve() for log in others]
     for what, given, places in (("logs", logs, fitted), ("validate", others, judged)):
@@ -149,28 +194,12 @@ def identified(
     prior_weight: float | None = None,
     instrumental_variables: bool = False,
 ) -> Identification:
-    """The identification, an `Identification`, of a robot's inertial and friction parameters from logs that have been
-    read.
-
-    `mechanism` is the robot with links as a first guess, `drives` its transmission in the order of its primary
-    (independent) joints, as `Drives.of` makes it. `train` are the logs to fit, at least one, `test` those to validate
-    on; where there are none, the last 40 % of the former are held out for it. `skip` names steps of the logs'
-    preparation to leave out ("resample", "unwrap", "velocities", "limits", "standstill"), none by default. `friction`,
-    the low-pass filter's `cutoff` (Hz) and the `weight` (unitless) of the first guess of the links against the logs are
-    chosen by an inner validation where None. With `instruments` regressors are freed of encoder noise by instrumental
-    variables (False by default).
-
-    Raises `InputError` for a cutoff or weight that is not positive and finite, a cutoff that the logs do not allow,
-    unknown steps, a link without mass, linear constraints on the mechanism's parameters, payloads of unknown links or
-    with an inertia that no body has, logs that are at rest, too short or slow, or not this robot's, and unknown torque
-    constants that they do not determine; `RankError` where the number of identifiable parameters cannot be certified,
-    `SingularityError` near a singularity of kinematic loops, `AdaptctlError` where no consistent estimate is found.
-    """
+    """Identification from logs that have been read."""
     _validate_settings(cutoff, prior_weight)
     drives, train, test, known = _with_constants(mechanism, drives, train, test, skip_steps)
     measured, steps, remarks = gathered(mechanism, drives, train, skip_steps, cutoff)
     evidence = freed_of_noise(measured) if instrumental_variables else measured
-    held_out = [] if test else list(range(round((1.0 - HELD_OUT) * evidence.blocks), evidence.blocks))
+    held_out = [] if test else list(range(round((1.0 - HELD_OUT_SHARE) * evidence.blocks), evidence.blocks))
     training = evidence.part([b for b in range(evidence.blocks) if b not in held_out])
     validate_plausible(training, train[0].source, judged_at(training))
     choice = choose(training, friction, prior_weight, cutoff)
@@ -208,19 +237,7 @@ def gathered(
     skip: Collection[str] = (),
     cutoff: float | None = None,
 ) -> tuple[LogEvidence, tuple[PreparationStep, ...], tuple[str, ...]]:
-    """The evidence of logs, the steps of their preparation, and remarks, three results. The evidence is a `LogEvidence`
-    (filtered equations of motion in blocks of time), the steps are a tuple of `PreparationStep`, and the remarks a
-    tuple of texts on links of the robot's file that were not physically consistent.
-
-    `mechanism` is the robot with links as a first guess, `drives` its transmission in the order of its primary
-    (independent) joints, `logs` are at least one. `skip` names steps of preparation to leave out, none by default;
-    `cutoff` (Hz) is a cut-off of the low-pass filter that is added to the usual 12.5, 25 and 50 Hz, or to those of them
-    that the logs allow; None adds none. Payloads are subtracted where all torque constants are known. Raises
-    `InputError` for unknown steps, a cutoff that the logs do not allow, a link without mass, linear constraints on the
-    mechanism's parameters, payloads of unknown links or with an inertia that no body has, and logs that are at rest,
-    too short or slow, or not this robot's; `RankError` where the number of identifiable parameters cannot be certified,
-    `SingularityError` near a singularity of kinematic loops.
-    """
+    """Evidence of logs, the steps of their preparation, and remarks on links that were not consistent."""
     prepared = [prepare(log, mechanism, skip) for log in logs]
     pieces = [piece for found, _ in prepared for piece in found]
     steps = tuple(dict.fromkeys(step for _, own in prepared for step in own))
@@ -234,7 +251,7 @@ def gathered(
     _validate_enough(pieces[0].source, min(len(part) for part in rows.values()), full)
     positive, scales = positive_columns(full, tens)
     basis = fundamental_basis(essential_space(full))
-    edges = block_edges(rows[cutoffs[0]], BLOCKS)
+    edges = block_edges(rows[cutoffs[0]], NUM_BLOCKS)
     prior = EntropicPrior(tens, positive, scales)
     return LogEvidence(full, basis, drives, prior, motions, rows, edges), steps, tuple(remarks)
 
@@ -250,12 +267,7 @@ def _rows_without_payloads(
 
 
 def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
-    """A copy of the `evidence`, a `LogEvidence` (low-pass filtered equations of motion along logs), whose regressors
-    are freed of encoder noise by instrumental variables. The regressors of the logs' even samples are replaced by their
-    fitted values from a regression on those of the odd samples, which have the same motion and other noise. The copy
-    has those cut-offs that are at most a tenth of half the logs' rate, blocks of time of its own, and payloads
-    subtracted where all torque constants are known. Raises `InputError` where there are no such cut-offs, the logs
-    being too slow, and where they are too short."""
+    """Evidence whose regressors are freed of encoder noise by instrumental variables (even against odd samples)."""
     pairs = [halves(motion.log) for motion in evidence.motions]
     cutoffs = [cutoff for cutoff in evidence.rows if cutoff <= 0.1 * min(log.rate for log, _ in pairs)]
     if not cutoffs:
@@ -265,7 +277,7 @@ def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
     own = _rows_without_payloads(motions, evidence.mechanism, evidence.drives, cutoffs)
     instruments = rows_of(others, evidence.mechanism, cutoffs)
     rows = dict(zip(cutoffs, joined_first_stage(own, instruments), strict=True))
-    return replace(evidence, motions=motions, rows=rows, edges=block_edges(rows[cutoffs[0]], BLOCKS))
+    return replace(evidence, motions=motions, rows=rows, edges=block_edges(rows[cutoffs[0]], NUM_BLOCKS))
 
 
 def _validate_between(cutoff: float, motions: Sequence[SmoothMotion]) -> None:
@@ -276,15 +288,14 @@ def _validate_between(cutoff: float, motions: Sequence[SmoothMotion]) -> None:
 
 
 def _validate_enough(source: str, rows: int, mechanism: Mechanism) -> None:
-    if rows < 2 * BLOCKS:
+    if rows < 2 * NUM_BLOCKS:
         raise InputError(
-            f"{source}: only {rows} independent instants of motion are left of the log; at least {2 * BLOCKS} are "
+            f"{source}: only {rows} independent instants of motion are left of the log; at least {2 * NUM_BLOCKS} are "
             "needed, a few seconds"
         )
 
 
 def _plain(evidence: LogEvidence, fit: Fit) -> Fit:
-    """The fit itself, or without the load-dependent friction that mechanisms do not have."""
     friction = fit.settings.friction
     if not friction.load:
         return fit
@@ -339,10 +350,7 @@ def _result(
 
 
 def identified_mechanism(evidence: LogEvidence, fit: Fit) -> Mechanism:
-    """The mechanism, a `Mechanism`, with the links of a `fit`, and drives with those friction terms that the fit's
-    friction model has, without load-dependent friction (that grows with the joint's torque). `evidence` is that from
-    which the fit was made. Raises `InputError` for parameters that no mechanism may have (not finite, above 1e20, or a
-    rotor inertia, viscous or Coulomb friction below zero)."""
+    """Mechanism with a fit's links and friction, without load-dependent friction."""
     full = evidence.mechanism
     mask = evidence.mask(fit.settings.friction)
     names = [name for name, kept in zip(full.parameter_names, mask, strict=False) if kept]
@@ -358,8 +366,7 @@ def _with_terms(drive: Drive, joint: str, names: Sequence[str]) -> Drive:
 
 
 def _states(mechanism: Mechanism, evidence: LogEvidence) -> tuple[Mechanism, Array, Array]:
-    """The mechanism and a thinned selection of the logs' positions and velocities (about a thousand, r), for their
-    energy."""
+    """Mechanism with a thinned selection (about a thousand) of the logs' positions and velocities."""
     p = np.concatenate([motion.position for motion in evidence.motions])
     v = np.concatenate([motion.velocity for motion in evidence.motions])
     every = max(1, len(p) // 1000)

@@ -1,4 +1,4 @@
-"""A log as it was written: named columns of one length."""
+"""Logs as they were written."""
 
 from __future__ import annotations
 
@@ -15,15 +15,13 @@ from adaptctl.arrays import Array
 from adaptctl.errors import FileError, MissingExtraError
 
 MAX_ROWS = 20_000_000
+# Logs above these sizes are not read.
 MAX_BYTES = 4 * 2**30
-"""Logs above these sizes are not read."""
 
 
 @dataclass(frozen=True, eq=False)
 class LogTable:
-    """Table of a log as it was written. `columns` are arrays (n,) by name, in the log's own units and with NaN where a
-    cell has no number; `units` are the symbols by column that the file itself states, empty by default. `source` is the
-    log's file, as text; `len` gives n. Made by `read_log`; nothing is checked at construction."""
+    """Columns (n,) of a log by name, in its own units, NaN where a cell has no number."""
 
     source: str
     columns: Mapping[str, Array]
@@ -33,9 +31,7 @@ class LogTable:
         return len(next(iter(self.columns.values()), ()))
 
     def column(self, name: str, what: str) -> Array:
-        """The column (n,) of the given `name`, of the table's n rows, finite in each, in the log's own unit; `what` it
-        is needed for, such as "time", goes into the error message. Raises `FileError` for a name that the table does
-        not have, with the nearest ones, and for a column with NaN or infinity, with the first such row."""
+        """Column (n,) that is finite in each row."""
         if name not in self.columns:
             raise FileError(f"{self.source}: there is no column {name!r} for {what}; {self._known(name)}")
         values = self.columns[name]
@@ -55,10 +51,7 @@ class LogTable:
 
 
 def table(source: str, columns: Iterable[tuple[str, Array]], units: Mapping[str, str] | None = None) -> LogTable:
-    """The table of a log, a `LogTable`, from `columns`, pairs of a name and an array (n,), n rows in each. `source` is
-    the log's file, for error messages, and `units` are the symbols of columns that the file states, None for none.
-    Raises `FileError` where there is no column or no row, for two columns of one name, and for columns of different
-    lengths."""
+    """Table of pairs of a name and a column."""
     found: dict[str, Array] = {}
     for name, values in columns:
         if name in found:
@@ -76,14 +69,7 @@ def table(source: str, columns: Iterable[tuple[str, Array]], units: Mapping[str,
 
 
 def read_delimited(path: str | Path) -> LogTable:
-    """The table of a log in the text file `path`, a `LogTable`. The file has a line of column names, then a line of
-    numbers for each sample, separated by commas, semicolons or tabs, whichever the first line has most of. Names lose
-    spaces around them; no units are read. Numbers have decimal points, or, where no comma separates, commas.
-
-    An empty cell, NaN, nan, NA or null becomes NaN. A column with any other cell that is not a number becomes NaN in
-    all rows. Raises `FileError` for a file that cannot be read or is no table, with no rows or more than 20 million, or
-    with two columns of one name.
-    """
+    """Table of a text file: a line of names, then numbers, separated by commas, semicolons or tabs."""
     from pyarrow import ArrowInvalid
     from pyarrow.csv import ConvertOptions, ParseOptions, read_csv
 
@@ -116,7 +102,6 @@ def _has_decimal_commas(rows: bytes) -> bool:
 
 
 def _text_numbers(column: Any) -> Array:
-    """The column as floats, NaN where a cell is no number."""
     from pyarrow import ArrowInvalid, ArrowNotImplementedError, float64
 
     try:
@@ -126,11 +111,7 @@ def _text_numbers(column: Any) -> Array:
 
 
 def read_parquet(path: str | Path) -> LogTable:
-    """The table of a log in the Parquet file `path`, a `LogTable`: its columns of numbers, and of booleans as 0 and 1,
-    with missing cells as NaN. A column of fixed-size lists of them, `name`, is split into `name[0]`, `name[1]` ...,
-    unless a list is missing. Other columns are left out. Units are those in the metadata `unit` of the file's fields,
-    by the names of the columns made of them. Raises `FileError` for a file that cannot be read or is no Parquet file,
-    without columns of numbers or rows, or with more than 20 million rows."""
+    """Table of a Parquet file: columns of numbers and booleans, fixed-size lists split into `name[0]`, `name[1]`."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -152,7 +133,6 @@ def _unit(field: Any) -> str:
 
 
 def _names(field: Any) -> list[str]:
-    """Names of the columns made of a field."""
     import pyarrow as pa
 
     if pa.types.is_fixed_size_list(field.type):
@@ -187,20 +167,12 @@ def _parquet_numbers(column: Any) -> Array:
 
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
+# Fields of a JointState, in the units that its definition states for joints that turn.
 FIELDS = (("position", "rad"), ("velocity", "rad/s"), ("effort", "N m"))
-"""Fields of a JointState, in the units that its definition states for joints that turn."""
 
 
 def read_ros_bag(path: str | Path, topic: str | None = None) -> LogTable:
-    """The table of a log in a ROS 1 or ROS 2 bag, a `LogTable`: from its JointState messages the columns `time` (s),
-    `position.J`, and, where all messages have them, `velocity.J` and `effort.J`, for every joint J. Their stated units
-    are rad, rad/s and N m, also of prismatic joints, since messages do not tell the kind.
-
-    Time is the messages' own stamp where they have one, else when they were recorded, in s from the first. `topic`
-    names the topic of the messages; None takes the only one. Raises `FileError` for a bag that cannot be read, has no
-    such topic, or several where none is named, has no messages or more than 20 million, or messages of different
-    joints, and `MissingExtraError` where rosbags is not installed.
-    """
+    """Table of the JointState messages in a ROS 1 or ROS 2 bag."""
     rosbags = _rosbags()
     try:
         with rosbags.AnyReader([Path(path)], default_typestore=rosbags.typestore) as reader:
@@ -261,23 +233,19 @@ def _rosbags() -> Any:
     return SimpleNamespace(AnyReader=AnyReader, AnyReaderError=AnyReaderError, typestore=typestore)
 
 
-TEXT = (".csv", ".tsv", ".txt")
-BAGS = (".mcap", ".bag", ".db3")
+TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
+BAG_SUFFIXES = (".mcap", ".bag", ".db3")
 
 
 def read_log(path: str | Path, topic: str | None = None) -> LogTable:
-    """The table of a log, a `LogTable` of its columns, read by the suffix of `path`: .csv, .tsv or .txt as delimited
-    text, .parquet, and .mcap, .bag, .db3 or a folder as a ROS bag. `topic` names the topic of JointState messages in a
-    bag (None: its only one); other kinds ignore it. Raises `FileError` for a path that does not exist, of another
-    suffix, a file above 4 GiB, and one that cannot be read as what its suffix says, `MissingExtraError` for a ROS bag
-    where rosbags is not installed."""
+    """Table of a log, read by the suffix of its path."""
     place = Path(path)
     suffix = place.suffix.lower()
     if not place.exists():
         raise FileError(f"{path}: does not exist")
     if place.is_file() and place.stat().st_size > MAX_BYTES:
         raise FileError(f"{path}: larger than {MAX_BYTES} bytes, the most that is read; cut it into several logs")
-    if place.is_dir() or suffix in BAGS:
+    if place.is_dir() or suffix in BAG_SUFFIXES:
         from adaptctl.identification.log_files import read_ros_bag
 
         return read_ros_bag(path, topic)
@@ -285,11 +253,11 @@ def read_log(path: str | Path, topic: str | None = None) -> LogTable:
         from adaptctl.identification.log_files import read_parquet
 
         return read_parquet(path)
-    if suffix in TEXT:
+    if suffix in TEXT_SUFFIXES:
         from adaptctl.identification.log_files import read_delimited
 
         return read_delimited(path)
     raise FileError(
-        f"{path}: logs are read from {', '.join((*TEXT, '.parquet', *BAGS))} and folders of ROS 2 bags, not from "
-        f"{suffix or 'a file without suffix'}"
+        f"{path}: logs are read from {', '.join((*TEXT_SUFFIXES, '.parquet', *BAG_SUFFIXES))} and folders of "
+        f"ROS 2 bags, not from {suffix or 'a file without suffix'}"
     )

@@ -1,4 +1,4 @@
-"""A log made ready: even in time, without jumps, its velocities checked, where it moves."""
+"""Logs made ready."""
 
 from __future__ import annotations
 
@@ -16,42 +16,31 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
 
-WIDTH = 2.0
-"""Length of a kernel, in periods of its cut-off."""
+# Length of a kernel, in periods of its cut-off.
+KERNEL_PERIODS = 2.0
+# Central difference of fourth order: a sine of a tenth of the rate loses 0.5 %.
 DIFFERENCE = np.array([-1.0, 8.0, 0.0, -8.0, 1.0]) / 12.0
-"""Of fourth order, to convolve with: what it takes off a sine of a tenth of the rate is 0.5 %."""
-AROUND = len(DIFFERENCE) // 2
+DIFFERENCE_MARGIN = len(DIFFERENCE) // 2
 
 
 def low_pass(cutoff: float, rate: float) -> Array:
-    """The kernel (t,) of a low-pass filter without phase lag: symmetric weights that sum to 1, for a signal sampled at
-    `rate` Hz. It halves the amplitude of a sine of `cutoff` Hz; t is 2 round(rate/cutoff) + 1. Raises `ValueError` for
-    a cut-off below zero or not below half the rate, `ZeroDivisionError` for 0."""
-    taps = 2 * round(0.5 * WIDTH * rate / cutoff) + 1
+    """Symmetric kernel (t,) that sums to 1 and halves a sine of `cutoff` Hz."""
+    taps = 2 * round(0.5 * KERNEL_PERIODS * rate / cutoff) + 1
     return np.asarray(firwin(taps, cutoff, window=("kaiser", 5.0), fs=rate))
 
 
 def padded(kernel: Array) -> Array:
-    """The `kernel` (t,) of a filter, t weights, with two zeros before and two after, (t + 4,), so that it is as long as
-    that of `derivative`. Nothing is checked."""
-    return np.pad(kernel, AROUND)
+    """Kernel with two zeros before and two after."""
+    return np.pad(kernel, DIFFERENCE_MARGIN)
 
 
 def derivative(kernel: Array, rate: float) -> Array:
-    """The kernel (t + 4,), 1/s, that gives the time derivative of a signal filtered by `kernel` (t,), t weights, by
-    central differences of fourth order; `rate` is the signal's sampling rate (Hz). Its samples are at the same times as
-    those of `padded(kernel)`, which filters the signal itself. Nothing is checked."""
+    """Kernel (t + 4,) in 1/s of the time derivative of a filtered signal, by differences of fourth order."""
     return np.convolve(kernel, DIFFERENCE) * rate
 
 
 def filtered(signal: ArrayLike, kernel: Array, every: int = 1) -> Array:
-    """The convolution (m, ...) of a `signal` (n, ...), along its first axis, with a filter's `kernel` (t,), in the
-    signal's unit times the kernel's. It has the values at which the kernel lies wholly within the signal, n - t + 1 in
-    all, or only every `every`-th of them (1 by default), beginning with the first; m is (n - t + 1)/every, rounded up.
-
-    Nothing is assumed of the signal beyond its ends, so there is no transient. Raises `InputError` for a signal that is
-    shorter than the kernel.
-    """
+    """Convolution (m, ...) of a signal (n, ...) with a kernel, where that is wholly within it."""
     values = np.asarray(signal, dtype=np.float64)
     if len(values) < len(kernel):
         raise InputError(f"signal: expected at least {len(kernel)} samples, as the kernel has, got {len(values)}")
@@ -64,25 +53,23 @@ def filtered(signal: ArrayLike, kernel: Array, every: int = 1) -> Array:
     return np.asarray(out).reshape(-1, *values.shape[1:])
 
 
-JITTER, GAP = 0.01, 8.0
-"""Of a sampling period: what stamps may be off and still count as even, and what counts as a hole in the log."""
-AGREEMENT = 0.1
-"""Largest relative difference of logged velocities from differentiated positions."""
-REST, SLOW, AT_REST = 0.01, 1e-3, 0.1
-"""A joint slower than this share of its greatest speed, or so many rad/s (m/s), rests; when all do for so many s, the
-arm is at rest."""
-TOO_FAST, TOO_FAR = 3.0, 0.25
-"""Times the greatest speed, and rad or m beyond the range, that a robot's file allows."""
-SLOWEST, FASTEST = 20.0, 1e5
-"""Hz, between which logs of arms are sampled."""
+# Shares of a sampling period: deviation of stamps that still count as even, and step that is a hole in the log.
+MAX_JITTER, MIN_GAP_PERIODS = 0.01, 8.0
+# Largest relative difference of logged velocities from differentiated positions.
+MAX_VELOCITY_DIFFERENCE = 0.1
+# A joint slower than this share of its greatest speed, or so many rad/s (m/s), rests; when all do for so many s, the
+# arm is at rest.
+REST_SPEED_SHARE, REST_SPEED, MIN_REST_TIME = 0.01, 1e-3, 0.1
+# Factor on the greatest speed, and excess in rad or m over the range, that a robot's file allows.
+MAX_SPEED_RATIO, MAX_RANGE_EXCESS = 3.0, 0.25
+# Hz, between which logs of arms are sampled.
+MIN_SAMPLE_RATE, MAX_SAMPLE_RATE = 20.0, 1e5
+# Names of the steps that can be skipped.
 STEPS = ("resample", "unwrap", "velocities", "limits", "standstill")
-"""Names of the steps that can be skipped."""
 
 
 class PreparationStep(NamedTuple):
-    """Step of a log's preparation: its `name` ("resample", "unwrap", "velocities", "limits" or "standstill") and its
-    `outcome`, a text of what it found or did, "skipped" where it was left out. Made by `prepare`; nothing is checked at
-    construction."""
+    """Step of a log's preparation: its name and outcome in words."""
 
     name: str
     outcome: str
@@ -90,14 +77,7 @@ class PreparationStep(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PreparedLog:
-    """Piece of a log of a robot's r joints, without holes: n samples, evenly spaced at a `rate` in Hz (unless the step
-    "resample" was skipped).
-
-    `time` (n,) is in s, as in the log; `position` (n, r) in rad (m for a prismatic joint), without jumps of a turn
-    (unless the step "unwrap" was skipped); `torque` (n, r) in N m (N); `moving` (n,) is True where the arm moves
-    (everywhere if the step "standstill" was skipped). `source` is the log's file, as text. Made by `prepare`; nothing
-    is checked at construction.
-    """
+    """Log at an even rate, with a mask of the samples at which the robot moves."""
 
     source: str
     rate: float
@@ -110,19 +90,7 @@ class PreparedLog:
 def prepare(
     log: JointLog, mechanism: Mechanism, skip: Collection[str] = ()
 ) -> tuple[list[PreparedLog], list[PreparationStep]]:
-    """The pieces of a log between holes in time, a list of `PreparedLog`, and the steps of their preparation, a list of
-    `PreparationStep`, with those named in `skip` left out (none by default). A hole is a step of more than 8 times the
-    median step; pieces of fewer than 50 samples are left out.
-
-    "resample" makes samples evenly spaced, by straight lines between those logged; "unwrap" takes jumps of a turn out
-    of angles; "velocities" compares logged velocities with differentiated positions; "limits" compares positions,
-    speeds and torques with the joints' limits in `mechanism`; "standstill" flags where the whole arm is at rest, for
-    0.1 s or longer: every joint no faster than 1 % of its greatest speed or, where that is less, than 1e-3 rad/s (m/s
-    if prismatic). Raises `InputError` for an unknown step, a log without 50 samples in a row, a sampling rate not from
-    20 Hz to 100 kHz, velocities of a joint that differ from its positions' derivative by more than 10 %, positions more
-    than 0.25 rad (m) beyond limits, speeds or torques (99th percentiles) above three times theirs, and a log with fewer
-    than 50 samples of motion.
-    """
+    """Pieces of a log between holes in time, and the steps of their preparation."""
     _validate_known(skip)
     steps = [PreparationStep(name, "skipped") for name in STEPS if name in skip]
     pieces = list(_pieces(log))
@@ -163,11 +131,11 @@ def _validate_known(skip: Collection[str]) -> None:
 
 def _validate_plausible_rate(log: JointLog) -> None:
     rate = 1.0 / float(np.median(np.diff(log.time)))
-    if not SLOWEST <= rate <= FASTEST:
-        likely = "ms taken for s" if rate < SLOWEST else "s taken for ms"
+    if not MIN_SAMPLE_RATE <= rate <= MAX_SAMPLE_RATE:
+        likely = "ms taken for s" if rate < MIN_SAMPLE_RATE else "s taken for ms"
         raise InputError(
-            f"{log.source}: samples are {rate:.3g} a second, where {SLOWEST:g} to {FASTEST:g} are expected: is the "
-            f"unit of time right ({likely})?"
+            f"{log.source}: samples are {rate:.3g} a second, where {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} are "
+            f"expected: is the unit of time right ({likely})?"
         )
 
 
@@ -177,9 +145,8 @@ def _prepared(piece: JointLog, moving: NDArray[np.bool_]) -> PreparedLog:
 
 
 def _pieces(log: JointLog) -> Iterator[JointLog]:
-    """Pieces of a log between holes; those too short to be filtered are left out."""
     steps = np.diff(log.time)
-    holes = np.flatnonzero(steps > GAP * np.median(steps)) + 1
+    holes = np.flatnonzero(steps > MIN_GAP_PERIODS * np.median(steps)) + 1
     ends = [0, *holes.tolist(), len(log)]
     found = [(a, b) for a, b in pairwise(ends) if b - a >= 50]
     if not found:
@@ -194,7 +161,7 @@ def _resampled(log: JointLog) -> tuple[JointLog, str]:
     steps = np.diff(log.time)
     even = np.linspace(log.time[0], log.time[-1], len(log))
     off = float(np.abs(log.time - even).max() * (len(log) - 1) / (log.time[-1] - log.time[0]))
-    if off <= JITTER:
+    if off <= MAX_JITTER:
         return log, f"even at {1.0 / np.mean(steps):.6g} Hz"
 
     def lines(values: Array) -> Array:
@@ -217,7 +184,6 @@ def _unwrapped(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, int]:
 
 
 def _speed(log: JointLog) -> Array:
-    """Velocities (n, r) through a filter of a twentieth of the rate, those at the ends repeated."""
     rate = (len(log) - 1) / float(log.time[-1] - log.time[0])
     kernel = derivative(low_pass(min(50.0, 0.1 * rate), rate), rate)
     inner = filtered(log.position, kernel) if len(kernel) < len(log) else np.gradient(log.position, 1 / rate, axis=0)
@@ -226,17 +192,15 @@ def _speed(log: JointLog) -> Array:
 
 
 def _compared(source: str, logs: list[JointLog], speeds: list[Array], mechanism: Mechanism) -> str:
-    """Logged velocities against differentiated positions, by regression through zero; of a joint at rest there are
-    none to compare."""
     if any(log.velocity is None for log in logs):
         return "no logged velocities to compare with"
     logged = np.concatenate([log.velocity for log in logs if log.velocity is not None])
     found = np.concatenate(speeds)
-    rests = (np.abs(found).max(axis=0) <= SLOW) & (np.abs(logged).max(axis=0) <= SLOW)
+    rests = (np.abs(found).max(axis=0) <= REST_SPEED) & (np.abs(logged).max(axis=0) <= REST_SPEED)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.where(rests, 1.0, (logged * found).sum(axis=0) / np.square(found).sum(axis=0))
     for joint, ratio in zip(mechanism.primary_joints, ratios.tolist(), strict=True):
-        if not abs(ratio - 1.0) <= AGREEMENT:
+        if not abs(ratio - 1.0) <= MAX_VELOCITY_DIFFERENCE:
             raise InputError(
                 f"{source}: joint {joint.name!r}: logged velocities are {ratio:.4g} times the differentiated "
                 f"positions{_explained(ratio)}; state the right units, or leave the velocities out"
@@ -255,7 +219,7 @@ def _explained(ratio: float) -> str:
         9.549297: "velocities in rpm",
         1.0 / 9.549297: "velocities in rad/s taken for rpm",
     }
-    near = [text for value, text in likely.items() if abs(abs(ratio) / value - 1.0) < AGREEMENT]
+    near = [text for value, text in likely.items() if abs(abs(ratio) / value - 1.0) < MAX_VELOCITY_DIFFERENCE]
     turned = "one of them has the wrong sign" if ratio < 0.0 else ""
     return "".join(f": {text}" for text in (near[:1] or [turned]) if text)
 
@@ -266,21 +230,21 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
     position = np.concatenate([log.position for log in logs])
     for j, joint in enumerate(mechanism.primary_joints):
         limits, low, high = joint.limits, float(position[:, j].min()), float(position[:, j].max())
-        if fastest[j] > TOO_FAST * limits.velocity:
+        if fastest[j] > MAX_SPEED_RATIO * limits.velocity:
             raise InputError(
                 f"{source}: joint {joint.name!r} moves at {fastest[j]:.3g} {joint.kind.position_unit}/s, its robot at "
                 f"most at {limits.velocity:.3g}: are the positions in {'deg' if joint.kind.is_revolute else 'mm'}, "
                 f"the time "
                 "in ms, or is the gear ratio wrong?"
             )
-        if low < limits.lower - TOO_FAR or high > limits.upper + TOO_FAR:
+        if low < limits.lower - MAX_RANGE_EXCESS or high > limits.upper + MAX_RANGE_EXCESS:
             raise InputError(
                 f"{source}: joint {joint.name!r} goes from {low:.3g} to {high:.3g}, in its robot's file from "
                 f"{limits.lower:.3g} to {limits.upper:.3g}: are units, gear ratio (and its sign) and offset right, and "
                 "is it this robot's log?"
             )
         strongest = max(float(np.percentile(np.abs(log.torque[:, j]), 99.0)) for log in logs)
-        if strongest > TOO_FAST * limits.effort:
+        if strongest > MAX_SPEED_RATIO * limits.effort:
             raise InputError(
                 f"{source}: joint {joint.name!r} takes {strongest:.3g} {joint.kind.effort_unit}, its robot at most "
                 f"{limits.effort:.3g}: are the unit of torque, the torque constant and the gear ratio right?"
@@ -289,10 +253,9 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
 
 
 def _moving(logs: list[JointLog], speeds: list[Array]) -> list[NDArray[np.bool_]]:
-    """Masks of motion, one a log: any joint is faster than a share of its greatest speed; rests shorter than AT_REST
-    count as motion."""
+    """Masks of motion: any joint is faster than a share of its greatest speed."""
     fastest = np.max([np.abs(v).max(axis=0) for v in speeds], axis=0)
-    slow = np.maximum(REST * fastest, SLOW)
+    slow = np.maximum(REST_SPEED_SHARE * fastest, REST_SPEED)
     return [_bridged((np.abs(v) > slow).any(axis=1), log.time) for log, v in zip(logs, speeds, strict=True)]
 
 
@@ -300,5 +263,5 @@ def _bridged(moving: NDArray[np.bool_], time: Array) -> NDArray[np.bool_]:
     out = moving.copy()
     edges = np.flatnonzero(np.diff(np.concatenate(([True], moving, [True])).astype(np.int8)))
     for start, end in edges.reshape(-1, 2).tolist():
-        out[start:end] = time[min(end, len(time) - 1)] - time[start] < AT_REST
+        out[start:end] = time[min(end, len(time) - 1)] - time[start] < MIN_REST_TIME
     return out

@@ -1,4 +1,4 @@
-"""Page of an identification: its outcome in words, facts, tables and figures."""
+"""Page of an identification."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from adaptctl.recording.wording import parameter_unit, torque_error_unit, typese
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LAGS, DRAWN = 60, 3000
-"""rows over which residuals are correlated; at most as many points of a curve"""
+# Rows over which residuals are correlated; at most as many points of a curve
+MAX_LAGS, MAX_DRAWN_POINTS = 60, 3000
 SOURCE = (
     f"Method: {SHEU_WALKER}; T. Lee, P. M. Wensing and F. C. Park, Geometric Robot Dynamic Identification, IEEE "
     "Transactions on Robotics 36(2), 2020."
@@ -26,9 +26,7 @@ SOURCE = (
 
 
 def verdict(found: Identification) -> str:
-    """The outcome of an identification in a sentence: the root mean square error of the torques that it predicts, over
-    all joints and over the rows of its validation. It is in "N·m", "N" where all joints are prismatic, or "N·m or N"
-    where some are, and in percent of the measured torques. Nothing is raised."""
+    """Outcome in a sentence: the root mean square error of the predicted torques."""
     validation = found.validation
     return (
         f"Predicts the torques of {validation.origin}, to {_rms_error(found)} over all joints, "
@@ -41,9 +39,7 @@ def _rms_error(found: Identification) -> str:
 
 
 def consistency(found: Identification) -> str:
-    """Sentences on whether rigid bodies can have an identification's parameters, with the names of links whose
-    parameters no body can have, and on the cost of requiring it: by how many percent the root mean square torque
-    residual of the fitted rows exceeds that of plain least squares. Nothing is raised."""
+    """Sentences on whether rigid bodies can have the parameters, and on the cost of requiring it."""
     wrong = found.mechanism.description.inconsistent_links
     cost = f"The training rows are fitted {found.misfit_ratio - 1.0:.1%} worse than by least squares without that."
     if wrong:
@@ -52,9 +48,7 @@ def consistency(found: Identification) -> str:
 
 
 def components(found: Identification) -> str:
-    """Sentence on model reduction (Sheu and Walker 1991, equation 23): how many of the essential components of an
-    identification's inertial parameters, combinations of them that change energies, are enough to give the energy of
-    the logs' motion to an error of 1 %. Nothing is raised."""
+    """Sentence on the number of essential components that give the energy to 1 %."""
     return (
         f"Of the {found.space.rank} essential components of the parameters, {found.components} carry the energy of the "
         "logs' motion to 1 % (Sheu and Walker 1991, equation 23)."
@@ -62,9 +56,7 @@ def components(found: Identification) -> str:
 
 
 def facts(found: Identification) -> Iterator[Fact]:
-    """Facts of an identification, each a `Fact`: a question that a reader asks first, and its answer in words, with
-    units: the torque error, numbers of parameters and of combinations that the logs leave open, consistency, and the
-    settings chosen. Nothing is raised."""
+    """Questions that a reader asks first, and their answers in words."""
     validation, settings = found.validation, found.choice.settings
     yield Fact("error on data not seen", _rms_error(found))
     yield Fact("of the measured torque", f"{validation.relative_error:.1%}")
@@ -77,8 +69,7 @@ def facts(found: Identification) -> Iterator[Fact]:
 
 
 def report(found: Identification) -> Report:
-    """The report of an identification: outcome, errors of every joint, parameters with their deviations, what the logs
-    excite, what was chosen, and figures. Nothing is drawn, nor raised, before it is written."""
+    """Report of an identification."""
     return Report(
         experiment="identify",
         title=f"{found.mechanism.name}, identified",
@@ -192,7 +183,7 @@ def _rows(found: Identification, columns: int, height: float) -> tuple[Figure, A
 def _torques(found: Identification) -> Figure:
     figure, axes = _rows(found, 1, 1.25)
     v = found.validation
-    every = thinned(len(v.time), DRAWN)
+    every = thinned(len(v.time), MAX_DRAWN_POINTS)
     for j, (ax,) in enumerate(axes):
         ax.plot(v.time[every], v.measured[every, j], ".", color=MUTED.hex, markersize=2.5, label="measured")
         ax.plot(v.time[every], v.predicted[every, j], color=run_color(0).hex, linewidth=1.2, label="predicted")
@@ -203,8 +194,8 @@ def _torques(found: Identification) -> Figure:
 
 def _residuals(found: Identification) -> Figure:
     figure, axes = _rows(found, 2, 1.1)
-    v, correlation = found.validation, found.validation.autocorrelation(LAGS)
-    every = thinned(len(v.time), DRAWN)
+    v, correlation = found.validation, found.validation.autocorrelation(MAX_LAGS)
+    every = thinned(len(v.time), MAX_DRAWN_POINTS)
     for j, (over_time, over_lags) in enumerate(axes):
         over_time.plot(v.time[every], v.error[every, j], color=run_color(0).hex, linewidth=0.9)
         over_lags.bar(np.arange(len(correlation)), correlation[:, j], color=run_color(0).hex, width=0.8)

@@ -1,4 +1,4 @@
-"""Motions that a robot can run: from rest to rest, within its limits, and telling of its parameters on the way."""
+"""Motions that a robot can run."""
 
 from __future__ import annotations
 
@@ -20,21 +20,40 @@ from adaptctl.errors import InputError
 from adaptctl.files import write_text
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 
+# From 0 to 1 with three derivatives zero at both ends.
 BLEND = np.polynomial.Polynomial([0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0])
-"""From 0 to 1 with three derivatives zero at both ends."""
-RATE = 250.0
-"""Hz, at which limits are looked at."""
-SLOWEST = 100.0
-HALVINGS = 12
+# Hz, at which limits are looked at.
+CHECK_RATE = 250.0
+MAX_TIME_SCALE = 100.0
+MAX_HALVINGS = 12
+# A test that is true if all positions (n, r) are allowed.
 Allowed = Callable[[Array], bool]
-"""A test that is true if all positions (n, r) are allowed."""
 
 
 @dataclass(frozen=True, eq=False)
 class RobotLimits:
-    """Limits of a robot's motion, largest magnitudes (r,) each for r joints, infinite where there is none: `velocity`
-    (rad/s, or m/s for a prismatic joint), `acceleration` (rad/s^2 or m/s^2), `jerk`, the acceleration's rate (rad/s^3
-    or m/s^3), and `torque` (N m or N). Nothing is checked at construction."""
+    """
+    Limits of a robot's motion, infinite where there is none.
+
+    Nothing is checked at construction.
+
+    Parameters
+    ----------
+    velocity : numpy.ndarray
+        Largest speeds (r,) in rad/s, or m/s for a prismatic joint.
+    acceleration : numpy.ndarray
+        Largest accelerations (r,) in rad/s^2 or m/s^2.
+    jerk : numpy.ndarray
+        Largest rates (r,) of acceleration in rad/s^3 or m/s^3.
+    torque : numpy.ndarray
+        Largest torques (r,) in N m, or forces in N.
+
+    Examples
+    --------
+    >>> from adaptctl.identification.robot_motion import RobotLimits
+    >>> RobotLimits.of(arm, 0.5, acceleration=20.0).torque.tolist()
+    [30.0, 12.5]
+    """
 
     velocity: Array
     acceleration: Array
@@ -49,10 +68,30 @@ class RobotLimits:
         acceleration: ArrayLike | None = None,
         jerk: ArrayLike | None = None,
     ) -> RobotLimits:
-        """The limits, a `RobotLimits`, of a `mechanism`: `share`, a fraction (unitless, not checked), of its own speed
-        and torque limits, and limits of `acceleration` (rad/s^2, or m/s^2 for a prismatic joint) and `jerk` (rad/s^3 or
-        m/s^3) as given. These are one number for all r joints or (r,), infinite or None for no limit. Raises
-        `InputError` for another shape and what is not positive, `NonFiniteError` for NaN."""
+        """
+        Return a share of a mechanism's own limits, with limits of acceleration and jerk.
+
+        Parameters
+        ----------
+        mechanism : Mechanism
+            Mechanism with r joints.
+        limit_share : float
+            Fraction of its speed and torque limits.
+        acceleration : array_like, optional
+            Limit, one or (r,), in rad/s^2 or m/s^2; none by default.
+        jerk : array_like, optional
+            Limit, one or (r,), in rad/s^3 or m/s^3; none by default.
+
+        Returns
+        -------
+        RobotLimits
+            Limits of all joints.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong or a limit is not positive (`NonFiniteError` for NaN).
+        """
         speeds = np.array([joint.limits.velocity for joint in mechanism.primary_joints])
         bends = _each(acceleration, mechanism.dof, "acceleration")
         return cls(
@@ -69,13 +108,37 @@ def _each(limit: ArrayLike | None, dof: int, what: str) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class RobotMotion:
-    """Motion of a robot with r joints: a periodic reference, entered from rest at one pose and left to rest at another.
+    """
+    Motion from rest at one pose, along a periodic reference, to rest at another.
 
-    Positions are p(t) = (1 - b) pose + b s. Here s is the `reference` (rad, or m for a prismatic joint) without its own
-    fade-in, its time beginning as the first blend ends, and b is a polynomial that goes from 0 to 1 in the first `fade`
-    s and back in the last; the pose is `start` (r,) in the first half and `end` (r,) in the second, rad (m). `period`
-    (s) is the time between these blends, and all of it is `slower` (unitless, 1 by default) times slower. Nothing is
-    checked at construction.
+    Nothing is checked at construction.
+
+    Parameters
+    ----------
+    reference : Sinusoids
+        Periodic reference of r joints, whose time begins after the first blend.
+    start : numpy.ndarray
+        First pose (r,) in rad, or m for a prismatic joint.
+    end : numpy.ndarray
+        Last pose (r,) in rad or m.
+    period : float
+        Time in s between the blends.
+    fade : float
+        Time in s of each blend.
+    time_scale : float, default 1.0
+        Factor by which the motion is slower than its reference.
+
+    Notes
+    -----
+    Positions are :math:`(1 - b) p_0 + b s` with the reference :math:`s`, the pose :math:`p_0` and a polynomial
+    :math:`b` that rises from 0 to 1 in the first blend and falls back in the last.
+
+    Examples
+    --------
+    >>> from adaptctl.identification.robot_motion import RobotMotion
+    >>> motion = RobotMotion(reference, np.zeros(2), np.zeros(2), period=10.0, fade=2.0)
+    >>> motion.duration, motion.at([0.0, 5.0])[0].shape
+    (14.0, (2, 2))
     """
 
     reference: Sinusoids
@@ -85,17 +148,28 @@ class RobotMotion:
     fade: float
     time_scale: float = 1.0
 
+    def __repr__(self) -> str:
+        return f"<RobotMotion of {len(self.start)} joints: {self.duration:.3g} s>"
+
     @property
     def duration(self) -> float:
-        """Duration of the whole motion, s: its factor `slower` times the sum of its `period` and of both blends, `fade`
-        each."""
+        """Duration of the whole motion in s, both blends included."""
         return self.time_scale * (self.period + 2.0 * self.fade)
 
     def at(self, time: ArrayLike) -> tuple[Array, Array, Array, Array]:
-        """Positions (rad, or m for a prismatic joint), velocities (rad/s, m/s), accelerations (rad/s^2, m/s^2) and
-        jerks (rad/s^3, m/s^3) of the motion, (n, r) each for r joints, at n times `time` (n,) in s from its start.
-        Before and after the motion the robot rests at its first and last pose. Raises `IndexError` for a scalar
-        time."""
+        """
+        Compute the motion at given times.
+
+        Parameters
+        ----------
+        time : array_like
+            Times (n,) in s from the motion's start; before and after it the robot rests.
+
+        Returns
+        -------
+        tuple of numpy.ndarray
+            Positions (n, r) in rad (m for a prismatic joint), and their first three derivatives.
+        """
         t = np.asarray(time, dtype=np.float64) / self.time_scale
         whole = self.period + 2.0 * self.fade
         entering, leaving = _blend(t / self.fade, 1.0 / self.fade), _blend((whole - t) / self.fade, -1.0 / self.fade)
@@ -108,16 +182,24 @@ class RobotMotion:
         p, v, a, jerk = (found[k] / self.time_scale**k for k in range(4))
         return pose + p, v, a, jerk
 
-    def sampled(self, rate: float = RATE) -> tuple[Array, Array, Array, Array, Array]:
-        """Times (n,) in s, evenly from 0 to the motion's end, about `rate` a second (Hz, 250 by default), and the
-        motion there: a tuple of five arrays. The others are (n, r) each for r joints: positions (rad, or m for a
-        prismatic joint), velocities (rad/s, m/s), accelerations (rad/s^2, m/s^2) and jerks (rad/s^3, m/s^3). n is at
-        least 3; the rate is not checked."""
+    def sampled(self, rate: float = CHECK_RATE) -> tuple[Array, Array, Array, Array, Array]:
+        """
+        Sample the motion evenly from its start to its end.
+
+        Parameters
+        ----------
+        rate : float, default 250.0
+            Approximate rate in Hz.
+
+        Returns
+        -------
+        tuple of numpy.ndarray
+            Times (n,) in s, positions (n, r) in rad (m), and their first three derivatives.
+        """
         time = np.linspace(0.0, self.duration, max(2, round(self.duration * rate)) + 1)
         return time, *self.at(time)
 
     def _swing(self, t: Array) -> list[Array]:
-        """The reference and its three derivatives (n, r)."""
         phase = np.zeros(1) if self.reference.phase is None else self.reference.phase
         angle = 2.0 * np.pi * self.reference.frequency * t[:, None, None] + phase
         omega = 2.0 * np.pi * self.reference.frequency
@@ -128,7 +210,7 @@ class RobotMotion:
 
 
 def _blend(x: Array, rate: float) -> list[Array]:
-    """The blend and its three derivatives over time, of its argument x clipped to 0..1."""
+    """Blend and its three derivatives over time, of its argument x clipped to 0..1."""
     inside = np.clip(x, 0.0, 1.0)
     return [BLEND.deriv(k)(inside) * rate**k if k else BLEND(inside) for k in range(4)]
 
@@ -147,23 +229,52 @@ def exciting_motion(
     iterations: int = 10,
     allowed: Allowed | None = None,
 ) -> RobotMotion:
-    """A motion, a `RobotMotion`, that excites a mechanism's parameters for an identification, within the `limits` of
-    its r joints. It is a periodic excitation trajectory, entered from rest at a pose `start` (r,) and left to rest at
-    `end` (r,), rad (m for a prismatic joint), by default (None) the middle of the joints' ranges.
+    """
+    Design a motion that excites a mechanism's parameters within limits.
 
-    The reference has `harmonics` (5 by default) of the frequency 1/(`duration` - 2 `fade`) Hz and is the best of a
-    search of at most `iterations` (10) steps, started from references drawn by `seed` (0; equal seeds give equal
-    motions), within a fraction `share` (unitless, 0.8) of the joints' own ranges, speeds and torques. `duration` (s,
-    14) is that of the whole motion, `fade` (s, 2) of each blend; the motion takes longer where it must be slowed until
-    its speeds, accelerations, jerks and torques, friction included, are within `limits`. `allowed` is a function that
-    is True if all of n positions (n, r) are allowed, such as free of collisions: the reference is made smaller until it
-    is True. None allows all.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with r joints.
+    limits : RobotLimits
+        Limits of speeds, accelerations, jerks and torques, friction included.
+    start : array_like, optional
+        First pose (r,) in rad (m); the middle of the joints' ranges by default.
+    end : array_like, optional
+        Last pose (r,); the middle of the ranges by default.
+    duration : float, default 14.0
+        Duration in s, longer where limits require it.
+    fade : float, default 2.0
+        Time in s of each blend, below half the duration.
+    harmonics : int, default 5
+        Harmonics of the reference.
+    limit_share : float, default 0.8
+        Fraction of the joints' own ranges, speeds and torques that the reference uses.
+    seed : int, default 0
+        Seed of the search.
+    iterations : int, default 10
+        Largest number of search steps.
+    allowed : callable, optional
+        Function that is True if positions (n, r) are allowed, for instance free of collisions; all are by default.
 
-    Raises `InputError` for a duration that is not positive and finite, a fade that is not above 0 and below half the
-    duration, harmonics and iterations other than whole numbers of at least 1, a seed other than one of at least 0, a
-    share not above 0 and up to 1, poses of a wrong shape, outside the joints' ranges, not allowed, or whose gravity
-    torques are beyond the torque limits, and where no motion is found; `NonFiniteError` for poses not finite,
-    `RankError` where the number of identifiable parameters cannot be certified.
+    Returns
+    -------
+    RobotMotion
+        Best motion found, made smaller and slower until it is allowed.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, a pose cannot be held or is not allowed, or no motion is found.
+    RankError
+        If the number of identifiable parameters cannot be certified.
+
+    Examples
+    --------
+    >>> from adaptctl.identification.robot_motion import RobotLimits, exciting_motion
+    >>> motion = exciting_motion(arm, RobotLimits.of(arm, 1.0), harmonics=2, iterations=1)
+    >>> motion.duration >= 14.0
+    True
     """
     positive_number(duration, "duration: expected a positive number of seconds")
     if not 0.0 < 2.0 * fade < duration:
@@ -207,12 +318,10 @@ def _validate_poses(
 
 
 def _smaller(motion: RobotMotion, allowed: Allowed | None) -> RobotMotion:
-    """The motion with the reference's swing about the start shrunk until it is allowed. Raises `InputError` if none
-    is."""
     if allowed is None or allowed(motion.sampled(50.0)[1]):
         return motion
     share = 1.0
-    for _ in range(HALVINGS):
+    for _ in range(MAX_HALVINGS):
         share *= 0.75
         reference = motion.reference
         nearer = Sinusoids(
@@ -229,31 +338,27 @@ def _smaller(motion: RobotMotion, allowed: Allowed | None) -> RobotMotion:
 
 
 def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> RobotMotion:
-    """The motion slowed down until the limits allow it; unchanged if they do. Raises `InputError` beyond SLOWEST."""
     if _use(motion, mechanism, limits) <= 1.0:
         return motion
     slow, fast = 1.0, 1.0
     while _use(time_scaled(motion, slow), mechanism, limits) > 1.0:
         fast, slow = slow, 1.5 * slow
-        if slow > SLOWEST:
+        if slow > MAX_TIME_SCALE:
             raise InputError(
                 f"{mechanism.name}: even slowly the motion's torques pass their limits; narrow the positions (share)"
             )
-    for _ in range(HALVINGS):
+    for _ in range(MAX_HALVINGS):
         middle = 0.5 * (slow + fast)
         slow, fast = (middle, fast) if _use(time_scaled(motion, middle), mechanism, limits) <= 1.0 else (slow, middle)
     return time_scaled(motion, slow)
 
 
 def time_scaled(motion: RobotMotion, time_scale: float) -> RobotMotion:
-    """A copy of a `motion`, a `RobotMotion`, on the same path at another pace: `slower` (unitless), the factor by which
-    times are longer than its reference's, replaces its own: at 2 the motion takes twice as long. The number is not
-    checked."""
+    """Copy of a motion on the same path, `time_scale` times slower than its reference."""
     return RobotMotion(motion.reference, motion.start, motion.end, motion.period, motion.fade, time_scale)
 
 
 def _use(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> float:
-    """The largest of speeds, accelerations, jerks and torques over their limits."""
     _, p, v, a, jerk = motion.sampled()
     torque = mechanism.inverse_dynamics(p, v, a)
     pairs = (
@@ -266,10 +371,7 @@ def _use(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> floa
 
 
 def write_csv(path: str | Path, motion: RobotMotion, joints: Sequence[str], rate: float) -> None:
-    """Write a robot's `motion` to the file `path` as CSV, sampled evenly from its start to its end at about a `rate`
-    (Hz), numbers to nine digits. The columns are `time` (s), then `position.J` (rad, or m for a prismatic joint),
-    `velocity.J` (rad/s, m/s) and `acceleration.J` (rad/s^2, m/s^2) of each joint J in `joints`, the names in the
-    motion's order. Raises `FileError` where the file cannot be written; names and rate are not checked."""
+    """Write a motion to a CSV file, sampled at about `rate` (Hz): time, positions, velocities and accelerations."""
     time, p, v, a, _ = motion.sampled(rate)
     names = [f"{what}.{joint}" for what in ("position", "velocity", "acceleration") for joint in joints]
     rows = np.column_stack([time, p, v, a])
@@ -278,11 +380,7 @@ def write_csv(path: str | Path, motion: RobotMotion, joints: Sequence[str], rate
 
 
 def joint_trajectory(motion: RobotMotion, joints: Sequence[str], rate: float) -> dict[str, Any]:
-    """The fields of a ROS 2 trajectory_msgs/JointTrajectory message, a dict of JSON's types, of a robot's `motion`,
-    sampled evenly from its start to its end at about a `rate` (Hz), numbers to nine digits. They are `header`, with a
-    stamp of 0 and no frame, `joint_names`, which are `joints`, and `points`, each with `time_from_start`, 0 for the
-    first (sec and nanosec), and the joints' `positions` (rad, or m for a prismatic joint), `velocities` (rad/s, m/s)
-    and `accelerations` (rad/s^2, m/s^2). Names and rate are not checked."""
+    """Fields of a ROS 2 trajectory_msgs/JointTrajectory message of a motion, sampled at about `rate` (Hz)."""
     time, p, v, a, _ = motion.sampled(rate)
     points = [
         {
@@ -298,17 +396,13 @@ def joint_trajectory(motion: RobotMotion, joints: Sequence[str], rate: float) ->
 
 
 def write_trajectory(path: str | Path, motion: RobotMotion, joints: Sequence[str], rate: float) -> None:
-    """Write a robot's motion, sampled evenly from its start to its end at about a `rate` (Hz), as the fields of a ROS 2
-    trajectory_msgs/JointTrajectory message: as JSON to a path with the suffix .json, else as YAML, which `ros2 topic
-    pub` takes. `joints` are the joints' names in the motion's order. Raises `FileError` where the file cannot be
-    written; names and rate are not checked."""
+    """Write a motion as a JointTrajectory message: JSON for the suffix .json, else YAML for `ros2 topic pub`."""
     content = joint_trajectory(motion, joints, rate)
     as_json = Path(path).suffix == ".json"
     write_text(path, json.dumps(content, indent=1) + "\n" if as_json else _yaml(content))
 
 
 def _yaml(content: dict[str, Any]) -> str:
-    """YAML of a message's fields, with its points in the flow style, which is JSON."""
     head = {name: content[name] for name in ("header", "joint_names")}
     lines = [f"{name}: {json.dumps(value)}" for name, value in head.items()]
     return "\n".join([*lines, "points:", *(f"- {json.dumps(point)}" for point in content["points"])]) + "\n"

@@ -1,10 +1,4 @@
-"""Torque constants of motors, from logs: with a known payload, or up to one scale.
-
-With W the joint torques of a unit of every motor's torque column, Y beta - W K = 0 is homogeneous: constants K and
-parameters beta can be stretched alike. A known payload's torques, or one known constant, make an end of that (Gautier
-and Briot 2014); without either, K is the direction that Y explains best, and the stretch that at which the links are
-what the robot's file says, as well as may be.
-"""
+"""Torque constants of motors from logs (Gautier and Briot 2014)."""
 
 from __future__ import annotations
 
@@ -24,13 +18,13 @@ from adaptctl.identification.filtered_dynamics import Rows, SmoothMotion
 from adaptctl.identification.fit import LogEvidence
 from adaptctl.identification.friction_model import FrictionModel
 
+# With W the joint torques of a unit of every motor's torque column, Y beta - W K = 0 is homogeneous in the constants K
+# and parameters beta. A known payload or constant fixes their scale; without either, K is the direction that Y explains
+# best, and the scale that at which the links are nearest to the robot's file.
+
 
 def payload_torques(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives) -> Array:
-    """The contribution (n, r), N m (N for a prismatic joint), of known payloads, bodies fixed to links, to the torques
-    of r joints in n `rows` of low-pass filtered equations of motion. The payloads are those of `drives`, each in the
-    rows of the log that it names by path or file name; `motions` are the logs' smoothed motions, and the rows'
-    regressors are on the parameters of `mechanism`. Raises `InputError` for a payload on an unknown link, and for a
-    mass, centre and inertia that no body has."""
+    """Torques (n, r) of known payloads in rows of filtered equations."""
     out = np.zeros_like(rows.torque)
     for payload in drives.payloads:
         columns, ten = _columns(payload, mechanism), _ten(payload)
@@ -42,11 +36,7 @@ def payload_torques(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mech
 
 
 def without_payloads(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives) -> Rows:
-    """A copy of the `rows` of low-pass filtered equations of motion, a `Rows`, with the torques that the robot alone
-    takes. The torques of the known payloads of `drives`, bodies fixed to links, are subtracted in the rows of the logs
-    that the payloads name by path or file name. `motions` are the logs' smoothed motions, and the rows' regressors are
-    on the parameters of `mechanism`. Raises `InputError` for a payload on an unknown link, and for a mass, centre and
-    inertia that no body has."""
+    """Rows with the torques that the robot alone takes, known payloads subtracted."""
     return replace(rows, torque=rows.torque - payload_torques(rows, motions, mechanism, drives))
 
 
@@ -65,22 +55,13 @@ def _ten(payload: PayloadEntry) -> Array:
     return ten
 
 
-ROUNDS = 3
-DISTINCT = 1.5
-"""Of the two smallest shares that are left."""
+WEIGHTING_ROUNDS = 3
+# Least ratio of the two smallest shares that are left, so that one direction is told from the next.
+MIN_SHARE_RATIO = 1.5
 
 
 def torque_constants(evidence: LogEvidence, cutoff: float) -> tuple[Array, str]:
-    """Torque constants (r,) of the motors of r joints, N m (N for a linear motor) for a unit of their torque columns,
-    and a text on how the unknown ones were found, a pair.
-
-    `evidence` holds the logs' filtered equations, whose torques are as if unknown constants were 1, those of payloads
-    included; of these equations those at a low-pass filter's `cutoff` (Hz) are used. With known payloads or another
-    motor's known constant the unknown ones follow; without, they are known up to one scale, that at which the links are
-    as heavy as the robot's file says. Raises `InputError` where one is not positive, where the logs do not tell them
-    from each other, and for payloads on unknown links or with an inertia that no body has; `KeyError` for a cut-off
-    that the evidence does not have.
-    """
+    """Torque constants (r,) for a unit of the torque columns, and how the unknown ones were found."""
     drives, rows = evidence.drives, evidence.rows[cutoff]
     unknown = np.flatnonzero(np.isnan(drives.constants))
     names = ", ".join(drives.motors[i].name for i in unknown.tolist())
@@ -109,24 +90,20 @@ def torque_constants(evidence: LogEvidence, cutoff: float) -> tuple[Array, str]:
 
 
 def with_constants(log: JointLog, drives: Drives, constants: Array) -> JointLog:
-    """A copy of the `log`, a `JointLog`, with joint torques, N m (N for a prismatic joint), by the given torque
-    constants. `constants` (r,), N m (N) for a unit of the torque column of each of r motors, are applied to the motors
-    whose constant is unknown in `drives`, for which the log's torques took 1; other motors keep theirs. Raises
-    `ValueError` for another number of joints, `NonFiniteError` for constants that are not finite."""
+    """Log with joint torques by given torque constants, where the drives' are unknown."""
     factors = np.where(np.isnan(drives.constants), constants, 1.0)
     motors = log.torque @ np.linalg.inv(drives.transmission)
     return replace(log, torque=drives.torque(motors * factors))
 
 
 def known_drives(drives: Drives, constants: Array) -> Drives:
-    """A copy of the `drives`, a `Drives`, with `constants` (r,) as the torque constants of their r motors, N m (N for a
-    linear motor) for a unit of each motor's torque column. Raises `ValueError` for another number of them."""
+    """Drives with given torque constants (r,)."""
     pairs = zip(drives.motors, constants.tolist(), strict=True)
     return replace(drives, motors=tuple(structs.replace(motor, torque_constant=k) for motor, k in pairs))
 
 
 def _of_motors(rows: Rows, drives: Drives) -> Array:
-    """The joint torques (n, r, r) that each motor's part of the rows' torques makes."""
+    """Joint torques (n, r, r) of each motor's part of the rows' torques."""
     motors = rows.torque @ np.linalg.inv(drives.transmission)
     return np.asarray(motors[:, None, :] * drives.transmission.T)
 
@@ -136,7 +113,7 @@ def _solved(Y: Array, W: Array, wanted: Array) -> Array:
     whole = np.concatenate([Y, -W], axis=-1)
     deviations = np.sqrt(np.mean(wanted**2, axis=0)) + 1e-9
     x = np.zeros(whole.shape[-1])
-    for _ in range(ROUNDS):
+    for _ in range(WEIGHTING_ROUNDS):
         rows = (whole / deviations[:, None]).reshape(-1, whole.shape[-1])
         size = np.linalg.norm(rows, axis=0)
         size[size == 0.0] = 1.0
@@ -146,7 +123,7 @@ def _solved(Y: Array, W: Array, wanted: Array) -> Array:
 
 
 def _direction(Y: Array, W: Array, names: str) -> Array:
-    """K, up to its length, of which Y leaves the smallest share. Raises `InputError` where two are as good."""
+    """K, up to its length, of which Y leaves the smallest part."""
     size = np.sqrt(np.mean(W**2, axis=(0, 2)))
     rows, wide = (part / size[:, None] for part in (Y, W))
     flat, torques = rows.reshape(-1, Y.shape[-1]), wide.reshape(-1, W.shape[-1])
@@ -155,7 +132,7 @@ def _direction(Y: Array, W: Array, names: str) -> Array:
     explained = np.linalg.lstsq(flat / np.where(norms > 0.0, norms, 1.0), torques / length)[0]
     left = torques / length - flat / np.where(norms > 0.0, norms, 1.0) @ explained
     _, values, vectors = np.linalg.svd(left, full_matrices=False)
-    if len(values) > 1 and values[-2] < DISTINCT * values[-1]:
+    if len(values) > 1 and values[-2] < MIN_SHARE_RATIO * values[-1]:
         raise InputError(
             f"torque constants of {names}: the log does not tell them from each other; log a motion of more joints at "
             "once, or one with a known payload"
@@ -165,7 +142,7 @@ def _direction(Y: Array, W: Array, names: str) -> Array:
 
 
 def _scale(evidence: LogEvidence, rows: Rows, torque: Array) -> float:
-    """Factor that turns the torques into those of the prior's links; friction and rotors are fitted along."""
+    """Factor that turns the torques into those of the prior's links."""
     tens = evidence.prior.tens.ravel()
     drives = evidence.mask(FrictionModel())[: rows.regressor.shape[-1]].copy()
     drives[: tens.size] = 0.0

@@ -23,11 +23,34 @@ from adaptctl.identification.normal_equations import NormalEquations
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """Validation of a model on n rows of a log: `measured` and `predicted` torques (n, r) of r joints, N m (N for a
-    prismatic joint), at instants when the arm moves. Both went through one low-pass filter of `cutoff` Hz.
+    """
+    Measured and predicted torques on rows of a log, at instants when the robot moves.
 
-    `origin` says in words which rows these are, and `time` (n,) is in s, as in the log; predictions are from the
-    measured motion alone. Raises `InputError` for arrays of other shapes, and for no rows or no joints.
+    Parameters
+    ----------
+    origin : str
+        Origin of the rows in words.
+    cutoff : float
+        Cut-off in Hz of the low-pass filter that both torques went through.
+    time : numpy.ndarray
+        Times (n,) in s, as in the log.
+    measured : numpy.ndarray
+        Measured torques (n, r) in N m, or forces in N for a prismatic joint.
+    predicted : numpy.ndarray
+        Torques (n, r) predicted from the measured motion alone.
+
+    Raises
+    ------
+    InputError
+        If shapes differ, or there are no rows or joints.
+
+    Examples
+    --------
+    >>> from adaptctl.identification import Validation
+    >>> measured = np.array([[1.0], [2.0]])
+    >>> validation = Validation("a test", 25.0, np.array([0.0, 0.1]), measured, 1.1 * measured)
+    >>> round(validation.relative_error, 3)
+    0.1
     """
 
     origin: str
@@ -44,40 +67,61 @@ class Validation:
                 f"least 1, got {time}, {measured} and {predicted}"
             )
 
+    def __repr__(self) -> str:
+        return f"<Validation on {len(self.time)} rows: torque error {self.relative_error:.2%}>"
+
     @property
     def rms_error(self) -> float:
-        """Root mean square torque error (predicted less measured) over all joints and instants, N m (N for prismatic
-        joints)."""
+        """Root mean square error of all joints and instants in N m (N for prismatic joints)."""
         return float(np.sqrt(np.mean(np.square(self.error))))
 
     @property
     def relative_error(self) -> float:
-        """Relative torque error, without a unit: sqrt(sum of errors^2 / sum of measured torques^2), both sums over all
-        joints and instants. 0 where all errors are zero; else infinite where all measured torques are zero."""
+        """Root of the ratio of the errors' to the measured torques' sum of squares."""
         return float(_relative(np.linalg.norm(self.error), np.linalg.norm(self.measured)))
 
     @property
     def joint_rms_errors(self) -> Array:
-        """Root mean square torque errors (r,) of each of r joints over all instants, N m (N for a prismatic joint)."""
+        """Root mean square errors (r,) of the joints in N m (N for a prismatic joint)."""
         return np.sqrt(np.mean(np.square(self.error), axis=0))
 
     @property
     def joint_relative_errors(self) -> Array:
-        """Relative torque errors (r,) of r joints, without a unit: for each joint sqrt(sum of errors^2 / sum of
-        measured torques^2), both sums over all instants. 0 where all its errors are zero; else infinite where all its
-        measured torques are zero."""
+        """Relative errors (r,) of the joints; infinite for zero torques."""
         return _relative(np.linalg.norm(self.error, axis=0), np.linalg.norm(self.measured, axis=0))
 
     @cached_property
     def error(self) -> Array:
-        """Torque errors (n, r) at n instants, of r joints, predicted minus measured, N m (N for a prismatic joint)."""
+        """Predicted less measured torques (n, r) in N m (N for a prismatic joint)."""
         return self.predicted - self.measured
 
     def autocorrelation(self, lags: int = 50) -> Array:
-        """Autocorrelation (lags + 1, r) of the torque errors of r joints less their means, without a unit, at 0 to
-        `lags` rows apart (a whole number of at least 0; any above n - 1, for n rows, counts as n - 1). It is 1 at lag
-        0, and about 0 at others for white errors; for a joint whose errors are all equal it is 0 at others. Raises
-        `InputError` for other lags."""
+        """
+        Compute the autocorrelation of the torque errors less their means.
+
+        Parameters
+        ----------
+        lags : int, default 50
+            Largest distance in rows, at least 0; values above n - 1 count as n - 1.
+
+        Returns
+        -------
+        numpy.ndarray
+            Autocorrelation (lags + 1, r): 1 at lag 0, about 0 elsewhere for white errors.
+
+        Raises
+        ------
+        InputError
+            If the number of lags is no whole number of at least 0.
+
+        Examples
+        --------
+        >>> from adaptctl.identification import Validation
+        >>> noise = rng.normal(size=(200, 1))
+        >>> validation = Validation("a test", 25.0, np.arange(200.0), noise, np.zeros((200, 1)))
+        >>> validation.autocorrelation(3).shape
+        (4, 1)
+        """
         count = min(whole_number(lags, "lags", 0, sys.maxsize), len(self.error) - 1)
         centred = np.where(np.ptp(self.error, axis=0) > 0.0, self.error - self.error.mean(axis=0), 0.0)
         whole = np.square(centred).sum(axis=0)
@@ -92,54 +136,40 @@ def _relative(error: ArrayLike, size: ArrayLike) -> Array:
 
 
 def predicted_torques(rows: Rows, x: Array, load: Array | None) -> Array:
-    """Torques (n, r) of r joints, N m (N for a prismatic joint), that parameters `x` predict at the n instants of
-    low-pass filtered equations of motion, `rows`. `x` (P + r,), SI units, are the P parameters of the rows' regressor
-    and the r coefficients (unitless) of load-dependent friction, its torque over that of the joint without friction.
-    `load` (n, r, r), N m (N), are the columns of these; None leaves that friction out. Raises `ValueError` for arrays
-    of unlike shapes."""
+    """Torques (n, r) that parameters `x` (P + r,) predict at the instants of filtered rows."""
     P = rows.regressor.shape[-1]
     rigid = rows.regressor @ x[:P]
     return rigid if load is None else rigid + load @ x[P:]
 
 
 class Alternative(NamedTuple):
-    """Alternative estimate of a robot's parameters, from a simpler model: its `name`, a description as text, and its
-    parameters `x` (P + r,), SI units. The first P are those of the mechanism with all kinds of friction, in the order
-    of its `parameter_names`; then comes, for each of r primary (independent) joints, the coefficient (unitless) of
-    load-dependent friction, its torque over that of the joint without friction. Made by `alternatives`; nothing is
-    checked at construction."""
+    """Estimate by a simpler model: its name, and parameters (P + r,) in SI units."""
 
     name: str
     x: Array
 
 
-PLAIN = FrictionModel((*ALWAYS, DriveParameter.OFFSET))
+SIMPLE_FRICTION = FrictionModel((*ALWAYS, DriveParameter.OFFSET))
 
 
 def alternatives(evidence: LogEvidence, fit: Fit, mechanism_fit: Fit) -> list[Alternative]:
-    """Alternative estimates, a list of `Alternative`, by simpler models on all blocks of time of the evidence (low-pass
-    filtered equations of motion along logs) that a `fit` was made from.
-
-    They are: `mechanism_fit`, the fit without load-dependent friction (that grows with the joint's torque), unless it
-    is `fit` itself; weighted least squares with the same friction; weighted least squares with viscous and Coulomb
-    friction and an offset alone; the prior's links (the robot file's) with friction and rotors fitted by least squares;
-    and friction and rotors alone, links being zero. Raises `KeyError` for a fit at a cut-off that the evidence does not
-    have.
-    """
+    """Estimates by simpler models on all blocks of the evidence that a fit was made from."""
     friction, cutoff = mechanism_fit.settings.friction, fit.settings.cutoff
     every = range(evidence.blocks)
     found = [] if fit is mechanism_fit else [Alternative("without load-dependent friction", mechanism_fit.x)]
     return [
         *found,
         Alternative("weighted least squares, the same friction", evidence.ordinary(friction, cutoff, every)),
-        Alternative(f"weighted least squares, {PLAIN.words}", evidence.ordinary(PLAIN, cutoff, every)),
+        Alternative(
+            f"weighted least squares, {SIMPLE_FRICTION.words}", evidence.ordinary(SIMPLE_FRICTION, cutoff, every)
+        ),
         Alternative("the robot file's links, friction and rotors fitted", _drives_alone(evidence, fit, every, True)),
         Alternative("friction and rotors alone", _drives_alone(evidence, fit, every, False)),
     ]
 
 
 def _drives_alone(evidence: LogEvidence, fit: Fit, blocks: Sequence[int], links: bool) -> Array:
-    """Links as the prior has them, or none; the drives' parameters by weighted least squares."""
+    """Links as the prior has them, or none."""
     equations = evidence.equations(fit.settings.cutoff, blocks)
     A, b = equations.whitened(fit.deviations)
     tens = evidence.prior.tens.ravel()
@@ -150,22 +180,16 @@ def _drives_alone(evidence: LogEvidence, fit: Fit, blocks: Sequence[int], links:
     return known + least_squares(A, b - A @ known, drives)
 
 
-DRIVING = -0.3
-"""Power of friction over the product of root mean square torque and speed, below which a sign must be wrong."""
-NEEDED = 1.5
-"""Squares without a joint's friction over those with it, from where on friction is seen."""
-UNEXPLAINED = 0.5
-"""Share of the torques that least squares may leave of its own rows."""
+# Power of friction over the product of root mean square torque and speed, below which a sign must be wrong.
+MIN_FRICTION_POWER = -0.3
+# Squares without a joint's friction over those with it, from where on friction is seen.
+MIN_FRICTION_EFFECT = 1.5
+# Share of the torques that least squares may leave of its own rows.
+MAX_UNEXPLAINED_SHARE = 0.5
 
 
 def validate_plausible(evidence: LogEvidence, source: str, cutoff: float) -> None:
-    """Raise `InputError` where logs cannot be of their robot: where least squares finds friction that drives a joint's
-    motion, so that a sign must be wrong, or where its residuals are more than half of the torques, as root mean squares
-    over all joints. Friction drives where its mean power is below -0.3 times the product of the joint's root mean
-    square torque and speed, and without the joint's friction the sum of squared weighted residuals is more than 1.5
-    times as large; the message names the joint. `evidence` holds the logs' filtered equations, of which those at a
-    low-pass filter's `cutoff` (Hz) are used; `source` names the log in the message. Raises `KeyError` for a cut-off
-    that the evidence does not have."""
+    """Raise `InputError` for logs that are not their robot's: driving friction, or residuals above half the torques."""
     friction = FrictionModel()
     equations = evidence.equations(cutoff, range(evidence.blocks))
     x, deviations = weighted_least_squares(equations, evidence.independent(friction))
@@ -175,13 +199,13 @@ def validate_plausible(evidence: LogEvidence, source: str, cutoff: float) -> Non
     for j, joint in enumerate(evidence.mechanism.primary_joints):
         v, torque = rows.velocity[:, j], rows.torque[:, j]
         rubbing = values[f"{joint.name}.viscous"] * v + values[f"{joint.name}.coulomb"] * np.sign(v)
-        drives = np.mean(rubbing * v) < DRIVING * np.sqrt(np.mean(v**2) * np.mean(torque**2))
+        drives = np.mean(rubbing * v) < MIN_FRICTION_POWER * np.sqrt(np.mean(v**2) * np.mean(torque**2))
         if drives and _is_needed(evidence, equations, f"{joint.name}.", deviations):
             raise InputError(
                 f"{source}: joint {joint.name!r}: its torques go against its motion, as if friction drove it: is the "
                 "sign of its gear ratio, or of its torque or position column, right?"
             )
-    if left > UNEXPLAINED:
+    if left > MAX_UNEXPLAINED_SHARE:
         raise InputError(
             f"{source}: the equations of {evidence.mechanism.name} leave {left:.0%} of the torques unexplained: is it "
             "this robot's log, are columns, transmission and units right, or are encoders so noisy (then instruments)?"
@@ -189,10 +213,10 @@ def validate_plausible(evidence: LogEvidence, source: str, cutoff: float) -> Non
 
 
 def _is_needed(evidence: LogEvidence, equations: NormalEquations, joint: str, deviations: Array) -> bool:
-    """True if the rows are fitted much worse without a joint's friction; else its values may be anything."""
+    """True if the rows are fitted much worse without a joint's friction."""
     names, columns = evidence.mechanism.parameter_names, evidence.independent(FrictionModel())
     energetic = evidence.mechanism.num_energy_parameters
     others = np.array([c for c in columns.tolist() if c < energetic or not names[c].startswith(joint)])
     whitened, weight = equations.whitened(deviations), 1.0 / deviations**2
     best, without = (equations.misfit(least_squares(*whitened, kept)) @ weight for kept in (columns, others))
-    return bool(without > NEEDED * best)
+    return bool(without > MIN_FRICTION_EFFECT * best)

@@ -1,4 +1,4 @@
-"""Reachable space of a robot: free of collisions with itself, as far as its geometry is known, and within a box."""
+"""Reachable space of a robot."""
 
 from __future__ import annotations
 
@@ -18,10 +18,7 @@ from adaptctl.errors import SimplificationWarning
 
 @dataclass(frozen=True, eq=False)
 class ReachableSpace:
-    """Admissible joint positions of a robot: those at which its links are within a box and do not collide. The box,
-    from `lower` (3,) to `upper` (3,), m in the ground frame, is for the origins of the frames of the links of
-    `mechanism`. `collides` is a function that is True if the robot collides with itself at positions (r,), rad (m for a
-    prismatic joint), of its r joints, or None where no geometry is known. Nothing is checked at construction."""
+    """Joint positions at which link frames are within a box (m in the ground frame) and links do not collide."""
 
     mechanism: Mechanism
     lower: Array
@@ -29,10 +26,7 @@ class ReachableSpace:
     collides: Callable[[Array], bool] | None
 
     def allows(self, p: Array) -> bool:
-        """True if all of n positions `p` (n, r), rad (m for a prismatic joint), of r joints are admissible: the origins
-        of the links' frames are inside the box, its faces included, and the robot does not collide with itself, as far
-        as its geometry is known. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
-        `SingularityError` near a singularity of kinematic loops."""
+        """True if all of n positions (n, r) are within the box and free of collisions."""
         places = link_poses(self.mechanism, p).translations
         if np.any(places < self.lower) or np.any(places > self.upper):
             return False
@@ -42,16 +36,7 @@ class ReachableSpace:
 def workspace(
     mechanism: Mechanism, robot: str | Path, lower: Array | None = None, upper: Array | None = None
 ) -> ReachableSpace:
-    """The admissible joint positions of a robot, a `ReachableSpace`: those at which the origins of its links' frames
-    are within a box and it does not collide with itself. The box is from `lower` (3,) to `upper` (3,), m in the ground
-    frame, None for no bound; collisions are by the <collision> geometry of the robot's file, `robot`, a URDF without
-    loops.
-
-    Pairs of links that touch at the middle of the joints' ranges, neighbours above all, are taken to touch by design
-    and not checked. `mechanism` is the robot. For other files and built-in robots, or a URDF without such geometry,
-    collisions are not checked (`collides` is None). Warns with `SimplificationWarning`, and checks none, where the
-    geometry cannot be read, as where meshes are not found.
-    """
+    """Reachable space by a box and the collision geometry of a URDF file."""
     box = (np.full(3, -np.inf) if lower is None else lower, np.full(3, np.inf) if upper is None else upper)
     return ReachableSpace(mechanism, *box, _self_collision(mechanism, robot))
 
@@ -78,7 +63,6 @@ def _self_collision(mechanism: Mechanism, robot: str | Path) -> Callable[[Array]
 
 
 def _folders(path: Path) -> list[str]:
-    """Folders that may stand for `package://`."""
     return [str(folder) for folder in path.resolve().parents[:4]]
 
 

@@ -1,4 +1,4 @@
-"""A finished comparison made visible: recording, figures, report, table and summary."""
+"""A finished comparison made visible."""
 
 from adaptctl.recording.compared_runs import compared_runs
 from adaptctl.recording.comparison import Comparison, ControllerRun, Finding, Leading, Setting, TickCost

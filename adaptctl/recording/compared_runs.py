@@ -1,4 +1,4 @@
-"""Comparisons of runs that were made elsewhere: on a bench, in another simulator, in a loop of one's own."""
+"""Comparisons of runs that were made elsewhere."""
 
 from __future__ import annotations
 
@@ -28,24 +28,50 @@ def compared_runs(
     torque_limits: ArrayLike | None = None,
     truth_known: bool = False,
 ) -> Comparison:
-    """A `Comparison` of `runs` of one `mechanism`, such as logs of a bench, for `write_artifacts`; the first run is its
-    subject, the one that recording and report are about.
+    """
+    Compare runs of one mechanism, such as logs of a bench.
 
-    `runs` maps labels, for legends, to runs (`Rollout`) of the mechanism's r primary (independent) joints. `title` is
-    the report's, where empty the mechanism's name and the first label; `purpose` is a sentence for the report, or
-    empty. `adaptation_off` is the label of the run with adaptation off, None if there is none. `basis` is the
-    fundamental basis (base parameters) of the estimates (T, k), T samples of k parameters: the basis's and then
-    friction's; None for the mechanism's own, `fundamental_basis` with the default order of removing dependent
-    parameters. `torque_limits` (r,), or one for all, N m (N for a prismatic joint), must be positive and finite; None
-    for the mechanism's effort limits, and where a joint has none four times its largest torque in random states, at
-    least 1 N m (N). Unless `truth_known`, the mechanism's parameters are not taken for those of the arm: recording and
-    report show estimates without true values.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with r primary (independent) joints.
+    runs : mapping of str to Rollout
+        Runs by label; the first is the subject that recording and report are about.
+    title : str, default ""
+        Title of the report; the mechanism's name and the first label where it is empty.
+    purpose : str, default ""
+        Sentence for the report.
+    adaptation_off : str, optional
+        Label of the run with adaptation off.
+    basis : FundamentalBasis, optional
+        Basis of the estimates, friction following; the mechanism's own in the default order by default.
+    torque_limits : array_like, optional
+        Limits, one or (r,), in N m (N); the mechanism's by default, or four times the largest torque of random states.
+    truth_known : bool, default False
+        True where the mechanism's parameters are the arm's, so that estimates are shown against them.
 
-    Raises `InputError` for empty `runs`, for a run without samples or of another number of joints, where the first run
-    has estimates of another number of parameters than k, for a basis of another mechanism, and for limits of another
-    shape, not above 0 or not numbers (`NonFiniteError` for NaN and infinity); `NotFoundError` for an `adaptation_off`
-    that is no run's label; `RankError` where the number of identifiable parameters cannot be certified; `LoopError`
-    where the mechanism's kinematic loops cannot be closed.
+    Returns
+    -------
+    Comparison
+        Comparison for `write_artifacts`.
+
+    Raises
+    ------
+    InputError
+        If there are no runs, one has no samples or other joints, the basis does not fit, or limits are not positive.
+    NotFoundError
+        If `adaptation_off` is no run's label.
+    RankError
+        If the number of identifiable parameters cannot be certified.
+    LoopError
+        If closed loops cannot be closed.
+
+    Examples
+    --------
+    >>> from adaptctl.recording import compared_runs
+    >>> comparison = compared_runs(arm, {"adaptive": run})
+    >>> round(comparison.subject.duration, 3)
+    0.2
     """
     if not runs:
         raise InputError("compared_runs: expected at least one run")

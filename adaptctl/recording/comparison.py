@@ -1,4 +1,4 @@
-"""Comparisons as data: runs of several controllers on one arm, one reference, one seed."""
+"""Comparisons as data."""
 
 from __future__ import annotations
 
@@ -21,26 +21,42 @@ from adaptctl.simulation.run import Rollout
 if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
 
-SETTLED = 2.0
-"""s at the end of a run over which its final error is taken."""
-BEGINNING = 1.0
-"""s at the start of a run over which its first error is taken."""
+# Time in s at the end of a run over which its final error is taken.
+FINAL_ERROR_TIME = 2.0
+# Time in s at the start of a run over which its first error is taken.
+FIRST_ERROR_TIME = 1.0
+# Name of the run of a subject's controller with adaptation off, unless a comparison says another
 ADAPTATION_OFF = "adaptation-off"
-"""name of the run of a subject's controller with adaptation off, unless a comparison says another"""
-AT_LIMIT = 1.0 - 1e-9
-"""of a torque's limit"""
+# Share of its limit at which a torque counts as limited.
+LIMIT_SHARE = 1.0 - 1e-9
 
+# Joints by their indices.
 Joints: TypeAlias = slice | list[int]
-"""Joints by their indices."""
-ALL = slice(None)
+ALL_JOINTS = slice(None)
 
 
 @dataclass(frozen=True)
 class TickCost:
-    """Cost of one control tick, the computation of one torque vector, in time and in operations. `called`, s, is the
-    median time of a call from Python; `native`, s, the mean time of one tick within a loop over many states in native
-    code; `flops`, the number of additions, subtractions, multiplications, divisions and negations. Each is None, the
-    default, where it is not known. Nothing is checked at construction."""
+    """
+    Cost of a control tick, the computation of one torque vector; None where it is not known.
+
+    Nothing is checked at construction.
+
+    Parameters
+    ----------
+    called : float, optional
+        Median time in s of a call from Python.
+    native : float, optional
+        Mean time in s within a loop in native code.
+    flops : int, optional
+        Number of floating-point operations, without sines, cosines and roots.
+
+    Examples
+    --------
+    >>> from adaptctl.recording import TickCost
+    >>> TickCost(flops=420).flops
+    420
+    """
 
     called: float | None = None
     native: float | None = None
@@ -49,13 +65,32 @@ class TickCost:
 
 @dataclass(frozen=True, eq=False)
 class ControllerRun:
-    """A closed-loop run of one controller, with its name, label and cost.
+    """
+    Closed-loop run of one controller with its name, label and cost.
 
-    `name` is short, fit for a file, and no other run's in a comparison; `label` is for legends and tables; `knows` is a
-    text, or empty, on what the controller knew of the arm beforehand. `rollout` is the run as T samples of r joints.
-    `lyapunov` (T,) are values of the Lyapunov function, J, None, the default, where the control law has none. `cost` is
-    that of a control tick (the computation of one torque vector), None, the default, where it was not measured. Nothing
-    is checked at construction.
+    Nothing is checked at construction.
+
+    Parameters
+    ----------
+    name : str
+        Short name, fit for a file, and unique in a comparison.
+    label : str
+        Label for legends and tables.
+    knows : str
+        Prior knowledge of the controller in words, or "".
+    rollout : Rollout
+        Run of T samples of r joints.
+    lyapunov : numpy.ndarray, optional
+        Values (T,) of the Lyapunov function in J; None where the law has none.
+    cost : TickCost, optional
+        Cost of a control tick; None where it was not measured.
+
+    Examples
+    --------
+    >>> from adaptctl.recording import ControllerRun
+    >>> adaptive = ControllerRun("adaptive", "Slotine-Li", "", run)
+    >>> adaptive.rms_error() > 0.0, adaptive.moving_rms_error(0.05).shape == run.time.shape
+    (True, True)
     """
 
     name: str
@@ -65,18 +100,39 @@ class ControllerRun:
     lyapunov: Array | None = None
     cost: TickCost | None = None
 
+    def __repr__(self) -> str:
+        return f"<ControllerRun {self.name!r}: {self.duration:.3g} s>"
+
     @property
     def duration(self) -> float:
-        """Duration of the run in closed loop, s, from time zero to its end, rounded up to a whole sample
-        (`rollout.every` control periods)."""
+        """Duration of the run in s, rounded up to a whole sample."""
         return self.rollout.duration
 
-    def rms_error(self, start: float = 0.0, stop: float = np.inf, joints: Joints = ALL) -> float | None:
-        """Root mean square of the tracking errors of the run, positions less desired ones, over some joints and over
-        the samples at times t with `start` <= t < `stop`, s, all of the run by default; None without such samples. It
-        is in rad (m if prismatic), and mixes both where the joints are of both kinds. `joints` is a slice or a list of
-        zero-based indices, all by default. Raises `IndexError` for an index without a joint, `InputError` where
-        `joints` selects none."""
+    def rms_error(self, start: float = 0.0, stop: float = np.inf, joints: Joints = ALL_JOINTS) -> float | None:
+        """
+        Compute the root mean square tracking error over a time and some joints.
+
+        Parameters
+        ----------
+        start : float, default 0.0
+            First time in s.
+        stop : float, default numpy.inf
+            Time in s before which samples count.
+        joints : slice or list of int, optional
+            Indices of the joints; all by default.
+
+        Returns
+        -------
+        float or None
+            Error in rad (m if prismatic), which mixes both where joints are of both kinds; None without samples.
+
+        Raises
+        ------
+        IndexError
+            If there is no joint of an index.
+        InputError
+            If no joint is selected.
+        """
         inside = (self.rollout.time >= start) & (self.rollout.time < stop)
         errors = self.rollout.error[inside][:, joints]
         if errors.shape[1] == 0:
@@ -85,40 +141,86 @@ class ControllerRun:
 
     @property
     def first_rms_error(self) -> float | None:
-        """Root mean square tracking error of the run over all joints and over its first second, in rad (m if
-        prismatic), mixed where joints are of both kinds; None where the run is shorter."""
-        return self.first_rms_error_of(ALL)
+        """Root mean square tracking error over the first second in rad (m)."""
+        return self.first_rms_error_of(ALL_JOINTS)
 
     @property
     def final_rms_error(self) -> float | None:
-        """Root mean square tracking error of the run over all joints and over its last two seconds, in rad (m if
-        prismatic), mixed where joints are of both kinds; None where the run is shorter."""
-        return self.final_rms_error_of(ALL)
+        """Root mean square tracking error over the last two seconds in rad (m)."""
+        return self.final_rms_error_of(ALL_JOINTS)
 
     def first_rms_error_of(self, joints: Joints) -> float | None:
-        """Root mean square tracking error of the run over some `joints`, a slice or a list of zero-based indices, and
-        over its first second, in rad (m if prismatic); None where the run is shorter. Raises `IndexError` for an index
-        without a joint, `InputError` where `joints` selects none."""
-        return self.rms_error(stop=BEGINNING, joints=joints) if self._lasts(BEGINNING) else None
+        """
+        Compute the tracking error of some joints over the first second.
+
+        Parameters
+        ----------
+        joints : slice or list of int
+            Indices of the joints.
+
+        Returns
+        -------
+        float or None
+            Root mean square in rad (m if prismatic); None where the run is shorter.
+
+        Raises
+        ------
+        IndexError
+            If there is no joint of an index.
+        InputError
+            If no joint is selected.
+        """
+        return self.rms_error(stop=FIRST_ERROR_TIME, joints=joints) if self._lasts(FIRST_ERROR_TIME) else None
 
     def final_rms_error_of(self, joints: Joints) -> float | None:
-        """Root mean square tracking error of the run over some `joints`, a slice or a list of zero-based indices, and
-        over its last two seconds, in rad (m if prismatic); None where the run is shorter. Raises `IndexError` for an
-        index without a joint, `InputError` where `joints` selects none."""
-        return self.rms_error(start=self.duration - SETTLED, joints=joints) if self._lasts(SETTLED) else None
+        """
+        Compute the tracking error of some joints over the last two seconds.
+
+        Parameters
+        ----------
+        joints : slice or list of int
+            Indices of the joints.
+
+        Returns
+        -------
+        float or None
+            Root mean square in rad (m if prismatic); None where the run is shorter.
+
+        Raises
+        ------
+        IndexError
+            If there is no joint of an index.
+        InputError
+            If no joint is selected.
+        """
+        return (
+            self.rms_error(start=self.duration - FINAL_ERROR_TIME, joints=joints)
+            if self._lasts(FINAL_ERROR_TIME)
+            else None
+        )
 
     def _lasts(self, length: float) -> bool:
         """True if the run lasts that many seconds, to half a sample."""
         return self.duration > length - 0.5 * self.rollout.sample_time
 
     def moving_rms_error(self, window: float) -> Array:
-        """Root mean square of the run's tracking errors (positions less desired ones) over a moving window, an array
-        (T,) with a value for each of its T samples: over all joints and over the samples of the last `window` s, that
-        sample included. It is in rad (m if prismatic), mixed where joints are of both kinds.
+        """
+        Compute the tracking error over a moving window.
 
-        At the run's start there are fewer samples; a window shorter than the time between samples has one. From the
-        first NaN or infinite error on, values are NaN or infinite. Raises `InputError` for a window that is not
-        positive and finite.
+        Parameters
+        ----------
+        window : float
+            Length in s of the window before each sample; it is shorter at the run's start.
+
+        Returns
+        -------
+        numpy.ndarray
+            Root mean squares (T,) over all joints in rad (m if prismatic); not finite from the first error that is not.
+
+        Raises
+        ------
+        InputError
+            If the window is not positive and finite.
         """
         positive_number(window, "window: expected a positive number of s")
         squares = np.mean(self.rollout.error**2, axis=1)
@@ -131,14 +233,12 @@ class ControllerRun:
 
     @property
     def realtime_factor(self) -> float | None:
-        """Ratio of simulated time to computing time, no unit: above 1 for a run faster than real time; None where the
-        run's wall time is not above 0, as where it was not measured."""
+        """Simulated over computing time."""
         return self.duration / self.rollout.wall_time if self.rollout.wall_time > 0.0 else None
 
     @property
     def lyapunov_max_increase(self) -> float | None:
-        """Largest rise of the Lyapunov function from one sample of the run to the next, J; 0 where it never rises; None
-        where the control law has no such function, or where its values hold NaN or infinity."""
+        """Largest rise of the Lyapunov function between samples in J."""
         if self.lyapunov is None or len(self.lyapunov) == 0 or not np.isfinite(self.lyapunov).all():
             return None
         return max(0.0, float(np.diff(self.lyapunov).max(initial=0.0)))
@@ -146,8 +246,24 @@ class ControllerRun:
 
 @dataclass(frozen=True)
 class Setting:
-    """Input value of an experiment, as its summary and report state it: its `name`, its `value` as text, and its
-    `meaning` in words; the unit, if any, is in the value or the meaning. Nothing is checked at construction."""
+    """
+    Input value of an experiment, as its summary and report state it.
+
+    Parameters
+    ----------
+    name : str
+        Name of the setting.
+    value : str
+        Value as text.
+    meaning : str
+        Meaning in words, with the unit.
+
+    Examples
+    --------
+    >>> from adaptctl.recording import Setting
+    >>> Setting("bandwidth", "5", "gain of the sliding variable, 1/s").value
+    '5'
+    """
 
     name: str
     value: str
@@ -156,10 +272,28 @@ class Setting:
 
 @dataclass(frozen=True)
 class Finding:
-    """Scalar result of an experiment, besides those that are computed of every run. `name` is its key in summary.json;
-    where it is about one run it ends in a dot and the run's name. `value` is in `unit`, "1" for a number without a
-    unit; `meaning` is in words. A value of NaN or infinity is null in summary.json and in words in the report; what a
-    run did not reach has no finding. Nothing is checked at construction."""
+    """
+    Scalar result of an experiment besides those that are computed of every run.
+
+    Nothing is checked at construction; NaN and infinity become null in summary.json.
+
+    Parameters
+    ----------
+    name : str
+        Key in summary.json, with a dot and the run's name at its end where it is about one run.
+    value : float
+        Number.
+    unit : str
+        Unit, "1" for none.
+    meaning : str
+        Meaning in words.
+
+    Examples
+    --------
+    >>> from adaptctl.recording import Finding
+    >>> Finding("peak_speed.adaptive", 2.1, "rad/s", "largest joint speed").name
+    'peak_speed.adaptive'
+    """
 
     name: str
     value: float
@@ -173,12 +307,25 @@ def _thousandths(value: float | None) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Leading:
-    """Errors that an experiment's recording and report show before the joints' errors, such as a tool's distance from
-    its path.
+    """
+    Errors that recording and report show before the joints' errors, such as a tool's.
 
-    `meaning` says what they are; `errors` maps the name of every run compared to its errors (T,), one for each of T
-    samples, in a unit such as m; `unit` is a thousandth of that unit, such as mm, in which they are shown. Nothing is
-    checked at construction; `Comparison` checks the shapes of the errors.
+    Nothing is checked at construction; `Comparison` checks the shapes.
+
+    Parameters
+    ----------
+    meaning : str
+        Meaning in words.
+    unit : str
+        Unit in which they are shown, such as mm: a thousandth of their own.
+    errors : mapping of str to numpy.ndarray
+        Errors (T,) by run, in a unit such as m.
+
+    Examples
+    --------
+    >>> from adaptctl.recording import Leading
+    >>> Leading("distance of the tool from its path", "mm", {"adaptive": np.zeros(201)}).unit
+    'mm'
     """
 
     meaning: str
@@ -186,27 +333,38 @@ class Leading:
     errors: Mapping[str, Array]
 
     def final_rms(self, run: ControllerRun) -> float | None:
-        """Root mean square, over the last two seconds of a `run`, of the leading errors that this object has for it, in
-        their own unit, such as m (not the thousandth in which they are shown); None where the run is shorter. Raises
-        `KeyError` for a run without errors here, `IndexError` for another number of errors than samples."""
+        """
+        Compute the root mean square of a run's leading errors over its last two seconds.
+
+        Parameters
+        ----------
+        run : ControllerRun
+            Run with errors here.
+
+        Returns
+        -------
+        float or None
+            Root mean square in the errors' own unit; None where the run is shorter.
+
+        Raises
+        ------
+        KeyError
+            If the run has no errors here.
+        """
         if run.final_rms_error is None:
             return None
-        late = run.rollout.time >= run.duration - SETTLED
+        late = run.rollout.time >= run.duration - FINAL_ERROR_TIME
         return float(np.sqrt(np.mean(np.square(self.errors[run.name][late]))))
 
 
 def _validate_errors(leading: Leading, run: ControllerRun) -> None:
-    """Raise `InputError` unless there is a leading error for every sample of a run."""
     samples = run.rollout.time.shape
     if (given := np.shape(leading.errors.get(run.name, ()))) != samples:
         raise InputError(f"leading: errors of {run.name!r}: expected shape {samples}, got {given}")
 
 
 def color_places(runs: Sequence[ControllerRun], without_adaptation: str = ADAPTATION_OFF) -> dict[str, int]:
-    """Zero-based indices of the runs' colours in the palette, by the runs' names: 0 for the first run, the one that a
-    comparison is about, 1 for the run named `without_adaptation`, by default "adaptation-off", then the others in their
-    order, from 2 on also where no run has that name; from 1 on where the first run has it. Raises `ValueError` where
-    `runs` is empty."""
+    """Index of each run's color: 0 for the first run, 1 for the one without adaptation, then the others."""
     first, *others = [run.name for run in runs]
     others.sort(key=lambda name: name != without_adaptation)
     shift = 0 if first == without_adaptation or without_adaptation in others else 1
@@ -214,36 +372,74 @@ def color_places(runs: Sequence[ControllerRun], without_adaptation: str = ADAPTA
 
 
 class InPage(Protocol):
-    """Protocol of what a report's page runs by itself, such as a live arm: it makes its own piece of HTML."""
+    """Protocol of what a report's page runs by itself, such as a live arm."""
 
     def html(self, label: str) -> str:
-        """HTML of the piece, escaped; `label` is the name of the run that it repeats."""
+        """HTML of the piece, escaped."""
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Comparison of closed-loop runs on one arm, one reference and one seed; the first run is the subject, that of the
-    adaptive controller that the experiment is about.
+    """
+    Closed-loop runs on one arm, one reference and one seed; the first is the subject.
 
-    `experiment` is the experiment's name, `title` and `purpose` are texts for the report; `mechanism` has r primary
-    (independent) joints; `space` is the essential space of its inertial parameters (their directions that change
-    energies and torques), `basis` the fundamental basis (base parameters) of the subject's estimates. `runs` are at
-    least one, with names that differ; `torque_limits` (r,), N m (N for a prismatic joint), are positive and finite;
-    `settings` and `findings` are the experiment's settings and further results, for summary and report; `seed` is that
-    of the random numbers; `duration`, s, is the length asked for; `complete` is False where the experiment was
-    interrupted: the runs hold what was computed until then.
+    Parameters
+    ----------
+    experiment : str
+        Name of the experiment.
+    title : str
+        Title of the report.
+    purpose : str
+        Purpose of the experiment, for the report.
+    mechanism : Mechanism
+        Mechanism with r primary (independent) joints.
+    space : EssentialSpace
+        Essential space of its inertial parameters.
+    basis : FundamentalBasis
+        Basis of the subject's estimates.
+    runs : tuple of ControllerRun
+        At least one run, names unique.
+    torque_limits : numpy.ndarray
+        Torque limits (r,) in N m (N for a prismatic joint).
+    settings : tuple of Setting
+        Input values.
+    seed : int
+        Seed of the random numbers.
+    duration : float
+        Duration in s that was asked for.
+    findings : tuple of Finding, optional
+        Further results.
+    complete : bool, default True
+        False where the experiment was interrupted.
+    without_adaptation : str, default "adaptation-off"
+        Name of the run with the subject's gains and adaptation off.
+    more_drawings : tuple of Drawing, optional
+        Further figures of the report.
+    answer : str, optional
+        Outcome in a sentence; made from the errors with and without adaptation by default.
+    truth_known : bool, default True
+        False where the mechanism's parameters are not the arm's.
+    leading : Leading, optional
+        Errors that are shown before the joints'.
+    expected : mapping of Failure to str, optional
+        Reasons why the experiment expects a failure of the subject.
+    live : InPage or str, default ""
+        Closed loop that the report's page runs, or the reason why there is none.
 
-    `without_adaptation` is the name of the run with the subject's gains and adaptation off, "adaptation-off" unless
-    given; `more_drawings` are figures for the report besides those of every comparison; `answer` is the outcome in a
-    sentence or two, None for one made from the errors with and without adaptation; `truth_known` is False where the
-    mechanism's parameters are not the arm's true ones; `leading` are errors that recording and report show before the
-    joints' errors, None where there are none; `expected` maps the subject's failures that the experiment expects to the
-    reasons why; `live` is the subject's closed loop to run in the report's page, or a text that says why there is none
-    (empty by default).
+    Raises
+    ------
+    InputError
+        If there are no runs or samples, names are not unique, limits are not positive and finite, or leading errors are
+        missing.
 
-    Raises `InputError` for empty `runs`, where the first has no samples, where two have one name, for torque limits of
-    another shape, not above 0 or not numbers (`NonFiniteError` for NaN and infinity), and for a `leading` without an
-    error for every sample of every run; nothing else is checked at construction.
+    Examples
+    --------
+    >>> from adaptctl.recording import compared_runs
+    >>> comparison = compared_runs(arm, {"adaptive": run}, truth_known=True)
+    >>> comparison.joint_names, comparison.error_unit
+    (('shoulder', 'elbow'), 'mrad')
+    >>> comparison.limited_steps(comparison.subject)
+    0
     """
 
     experiment: str
@@ -280,8 +476,10 @@ class Comparison:
             for run in self.runs:
                 _validate_errors(self.leading, run)
 
+    def __repr__(self) -> str:
+        return f"<Comparison {self.experiment!r}: {len(self.runs)} runs of {self.mechanism.name!r}>"
+
     def _repr_html_(self) -> str:
-        """Notebook's view of the comparison: a table with a row a run."""
         heads = ("controller", "knows", f"first second [{self.error_unit}]", f"last 2 s [{self.error_unit}]", "seconds")
         rows = [
             (run.label, run.knows, _thousandths(run.first_rms_error), _thousandths(run.final_rms_error), run.duration)
@@ -291,68 +489,65 @@ class Comparison:
 
     @property
     def subject(self) -> ControllerRun:
-        """The run of the adaptive controller that the experiment is about, the first of the comparison's `runs`."""
+        """First run, of the adaptive controller that the experiment is about."""
         return self.runs[0]
 
     @cached_property
     def color_places(self) -> dict[str, int]:
-        """Zero-based index of every run's colour in the palette, by the run's name: 0 for the first run, the subject, 1
-        for the run with adaptation off, then the others in their order, from 2 on also where no run has adaptation off.
-        Where the first run is the one with adaptation off, the others begin at 1."""
+        """Index of every run's color by name: 0 for the subject, 1 for adaptation off, then the others."""
         return color_places(self.runs, self.without_adaptation)
 
     @property
     def baseline(self) -> ControllerRun | None:
-        """The run of the comparison with the first run's controller and its adaptation off, named by
-        `without_adaptation`; None where there is none."""
+        """Run with the subject's controller and adaptation off."""
         return next((run for run in self.runs if run.name == self.without_adaptation), None)
 
     @cached_property
     def model(self) -> ReducedModel:
-        """The reduced model of the comparison's mechanism, dynamics on k parameters alone, whose parameters the first
-        run estimates: the fundamental (base) inertial parameters of the comparison's `basis`, then all friction
-        parameters. Raises `InputError` for a basis of another mechanism."""
+        """Reduced model whose parameters the subject estimates."""
         return ReducedModel(self.mechanism, self.basis)
 
     @property
     def true_parameters(self) -> Array:
-        """True values (k,) of the k parameters that the comparison's first run estimates, fundamental (base) inertial
-        parameters and then friction's, in the order of `model.names`. Units are SI (kg, kg m, kg m^2; friction by its
-        kind, such as N m); values are NaN where `truth_known` is False. Raises `InputError` for a basis of another
-        mechanism."""
+        """True values (k,) of the subject's estimates in SI units."""
         own = self.model.fundamental_parameters
         return own if self.truth_known else np.full_like(own, np.nan)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the mechanism's r primary (independent) joints, in the order of the columns of the runs' positions
-        and torques."""
+        """Names of the r primary (independent) joints."""
         return tuple(joint.name for joint in self.mechanism.primary_joints)
 
     @property
     def error_unit(self) -> str:
-        """Unit, as text, in which position errors are shown, a thousandth of the positions' own: "mrad", "mm", or "mrad
-        or mm" where joints are of both kinds."""
+        """Unit in which position errors are shown: "mrad", "mm", or "mrad or mm"."""
         return error_unit(self.mechanism)
 
     @property
     def joints_by_unit(self) -> dict[str, list[int]]:
-        """Zero-based indices of the mechanism's primary (independent) joints, a list each, by the unit of their
-        positions, "rad" or "m": rad before m; a unit that no joint has is left out."""
+        """Indices of the joints by the unit of their positions, "rad" or "m"."""
         units = position_units(self.mechanism)
         return {unit: [j for j, one in enumerate(units) if one == unit] for unit in sorted(set(units), reverse=True)}
 
     def limited_steps(self, run: ControllerRun) -> int:
-        """Number of samples of a `run` at which any joint's torque was clipped, or its magnitude at least (1 - 1e-9)
-        times its limit. A run has one sample in `rollout.every` control periods. Raises `ValueError` for a run of
-        another number of joints."""
+        """
+        Count the samples of a run at which a torque was clipped or at its limit.
+
+        Parameters
+        ----------
+        run : ControllerRun
+            Run of the mechanism's r joints.
+
+        Returns
+        -------
+        int
+            Number of samples.
+        """
         largest = np.abs(run.rollout.applied) / self.torque_limits
-        at_limit = (largest >= AT_LIMIT).any(axis=1) | (run.rollout.clipped > 0.0)
+        at_limit = (largest >= LIMIT_SHARE).any(axis=1) | (run.rollout.clipped > 0.0)
         return int(np.count_nonzero(at_limit))
 
     @property
     def peak_torque_shares(self) -> Array:
-        """Largest magnitudes (r,) of the applied torques of the r primary (independent) joints in the comparison's
-        first run, divided by the joints' torque limits, no unit: 1 at the limit. Raises `ValueError` for a run of
-        another number of joints."""
+        """Largest torques (r,) of the subject over their limits: 1 at the limit."""
         return np.asarray(np.abs(self.subject.rollout.applied).max(axis=0) / self.torque_limits)

@@ -1,4 +1,4 @@
-"""Figures of reports: their style, drawn without a screen and kept as PNG files."""
+"""Figures of reports."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Color(NamedTuple):
-    """An sRGB colour: `red`, `green` and `blue`, whole numbers from 0 to 255, which are not checked."""
+    """Color of red, green and blue, 0 to 255."""
 
     red: int
     green: int
@@ -23,75 +23,70 @@ class Color(NamedTuple):
 
     @property
     def hex(self) -> str:
-        """Hexadecimal text of the colour, as HTML and Matplotlib take it, such as "#1b6cd6"."""
+        """Hexadecimal text of the color, such as "#1b6cd6"."""
         return f"#{self.red:02x}{self.green:02x}{self.blue:02x}"
 
     def faded(self, share: float, towards: Color) -> Color:
-        """Mixture of this colour with the colour `towards`, channel by channel, rounded: a fraction `share` of 0 gives
-        this colour, 1 gives `towards`. Nothing is checked."""
+        """Mixture with another color, of which 1 gives the other."""
         return Color(*(round(mine + share * (other - mine)) for mine, other in zip(self, towards, strict=True)))
 
 
+# Text and axes on paper.
 INK = Color(28, 34, 48)
-"""Text and axes on paper."""
 PAPER = Color(255, 255, 255)
+# The background of curves in a recording.
 DARK = Color(13, 13, 13)
-"""The background of curves in a recording."""
+# Colour of what is there for comparison only.
 MUTED = Color(120, 129, 146)
-"""Colour of what is there for comparison only."""
 
 
 def _palette(colors: str) -> tuple[Color, ...]:
-    """Colours of a text of hexadecimal ones, apart by blanks."""
     return tuple(Color(*bytes.fromhex(color)) for color in colors.split())
 
 
-RUNS = _palette(
+# Colors of controllers: the adaptive one is blue, the same with adaptation off orange, others follow.
+RUN_COLORS = _palette(
     "1b6cd6 e86e1c 189270 9654be 788192 c83e6e 8c6e32 3ca0be 7ab02a "
     "d6a414 604ebe ec82b4 147080 b02c24 82aae8 f69c7c 467c3e c46ede"
 )
-"""One a controller: the adaptive one is blue, the same with adaptation off orange, the others follow in their order."""
 
-SOLID = 5
-"""runs whose curves are solid"""
+# Number of runs whose curves are solid.
+NUM_SOLID_CURVES = 5
 
-JOINTS = _palette("2d7deb f08228 28aa6e e14b5f 9b69e1 aa8737 23afc3 d75faf 8296b4 96be3c")
-"""One a joint; bright enough for a dark screen, dark enough for paper."""
+# Colors of joints, bright enough for a dark screen, dark enough for paper.
+JOINT_COLORS = _palette("2d7deb f08228 28aa6e e14b5f 9b69e1 aa8737 23afc3 d75faf 8296b4 96be3c")
 
+# The desired arm and its positions; paler than any joint's green.
 GOAL = Color(150, 240, 205)
-"""The desired arm and its positions; paler than any joint's green."""
+# Limits of torques.
 LIMIT = Color(205, 208, 214)
-"""Limits of torques."""
+# True values, where each has a picture of its own.
 TRUTH = INK
-"""True values, where each has a picture of its own."""
+# The arm's links.
 BODY = Color(226, 230, 238)
-"""The arm's links."""
+# Colour of what stands still.
 BASE = Color(96, 104, 120)
-"""Colour of what stands still."""
 
 
 def run_color(index: int) -> Color:
-    """The colour, in recordings and reports, of the run of zero-based `index`: blue for 0, the run that a comparison is
-    about, orange for 1, that with adaptation off, then others. There are 18, which then repeat. Nothing is checked."""
-    return RUNS[index % len(RUNS)]
+    """Color of a run by its index: blue for the subject, orange without adaptation."""
+    return RUN_COLORS[index % len(RUN_COLORS)]
 
 
 def run_style(index: int) -> dict[str, Any]:
-    """Colour and line style, keywords of Matplotlib's, of the curve of the run of zero-based `index`: dashed from the
-    sixth on, whose colours are harder to tell apart. Nothing is checked."""
-    return {"color": run_color(index).hex, "linestyle": "-" if index < SOLID else (0, (4, 2))}
+    """Color and line style of a run's curve: dashed from the sixth on, whose colors are alike."""
+    return {"color": run_color(index).hex, "linestyle": "-" if index < NUM_SOLID_CURVES else (0, (4, 2))}
 
 
 def joint_color(index: int) -> Color:
-    """The colour, in recordings and reports, of the joint, or curve, of zero-based `index`. There are 10, which then
-    repeat. Nothing is checked."""
-    return JOINTS[index % len(JOINTS)]
+    """Color of a joint by its index."""
+    return JOINT_COLORS[index % len(JOINT_COLORS)]
 
 
-WIDTH = 9.2
-"""inches; the report shows figures at that width"""
-DOTS = 160
-"""dots an inch"""
+# Width in inches at which the report shows figures.
+FIGURE_WIDTH = 9.2
+# Resolution of figures.
+DOTS_PER_INCH = 160
 
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -127,9 +122,7 @@ STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """Figure of a report, drawn when it is asked for: its `name`, that of its PNG file without the suffix, its
-    `caption` in words, and `draw`, a function without arguments that returns it as a Matplotlib figure. Nothing is
-    checked at construction."""
+    """Figure of a report: its name, caption and the function that draws it."""
 
     name: str
     caption: str
@@ -138,18 +131,14 @@ class Drawing:
 
 
 def sheet(height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
-    """An empty Matplotlib figure for a report, 9.2 inches wide and `height` inches tall, with 160 dots an inch and the
-    `layout` of that name of Matplotlib, None for none. Raises `ValueError` for a height that is negative or not
-    finite."""
+    """Empty figure for a report, 9.2 inches wide."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(WIDTH, height), dpi=DOTS, layout=layout)
+    return Figure(figsize=(FIGURE_WIDTH, height), dpi=DOTS_PER_INCH, layout=layout)
 
 
 def write_drawings(folder: str | Path, drawings: Iterable[Drawing]) -> dict[str, Path]:
-    """Write `drawings` as PNG files into an existing `folder`, each whole or not at all, in the reports' style, and
-    return the files' paths by the drawings' names, such as "torque" for torque.png. Raises `FileError` where a file
-    cannot be written, and what a drawing's own function raises."""
+    """Write drawings as PNG files; their paths by name."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -171,7 +160,5 @@ def _draw_once(canvas: FigureCanvasAgg, path: Path) -> None:
 
 
 def thinned(samples: int, most: int) -> slice:
-    """Slice that takes evenly spaced samples, at most `most` of them, from so many `samples`, beginning with the first;
-    all where there are no more than `most`. It is for drawings, which need no more. Raises `ZeroDivisionError` for a
-    `most` of 0."""
+    """Slice of evenly spaced samples, at most `most`, for drawings."""
     return slice(0, samples, max(1, -(-samples // most)))

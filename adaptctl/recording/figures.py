@@ -12,12 +12,12 @@ from adaptctl.arrays import Array
 from adaptctl.identifiability import EssentialSpace
 from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.drawing import (
+    FIGURE_WIDTH,
     INK,
     LIMIT,
     MUTED,
     PAPER,
     TRUTH,
-    WIDTH,
     Drawing,
     joint_color,
     run_color,
@@ -32,21 +32,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-SAMPLES = 3000
-"""At most as many samples are drawn."""
-AVERAGE = 0.25
-"""s over which errors are averaged where they are compared on a logarithmic scale"""
+# At most as many samples are drawn.
+MAX_DRAWN_SAMPLES = 3000
+# Time in s over which errors are averaged where they are compared on a logarithmic scale
+AVERAGING_TIME = 0.25
 
 
 def drawings(comparison: Comparison) -> dict[str, Drawing]:
-    """Figures of a `comparison` of runs by their names, each a `Drawing` with caption and drawing function, in the
-    order of the report: tracking errors, joint errors, the Lyapunov function where the first run has one, torques,
-    parameter estimates where it has any, and singular values. Nothing is drawn, nor raised, before a drawing's function
-    is called."""
+    """Figures of a comparison by name, in the order of the report."""
     captions: dict[str, tuple[str, Callable[[Comparison], Figure]]] = {
         "tracking-error": (
-            f"Root mean square of all joints' tracking errors, averaged over {AVERAGE:g} s, one line a controller "
-            "(logarithmic scale).",
+            f"Root mean square of all joints' tracking errors, averaged over {AVERAGING_TIME:g} s, one line a "
+            "controller (logarithmic scale).",
             tracking_error,
         ),
         "joint-errors": (
@@ -75,17 +72,15 @@ def drawings(comparison: Comparison) -> dict[str, Drawing]:
 
 
 def tracking_error(comparison: Comparison) -> Figure:
-    """Figure (Matplotlib) of the tracking errors of all runs of a `comparison` over time (s), one line a run, on a
-    logarithmic scale. At each time it is the root mean square over all joints and the samples of the last 0.25 s, in
-    mrad or mm. Nothing is raised."""
+    """Figure of the root mean square errors of all runs over a moving window of 0.25 s."""
     figure = sheet(4.2)
     axes = figure.subplots()
     for run in reversed(comparison.runs):
         i = comparison.color_places[run.name]
-        every, foremost = thinned(len(run.rollout.time), SAMPLES), run is comparison.subject
+        every, foremost = thinned(len(run.rollout.time), MAX_DRAWN_SAMPLES), run is comparison.subject
         axes.semilogy(
             run.rollout.time[every],
-            1e3 * run.moving_rms_error(AVERAGE)[every],
+            1e3 * run.moving_rms_error(AVERAGING_TIME)[every],
             **run_style(i),
             linewidth=2.6 if foremost else 1.5,
             label=run.label,
@@ -100,15 +95,13 @@ def tracking_error(comparison: Comparison) -> Figure:
 
 
 def joint_errors(comparison: Comparison) -> Figure:
-    """Figure (Matplotlib) of every joint's tracking error, position less desired position, over time (s), in mrad or
-    mm. It has a panel for the comparison's first run and, where there is one, below it and on the same scale, a panel
-    for the run with adaptation off. Nothing is raised."""
+    """Figure of every joint's tracking error, with and without adaptation."""
     runs = [run for run in (comparison.subject, comparison.baseline) if run is not None]
     figure = sheet(2.3 * len(runs) + 0.4)
     for axes, run in zip(
         figure.subplots(len(runs), 1, sharex=True, sharey=True, squeeze=False)[:, 0], runs, strict=True
     ):
-        every = thinned(len(run.rollout.time), SAMPLES)
+        every = thinned(len(run.rollout.time), MAX_DRAWN_SAMPLES)
         for j, name in enumerate(comparison.joint_names):
             values = 1e3 * run.rollout.error[every, j]
             axes.plot(run.rollout.time[every], values, color=joint_color(j).hex, label=name, linewidth=1.3)
@@ -121,15 +114,13 @@ def joint_errors(comparison: Comparison) -> Figure:
 
 
 def lyapunov(comparison: Comparison) -> Figure:
-    """Figure (Matplotlib) of the Lyapunov function of a comparison's first run over time (s), in J, and of its fall
-    from each sample to the next, on a logarithmic scale, where rises are drawn as dots. Raises `ValueError` for a run
-    without a Lyapunov function."""
+    """Figure of the subject's Lyapunov function and its fall between samples."""
     values, time = comparison.subject.lyapunov, comparison.subject.rollout.time
     if values is None:
         raise ValueError("this run has no Lyapunov function")
     figure = sheet(2.9)
     whole, steps = figure.subplots(1, 2)
-    every = thinned(len(time), SAMPLES)
+    every = thinned(len(time), MAX_DRAWN_SAMPLES)
     whole.plot(time[every], values[every], color=run_color(0).hex, linewidth=2.2)
     whole.fill_between(time[every], values[every], color=run_color(0).hex, alpha=0.08, linewidth=0)
     whole.set_ylim(bottom=0.0)
@@ -152,9 +143,7 @@ def lyapunov(comparison: Comparison) -> Figure:
 
 
 def torque(comparison: Comparison) -> Figure:
-    """Figure (Matplotlib) of the applied torques of a comparison's first run over time (s), one panel a joint, N m (N
-    if prismatic): the region beyond the torque limits is shaded, and a text gives the peak in percent of the limit.
-    Nothing is checked."""
+    """Figure of the subject's torques, the region beyond the limits shaded."""
     rollout, dof = comparison.subject.rollout, len(comparison.joint_names)
     time = rollout.time
     figure, panels = _small_multiples(dof, columns=3, height=1.75, bottom=0.48)
@@ -174,11 +163,9 @@ def torque(comparison: Comparison) -> Figure:
 
 
 def parameters(comparison: Comparison) -> Figure:
-    """Figure (Matplotlib) of the parameter estimates of a comparison's first run over time (s), one small panel a
-    parameter, in SI units, each on its own scale; a dashed line is the true value, where it is known. Raises
-    `IndexError` for a run without estimates, `InputError` for the basis of another mechanism."""
+    """Figure of the subject's parameter estimates, beside true values where known."""
     names, rollout, truth = comparison.model.names, comparison.subject.rollout, comparison.true_parameters
-    every = thinned(len(rollout.time), SAMPLES // 6)
+    every = thinned(len(rollout.time), MAX_DRAWN_SAMPLES // 6)
     figure, panels = _small_multiples(len(names), columns=6, height=1.12, bottom=0.22)
     for i, axes in panels:
         _estimate(axes, rollout.time[every], rollout.estimate[every, i], truth[i])
@@ -191,10 +178,7 @@ def parameters(comparison: Comparison) -> Figure:
 
 
 def spectrum(comparison: Comparison) -> Figure:
-    """Figure (Matplotlib) of the singular values of the energy differences of a comparison's mechanism, divided by the
-    largest (no unit), on a logarithmic scale: a bar for each of its inertial parameters. A dashed line lies in the gap
-    between the first k, k being the number of independent parameters, and the others, which are zero but for round-off.
-    Nothing is raised."""
+    """Figure of the singular values of the energy differences, with the gap that decides the rank."""
     values, rank = shares(comparison.space), comparison.space.rank
     figure = sheet(3.3)
     axes = figure.subplots()
@@ -216,14 +200,16 @@ def spectrum(comparison: Comparison) -> Figure:
 
 
 def _small_multiples(count: int, columns: int, height: float, bottom: float) -> tuple[Figure, list[tuple[int, Axes]]]:
-    """Panels in rows, the last row as long as it needs to be; lengths in inches.
-
-    Margins are given, and no axis is shared, for either takes much of the time that dozens of panels take to draw.
-    """
+    """Panels in rows, the last row as long as it needs to be."""
     rows = -(-count // columns)
     tall = height * rows + 0.3
     figure = sheet(tall, layout=None)
-    margins = {"left": 0.45 / WIDTH, "right": 1.0 - 0.08 / WIDTH, "bottom": bottom / tall, "top": 1.0 - 0.25 / tall}
+    margins = {
+        "left": 0.45 / FIGURE_WIDTH,
+        "right": 1.0 - 0.08 / FIGURE_WIDTH,
+        "bottom": bottom / tall,
+        "top": 1.0 - 0.25 / tall,
+    }
     gaps = {"wspace": 0.42, "hspace": 0.42}
     axes = figure.subplots(rows, columns, squeeze=False, gridspec_kw=margins | gaps).ravel()
     for inner in axes[:-columns]:
@@ -242,25 +228,18 @@ def _estimate(axes: Axes, time: Array, values: Array, truth: float) -> None:
     axes.set_ylim(low - margin, high + margin)
 
 
-SMALLEST = 1e-18
-"""Values below this share of the largest are drawn as this: they are round-off, or zero."""
+# Values below this share of the largest are drawn as this: they are round-off, or zero.
+MIN_DRAWN_RATIO = 1e-18
 
 
 def shares(space: EssentialSpace) -> Array:
-    """Normalised singular values (P,) of a mechanism's matrix of energy differences between states (rows), by its P
-    inertial parameters (columns): sigma_i/sigma_1, no unit, in descending order. Those below 1e-18, which are round-off
-    or zero, are set to 1e-18. `space` is the mechanism's essential space (directions of the parameters that change
-    energies), which has the singular values. Nothing is raised."""
+    """Singular values (P,) over the largest, floored at 1e-18."""
     values = np.asarray(space.singular_values)
-    return np.maximum(values / values[0], SMALLEST)
+    return np.maximum(values / values[0], MIN_DRAWN_RATIO)
 
 
 def threshold(space: EssentialSpace) -> float:
-    """Threshold, no unit, between the normalised singular values of a mechanism's energy differences that count and
-    those that are zero but for round-off: sqrt(s_k s_(k+1)). Here s_i = sigma_i/sigma_1 are the singular values over
-    the largest, in descending order and at least 1e-18, and k is the number of independent inertial parameters; s_(k+1)
-    is 1e-18 where all count. `space` is the mechanism's essential space (directions of the parameters that change
-    energies), which has the singular values sigma_i. Nothing is raised."""
+    """Threshold in the gap between singular values that count and round-off."""
     values = shares(space)
-    beyond = values[space.rank] if space.rank < len(values) else SMALLEST
+    beyond = values[space.rank] if space.rank < len(values) else MIN_DRAWN_RATIO
     return float(np.sqrt(values[space.rank - 1] * beyond))

@@ -1,4 +1,4 @@
-"""A live view of a running loop: samples are thinned and handed to another process, which shows them in rerun."""
+"""Live view of a running loop."""
 
 from __future__ import annotations
 
@@ -26,30 +26,51 @@ from adaptctl.files import validate_place
 from adaptctl.optional_packages import viewer_program
 
 HOST, PORT = "127.0.0.1", 9876
-PATIENCE, WRITING = 10.0, 60.0
-"""s to wait for a viewer that was started, or to end; and for a file to be whole"""
+# Times in s to wait for a viewer to start or end, and for a file to be whole.
+VIEWER_TIMEOUT, FILE_TIMEOUT = 10.0, 60.0
 
+# Address that experiments stream to while they run, or None.
 CURRENT: ContextVar[str | None] = ContextVar("live", default=None)
-"""Address that experiments stream to while they run, or None."""
 
 
 class Live:
-    """Live view of a control loop on a `mechanism` of r joints, drawn by the rerun viewer: its method `show` takes a
-    sample of the loop and returns within microseconds.
+    """
+    Live view of a control loop, drawn by the rerun viewer.
 
-    At most `rate` samples per second of the loop's time, 100 by default, are sent to a separate process that draws
-    them; where it does not keep up, samples are dropped and the loop never waits. The attributes `sent` and `dropped`
-    count them. `to` is the address HOST:PORT of a viewer on this computer, None for 127.0.0.1:9876, or a file that ends
-    in .rrd. With `start_viewer` (the default) a viewer is started where none is at the address, bound to 127.0.0.1
-    alone and waited for up to 10 s. Where none can be reached, one `LiveViewWarning` is given, and the loop goes on
-    unseen. The attribute `url` is the viewer's or the file's, None where there is none. With `inline` (False by
-    default), for notebooks, what is started is a server without a window, to which what is displayed in a cell connects
-    (`display(live)`; needs rerun-notebook); it ends with Python.
+    A sample is handed over within microseconds and the loop never waits: where the separate process that draws does not
+    keep up, samples are dropped. The attributes `sent` and `dropped` count them; `url` is the viewer's or file's, or
+    None. It is a context manager, which closes the view.
 
-    It is a context manager, which closes the view at its end. Raises `InputError` for another address or computer, a
-    `to` that is not a text, a rate that is not positive and finite, and a mechanism with position limits of a
-    continuous joint or with loops that have neither closures nor couplings, `FileError` for a file that cannot be
-    written.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with r joints.
+    to : str, optional
+        Address HOST:PORT of a viewer on this computer, or a file that ends in .rrd; 127.0.0.1:9876 by default.
+    rate : float, default 100.0
+        Largest number of samples per second of the loop's time.
+    start_viewer : bool, default True
+        True starts a viewer, bound to 127.0.0.1, where none answers, and waits for up to 10 s. A `LiveViewWarning`
+        tells where none can be reached, and the loop goes on unseen.
+    inline : bool, default False
+        True starts a server without a window, for notebooks (`display(live)`, which needs rerun-notebook).
+
+    Raises
+    ------
+    InputError
+        If the address is of another form or computer, the rate is not positive and finite, or the mechanism cannot be
+        drawn.
+    FileError
+        If a file cannot be written.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> from adaptctl.recording import Live
+    >>> with warnings.catch_warnings(action="ignore"), Live(arm, "127.0.0.1:9", start_viewer=False) as live:
+    ...     live.show(0.0, p, p, np.zeros(2))
+    ...     live.is_seen
+    False
     """
 
     def __init__(
@@ -78,16 +99,27 @@ class Live:
 
     @property
     def is_seen(self) -> bool:
-        """True while samples are sent to a viewer or a file; False where no viewer was reached, and after the view's
-        end. Where the process that draws has ended by itself, only the next call of `show` notices it."""
+        """True while samples are sent."""
         return self._socket is not None
 
     def show(self, time: float, p: ArrayLike, reference_p: ArrayLike, torque: ArrayLike) -> None:
-        """Send a sample to the viewer, without waiting: `time` in s, positions `p` and desired positions `reference_p`
-        (r,) of the r joints, rad (m if prismatic), and `torque` (r,), N m (N). The sample is left out where it follows
-        the last one sooner than the view's `rate` (samples a second) allows; one with an earlier time than the last is
-        sent. Values that are not numbers, NaN or infinite, and arrays of another shape end the view with a
-        `LiveViewWarning`; no error is raised, so that the control loop goes on."""
+        """
+        Send a sample to the viewer, without waiting.
+
+        Samples that follow sooner than `rate` allows are left out. Invalid values end the view with a
+        `LiveViewWarning`; no error is raised, so that the control loop goes on.
+
+        Parameters
+        ----------
+        time : float
+            Time in s.
+        p : array_like
+            Positions (r,) in rad, or m for a prismatic joint.
+        reference_p : array_like
+            Desired positions (r,) in rad or m.
+        torque : array_like
+            Torques (r,) in N m, or forces in N.
+        """
         try:
             if self._socket is None or 0.0 <= time - self._latest < 0.999 * self._pause:
                 return
@@ -100,21 +132,38 @@ class Live:
             self._lose(f"{type(error).__name__}: {error}")
 
     def close(self) -> None:
-        """Close the live view: wait until the samples that were sent are drawn, at most 10 s, or 60 s for a file, then
-        end the process that draws them, also where it is not done. Without a view, or called again, it does nothing; an
-        error of that process is not raised."""
+        """Wait until the samples are drawn, at most 10 s (60 s for a file), and end the view."""
         self._disconnect()
         if self._process is not None:
             with suppress(subprocess.TimeoutExpired):
-                self._process.wait(WRITING if self.url is not None and self.url.endswith(".rrd") else PATIENCE)
+                self._process.wait(
+                    FILE_TIMEOUT if self.url is not None and self.url.endswith(".rrd") else VIEWER_TIMEOUT
+                )
             self._process.kill()
             self._process.wait()
             self._process = None
 
     def viewer(self, **options: Any) -> Any:
-        """A widget for notebooks, a `rerun.notebook.Viewer`, that shows the view's samples; `options`, such as
-        `height`, are passed to that class. Raises `MissingExtraError` without rerun-notebook, `InputError` where no
-        viewer could be reached or the view goes to a file."""
+        """
+        Return a widget for notebooks that shows the view.
+
+        Parameters
+        ----------
+        **options
+            Options of `rerun.notebook.Viewer`, such as `height`.
+
+        Returns
+        -------
+        rerun.notebook.Viewer
+            Widget.
+
+        Raises
+        ------
+        MissingExtraError
+            If rerun-notebook is not installed.
+        InputError
+            If no viewer was reached or the view goes to a file.
+        """
         try:
             import rerun_notebook  # noqa: F401  # rerun itself asks for it late, in a traceback
             from rerun.notebook import Viewer
@@ -125,7 +174,6 @@ class Live:
         return Viewer(url=self.url, **options)
 
     def _ipython_display_(self) -> None:
-        """The viewer, shown by a notebook for a live view."""
         self.viewer().display()
 
     def __enter__(self) -> Live:
@@ -135,7 +183,6 @@ class Live:
         self.close()
 
     def _sample(self, time: float, *given: ArrayLike) -> bytes:
-        """The sample as it is sent. Raises `InputError` for arrays that are not (r,), `NonFiniteError` for NaN."""
         if any(np.shape(one) != (self._dof,) for one in given):
             raise InputError(f"expected arrays of shape ({self._dof},), got {[np.shape(one) for one in given]}")
         sample = np.concatenate(((time,), *given), dtype=np.float64)
@@ -156,7 +203,6 @@ class Live:
         self._socket = here
 
     def _lose(self, why: str) -> None:
-        """Close the connection with a warning, and go on without the live view."""
         self._disconnect()
         warnings.warn(f"live view: it has ended ({why}); the run goes on unseen", LiveViewWarning, stacklevel=4)
 
@@ -167,13 +213,7 @@ class Live:
 
 
 def reachable(address: str, start_viewer: bool = False, inline: bool = False) -> str | None:
-    """The URL of a rerun viewer on this computer at `address`, such as "127.0.0.1:9876" (or "localhost:9876"), for a
-    live view to send to; None, after a `LiveViewWarning`, where none can be reached.
-
-    With `start_viewer` (False by default) a viewer is started where none answers, and waited for up to 10 s; with
-    `inline` it is a server without a window, for notebooks, which ends with Python. Raises `InputError` for an address
-    of another form or computer, and for a port that is not from 1 to 65535.
-    """
+    """URL of a viewer on this computer."""
     host, _, port = address.rpartition(":")
     if host not in (HOST, "localhost") or not port.isdecimal() or not 0 < int(port) < 65536:
         raise InputError(f"live view: expected {HOST}:PORT, this computer's own, or a file .rrd, got {address!r}")
@@ -187,7 +227,7 @@ def reachable(address: str, start_viewer: bool = False, inline: bool = False) ->
         started = subprocess.Popen(command, **quiet, start_new_session=True)
         if inline:
             atexit.register(_end, started.pid)
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + VIEWER_TIMEOUT
         while time.monotonic() < deadline:
             if _answers(int(port)):
                 return url
@@ -200,9 +240,7 @@ def reachable(address: str, start_viewer: bool = False, inline: bool = False) ->
 
 @contextmanager
 def streaming(to: str | None) -> Iterator[None]:
-    """Context manager in which experiments that can be watched stream their runs to a live view: `to` is the address
-    HOST:PORT of a rerun viewer on this computer, or a file that ends in .rrd; None for no live view. At its end the
-    earlier setting is restored. The address is checked only where an experiment uses it."""
+    """Context manager in which experiments stream their runs to a live view."""
     token = CURRENT.set(to)
     try:
         yield
@@ -211,7 +249,6 @@ def streaming(to: str | None) -> Iterator[None]:
 
 
 def _end(group: int) -> None:
-    """End a server and what it was started by."""
     with suppress(ProcessLookupError):
         os.killpg(group, signal.SIGTERM)
 

@@ -1,4 +1,4 @@
-"""The process that draws a live view: samples come by a socket, and go to a viewer or a file."""
+"""Process that draws a live view."""
 
 from __future__ import annotations
 
@@ -20,18 +20,14 @@ from adaptctl.recording.scene import WORLD, log_arm, log_base, log_trail
 from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton
 from adaptctl.recording.stream import Curves, log_curves, of_joints
 
-TOGETHER = 0.05
-"""s of samples that are drawn together"""
-LARGEST = 1 << 16
-"""bytes of a sample"""
+# Time in s of samples that are drawn together.
+BATCH_TIME = 0.05
+# Largest sample in bytes.
+MAX_SAMPLE_BYTES = 1 << 16
 
 
 def main(descriptor: int, url: str) -> None:
-    """Draw a live view until its samples end, as the process that `Live` starts does. The mechanism of r joints comes
-    as TOML text on stdin; `descriptor` is the file descriptor of a socket, each message of which is a sample of 1 + 3 r
-    float64: time, s, positions and desired positions, rad (m if prismatic), and torques, N m (N). `url` is the rerun
-    viewer's, or a file that ends in .rrd. Ctrl-C (SIGINT) is ignored; messages of another length are left out. Raises
-    `FileError` for a text that describes no mechanism, `OSError` for a descriptor of no socket."""
+    """Draw a live view until its samples end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the loop, which then closes the socket
     mechanism = _mechanism(sys.stdin.read())
     with socket.socket(fileno=descriptor) as samples:
@@ -62,11 +58,11 @@ class _Rows:
     def next(self) -> Array | None:
         """Numbers received within a short while; None at the end."""
         rows: list[Array] = []
-        deadline = time.monotonic() + TOGETHER
+        deadline = time.monotonic() + BATCH_TIME
         while not self._over and (not rows or time.monotonic() < deadline):
             self._samples.settimeout(max(deadline - time.monotonic(), 1e-3) if rows else None)
             try:
-                data = self._samples.recv(LARGEST)
+                data = self._samples.recv(MAX_SAMPLE_BYTES)
             except TimeoutError:
                 break
             self._over = not data

@@ -1,7 +1,4 @@
-"""Reports as data: a title, an outcome, facts and sections of texts, tables and figures, of any result.
-
-A result says what its page holds; `Report.write` makes a folder of it: summary, figures, page and recording.
-"""
+"""Reports as data."""
 
 from __future__ import annotations
 
@@ -22,17 +19,16 @@ if TYPE_CHECKING:
     import jinja2
 
 HOME = "adaptctl.recording"
+# The paper that the method is from
 SHEU_WALKER = (
     "S.-Y. Sheu and M. W. Walker, Identifying the Independent Inertial Parameter Space of Robot Manipulators, "
     "International Journal of Robotics Research 10(6), 1991"
 )
-"""the paper that the method is from"""
 INCOMPLETE = "This run was interrupted. What was computed until then is shown; it is not the whole experiment."
 
 
 class Tone(Enum):
-    """Enumeration of the tones of a table's cell or badge; the value is its style in the page. PLAIN has none, QUIET is
-    grey, GOOD green, FAIR blue, ODD orange and BAD red."""
+    """Tones of a cell or badge; the value is its style in the page."""
 
     PLAIN = ""
     QUIET = "quiet"
@@ -43,10 +39,7 @@ class Tone(Enum):
 
 
 class TableLayout(Enum):
-    """Enumeration of the layouts of a table. PLAIN is a table on every screen; on narrow ones ROWS, of many columns,
-    names the column beside every number, and STACKED, of names and sentences, sets a row's cells one below the other;
-    HALVES, of many rows, is two tables beside each other on wide ones; GRID has marks in its cells; WIDE can be moved
-    sideways."""
+    """Layouts of a table on narrow screens and in the page."""
 
     PLAIN = ""
     ROWS = "rows"
@@ -57,10 +50,7 @@ class TableLayout(Enum):
 
 
 class Cell(NamedTuple):
-    """Cell of a table with more than its `text`: `note`, small below it, empty by default; `tone`, none by default;
-    `badge`, True where the tone is that of a rounded label about the text alone, not of the cell; `swatch`, a colour
-    such as "#1b6cd6" shown before it; `hint`, shown where a pointer rests; and `mark`, True or False where a large or a
-    small mark is shown in the text's place, None by default. Nothing is checked at construction."""
+    """Cell of a table: its text, note and tone."""
 
     text: str
     note: str = ""
@@ -73,12 +63,7 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class Table:
-    """Table of a report. `header` has the n columns' headings and `rows` as many cells each: texts, `Cell` where more
-    than a text, or True and False, which are shown as marks with the words `marks`. `title` is a heading above the
-    table and `note` a text below it, empty by default. `align` has a letter for each column: "l" for texts, "r" for
-    numbers, "c" for names in code, "s" for small texts such as units; what is missing
-    is "l". `marked` are the zero-based indices of rows that stand out, none by default. Nothing is checked at
-    construction."""
+    """Table of a report."""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str | bool | Cell]]
@@ -102,12 +87,12 @@ class Table:
 
     @property
     def parts(self) -> list[list[list[Cell]]]:
-        """The rows of each table in the page: two halves of them, the first the longer, in the layout HALVES."""
+        """Rows of each table in the page: two halves in the layout HALVES, the first the longer."""
         middle = -(-len(self.rows) // 2) if self.layout is TableLayout.HALVES else len(self.rows)
         return [rows for rows in (self.cells[:middle], self.cells[middle:]) if rows] or [[]]
 
     def markdown(self) -> str:
-        """The table in Markdown, without notes and tones."""
+        """Table in Markdown, without notes and tones."""
         rows = [[cell.text for cell in row] for row in self.cells]
         lines = ["| " + " | ".join(row) + " |" for row in ([*self.header], *rows)]
         return "\n".join([lines[0], "|" + "---|" * len(self.header), *lines[1:]])
@@ -120,8 +105,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Note:
-    """Paragraph of a report in small letters: `text`, after `head` in bold, empty by default; a `warning` stands out.
-    Nothing is checked at construction."""
+    """Paragraph of a report, with a heading before it where there is one."""
 
     text: str
     head: str = ""
@@ -129,15 +113,13 @@ class Note:
     kind: ClassVar[str] = "note"
 
     def markdown(self) -> str:
-        """The paragraph in Markdown."""
+        """Paragraph in Markdown."""
         return f"**{self.head}** {self.text}" if self.head else self.text
 
 
 @dataclass(frozen=True)
 class Lines:
-    """Lines of a report, such as equations, in letters of one width; `beside`, none by default, are others, on wide
-    screens beside them. With `bullets` they are a list of sentences; `title` is a heading above them, empty by
-    default. Nothing is checked at construction."""
+    """Lines of a report, as a list or as code."""
 
     lines: Sequence[str]
     beside: Sequence[str] = ()
@@ -146,33 +128,30 @@ class Lines:
     kind: ClassVar[str] = "lines"
 
     def markdown(self) -> str:
-        """The lines in Markdown: a list with `bullets`, else a block of code."""
+        """Lines in Markdown: a list with `bullets`, else a block of code."""
         head = f"### {self.title}\n\n" if self.title else ""
         return head + "\n".join(("- " if self.bullets else "    ") + line for line in (*self.lines, *self.beside))
 
 
 @dataclass(frozen=True)
 class Fragment:
-    """Piece of HTML for a report that its maker has escaped, such as a live arm. It is in the page alone, not in a
-    recording. Nothing is checked at construction."""
+    """Piece of HTML in a report's page."""
 
     html: str
     kind: ClassVar[str] = "fragment"
 
     def markdown(self) -> str:
-        """An empty text: what is HTML alone is not in a recording."""
+        """Empty text: a piece that is HTML alone is not in a recording."""
         return ""
 
 
+# What a section of a report holds; a text is a paragraph.
 Part: TypeAlias = str | Note | Lines | Table | Drawing | Fragment
-"""What a section of a report holds; a text is a paragraph."""
 
 
 @dataclass(frozen=True)
 class Section:
-    """Section of a report: its heading `title`, and `parts` in their order. Without a title the parts stand by
-    themselves. `badge` is a label beside the heading, and `name` the anchor that a page's links lead to, neither by
-    default. Nothing is checked at construction."""
+    """Section of a report: its title and parts."""
 
     title: str
     parts: Sequence[Part]
@@ -182,13 +161,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Report:
-    """Report of any result, from which page, figures, recording and summary are written. `experiment` is the name of
-    the experiment or command, `title` a few words; `outcome` is the result in a sentence or two, made where it was
-    judged; `facts` are the questions that a person asks first, with their answers, of which the page shows eight;
-    `sections` hold the rest. `about` stands beside the name, such as "seed 7"; `seed` is that of the random numbers, 0
-    by default; `complete` is False where the experiment was interrupted, which page and recording then say in the words
-    `incomplete`; `source` is a line at the page's foot on where the method is published. Nothing is checked at
-    construction."""
+    """Report of a result: title, outcome, facts and sections."""
 
     experiment: str
     title: str
@@ -203,26 +176,23 @@ class Report:
 
     @property
     def drawings(self) -> list[Drawing]:
-        """The figures of all sections, in their order."""
+        """Figures of all sections, in their order."""
         return [part for section in self.sections for part in section.parts if isinstance(part, Drawing)]
 
     def html(self, figures: Mapping[str, Path]) -> str:
-        """The page, as text, that needs no other file. `figures` maps the drawings' names to PNG files, which go into
-        the page; a drawing without a file is left out. Raises `OSError` where a PNG file cannot be read."""
+        """Page that needs no other file, with the figures' PNG files in it."""
         data = {name: base64.b64encode(file.read_bytes()).decode("ascii") for name, file in figures.items()}
         return rendered("page.html", HOME, report=self, figures=data)
 
     def markdown(self, *parts: Part) -> str:
-        """Text in Markdown for a recording: the outcome, and `parts` after it; without any, facts and all sections."""
+        """Text in Markdown for a recording: the outcome, and parts, or facts and all sections."""
         given = parts or (answers_table(self.facts), *_of_sections(self.sections))
         warning = () if self.complete else (f"**{self.incomplete}**",)
         texts = (part if isinstance(part, str) else part.markdown() for part in given if not isinstance(part, Drawing))
         return "\n\n".join(filter(None, (*warning, self.outcome, *texts))) + "\n"
 
     def record(self, path: str | Path, figures: Mapping[str, Path]) -> None:
-        """Write a recording without motion for the rerun viewer to the file `path` (.rrd), whole or not at all: the
-        text beside the pictures in the PNG files `figures`, by name. Raises `FileError` where it cannot be written or
-        read back, `OSError` where a PNG file cannot be read."""
+        """Write a recording of the text beside the pictures."""
         from adaptctl.recording.stream import write_illustrated
 
         write_illustrated(Path(path), self, self.markdown(), figures)
@@ -237,14 +207,7 @@ class Report:
         record: Callable[[Path, Mapping[str, Path]], object] | None = None,
         progress: Progress = silent,
     ) -> Path:
-        """Write the report's folder, which is made where it is missing, and return its path: the `summary`, in JSON's
-        types, as the file `name`, "summary.json" by default, none where it is None; files such as trace.parquet, by
-        name in `tables`, each by a function that gets its path; figures as PNG in the subfolder figures; report.html;
-        and recording.rrd, by `record`, a function of its path and of the figures' paths by name, by default `record` of
-        this report. Either all are written, each over an existing file of its name, or none, where one cannot be
-        written or `progress` raises. `progress(what, share)` is called with what is being written and the fraction
-        done, 0 to 1. Raises `FileError` where a file cannot be written, and for numbers in `summary` that are NaN or
-        infinite."""
+        """Write the report's folder, all or none: summary, tables, figures, page and recording."""
         with all_or_none(folder, last=name) as beside:
             progress("summary", 0.0)
             if summary is not None:
@@ -270,8 +233,7 @@ def _of_sections(sections: Iterable[Section]) -> Iterator[Part]:
 
 
 def answers_table(facts: Sequence[Fact]) -> Table:
-    """Table of a result's `facts` with two questions and answers a row, for a recording's text. Without facts it has no
-    rows. Nothing is raised."""
+    """Table of facts, two questions and answers in each row, for a recording's text."""
     cells = [cell for fact in facts for cell in (fact.question, f"**{fact.answer}**")]
     cells += ["", ""] * (len(facts) % 2)
     rows = [cells[i : i + 4] for i in range(0, len(cells), 4)]
@@ -279,8 +241,7 @@ def answers_table(facts: Sequence[Fact]) -> Table:
 
 
 def settings_section(settings: Iterable[Any], *more: Part) -> Section:
-    """Section of a report with an experiment's `settings`, each with `name`, `value` and `meaning`, as a table, and
-    `more` parts below it. Nothing is checked."""
+    """Section with an experiment's settings as a table, and more parts."""
     rows = [(setting.name, setting.value, setting.meaning) for setting in settings]
     table = Table(("setting", "value", "meaning"), rows, align="cll", layout=TableLayout.STACKED)
     return Section("Settings", (table, *more))
@@ -289,9 +250,7 @@ def settings_section(settings: Iterable[Any], *more: Part) -> Section:
 def files_section(
     recording: str, summary: str, tables: Mapping[str, str] | None = None, name: str = SUMMARY
 ) -> Section:
-    """Section of a report on the files beside it: `recording` and `summary` are sentences on what is in recording.rrd
-    and in the JSON file `name`, "summary.json" by default; `tables` maps names of Parquet files to sentences, None for
-    no such file. Nothing is checked."""
+    """Section on the files beside the report."""
     rows = [
         (RECORDING, f"{recording} Open it with: rerun {RECORDING}; the viewer is installed with adaptctl."),
         (name, summary),
@@ -320,8 +279,5 @@ def _environment(package: str) -> jinja2.Environment:
 
 
 def rendered(template: str, package: str, **content: object) -> str:
-    """HTML, as text, made from a Jinja template: the file named `template` in the folder of the Python package
-    `package`. `content` has the template's variables, by name; texts among them are escaped for HTML. Raises Jinja's
-    `TemplateNotFound` for a template that does not exist, its `UndefinedError` for a variable that the template uses
-    and `content` lacks, and `MissingExtraError` without Jinja."""
+    """HTML made from a Jinja template of a package."""
     return _environment(package).get_template(template).render(**content)

@@ -1,4 +1,4 @@
-"""Report of a comparison: what its page, its recording's text and its folder hold."""
+"""Report of a comparison."""
 
 from __future__ import annotations
 
@@ -45,11 +45,25 @@ COSTS = (
 
 
 def shown(comparison: Comparison) -> Result:
-    """The `Result` of an experiment, as the command line shows it, made from the `comparison` of its runs: whether it
-    is complete, and headline, facts and verdict in words. Its `write(folder, progress)` writes its files (recording,
-    summary, trace, figures, report) by `write_artifacts`. Its `failed` is False: whether the adaptive controller did
-    what was asked is in its `verdict.passed`. Raises `ValueError` for a first run of another number of joints than
-    there are torque limits."""
+    """
+    Return a comparison's result, as the command line shows it.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Runs to report.
+
+    Returns
+    -------
+    Result
+        Headline, facts, verdict, and `write`, which is `write_artifacts`.
+
+    Examples
+    --------
+    >>> from adaptctl.recording import compared_runs, shown
+    >>> shown(compared_runs(arm, {"adaptive": run})).verdict.passed
+    True
+    """
     return Result(
         complete=comparison.complete,
         headline=headline(outcome_words(comparison), comparison.complete),
@@ -60,17 +74,37 @@ def shown(comparison: Comparison) -> Result:
 
 
 def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progress = silent) -> Path:
-    """Write the files of a `comparison` of runs into a `folder`, which is made where it is missing, and return its
-    path. The files are recording.rrd (for the rerun viewer), summary.json, trace.parquet (all samples of the
-    comparison's first run), report.html, and PNG files of figures in the subfolder `figures`.
+    """
+    Write recording, summary, trace, report and figures of a comparison, all or none.
 
-    Either all are written, each over an existing file of its name, or none, where one cannot be written or `progress`
-    raises. `progress(what, share)` is called with the name of the file being written and the fraction of the work that
-    is done, 0 to 1; the default does nothing. Of a run whose numbers overflowed to NaN or infinity, the report and the
-    summary say so: its numbers in the summary are null, findings too, and its recording ends before them.
+    Parameters
+    ----------
+    folder : str or pathlib.Path
+        Folder, which is made where it is missing: recording.rrd, summary.json, trace.parquet, report.html, figures.
+    comparison : Comparison
+        Runs to write.
+    progress : callable, optional
+        Function of the file's name and the fraction done, 0 to 1, called before each file.
 
-    Raises `FileError` where a file cannot be written or the folder cannot be made; `InputError` for a basis of another
-    mechanism, and `NonFiniteError`, a subclass of it, for a run whose first positions are NaN or infinite.
+    Returns
+    -------
+    pathlib.Path
+        Folder with the files. Numbers of a run that overflowed are null, and its recording ends before them.
+
+    Raises
+    ------
+    FileError
+        If a file cannot be written.
+    InputError
+        If the basis is another mechanism's (`NonFiniteError` for a run whose first positions are not finite).
+
+    Examples
+    --------
+    >>> from adaptctl.recording import compared_runs, write_artifacts
+    >>> _ = (tmp / "file").write_text("")
+    >>> write_artifacts(tmp / "file" / "run", compared_runs(arm, {"adaptive": run}))  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    adaptctl.errors.FileError: ...
     """
     from adaptctl.recording.rerun_recording import write_recording
     from adaptctl.recording.trace import write_trace
@@ -83,9 +117,7 @@ def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progre
 
 
 def report(comparison: Comparison) -> Report:
-    """The report of a comparison of runs: outcome, facts, tables of runs and parameters, figures, settings. Raises
-    `InputError` for parameter estimates with the basis of another mechanism, `ValueError` for a first run of another
-    number of joints than there are torque limits."""
+    """Report of a comparison: outcome, facts, tables, figures, settings."""
     return Report(
         experiment=comparison.experiment,
         title=comparison.title,
@@ -149,7 +181,6 @@ def _run_parts(comparison: Comparison) -> Iterator[Part]:
 def _of_runs(
     comparison: Comparison, heads: Sequence[str], rows: Sequence[Sequence[str]], align: str, note: str = ""
 ) -> Table:
-    """Table with a row for each run, the first marked."""
     colors = (run_color(comparison.color_places[run.name]).hex for run in comparison.runs)
     labels = [Cell(run.label, swatch=color) for run, color in zip(comparison.runs, colors, strict=True)]
     cells: list[tuple[str | Cell, ...]] = [(label, *row) for label, row in zip(labels, rows, strict=True)]
@@ -212,8 +243,7 @@ def _robot_notes(comparison: Comparison) -> Iterator[Note]:
 
 
 def _measured(comparison: Comparison) -> Table | None:
-    """Table of what was found of single runs: findings named "what.run", such as "peak_speed.adaptive", make a column
-    for each "what", with a dash for a run without it."""
+    """Table of findings named "what.run", a column for each "what"."""
     names = [run.name for run in comparison.runs]
     columns: dict[str, dict[str, Finding]] = {}
     for finding in comparison.findings:
@@ -235,23 +265,7 @@ SCHEMA = "adaptctl/summary/2"
 
 
 def summary(comparison: Comparison) -> dict[str, Any]:
-    """Summary of a `comparison` of runs, a dict in JSON's types, SI units and rad. A number is None where it is not
-    known or was not measured, and where it is NaN or infinite, as of a run that diverged.
-
-    `experiment`, `robot`, `robot_sha256`, `seed` and `complete`, False where it was interrupted, say what was run;
-    `verdict` has the failures, `findings` and `settings` what the experiment states; `parameters` maps names to the
-    `true` value and the last `estimate`, `truth_known` tells whether the former is, and `rank` is the number of
-    independent inertial parameters. `runs` has label, end, errors and cost of every run, by name.
-
-    Further numbers are of the first run: `duration`, the one asked for, `duration_run`, the one run, `control_period`,
-    and `wall_time`, the time that computing took, s, and `realtime_factor`, simulated seconds in one of computing;
-    `rms_error`, the root mean square of the position errors (rad, m) of all joints and samples, `first_rms_error` over
-    the first second, `final_rms_error` over the last two, `final_rms_error_adaptation_off` that of the run with
-    adaptation off; `lyapunov_initial`, `lyapunov_final` and `lyapunov_max_increase`, J; `peak_torque_share`, the
-    largest ratio of a torque to its limit; `clipped_steps`, samples with a torque that was clipped or at its limit.
-    Raises `InputError` for parameter estimates with the basis of another mechanism, `ValueError` for a first run of
-    another number of joints than there are torque limits.
-    """
+    """Summary of a comparison in JSON's types, SI units and rad."""
     subject, baseline = comparison.subject, comparison.baseline
     lyapunov = subject.lyapunov if subject.lyapunov is not None and len(subject.lyapunov) else (None,)
     return {
@@ -284,7 +298,6 @@ def summary(comparison: Comparison) -> dict[str, Any]:
 
 
 def _estimated(comparison: Comparison) -> dict[str, dict[str, float | None]]:
-    """True values, where they are known, and last estimates of the parameters, if there are any."""
     rows = zip(
         comparison.model.names, comparison.true_parameters, comparison.subject.rollout.estimate[-1], strict=False
     )

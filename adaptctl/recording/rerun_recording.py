@@ -1,4 +1,4 @@
-"""Recording of a comparison for rerun: the arm in motion, and all curves over the same time."""
+"""Recording of a comparison for rerun."""
 
 from __future__ import annotations
 
@@ -31,26 +31,22 @@ from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skele
 from adaptctl.recording.stream import Curves, in_decades, levels, log_curves, log_markdown, of_joints, saved_stream
 from adaptctl.recording.wording import error, parameter_unit, torque_units, typeset
 
-MANY = 8
-"""controllers whose small views have no room for a legend of joints, whose colours are those of the overview"""
-TALL = 12
-"""controllers above which a legend of all of them needs more than half of the window's height"""
-LONGEST = 12
-"""characters of a short name in a legend"""
-MOST = 4
-"""Parameters shown at a glance."""
-AVERAGE = 0.25
-"""s over which errors are averaged where they are shown in powers of ten"""
-POSE_SAMPLES = 2000
-"""At most as many positions of an arm are shown."""
+# Controllers whose small views have no room for a legend of joints, whose colours are those of the overview
+MAX_RUNS_WITH_LEGENDS = 8
+# Controllers above which a legend of all of them needs more than half of the window's height
+MAX_RUNS_IN_LEGEND = 12
+# Characters of a short name in a legend
+MAX_SHORT_NAME = 12
+# Parameters shown at a glance.
+MAX_OVERVIEW_PARAMETERS = 4
+# Time in s over which errors are averaged where they are shown in powers of ten
+AVERAGING_TIME = 0.25
+# Largest number of positions of an arm.
+MAX_POSES = 2000
 
 
 def write_recording(path: str | Path, comparison: Comparison) -> None:
-    """Write the recording of a `comparison` of runs for the rerun viewer to the file `path` (.rrd), whole or not at
-    all: arms in motion, curves of errors, torques, energies and estimates over time, and tables. Motion and curves of a
-    run end before its first sample that is not finite; the texts judge the whole run. Raises `FileError` where the file
-    cannot be written or read back, `InputError` for parameter estimates with the basis of another mechanism, and
-    `NonFiniteError`, a subclass of it, for a run whose first positions are NaN or infinite."""
+    """Write the recording of a comparison, whole or not at all."""
     words, comparison = summary_markdown(comparison), finite_part(comparison)
     positions = np.ascontiguousarray(comparison.subject.rollout.p).tobytes()
     parts = skeleton(comparison.mechanism)
@@ -71,39 +67,29 @@ def log_scene(
     color: Color,
     within: str = "",
 ) -> None:
-    """Draw the arms of a `comparison` in a rerun recording, below the entity "world", with the paths of their tips. The
-    arm of the first run is solid, in `color`; translucent ghosts are the desired motion, green, and, where there is
-    one, the run with adaptation off, in its own colour.
-
-    `parts` are the shapes they are drawn by, `floor` is the floor's height, m, and `within` a prefix of the entities'
-    names below "world", ending in a slash, empty by default. Each run is thinned to at most 2000 samples. Raises
-    `NonFiniteError` for positions that are NaN or infinite, `LoopError` where kinematic loops cannot be closed,
-    `SingularityError` near a singularity of these.
-    """
+    """Draw the arms of a comparison: the subject solid, desired motion and baseline as ghosts."""
     mechanism, subject, baseline = comparison.mechanism, comparison.subject, comparison.baseline
     log_base(recording, mechanism, parts, floor, f"{within}base")
-    every = thinned(len(subject.rollout.time), POSE_SAMPLES)
+    every = thinned(len(subject.rollout.time), MAX_POSES)
     time, desired = subject.rollout.time[every], subject.rollout.reference_p[every]
     goal = log_arm(recording, f"{within}desired", mechanism, parts, time, desired, GOAL, ghost=True)
     log_path(recording, f"{within}path/desired", goal, GOAL)
     moving = [(subject, color)]
     moving += [(baseline, run_color(comparison.color_places[baseline.name]))] if baseline else []
     for run, paint in moving:
-        every = thinned(len(run.rollout.time), POSE_SAMPLES)
+        every = thinned(len(run.rollout.time), MAX_POSES)
         time, p, ghost = run.rollout.time[every], run.rollout.p[every], run is not subject
         tip = log_arm(recording, f"{within}{run.name}", mechanism, parts, time, p, paint, ghost=ghost)
         log_trail(recording, f"{within}trail/{run.name}", time, tip, paint)
 
 
 def joint_errors(path: str, run: ControllerRun, names: tuple[str, ...]) -> Curves:
-    """`Curves` of the tracking errors of a run's joints, called `names`, in mrad or mm, below the entity `path`."""
+    """Curves of a run's tracking errors in mrad or mm."""
     return of_joints(path, run.rollout.time, 1e3 * run.rollout.error, names)
 
 
 def torque_shares(path: str, comparison: Comparison) -> Iterator[Curves]:
-    """`Curves` below the entity `path` of the torques of a comparison's first run, each divided by its joint's limit,
-    and of the limits. All samples are drawn, so that no peak is lost. Raises `ValueError` for a run of another number
-    of joints."""
+    """Curves of the subject's torques over their limits, with all samples, so that no peak is lost."""
     rollout = comparison.subject.rollout
     names, shares = comparison.joint_names, rollout.applied / comparison.torque_limits
     yield of_joints(f"{path}/joints", rollout.time, shares, names, most=len(shares))
@@ -116,7 +102,7 @@ def _curves(comparison: Comparison) -> Iterator[Curves]:
     for run in comparison.runs:
         yield joint_errors(f"error/{run.name}", run, comparison.joint_names)
         label, colors = (run.label,), (run_color(comparison.color_places[run.name]),)
-        of_run = [("error_decades", run.moving_rms_error(AVERAGE))]
+        of_run = [("error_decades", run.moving_rms_error(AVERAGING_TIME))]
         of_run += [("leading", leading.errors[run.name])] if leading else []
         for path, errors in of_run:
             yield Curves(f"{path}/{run.name}", run.rollout.time, in_decades(errors), label, colors, width=2.0)
@@ -137,7 +123,7 @@ def _curves(comparison: Comparison) -> Iterator[Curves]:
 def _estimates(comparison: Comparison) -> Iterator[Curves]:
     """Curves of the parameters that moved most, and of those of each link, beside the true values."""
     names, rollout = comparison.model.names, comparison.subject.rollout
-    most = sorted(np.argsort(-np.ptp(rollout.estimate, axis=0), kind="stable")[:MOST].tolist())
+    most = sorted(np.argsort(-np.ptp(rollout.estimate, axis=0), kind="stable")[:MAX_OVERVIEW_PARAMETERS].tolist())
     groups = {"most_learnt": (most, [names[i] for i in most])}
     for link in estimated_links(comparison):
         own = [i for i, name in enumerate(names) if name.rpartition(".")[0] == link]
@@ -151,8 +137,7 @@ def _estimates(comparison: Comparison) -> Iterator[Curves]:
 
 
 def _log_spectrum(recording: rr.RecordingStream, comparison: Comparison) -> None:
-    """Bars of the singular values, as powers of ten above the threshold in their gap: those that count, positive, in
-    blue, and the others, round-off, in grey."""
+    """Bars of the singular values as powers of ten about the threshold: blue ones count, grey ones are round-off."""
     heights, rank = np.log10(shares(comparison.space) / threshold(comparison.space)), comparison.space.rank
     parts = (("essential", slice(0, rank), run_color(0)), ("null_space", slice(rank, len(heights)), MUTED))
     for name, part, color in parts:
@@ -162,13 +147,11 @@ def _log_spectrum(recording: rr.RecordingStream, comparison: Comparison) -> None
 
 
 def blueprint(comparison: Comparison, parts: Skeleton) -> rrb.Blueprint:
-    """Blueprint, the layout of a comparison's rerun recording, in tabs: an overview; errors of all controllers;
-    positions; torques; parameter estimates, where there are any; and the independent parameters with their equations.
-    `parts` are the shapes that the arm is drawn by. Raises what `Viewpoint.of` raises for the desired positions."""
+    """Layout of a comparison's recording, in tabs."""
     end, joints = comparison.subject.duration, comparison.joint_names
     errors = _error_views(comparison)
     title = f"All controllers: RMS error of all joints, powers of ten of a {comparison.error_unit}"
-    shares = [3, 2] if len(errors) > TALL else [1, 1]
+    shares = [3, 2] if len(errors) > MAX_RUNS_IN_LEGEND else [1, 1]
     grid = rrb.Grid(*errors, grid_columns=min(len(errors), 4))
     together = rrb.Vertical(views.curves("/error_decades", title, end), grid, row_shares=shares, name="Controllers")
     position = [
@@ -197,7 +180,7 @@ def _overview(comparison: Comparison, viewpoint: Viewpoint) -> rrb.Container:
     arm = views.arm(WORLD, "The arm · desired: green ghost · adaptation off: orange ghost", viewpoint)
     left = rrb.Vertical(arm, views.text("summary", "Summary"), row_shares=[11, 9])
     title = f"{leading.meaning}, powers of ten of a {leading.unit}" if leading else ""
-    curves = [views.curves("/leading", title, end, room=views.LONG)] if leading else []
+    curves = [views.curves("/leading", title, end, room=views.LONG_LEGEND)] if leading else []
     curves += _error_views(comparison, legend=True)[: 2 - len(curves)]
     if rise is None:
         curves.append(views.curves("/energy", "Energy [J]", end))
@@ -206,21 +189,20 @@ def _overview(comparison: Comparison, viewpoint: Viewpoint) -> rrb.Container:
     most = f"Estimates that moved most · {_truth(comparison)}"
     curves += [
         views.curves("/torque_share", "Torque / limit", end, (-1.1, 1.1), legend_room(comparison.joint_names)),
-        views.curves("/estimate/most_learnt", most, end, room=views.LONG),
+        views.curves("/estimate/most_learnt", most, end, room=views.LONG_LEGEND),
     ]
     right = rrb.Grid(*curves, _spectrum(), grid_columns=2)
     return rrb.Horizontal(left, right, column_shares=[5, 7], name="Overview")
 
 
 def _error_views(comparison: Comparison, *, legend: bool | None = None) -> list[rrb.View]:
-    """Errors of the joints, a view a run: the subject, adaptation off, then the rest, all in one range."""
     first = [run for run in (comparison.subject, comparison.baseline) if run is not None]
     shown = first + [run for run in comparison.runs if run not in first]
     errors = 1e3 * np.concatenate([run.rollout.error for run in shown[:2]])
     margin = 0.06 * float(np.ptp(errors)) + 1e-6
     bounds = (float(errors.min()) - margin, float(errors.max()) + margin)
     end, room = comparison.subject.duration, legend_room(comparison.joint_names)
-    shows = len(shown) <= MANY if legend is None else legend
+    shows = len(shown) <= MAX_RUNS_WITH_LEGENDS if legend is None else legend
     told = f"joints' tracking errors [{comparison.error_unit}]"
     return [
         views.curves(f"/error/{run.name}", f"{run.label} · {told}", end, bounds, room, legend=shows) for run in shown
@@ -228,14 +210,12 @@ def _error_views(comparison: Comparison, *, legend: bool | None = None) -> list[
 
 
 def legend_room(names: Sequence[str]) -> float:
-    """Room, a fraction of the time shown, for a legend of the `names`. Nothing is raised."""
-    return views.LONG if max(map(len, names), default=0) > LONGEST else views.SHORT
+    """Fraction of the time shown that a legend of these names needs."""
+    return views.LONG_LEGEND if max(map(len, names), default=0) > MAX_SHORT_NAME else views.SHORT_LEGEND
 
 
 def estimated_links(comparison: Comparison) -> dict[str, str]:
-    """Units of the fundamental parameters of each link, and of each joint's friction, as one text such as "kg·m,
-    kg·m²", by its name; empty where the first run has no estimates. Raises `InputError` for the basis of another
-    mechanism."""
+    """Units of the estimates of each link and of each joint's friction, by its name."""
     found: dict[str, dict[str, None]] = {}
     if comparison.subject.rollout.estimate.shape[1]:
         for name in comparison.model.names:
@@ -254,7 +234,6 @@ def _spectrum() -> rrb.View:
 
 
 def _equations(comparison: Comparison) -> str:
-    """Regrouping equations of the fundamental parameters in Markdown."""
     equations = Lines([str(equation) for equation in comparison.basis.equations()]).markdown()
     return f"""# Independent parameters: rank {comparison.space.rank} of {len(comparison.space.parameter_names)}
 
@@ -266,9 +245,7 @@ changes no torque by itself.
 
 
 def summary_markdown(comparison: Comparison) -> str:
-    """Summary of a `comparison` of runs as Markdown text, for its recording: its outcome in words, a table of facts,
-    and a table with a row for each run, with its tracking errors and how it ended. Raises `ValueError` for a first run
-    of another number of joints than there are torque limits."""
+    """Summary of a comparison in Markdown: outcome, facts and runs."""
     leading = comparison.leading
     heads = ["first second", "last 2 s"]
     if leading is not None:
@@ -284,9 +261,7 @@ def summary_markdown(comparison: Comparison) -> str:
 
 
 def finite_part(comparison: Comparison) -> Comparison:
-    """The `comparison` with each of its runs cut off before the first sample at which a position, velocity, torque or
-    parameter estimate is NaN or infinite; a run keeps at least its first sample. It is the comparison itself where all
-    are finite. Nothing is raised."""
+    """Comparison with each run cut off before its first sample that is not finite."""
     counts = {run.name: _finite_samples(run) for run in comparison.runs}
     if all(counts[run.name] == len(run.rollout.time) for run in comparison.runs):
         return comparison
@@ -298,7 +273,6 @@ def finite_part(comparison: Comparison) -> Comparison:
 
 
 def _finite_samples(run: ControllerRun) -> int:
-    """Number of a run's samples before the first that is not finite, at least 1."""
     rollout = run.rollout
     arrays = (rollout.p, rollout.v, rollout.torque, rollout.applied, rollout.estimate)
     holes = np.flatnonzero(~np.isfinite(np.concatenate(arrays, axis=1)).all(axis=1))
@@ -306,7 +280,6 @@ def _finite_samples(run: ControllerRun) -> int:
 
 
 def _beginning(run: ControllerRun, count: int) -> ControllerRun:
-    """A run's first samples, so many of them."""
     rollout = run.rollout
     arrays: dict[str, Any] = {name: x[:count] for name, x in vars(rollout).items() if isinstance(x, np.ndarray)}
     marks = {name: values[:count] for name, values in rollout.flags.items()}

@@ -1,4 +1,4 @@
-"""Results of experiments: the outcome in words, and the function that writes the folder."""
+"""Results of experiments."""
 
 from __future__ import annotations
 
@@ -16,9 +16,15 @@ from adaptctl.folders import made_folder
 
 
 class Whose(Enum):
-    """Enumeration of what a fact in an experiment's report is about, by which the report colours it. SUBJECT is the
-    simulated run that a comparison examines, BASELINE the run with adaptation off, NOBODY no single run. The value is
-    the name of the report's style: "subject", "off" or, for no colour, empty."""
+    """
+    Run that a fact is about, by which the report colors it: the subject, the baseline without adaptation, or none.
+
+    Examples
+    --------
+    >>> from adaptctl.recording import Whose
+    >>> Whose.SUBJECT.value
+    'subject'
+    """
 
     SUBJECT = "subject"
     BASELINE = "off"
@@ -26,9 +32,24 @@ class Whose(Enum):
 
 
 class Fact(NamedTuple):
-    """A fact about an experiment's result: `question`, one that a person asks first; `answer`, in words, with its unit;
-    and `whose`, the run that it is about, `Whose.NOBODY` (no run by itself) unless given. Nothing is checked at
-    construction."""
+    """
+    Question that a person asks first about a result, and its answer.
+
+    Parameters
+    ----------
+    question : str
+        Question in words.
+    answer : str
+        Answer in words, with its unit.
+    whose : Whose, optional
+        Run that it is about; none by default.
+
+    Examples
+    --------
+    >>> from adaptctl.recording import Fact
+    >>> Fact("Peak torque", "21.7 % of the limit").answer
+    '21.7 % of the limit'
+    """
 
     question: str
     answer: str
@@ -36,19 +57,28 @@ class Fact(NamedTuple):
 
 
 def answers(facts: Iterable[Fact]) -> dict[str, str]:
-    """Mapping of questions to answers, both texts, of the facts about an experiment's result, in their order; of facts
-    with one question, the last counts. Nothing is raised."""
+    """Answers by question, in their order."""
     return {fact.question: fact.answer for fact in facts}
 
 
 class Failure(Enum):
-    """Enumeration of the kinds of a controller's failure in an experiment; the value is a word for it, such as
-    "diverged". STOPPED: the environment ended the run early, a joint's position error having passed its bound, or the
-    mechanism having come near a singularity of its kinematic loops or broken a condition that its file states.
-    DIVERGED: a position error was 1 rad (1 m if prismatic) or more in the run's last 2 s. SATURATED: a torque was at
-    its limit for over 2 s in all. NO_BETTER: the RMS position error over the last 2 s is not below 0.9 times that with
-    adaptation off. DIFFERS: a build of exported code does not compile, or does not repeat Python's torques within its
-    tolerance."""
+    """
+    Kinds of a controller's failure in an experiment.
+
+    Notes
+    -----
+    - STOPPED: the environment ended the run early, by a position error, a singularity or a broken condition.
+    - DIVERGED: a position error was 1 rad (1 m) or more in the last 2 s.
+    - SATURATED: a torque was at its limit for over 2 s in all.
+    - NO_BETTER: the error of the last 2 s is not below 0.9 times that without adaptation.
+    - DIFFERS: exported code does not compile, or does not repeat Python's torques within its tolerance.
+
+    Examples
+    --------
+    >>> from adaptctl.recording import Failure
+    >>> Failure.DIVERGED.value
+    'diverged'
+    """
 
     STOPPED = "stopped"
     DIVERGED = "diverged"
@@ -59,9 +89,24 @@ class Failure(Enum):
 
 @dataclass(frozen=True)
 class Fault:
-    """A failure of a controller in a run: `failure`, its kind, and `sentence`, a description of it for readers.
-    `expected` is the reason why the experiment expects it, so that it does not count against the controller, None, the
-    default, where it does not. Nothing is checked at construction."""
+    """
+    Failure of a controller in a run.
+
+    Parameters
+    ----------
+    failure : Failure
+        Kind of failure.
+    sentence : str
+        Description for readers.
+    expected : str, optional
+        Reason why the experiment expects it, so that it does not count against the controller.
+
+    Examples
+    --------
+    >>> from adaptctl.recording import Failure, Fault
+    >>> Fault(Failure.SATURATED, "joint 2 was at its limit for 3 s").expected is None
+    True
+    """
 
     failure: Failure
     sentence: str
@@ -70,43 +115,108 @@ class Fault:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Verdict on the controllers that an experiment is about: `faults`, their failures in the order found, empty, the
-    default, where they did what was asked. Nothing is checked at construction."""
+    """
+    Failures of the controllers that an experiment is about.
+
+    Parameters
+    ----------
+    faults : tuple of Fault, optional
+        Failures in the order found; none where the controllers did what was asked.
+
+    Examples
+    --------
+    >>> from adaptctl.recording import Failure, Verdict
+    >>> verdict = Verdict.of([(Failure.SATURATED, "Joint 2 was at its limit.")])
+    >>> verdict.passed
+    False
+    >>> verdict.before("The error is 3 mrad.")
+    'Failed: Joint 2 was at its limit. The error is 3 mrad.'
+    """
 
     faults: tuple[Fault, ...] = ()
 
     @classmethod
     def of(cls, found: Iterable[tuple[Failure, str]], expected: Mapping[Failure, str] | None = None) -> Verdict:
-        """The verdict with a `Fault` (a failure of a controller) for each pair of `found`, a kind of failure and a
-        sentence about it, in their order. `expected` maps kinds of failure to the reason why the experiment expects
-        them, None, the default, for none; a kind that is not in it counts against the controller. Nothing is
-        checked."""
+        """
+        Return the verdict with given failures.
+
+        Parameters
+        ----------
+        found : iterable of tuple
+            Pairs of a failure's kind and a sentence.
+        expected : mapping of Failure to str, optional
+            Reasons why the experiment expects a kind.
+
+        Returns
+        -------
+        Verdict
+            Failures in their order.
+        """
         reasons = expected or {}
         return cls(tuple(Fault(failure, sentence, reasons.get(failure)) for failure, sentence in found))
 
     @classmethod
     def together(cls, verdicts: Iterable[Verdict]) -> Verdict:
-        """One verdict made of several, for an experiment about several controllers: the faults (failures) of all of
-        them, in their order. Nothing is checked."""
+        """
+        Join verdicts on several controllers.
+
+        Parameters
+        ----------
+        verdicts : iterable of Verdict
+            Verdicts in their order.
+
+        Returns
+        -------
+        Verdict
+            All failures.
+
+        Examples
+        --------
+        >>> from adaptctl.recording import Verdict
+        >>> Verdict.together([Verdict(), Verdict()]).passed
+        True
+        """
         return cls(tuple(fault for verdict in verdicts for fault in verdict.faults))
 
     @property
     def passed(self) -> bool:
-        """True where the verdict has no faults (failures of a controller), or only such as the experiment expects."""
+        """True where all failures, if any, are expected."""
         return all(fault.expected is not None for fault in self.faults)
 
     def before(self, answer: str) -> str:
-        """The text `answer`, an experiment's result in words, together with sentences on the verdict's faults. Before
-        it stand "Failed:" and the unexpected ones; after it each expected one, as "As expected (reason): ...", or
-        without the brackets where the reason is empty. Without faults it is the answer alone. Nothing is raised."""
+        """
+        Join an experiment's answer with the sentences on its failures.
+
+        Parameters
+        ----------
+        answer : str
+            Result in words.
+
+        Returns
+        -------
+        str
+            Unexpected failures, answer, and expected failures with their reasons.
+        """
         failed = [fault.sentence for fault in self.faults if fault.expected is None]
         reasons = [(fault, f" ({fault.expected})" if fault.expected else "") for fault in self.faults]
         expected = [f"As expected{why}: {fault.sentence}" for fault, why in reasons if fault.expected is not None]
         return " ".join([*(["Failed:", *failed] if failed else []), answer, *expected])
 
     def as_builtins(self) -> dict[str, Any]:
-        """The verdict in JSON's types: `passed`, a bool, and `faults`, a list of mappings with `failure`, a value of
-        `Failure` such as "diverged", `sentence`, a text, and `expected`, the reason or None. Nothing is raised."""
+        """
+        Return the verdict in JSON's types.
+
+        Returns
+        -------
+        dict of str to Any
+            Truth value `passed`, and a list `faults` of mappings.
+
+        Examples
+        --------
+        >>> from adaptctl.recording import Verdict
+        >>> Verdict().as_builtins()
+        {'passed': True, 'faults': []}
+        """
         faults = [
             {"failure": fault.failure.value, "sentence": fault.sentence, "expected": fault.expected}
             for fault in self.faults
@@ -121,26 +231,21 @@ RECORDING, SUMMARY, TRACE, REPORT, FIGURES = (
     "report.html",
     "figures",
 )
+# Name of the hidden folder that files are written to before they are moved to their places.
 STAGED = "artifacts"
-"""Name of the hidden folder that files are written to before they are moved to their places."""
 
 
+# Called with what is being done, and the fraction of it (0 to 1) that is done.
 Progress: TypeAlias = Callable[[str, float], object]
-"""Called with what is being done, and the fraction of it (0 to 1) that is done."""
 
 
 def silent(what: str, share: float) -> None:
-    """Progress callback that does nothing, for callers that want no progress shown. Its arguments are those of every
-    such callback: `what` is being done, in words, and the fraction of it that is done, `share`, 0 to 1. Nothing is
-    raised."""
+    """Progress callback that does nothing."""
 
 
 @contextmanager
 def all_or_none(folder: str | Path, last: str = SUMMARY) -> Iterator[Path]:
-    """Context manager that gives a hidden folder within `folder`, which is made where it is missing, to write to: when
-    the block ends its files are moved into `folder`, over existing ones of their names, the file `last` after all
-    others, so that what is half done does not say that it is complete; when the block fails `folder` stays as it was.
-    Raises `FileError`, which names the file's own place, where one cannot be written or the folder cannot be made."""
+    """Context manager with a folder whose files are moved into `folder` when the block ends, or not at all."""
     path, made = Path(folder), list[Path]()
     remove_stale_temporaries(path, STAGED)
     beside = name_beside(path / STAGED)
@@ -161,7 +266,6 @@ def all_or_none(folder: str | Path, last: str = SUMMARY) -> Iterator[Path]:
 
 
 def _made(place: Path) -> list[Path]:
-    """The folder, which is there now, if it was not before; else none. Raises `FileError` where it cannot be made."""
     made = [] if place.is_dir() else [place]
     made_folder(place)
     return made
@@ -179,15 +283,32 @@ def _move_in(beside: Path, path: Path, last: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """Result of a finished experiment, as the command line prints and saves it.
+    """
+    Result of a finished experiment, as the command line prints and saves it.
 
-    `complete` is False where the experiment was interrupted: the result then holds what was computed. `headline` is the
-    outcome in a sentence or two; `facts` are the questions that a person asks first, with their answers; `verdict` has
-    the failures of the controllers that the experiment is about, by which the command's exit code is decided.
-    `write(folder, progress)` writes recording, report and figures into an existing folder, and calls `progress(what,
-    share)` with what is being written and the fraction done, 0 to 1. `failed` is True where the experiment itself
-    counts its controller as failed; False, the default, for most experiments, whose failures are in `verdict` alone.
     Nothing is checked at construction.
+
+    Parameters
+    ----------
+    complete : bool
+        False where the experiment was interrupted.
+    headline : str
+        Outcome in a sentence or two.
+    facts : tuple of Fact
+        Questions that a person asks first, with answers.
+    verdict : Verdict
+        Failures of the controllers, which decide the exit code.
+    write : callable
+        Function of a folder and a progress callback that writes recording, report and figures.
+    failed : bool, default False
+        True where the experiment itself counts its controller as failed.
+
+    Examples
+    --------
+    >>> from adaptctl.recording import compared_runs, shown
+    >>> result = shown(compared_runs(arm, {"adaptive": run}))
+    >>> result.complete, len(result.facts) > 3
+    (True, True)
     """
 
     complete: bool

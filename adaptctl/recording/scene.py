@@ -21,13 +21,12 @@ from adaptctl.recording.skeleton import ROOT_RADIUS, Shape, Skeleton, Solid, tip
 from adaptctl.recording.views import TIMELINE
 
 WORLD = "world"
-GHOST = 70
-"""opacity of what is translucent, of 255"""
+# Opacity of what is translucent, of 255
+GHOST_OPACITY = 70
 
 
 def log_poses(recording: rr.RecordingStream, name: str, mechanism: Mechanism, time: Array, poses: LinkPoses) -> None:
-    """Let the entities `name`/LINK below "world" of a rerun recording, LINK being a link's name, move as the links of a
-    mechanism do: by their `poses`, (T, N) of each, at T times `time` (T,), s. Nothing is checked."""
+    """Let entities below "world" move as the links of a mechanism, by their poses (T, N)."""
     from scipy.spatial.transform import Rotation
 
     for i, link in enumerate(mechanism.links):
@@ -47,15 +46,7 @@ def log_arm(
     *,
     ghost: bool = False,
 ) -> Array:
-    """Draw a moving arm in a rerun recording, as the entities `name`/LINK below "world", LINK being a link's name, and
-    return the path of its tip (T, 3), m in the world's frame. `p` (T, r) are the positions, rad (m if prismatic), of
-    its r joints at T times `time` (T,), s.
-
-    Links have the shapes and colours of the robot's file; where it has none they are capsules, light grey, with
-    cylinders of one `color` for joints, the shapes in `parts`. A `ghost` is translucent, all of it of that colour.
-    Raises `InputError` for positions of another number of joints, `NonFiniteError` for NaN and infinity, `LoopError`
-    where kinematic loops cannot be closed, `SingularityError` near a singularity of these.
-    """
+    """Draw a moving arm, and return the path (T, 3) of its tip in m in the world's frame."""
     poses, shown = link_poses(mechanism, p), visuals(mechanism.description)
     log_poses(recording, name, mechanism, time, poses)
     for i, link in enumerate(mechanism.links):
@@ -70,10 +61,7 @@ def log_arm(
 
 
 def log_trail(recording: rr.RecordingStream, name: str, time: Array, path: Array, color: Color) -> None:
-    """Draw the trail of an arm's tip in a rerun recording, as the entity `name` below "world": the positions `path` (T,
-    3), m in the world's frame, at T times `time` (T,), s, joined by pieces of line. A piece is logged at the time of
-    its end; the view `views.arm` shows those of the last 4 s. Fewer than two samples draw nothing. Nothing is
-    checked."""
+    """Draw the trail of a tip, a piece at each time, of which `views.arm` shows the last 4 s."""
     if len(path) < 2:
         return
     strips = np.stack([path[:-1], path[1:]], axis=1)
@@ -88,9 +76,7 @@ def log_trail(recording: rr.RecordingStream, name: str, time: Array, path: Array
 
 
 def log_path(recording: rr.RecordingStream, name: str, path: Array, color: Color) -> None:
-    """Draw the whole path of an arm's tip in a rerun recording, as the entity `name` below "world", the same at all
-    times: a faint line through T positions `path` (T, 3), m in the world's frame, in their order. Nothing is
-    checked."""
+    """Draw the whole path (T, 3) of a tip, the same at all times."""
     line = rr.LineStrips3D([path], radii=[0.002], colors=[(*color, 110)])
     recording.log(f"{WORLD}/{name}", line, static=True)
 
@@ -98,10 +84,7 @@ def log_path(recording: rr.RecordingStream, name: str, path: Array, color: Color
 def log_base(
     recording: rr.RecordingStream, mechanism: Mechanism, parts: Skeleton, floor: float, name: str = "base"
 ) -> None:
-    """Draw the fixed base of a mechanism in a rerun recording, as the entity `name` below "world": the shapes that the
-    robot's file fixes to the ground, and a pedestal from each link on the ground down to the floor, whose height is
-    `floor`, m. A body that hangs above its own links, such as a humanoid's hips, gets none. `parts` are the shapes that
-    the mechanism is drawn by; they set the pedestals' size. Nothing is raised."""
+    """Draw the fixed shapes of a mechanism, and pedestals down to the floor."""
     radius = 1.15 * ROOT_RADIUS * parts.reach
     feet = np.array([link.parent_to_joint.translation for link in mechanism.links if link.parent == GROUND])
     shown = visuals(mechanism.description)
@@ -125,8 +108,7 @@ def log_base(
 
 
 def _stands(mechanism: Mechanism, feet: Array, radius: float) -> NDArray[np.bool_]:
-    """Mask of the feet (n,) that a pedestal may stand under: none of a body that hangs, as a humanoid's hips above its
-    legs do."""
+    """Mask (n,) of the feet that a pedestal may be under: none of a body that hangs."""
     if mechanism.description.loops is not None:  # linkages stand, and may not close with all joints at zero
         return np.ones(len(feet), dtype=np.bool_)
     origins = link_poses(mechanism, np.zeros(len(mechanism.primary_joints))).translations
@@ -136,16 +118,15 @@ def _stands(mechanism: Mechanism, feet: Array, radius: float) -> NDArray[np.bool
 
 
 def entity(name: str) -> str:
-    """The text `name` as one part of an entity path of a rerun recording: letters, digits, "-", "_" and "." stay, every
-    other character becomes an underscore. Nothing is raised."""
+    """Name as one part of an entity path, other characters as underscores."""
     return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name)
 
 
 def _look(color: Color, ghost: bool) -> dict[str, Any]:
-    """Colour and filling of a solid: opaque, or a translucent ghost."""
+    """Color and filling of a solid: opaque, or a translucent ghost."""
     modes = rr.components.FillMode
     filled = modes.TransparentFillMajorWireframe if ghost else modes.Solid
-    return {"colors": [(*color, GHOST if ghost else 255)], "fill_mode": filled}
+    return {"colors": [(*color, GHOST_OPACITY if ghost else 255)], "fill_mode": filled}
 
 
 def _drawn(solid: Solid, shapes: Sequence[Shape], color: Color, ghost: bool) -> rr.AsComponents:
@@ -163,31 +144,28 @@ def _drawn(solid: Solid, shapes: Sequence[Shape], color: Color, ghost: bool) -> 
     return rr.Cylinders3D(centers=centers, **given)
 
 
-MEDIA = {
+# Kinds of meshes that the viewer reads.
+MEDIA_TYPES = {
     ".dae": "model/vnd.collada+xml",
     ".glb": "model/gltf-binary",
     ".obj": "model/obj",
     ".stl": "model/stl",
 }
-"""Kinds of meshes that the viewer reads."""
-MOST = 12_000_000
-"""Bytes of all meshes of an arm, which a recording holds once for the arm and once for each ghost."""
+# Bytes of all meshes of an arm, which a recording holds once for the arm and once for each ghost.
+MAX_MESH_BYTES = 12_000_000
 
 
 def visuals(description: Description) -> dict[int, list[tuple[Visual, bytes]]]:
-    """Shapes by which a mechanism's file draws its links, each with the bytes of its mesh file (.dae, .glb, .obj, .stl;
-    none for plain solids), in lists by the zero-based index of the link, or -1 for the ground. A link with a mesh of
-    another kind or one that cannot be read is left out, and is then drawn by capsules. All are left out where the
-    meshes have more than 12 MB together, too much for a recording. Nothing is raised."""
+    """Shapes of a robot's file by link (-1 for the ground), with the bytes of their meshes."""
     contents: dict[Path, bytes] = {}
     for path in {visual.solid.path for visual in description.visuals if isinstance(visual.solid, Mesh)}:
         with suppress(OSError):  # it was there when the mechanism was read
-            contents |= {path: path.read_bytes()} if path.suffix.lower() in MEDIA else {}
+            contents |= {path: path.read_bytes()} if path.suffix.lower() in MEDIA_TYPES else {}
     found: dict[int, list[tuple[Visual, bytes | None]]] = {}
     for visual in description.visuals:
         content = contents.get(visual.solid.path) if isinstance(visual.solid, Mesh) else b""
         found.setdefault(visual.link, []).append((visual, content))
-    if sum(map(len, contents.values())) > MOST:
+    if sum(map(len, contents.values())) > MAX_MESH_BYTES:
         return {}
     whole = {link: [(one, content) for one, content in own if content is not None] for link, own in found.items()}
     return {link: own for link, own in whole.items() if len(own) == len(found[link])}
@@ -196,8 +174,7 @@ def visuals(description: Description) -> dict[int, list[tuple[Visual, bytes]]]:
 def _log_visuals(
     recording: rr.RecordingStream, path: str, own: Sequence[tuple[Visual, bytes]], color: Color, ghost: bool
 ) -> Sequence[tuple[Visual, bytes]]:
-    """Draw a link's shapes below the entity `path`, in their own colours or else in `color`, which a ghost has all
-    over, and return them."""
+    """Draw a link's shapes in their own colors, or all in a ghost's, and return them."""
     for k, (visual, content) in enumerate(own):
         scale = visual.solid.scale if isinstance(visual.solid, Mesh) else None
         pose = rr.Transform3D(translation=visual.pose.translation, mat3x3=visual.pose.rotation, scale=scale)
@@ -212,7 +189,7 @@ def _drawn_visual(visual: Visual, content: bytes, color: Color, ghost: bool) -> 
     if isinstance(solid, Mesh):
         kind = solid.path.suffix.lower()  # files but STL's have colours of their own
         albedo = look["colors"][0] if ghost or kind == ".stl" else None
-        return rr.Asset3D(contents=content, media_type=MEDIA[kind], albedo_factor=albedo)
+        return rr.Asset3D(contents=content, media_type=MEDIA_TYPES[kind], albedo_factor=albedo)
     if isinstance(solid, Box):
         return rr.Boxes3D(sizes=[solid.size], **look)
     if isinstance(solid, Cylinder):

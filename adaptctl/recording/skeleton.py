@@ -1,4 +1,4 @@
-"""Shapes that stand for a mechanism: capsules along its links, cylinders about its joints."""
+"""Shapes by which a mechanism is drawn."""
 
 from __future__ import annotations
 
@@ -14,14 +14,12 @@ from adaptctl.description.reach import SHORTEST, attachments, chain_reach, depth
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import link_poses
 
+# Radii of the first and the last link as shares of the reach.
 ROOT_RADIUS, TIP_RADIUS = 0.062, 0.026
-"""Radii of the first and the last link as shares of the reach."""
 
 
 class Solid(Enum):
-    """Enumeration of the kinds of round solids by which a mechanism is drawn: LINK, a capsule along a link; JOINT, a
-    cylinder about a joint's axis; TOOL, a ball at the tip. The value is the last part of the entity path in recordings:
-    "link", "joint", "tool"."""
+    """Kinds of round solids: capsule along a link, cylinder about a joint's axis, ball at the tip."""
 
     LINK = "link"
     JOINT = "joint"
@@ -30,9 +28,7 @@ class Solid(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Round solid by which a link is drawn, fixed to the link of zero-based index `link`: `solid` is its kind, `start`
-    and `end` (3,), m in the link's frame, are the ends of its axis, one point for a ball, and `radius`, m, is its
-    radius. Nothing is checked at construction."""
+    """Round solid fixed to a link: ends (3,) of its axis in the link's frame and radius, in m."""
 
     link: int
     solid: Solid
@@ -42,16 +38,13 @@ class Shape:
 
     @property
     def length(self) -> float:
-        """Length of the solid's axis, from `start` to `end`, m; 0 for a ball."""
+        """Length of the solid's axis in m."""
         return float(np.linalg.norm(self.end - self.start))
 
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """Skeleton of a mechanism, by which it is drawn where its file has no shapes. `shapes` are its round solids;
-    `reach`, m, is the length of the chain of links from the first joint to the tip. The tip, the point whose path is
-    shown, is given by the zero-based index `tip_link` of its link and its position `tip` (3,), m in that link's frame.
-    Nothing is checked at construction."""
+    """Round solids of a mechanism, its reach (m) from first joint to tip, and the tip's link and position."""
 
     shapes: tuple[Shape, ...]
     reach: float
@@ -60,10 +53,7 @@ class Skeleton:
 
 
 def skeleton(mechanism: Mechanism) -> Skeleton:
-    """The skeleton of a mechanism, a `Skeleton`: capsules along its links, from each joint to the next, cylinders about
-    its joints' axes, and a ball at the tip, the end of the link with most links before it (of several, the first). A
-    capsule goes along the joint's axis first, then at a right angle to it, as an arm's shoulder does. Lengths are in m;
-    radii grow with the reach. Nothing is raised."""
+    """Skeleton of a mechanism."""
     links = mechanism.links
     ends = attachments(mechanism.description)
     deep = np.array(depths(link.parent for link in links)) - 1
@@ -77,10 +67,7 @@ def skeleton(mechanism: Mechanism) -> Skeleton:
 
 
 def with_tip(parts: Skeleton, link: int, tip: Array) -> Skeleton:
-    """The skeleton `parts` with another tip: the point `tip` (3,), m in the frame of the link of zero-based index
-    `link`. A capsule is added that reaches it, from the old tip where that was on the same link, else from the link's
-    origin, and its length is added to the reach; the ball moves to the new tip. Raises `ValueError` for a skeleton
-    without a capsule or without a ball."""
+    """Skeleton with another tip (3,) in a link's frame, reached by a capsule."""
     start = parts.tip if link == parts.tip_link else np.zeros(3)
     body = [shape for shape in parts.shapes if shape.solid is not Solid.TOOL]
     ball = max(shape.radius for shape in parts.shapes if shape.solid is Solid.TOOL)
@@ -90,10 +77,7 @@ def with_tip(parts: Skeleton, link: int, tip: Array) -> Skeleton:
 
 
 def tip_path(parts: Skeleton, rotations: Array, translations: Array) -> Array:
-    """Positions (..., 3) of a mechanism's tip, m in the world's frame, from the poses of its N links in the world. The
-    poses are `rotations` (..., N, 3, 3) and `translations` (..., N, 3), m, in the order of `Mechanism.links`, the
-    ground not among them, leading axes being samples. `parts` is the skeleton, which has the tip's position in its
-    link. Raises `IndexError` where there are fewer links than the tip's index needs."""
+    """Positions (..., 3) of the tip in m in the world's frame, from the poses of the links."""
     return translations[..., parts.tip_link, :] + rotations[..., parts.tip_link, :, :] @ parts.tip
 
 
@@ -109,16 +93,15 @@ def _link_shapes(links: tuple[Link, ...], index: int, ends: Sequence[Array], rad
     yield Shape(index, Solid.JOINT, start - half, start + half, 1.2 * radius)
 
 
-POSITIONS = 200
-"""At most as many positions are looked at."""
-SEEN = 0.5
-"""Share of a camera's distance, beside its axis, up to which rerun's viewer shows things: tan of half its angle."""
+# Largest number of positions looked at.
+MAX_POSITIONS = 200
+# Share of a camera's distance, beside its axis, up to which rerun's viewer shows things: tan of half its angle.
+VIEW_SLOPE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:
-    """Camera's viewpoint of a mechanism: `eye` (3,), the camera's position, `target` (3,), the point that it looks at,
-    and `floor`, the height of the floor along z, all in m in the world's frame. Nothing is checked at construction."""
+    """Camera's position (3,) and target (3,), and the floor's height, in m in the world's frame."""
 
     eye: Array
     target: Array
@@ -126,12 +109,8 @@ class Viewpoint:
 
     @classmethod
     def of(cls, mechanism: Mechanism, parts: Skeleton, p: Array) -> Viewpoint:
-        """The viewpoint, from a mechanism's side, from which all of it is seen along its motion: positions `p` (T, r),
-        rad (m if prismatic), of r joints at T samples, at least one, of which at most 200 are looked at. `parts` are
-        the shapes it is drawn by. Raises `InputError` for positions of another number of joints, `NonFiniteError` for
-        NaN and infinity, `LoopError` where kinematic loops cannot be closed, `SingularityError` near a singularity of
-        these, `IndexError` for no positions."""
-        poses = link_poses(mechanism, p[:: max(1, -(-len(p) // POSITIONS))])
+        """Viewpoint from a mechanism's side that sees all of it along positions (T, r)."""
+        poses = link_poses(mechanism, p[:: max(1, -(-len(p) // MAX_POSITIONS))])
         origins = poses.translations
         tips = origins[:, parts.tip_link] + poses.rotations[:, parts.tip_link] @ parts.tip
         center = (origins.reshape(-1, 3).min(axis=0) + origins.reshape(-1, 3).max(axis=0)) / 2.0
@@ -149,21 +128,14 @@ class Viewpoint:
 
 
 def _distance_to_see(points: Array, toward: Array) -> float:
-    """Distance (m) of a camera in a direction (3,), a unit vector, that sees all points (n, 3) around the origin."""
+    """Distance (m) of a camera in a direction (3,) that sees all points (n, 3) around the origin."""
     along = points @ toward
     beside = np.linalg.norm(points - along[:, None] * toward, axis=1)
-    return float(np.max(along + beside / SEEN))
+    return float(np.max(along + beside / VIEW_SLOPE))
 
 
 def floor_height(mechanism: Mechanism, parts: Skeleton, p: Array) -> float:
-    """Height of the floor under a mechanism, m along z in the world's frame. It is 0 where the origins of all links'
-    frames stay above z = 0, else below the lowest of them and of the first joint, by 0.6 of the length of the chain of
-    links to the tip. `p` (T, r) are the positions, rad (m if prismatic), of r joints at T samples, at least one, of
-    which at most 200 are looked at; `parts` are the shapes it is drawn by.
-
-    Raises `InputError` for positions of another number of joints, `NonFiniteError` for NaN and infinity, `LoopError`
-    where kinematic loops cannot be closed, `SingularityError` near a singularity of these.
-    """
-    heights = link_poses(mechanism, p[:: max(1, -(-len(p) // POSITIONS))]).translations[..., 2]
+    """Height (m) of the floor: 0 where the mechanism stays above, else below its lowest link."""
+    heights = link_poses(mechanism, p[:: max(1, -(-len(p) // MAX_POSITIONS))]).translations[..., 2]
     lowest = min(float(heights.min()), min(link.parent_to_joint.translation[2] for link in mechanism.links[:1]))
     return 0.0 if lowest > 0.0 else lowest - 0.6 * parts.reach

@@ -1,4 +1,4 @@
-"""Files of rerun recordings: written beside their place, read back, and put there."""
+"""Files of rerun recordings."""
 
 from __future__ import annotations
 
@@ -21,15 +21,14 @@ from adaptctl.recording import views
 from adaptctl.recording.drawing import Color, joint_color, thinned
 from adaptctl.recording.views import TIMELINE
 
-CURVE_SAMPLES = 4000
-"""At most as many samples of a curve are shown."""
-SMALLEST_ERROR = 1e-9
-"""rad or m: smaller errors are shown as this, since the axis is logarithmic"""
+# Largest number of samples of a curve.
+MAX_CURVE_SAMPLES = 4000
+# Error in rad or m as which smaller ones are shown, since the axis is logarithmic.
+MIN_SHOWN_ERROR = 1e-9
 
 
 class Recorded(Protocol):
-    """Protocol of the subject of a recording, such as a `Comparison` or a `Report`; reading its attributes raises
-    nothing."""
+    """Protocol of the subject of a recording, such as a comparison or a report."""
 
     @property
     def experiment(self) -> str:
@@ -41,7 +40,7 @@ class Recorded(Protocol):
 
     @property
     def seed(self) -> int:
-        """Seed of all random numbers, a whole number."""
+        """Seed of all random numbers."""
 
     @property
     def complete(self) -> bool:
@@ -52,14 +51,7 @@ class Recorded(Protocol):
 def saved_stream(
     path: str | Path, shown: Recorded, content: bytes, blueprint: rrb.Blueprint
 ) -> Iterator[rr.RecordingStream]:
-    """A context with a rerun recording stream to log to, z up, which becomes the file `path` (.rrd), whole or not at
-    all. When the block ends the file is complete and readable; when it raises, `path` stays as it was.
-
-    `shown` gives title, experiment, seed and completeness; `blueprint` is the layout of its views. `content` is hashed
-    into the recording's identifier: recordings of one experiment and seed with equal `content`, such as the bytes of
-    the positions that were run, count as one recording in a viewer that has both open, others never. Raises `FileError`
-    where the file cannot be written or read back.
-    """
+    """Context manager with a recording stream that becomes a file, whole or not at all."""
     identifier = f"{shown.experiment}-seed{shown.seed}-{hashlib.sha256(content).hexdigest()[:12]}"
     with replacing(path) as beside:
         recording = rr.RecordingStream(f"adaptctl-{shown.experiment}", recording_id=identifier, make_default=False)
@@ -78,14 +70,12 @@ def saved_stream(
 
 
 def log_markdown(recording: rr.RecordingStream, path: str, text: str) -> None:
-    """Log a text in Markdown under the entity `path` of a rerun recording, the same at all times. Nothing is
-    checked."""
+    """Log a text in Markdown at a path, the same at all times."""
     recording.log(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
 def log_picture(recording: rr.RecordingStream, path: str, file: Path) -> None:
-    """Log the picture of a PNG file under the entity `path` of a rerun recording, the same at all times. Raises
-    `OSError` where the file cannot be read."""
+    """Log the picture of a PNG file at a path, the same at all times."""
     recording.log(path, rr.EncodedImage(contents=file.read_bytes(), media_type="image/png"), static=True)
 
 
@@ -107,10 +97,7 @@ def _verify(path: Path) -> None:
 
 
 class Curves(NamedTuple):
-    """Curves, n of them, that are drawn below the entity `path` of a recording: `values` (T, n), or (T,) for one, in
-    the unit that their view states, at T times `time` (T,), s, with `names` for the legend and `colors`, n of each. The
-    line `width` of all is in points of the screen, 1.5 by default; samples are thinned to at most `most`, by default
-    4000, for the table beside the recording has them all. Nothing is checked at construction."""
+    """Curves (T, n) below a path over times (T,) in s, with names and colors; thinned to at most `most` samples."""
 
     path: str
     time: Array
@@ -118,29 +105,26 @@ class Curves(NamedTuple):
     names: Sequence[str]
     colors: Sequence[Color]
     width: float = 1.5
-    most: int = CURVE_SAMPLES
+    most: int = MAX_CURVE_SAMPLES
 
 
-def of_joints(path: str, time: Array, values: Array, names: Sequence[str], most: int = CURVE_SAMPLES) -> Curves:
-    """`Curves` of joints called `names`, in the joints' colours. Nothing is checked."""
+def of_joints(path: str, time: Array, values: Array, names: Sequence[str], most: int = MAX_CURVE_SAMPLES) -> Curves:
+    """Curves of joints in the joints' colors."""
     return Curves(path, time, values, names, [joint_color(j) for j in range(len(names))], most=most)
 
 
 def levels(path: str, time: Array, heights: Array, names: Sequence[str], colors: Sequence[Color]) -> Curves:
-    """`Curves` that are n horizontal lines, such as limits or true values, at `heights` (n,) from the first to the last
-    of T times `time` (T,), s. Raises `IndexError` without times."""
+    """Curves that are horizontal lines at heights (n,), such as limits or true values."""
     return Curves(path, time[[0, -1]], np.stack([heights, heights]), names, colors, width=1.0)
 
 
 def in_decades(errors: Array) -> Array:
-    """Errors (...), rad (m if prismatic), as curves on a logarithmic scale show them: log10(1000 e), the power of ten
-    in mrad or mm. Errors below 1e-9 are taken as 1e-9."""
-    return np.log10(1e3 * np.maximum(errors, SMALLEST_ERROR))
+    """Errors on a logarithmic scale: the power of ten in mrad or mm, at least of 1e-9 rad (m)."""
+    return np.log10(1e3 * np.maximum(errors, MIN_SHOWN_ERROR))
 
 
 def log_curves(recording: rr.RecordingStream, curves: Iterable[Curves]) -> None:
-    """Log `curves` in a rerun recording. Those without any curve (n = 0) are left out; where there are not as many
-    times as values, rerun warns and draws none."""
+    """Log curves in a recording."""
     for one in curves:
         values = one.values[:, None] if one.values.ndim == 1 else one.values
         every, count = thinned(len(one.time), one.most), values.shape[1]
@@ -157,10 +141,7 @@ def log_curves(recording: rr.RecordingStream, curves: Iterable[Curves]) -> None:
 
 
 def write_illustrated(path: Path, shown: Recorded, text: str, figures: Mapping[str, Path]) -> None:
-    """Write a rerun recording without motion to the file `path` (.rrd), whole or not at all: a `text` in Markdown
-    beside pictures. `shown` has the recording's title, experiment, seed and completeness. `figures` maps names, such as
-    "tracking-error", to PNG files; they are shown one below the other, in their order, under these names. Raises
-    `FileError` where the recording cannot be written or read back, `OSError` where a PNG file cannot be read."""
+    """Write a recording of a text in Markdown beside pictures, whole or not at all."""
     pictures = [views.picture(f"figures/{name}", name.replace("-", " ").capitalize()) for name in figures]
     text_view, shown_beside = views.text("summary", "Summary"), rrb.Vertical(*pictures)
     layout = rrb.Horizontal(text_view, shown_beside, column_shares=[2, 3], name="Overview")

@@ -1,4 +1,4 @@
-"""Traces: runs as tables in Parquet files, one row a sample, named columns with units."""
+"""Traces: runs as tables in Parquet files, a row for each sample, named columns with units."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SCHEMA = "adaptctl/trace/2"
+# Units and meanings of the flags of plants and guards.
 FLAGS = {
     "payload": ("kg", "mass that is held"),
     "torque_limited": ("1", "1 where a limit held a torque back"),
@@ -28,13 +29,10 @@ FLAGS = {
     "ringing": ("1", "1 where a sliding variable changes its sign every control period"),
     "stopped": ("1", "1 from where the arm is braked"),
 }
-"""Units and meanings of the flags of plants and guards."""
 
 
 class Quantity(NamedTuple):
-    """A column of a table of samples: its `name`, such as "p.joint1", its `unit`, "1" for a number without one, its
-    `meaning` in words, and `values` (T,), a number or a text for each of T samples. Nothing is checked at
-    construction."""
+    """Column of a table of samples: name, unit, meaning in words, and values (T,)."""
 
     name: str
     unit: str
@@ -43,11 +41,7 @@ class Quantity(NamedTuple):
 
 
 def write_trace(path: str | Path, comparison: Comparison) -> None:
-    """Write the trace of a `comparison`, all samples of its first run, to the Parquet file `path`, whole or not at all.
-    Each sample is a row; columns such as `time`, `p.joint1` and `estimate.link2.mc_x` are float64, lossless, with unit
-    and meaning as metadata, and the table's metadata name the experiment, robot, run, seed and control period (s).
-    Raises `FileError` where the file cannot be written, `InputError` for the basis of another mechanism, `ValueError`
-    for a run of another number of joints than the mechanism's."""
+    """Write all samples of a comparison's first run to a Parquet file, whole or not at all."""
     about = {
         "schema": SCHEMA,
         "experiment": comparison.experiment,
@@ -62,9 +56,7 @@ def write_trace(path: str | Path, comparison: Comparison) -> None:
 
 
 def write_columns(path: str | Path, columns: Sequence[Quantity], about: dict[str, str]) -> None:
-    """Write a table to the Parquet file `path`, whole or not at all: `columns` of one length, of numbers (float64) or
-    of texts, each with its unit and meaning as metadata, and `about`, the metadata of the table. Raises `FileError`
-    where the file cannot be written, pyarrow's `ArrowInvalid`, a `ValueError`, for columns of different lengths."""
+    """Write columns with their units and meanings to a Parquet file, whole or not at all."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -80,20 +72,7 @@ def write_columns(path: str | Path, columns: Sequence[Quantity], about: dict[str
 
 
 def quantities(run: ControllerRun, mechanism: Mechanism, parameters: tuple[str, ...]) -> Iterator[Quantity]:
-    """Columns of the table of a `run` of a `mechanism`, each a `Quantity` of T samples: `time` (s), `energy`, kinetic
-    plus potential (J), `reward` of the environment (no unit), `clipped`, 1 where a torque was clipped, else 0,
-    `lyapunov` (J) where the control law has such a function, and `flag.NAME` for each flag of the plant or the
-    controller's guards.
-
-    Flags are 1 where set, else 0: `torque_limited`, `rate_limited`, `frozen` (nothing is learned), `bounded` (an
-    estimate brought back to its bounds), `ringing` (a sliding variable changes its sign every control period) and
-    `stopped` (the arm is braked); `payload` is the mass held (kg). Columns of a joint end in its name, such as
-    `p.joint1`: position `p`, desired position `reference_p` and `error`, position minus desired position, rad (m if
-    prismatic), velocity `v` and desired velocity `reference_v`, rad/s (m/s), desired acceleration `reference_a`,
-    rad/s^2 (m/s^2), and `torque`, asked for, and `applied`, within the limits, N m (N). `estimate.NAME` are parameter
-    estimates in SI units; `parameters` has their names. Raises `ValueError` for a run of another number of joints than
-    the mechanism's.
-    """
+    """Columns of a run's table: time, energy, joints' quantities, flags and estimates."""
     rollout = run.rollout
     yield Quantity("time", "s", "time since the start", rollout.time)
     yield from _of_joints(run, mechanism)

@@ -1,1 +1,1 @@
-"""Many runs of an experiment: what is varied, where it runs, and what is kept."""
+"""Many runs of an experiment."""

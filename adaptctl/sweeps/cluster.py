@@ -1,4 +1,4 @@
-"""Sweeps: every run of a study computed, once, by Dask on this machine or on the user's own cluster."""
+"""Sweeps: every run of a study computed, once, by Dask on this machine or on a cluster."""
 
 from __future__ import annotations
 
@@ -19,29 +19,21 @@ from adaptctl.version import __version__
 if TYPE_CHECKING:
     import pyarrow as pa
 
-ATTEMPTS = 3
-"""Workers that may die over a shard before it fails."""
-PATIENCE = 15.0
-"""s to wait for a scheduler, and for its first worker."""
-UNWATCHED = {
+# Workers that may die over a shard before it fails.
+MAX_ATTEMPTS = 3
+# Time in s to wait for a scheduler, and for its first worker.
+CONNECTION_TIMEOUT = 15.0
+# Dask's settings that have it watch itself less: by default that takes some 2 % of a processor for each process.
+QUIET_SETTINGS = {
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
 }
-"""Dask's settings that have it watch itself less: by default that takes some 2 % of a processor for each process."""
 
 
 @dataclass(frozen=True)
 class Cluster:
-    """Settings of a Dask cluster that computes the runs of a sweep: `jobs` worker processes on this computer, from 1 to
-    4096, or a scheduler that runs already, given by its address `scheduler`, such as "tcp://host:8786", or by the file
-    that it wrote, `scheduler_file`. Where all three are None, the default, there is a worker for each processor of this
-    computer.
-
-    `tls` has the paths of the certificate authority's file, the certificate and the key for a scheduler whose address
-    begins with "tls://", None for no encryption. Raises `InputError` at construction for more than one of the three,
-    `jobs` out of range, and files that do not exist.
-    """
+    """Workers of a sweep: so many on this computer, or those of a Dask scheduler."""
 
     jobs: int | None = None
     scheduler: str | None = None
@@ -60,15 +52,12 @@ class Cluster:
 
     @contextmanager
     def client(self) -> Iterator[Any]:
-        """Context manager that gives a connected Dask client. Workers that it starts on this computer end with the
-        block, those of a scheduler that ran before go on. Raises `InputError` where the scheduler is not reached within
-        15 s, has no worker after 15 s, or a worker lacks adaptctl or has another version of it; `MissingExtraError`
-        where Dask is not installed."""
+        """Context manager with a connected Dask client."""
         with needed("a sweep"):
             import dask
             import distributed
-        patient = {"distributed.comm.timeouts.connect": PATIENCE, "logging.distributed": "error"}
-        with dask.config.set(UNWATCHED | patient):
+        patient = {"distributed.comm.timeouts.connect": CONNECTION_TIMEOUT, "logging.distributed": "error"}
+        with dask.config.set(QUIET_SETTINGS | patient):
             if self.scheduler is None and self.scheduler_file is None:
                 # A worker whose last heartbeat finds no scheduler any more would print a traceback.
                 quiet = dask.config.set({"logging.distributed": "critical"})
@@ -87,7 +76,7 @@ class Cluster:
                 yield client
 
     def _connected(self, distributed: Any) -> Any:
-        given: dict[str, Any] = {"timeout": PATIENCE}
+        given: dict[str, Any] = {"timeout": CONNECTION_TIMEOUT}
         if self.tls is not None:
             paths = zip(("tls_ca_file", "tls_client_cert", "tls_client_key"), map(str, self.tls), strict=True)
             given["security"] = distributed.Security(**dict(paths), validate_encryption=True)
@@ -100,16 +89,15 @@ class Cluster:
 
 
 def versions() -> str:
-    """Version of adaptctl, as text, that is installed where the function runs: run on a cluster's worker, it tells
-    whether the worker has the same version. Nothing is raised."""
+    """Version of adaptctl where the function runs, such as a cluster's worker."""
     return __version__
 
 
 def _validate_workers(client: Any) -> None:
     try:
-        client.wait_for_workers(1, timeout=PATIENCE)
+        client.wait_for_workers(1, timeout=CONNECTION_TIMEOUT)
     except TimeoutError as error:
-        raise InputError(f"the scheduler has no workers after {PATIENCE:g} s: start some") from error
+        raise InputError(f"the scheduler has no workers after {CONNECTION_TIMEOUT:g} s: start some") from error
     try:
         found = client.run(versions)
     except ModuleNotFoundError as error:
@@ -120,16 +108,7 @@ def _validate_workers(client: Any) -> None:
 
 
 def sweep(folder: Folder, cluster: Cluster, progress: Callable[[float], object] = lambda share: None) -> pa.Table:
-    """Run all missing runs of the study of a `folder` on the workers of a `cluster`, and return the table (pyarrow) of
-    its rows. A row is for one setting of the study's values and one of the controllers compared; the table is also
-    written to the folder, as "sweep.parquet". Runs come in shards, groups whose rows this process writes to one file
-    each as they are computed; shards whose file exists are not computed again.
-
-    `progress(share)` is called with the fraction of shards that is done, 0 to 1; by default it does nothing. Raises
-    `InputError` where the cluster cannot be reached or its workers have another version of adaptctl,
-    `MissingExtraError` where Dask is not installed, `FileError` where the folder cannot be written, what a worker
-    raises for a shard in spite of three retries, and Dask's `KilledWorker` where too many workers die over one.
-    """
+    """Run all missing runs of a folder's study, and return the table of its rows."""
     study, total = folder.study, -(-folder.study.count // folder.shard)
     missing = {f"adaptctl-{shard.key}": shard for shard in folder.shards() if not folder.has(shard)}
     progress((total - len(missing)) / total)
@@ -137,7 +116,7 @@ def sweep(folder: Folder, cluster: Cluster, progress: Callable[[float], object] 
         with cluster.client() as client:
             import distributed
 
-            given: dict[str, Any] = {"pure": False, "retries": ATTEMPTS}
+            given: dict[str, Any] = {"pure": False, "retries": MAX_ATTEMPTS}
             how = study.controllers, study.precision
             futures = [
                 client.submit(rows_of, study.experiment, shard.runs, *how, key=key, **given)

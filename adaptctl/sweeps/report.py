@@ -1,4 +1,4 @@
-"""Reports of sweeps: how many runs were stable, where errors are large, and how to see the worst again."""
+"""Reports of sweeps."""
 
 from __future__ import annotations
 
@@ -26,20 +26,16 @@ from adaptctl.sweeps.folder import Saved, read_table, saved_study
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-WORST = 5
-"""Runs that the report lists, of each controller."""
-SAME = 1e-9
-"""Relative difference of errors that is round-off."""
-BINS = 8
-"""Values of a setting in a map, at most: more are put together."""
+# Runs that the report lists, of each controller.
+NUM_WORST = 5
+# Relative difference of errors that is round-off.
+EQUAL_ERROR_TOLERANCE = 1e-9
+# Values of a setting in a map, at most: more are put together.
+MAX_BINS = 8
 
 
 class SettingsMap(NamedTuple):
-    """Map of the outcomes of a sweep's runs over two of its settings, named `x` and `y`. `across` (c,) and `down` (d,)
-    have c values of x and d of y, in ascending order, or the lower ends of bins of them. `error` (d, c) has root mean
-    square errors of joint positions, rad or m, over the last two seconds (over all of a shorter run), as their mean
-    over the runs of status "done"; `stable` (d, c) has the fraction of runs of status "done", 0 to 1; NaN where there
-    are none. Nothing is checked."""
+    """Errors and fractions of stable runs over two settings."""
 
     x: str
     y: str
@@ -51,63 +47,51 @@ class SettingsMap(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SweepReport:
-    """Report of a sweep, finished or not: `study`, the content of its study.json, a `Saved`, and `table` (pyarrow), the
-    rows of the runs computed so far, one for each run and controller. Made by `SweepReport.of`; nothing is checked at
-    construction."""
+    """Report of a sweep: its study and the table of its rows."""
 
     study: Saved
     table: pa.Table
 
     @classmethod
     def of(cls, path: Path) -> SweepReport:
-        """The `SweepReport` of the sweep in the folder `path`, finished or not. Raises `FileError` for a folder without
-        a sweep or without a finished row, and for files that cannot be read."""
+        """Report of the sweep in a folder, finished or not."""
         return cls(saved_study(path), read_table(path))
 
     @cached_property
     def rows(self) -> list[dict[str, Any]]:
-        """Rows of the sweep's table, one for each run and controller, as a list of mappings by column."""
+        """Rows of the table as mappings by column."""
         return list(self.table.to_pylist())
 
     @cached_property
     def controllers(self) -> list[str]:
-        """Names of the controllers that the sweep compares, in the order in which they first occur in the rows; one
-        empty name where no row has any, as where all runs failed."""
+        """Names of the controllers, in the order of their first rows."""
         return list(dict.fromkeys(row["controller"] for row in self.rows if row["controller"])) or [""]
 
     def of_controller(self, name: str) -> list[dict[str, Any]]:
-        """Rows of the sweep of the controller called `name`, as a list of mappings by column; empty for a name that no
-        row has. Nothing is raised."""
+        """Rows of a controller."""
         return [row for row in self.rows if row["controller"] == name]
 
     def without_effect(self) -> dict[str, list[str]]:
-        """Mapping from the names of swept settings to lists of the names of the controllers whose results the setting
-        does not change; settings that change the results of all are left out. It is found from runs that differ in that
-        setting alone, as a grid has: their status is equal, and their columns `rms_error` and `largest_error`, of joint
-        positions, differ by at most 1e-9 of their size; failed runs are left out. Nothing is raised."""
+        """Names of the controllers whose results a setting does not change, by setting."""
         swept = self.study.swept
         found = {x: [name for name in self.controllers if _is_idle(self.of_controller(name), x, swept)] for x in swept}
         return {setting: idle for setting, idle in found.items() if idle}
 
     def counts(self, rows: Sequence[dict[str, Any]]) -> dict[str, int]:
-        """Numbers of `rows` by status: a mapping from "done", "diverged" and "failed" to how many rows have it. Nothing
-        is raised."""
+        """Numbers of rows by status."""
         return {status: sum(row["status"] == status for row in rows) for status in ("done", "diverged", "failed")}
 
     def worst(self, name: str) -> list[dict[str, Any]]:
-        """Rows, at most 5, of the worst runs of the controller called `name`, mappings by column: those that diverged,
-        the soonest first, then those with the largest root mean square position errors over the last two seconds (over
-        all of a shorter run). Failed runs are left out. Nothing is raised."""
+        """Rows of a controller's worst runs, at most 5: diverged ones first, then by error."""
 
         def badness(row: dict[str, Any]) -> tuple[float, float]:
             gone = row["diverged_at"] if row["status"] == "diverged" else np.inf
             return gone, -(_error(row) or row["rms_error"] or 0.0)
 
-        return sorted((row for row in self.of_controller(name) if row["status"] != "failed"), key=badness)[:WORST]
+        return sorted((row for row in self.of_controller(name) if row["status"] != "failed"), key=badness)[:NUM_WORST]
 
     def replay(self, row: dict[str, Any]) -> str:
-        """Command line, as text for a shell, that runs the settings of a `row` again, with a recording in a folder
-        below results/. Raises `NotFoundError` where the experiment is not built in."""
+        """Command line that runs a row's settings again, with a recording."""
         words = ["adaptctl", "experiment", "run", self.study.experiment]
         for entry in fields(find(self.study.experiment)):
             value = row[entry.name]
@@ -117,9 +101,7 @@ class SweepReport:
         return shlex.join([*words, "--out", f"results/{self.study.experiment}-replay"])
 
     def maps(self, name: str) -> Iterator[SettingsMap]:
-        """Iterator over maps of the outcomes of the controller called `name`, one `SettingsMap` for each pair of swept
-        settings that are numbers, the one that the study names first across (x). Settings of more than 16 values are
-        put together in 8 bins of equal width; failed runs are left out. Nothing is raised."""
+        """Maps of a controller's outcomes over pairs of numeric settings."""
         rows = [row for row in self.of_controller(name) if row["status"] != "failed"]
         numeric = [s for s in self.study.swept if rows and not isinstance(rows[0][s], str)]
         for x, y in combinations(numeric, 2):
@@ -135,9 +117,7 @@ class SweepReport:
             yield SettingsMap(x, y, across, down, error, stable)
 
     def facts(self) -> list[Fact]:
-        """List of the facts at the head of the report's page, a `Fact` each, a question with its answer in words: the
-        numbers of runs and rows, the percentage of rows of status "done", and the numbers of those that diverged or
-        failed. Nothing is raised."""
+        """Questions and answers at the head of the report."""
         counts, rows = self.counts(self.rows), len(self.rows)
         stable = f"{100 * counts['done'] / max(1, rows):.1f} %"
         numbers = (self.study.runs, rows, stable, counts["diverged"], counts["failed"])
@@ -147,10 +127,7 @@ class SweepReport:
         ]
 
     def text(self) -> str:
-        """The report as text of several lines for a terminal: for each controller the number of rows of each status,
-        and the median and the largest of the root mean square position errors, rad or m, over the last two seconds of
-        runs that are done (over all of a shorter one); up to 5 reasons of failed runs; and settings that change no
-        result. Nothing is raised."""
+        """Report for a terminal."""
         lines = [f"{self.study.experiment}: {len(self.rows)} rows of {self.study.runs} runs"]
         for name in self.controllers:
             rows = self.of_controller(name)
@@ -159,7 +136,7 @@ class SweepReport:
             counts = ", ".join(f"{count} {status}" for status, count in self.counts(rows).items() if count)
             lines.append(f"  {name or 'runs'}: {counts}; {summary}".rstrip("; "))
         failed = [row for row in self.rows if row["status"] == "failed"]
-        for reason in list(dict.fromkeys(row["reason"] for row in failed))[:WORST]:
+        for reason in list(dict.fromkeys(row["reason"] for row in failed))[:NUM_WORST]:
             lines.append(f"  failed: {reason}")
         for setting, idle in self.without_effect().items():
             whose = "" if len(idle) == len(self.controllers) else f" of {', '.join(idle)}"
@@ -168,14 +145,12 @@ class SweepReport:
 
 
 def _flag(name: str, value: object, many: bool) -> list[str]:
-    """Words of a command line that give a setting its value."""
     if isinstance(value, bool):
         return [f"--{name}" if value else f"--no-{name}"]
     return [f"--{name}", *(str(value).split() if many else (str(value),))]
 
 
 def _error(row: dict[str, Any]) -> float | None:
-    """A run's error over its last two seconds, over all of a shorter one; None where it was not done."""
     if row["status"] != "done":
         return None
     found: float | None = row["rms_error" if row["final_rms_error"] is None else "final_rms_error"]
@@ -183,9 +158,7 @@ def _error(row: dict[str, Any]) -> float | None:
 
 
 def write_report(path: Path) -> Path:
-    """Write the report of the sweep in the folder `path` as an HTML page, report.html in that folder, and return the
-    page's path. Raises `FileError` for a folder without a sweep or without a finished row, for files that cannot be
-    read, and where the page cannot be written."""
+    """Write a sweep's report as an HTML page, and return its path."""
     report = SweepReport.of(path)
     told = Section("What came of the runs", (Lines(report.text().splitlines()),))
     page = Report(
@@ -202,7 +175,6 @@ def write_report(path: Path) -> Path:
 
 
 def _of_controller(report: SweepReport, name: str) -> Section:
-    """Maps of the settings, and the worst runs with the commands that repeat them."""
     maps = [
         Drawing(f"{name or 'runs'}-{k}", f"{name}: {shown.x} and {shown.y}", partial(map_figure, shown))
         for k, shown in enumerate(report.maps(name))
@@ -216,8 +188,7 @@ def _of_controller(report: SweepReport, name: str) -> Section:
 
 
 def map_figure(shown: SettingsMap) -> Figure:
-    """Figure (Matplotlib) of the two maps in `shown` side by side, that of root mean square position errors, rad or m,
-    and that of the fraction of stable runs, those of status "done". Nothing is checked."""
+    """Figure of two maps: errors, and fractions of stable runs."""
     canvas = sheet(3.5)
     titles = ("error at the end, rad or m", "share of stable runs")
     for axes, values, title in zip(canvas.subplots(1, 2), (shown.error, shown.stable), titles, strict=True):
@@ -232,7 +203,7 @@ def map_figure(shown: SettingsMap) -> Figure:
 
 
 def _is_idle(rows: Sequence[dict[str, Any]], setting: str, swept: Sequence[str]) -> bool:
-    """True if rows that differ in a setting alone have the same results, and there are such; failed ones have none."""
+    """True if rows that differ in a setting alone have the same results, and there are such."""
     groups: dict[Any, list[tuple[Any, Any]]] = {}
     for row in (row for row in rows if row["status"] != "failed"):
         others = tuple(row[name] for name in swept if name != setting)
@@ -240,16 +211,16 @@ def _is_idle(rows: Sequence[dict[str, Any]], setting: str, swept: Sequence[str])
         groups.setdefault(others, []).append((row["status"], numbers))
     pairs = [(group[0], other) for group in groups.values() for other in group[1:]]
     return bool(pairs) and all(
-        a[0] == b[0] and np.allclose(a[1], b[1], rtol=SAME, atol=0.0, equal_nan=True) for a, b in pairs
+        a[0] == b[0] and np.allclose(a[1], b[1], rtol=EQUAL_ERROR_TOLERANCE, atol=0.0, equal_nan=True) for a, b in pairs
     )
 
 
 def _binned(values: list[Any]) -> list[Any]:
     """Lower ends of the bins of a map's side: the values themselves where they are few."""
     different = sorted(set(values))
-    if len(different) <= 2 * BINS:
+    if len(different) <= 2 * MAX_BINS:
         return different
-    return np.linspace(different[0], different[-1], BINS + 1)[:-1].tolist()
+    return np.linspace(different[0], different[-1], MAX_BINS + 1)[:-1].tolist()
 
 
 def _bin(value: Any, lower: list[Any]) -> int:

@@ -1,4 +1,4 @@
-"""Rows of a sweep: one for each run and compared controller, and how they are computed."""
+"""Rows of a sweep."""
 
 from __future__ import annotations
 
@@ -31,20 +31,14 @@ from adaptctl.recording import Comparison, ControllerRun
 from adaptctl.simulation import Episode, Rollouts, simulate_many
 from adaptctl.version import __version__
 
+# Errors of an experiment that make its run a failed one and leave others as they are.
 FAILURES = (AdaptctlError, ArithmeticError, np.linalg.LinAlgError)
-"""Errors of an experiment that make its run a failed one and leave others as they are."""
+# Options of a reset that change an episode's true parameters alone.
 WHAT_IS_HELD = frozenset({"payload"})
-"""Options of a reset that change an episode's true parameters alone."""
 
 
 class RunOutcome(NamedTuple):
-    """Outcome of one run of a sweep. `status` is "done", "diverged" or "failed", and `reason` says why it is not
-    "done". Errors are of joint positions, actual less reference, rad (m if prismatic), joints of both kinds counting
-    alike: `rms_error` is their root mean square over all joints and control periods until the run ended or diverged,
-    `final_rms_error` that over the last two seconds (None for a run that diverged or is shorter), `largest_error` the
-    largest magnitude of any joint. `diverged_at` is the time, s, and `diverged_joint` the joint, from 1, of the first
-    error out of bounds; `lyapunov_rise`, J, is the largest rise of the control law's Lyapunov function from one sample
-    to the next. None stands for a number that is not known. Nothing is checked."""
+    """Outcome of a run: status, reason and numbers, which are None where it failed."""
 
     status: str
     reason: str = ""
@@ -57,15 +51,12 @@ class RunOutcome(NamedTuple):
 
     @classmethod
     def failed(cls, reason: str | Exception) -> RunOutcome:
-        """Outcome "failed", a `RunOutcome`, of a run that could not be made or computed, for the `reason` given, a text
-        or an error, as one line; its numbers are None. Nothing is raised."""
+        """Outcome of a run that could not be made or computed, for a reason."""
         return cls("failed", " ".join(str(reason).split()))
 
     @classmethod
     def each_of(cls, runs: Rollouts) -> list[RunOutcome]:
-        """List of the `RunOutcome` of each of many simulated `runs`, a `Rollouts`, in their order: "diverged" where a
-        joint's position error left its bound, "done" otherwise. Root mean squares and rises of the Lyapunov function
-        that are not finite become None. Nothing is raised."""
+        """Outcomes of many simulated runs."""
         means = (np.sqrt(np.mean(errors**2, axis=-1)) for errors in (runs.rms_error, runs.final_rms_error))
         largest, rises = runs.largest_error.max(axis=-1), runs.lyapunov_rise
         found = []
@@ -80,30 +71,16 @@ class RunOutcome(NamedTuple):
 
 
 RunOutcomes = dict[int, list[tuple[str, RunOutcome]]]
+# Episodes and their environments by mechanism and task.
 Begun = dict[Any, tuple[Episode, Any]]
-"""Episodes and their environments by mechanism and task."""
+# A controller, the episode that it drives, and the environment that this is of.
 Trial = tuple[Contender, Episode, Any]
-"""A controller, the episode that it drives, and the environment that this is of."""
 
 
 def batched(
     experiments: Sequence[Experiment], controllers: Sequence[str], precision: Precision = "double"
 ) -> RunOutcomes:
-    """Outcomes of those `experiments` that can be simulated together in native code: a mapping from an experiment's
-    index, from 0, in `experiments` to a list of pairs, a controller's name and its `RunOutcome`. An experiment is left
-    out where its plant has kinematic loops or effects (delays and limits of torques, friction and springs in joints,
-    sensors, loads), where its reference is not `Sinusoids` of the joints, or where a controller takes a reference of
-    another size. The mapping is empty unless all `experiments` are instances of `Learning`, the class of experiments
-    that compare controllers.
-
-    `controllers` has the names of the controllers that run, all where it is empty; `precision` is that of the
-    floating-point numbers, "double" by default, or "single". In double the outcomes are those of each experiment by
-    itself, to round-off. An experiment that raises an `AdaptctlError`, an `ArithmeticError` or NumPy's `LinAlgError`
-    before it runs, such as `NotFoundError` for a name in `controllers` that none of its own has, has one outcome,
-    "failed" with the error's message, under the empty name "". Where the simulation of a batch raises one of these, its
-    experiments are left out in double precision, so that each can be run by itself, and have "failed" outcomes under
-    their controllers' names in single. Other errors are not caught.
-    """
+    """Outcomes of the experiments that can be simulated together in native code, by index."""
     if not all(isinstance(one, Learning) for one in experiments):
         return {}
     outcomes: RunOutcomes = {}
@@ -128,14 +105,7 @@ def batched(
 
 
 def started(experiment: Learning, mechanism: Mechanism, known: Begun) -> tuple[Episode, Any]:
-    """The initial `Episode` of an `experiment` on a `mechanism`, its plant, state, true parameters and reference after
-    a reset with the experiment's seed and options; and the environment that it is of, without wrappers.
-
-    Experiments whose class has a method `task` beside the method `environment`, which says all that an environment is
-    made of, share an environment with those of an equal task in `known`, which is filled: it is made and reset once,
-    and their episodes differ only in what the arm holds. Raises what an environment raises, such as `InputError` for
-    another number of joints.
-    """
+    """Initial episode of an experiment after a reset, and its environment without wrappers."""
     kind = type(experiment)
     if _home(kind, "task") is not _home(kind, "environment") or experiment.options.keys() - WHAT_IS_HELD:
         return _reset(experiment, mechanism)
@@ -147,7 +117,6 @@ def started(experiment: Learning, mechanism: Mechanism, known: Begun) -> tuple[E
 
 
 def _home(kind: type, name: str) -> type | None:
-    """The class that defines a method."""
     return next((one for one in kind.__mro__ if name in vars(one)), None)
 
 
@@ -157,8 +126,7 @@ def _reset(experiment: Learning, mechanism: Mechanism) -> tuple[Episode, Any]:
 
 
 def _trials(experiment: Learning, controllers: Sequence[str], known: Begun) -> list[Trial]:
-    """The runs of an experiment with these controllers; none where they cannot be some of many at once. Raises what the
-    experiment raises."""
+    """Runs of an experiment with these controllers."""
     own = type(experiment).mechanism is not Learning.mechanism
     mechanism = interned(experiment.mechanism()) if own else robot(experiment.robot)
     chosen = named(experiment.contenders(mechanism, offline(mechanism)), controllers)
@@ -174,8 +142,7 @@ Some = TypeVar("Some", Contender, ControllerRun)
 
 
 def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
-    """List of those `candidates` whose name is among `names`, in the candidates' order; all where `names` is empty.
-    Repeated names count once. Raises `NotFoundError`, with the names that exist, for a name that no candidate has."""
+    """Candidates of these names, all for none."""
     known = [one.name for one in candidates]
     for name in names:
         if name not in known:
@@ -185,17 +152,13 @@ def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
 
 @lru_cache(maxsize=8)
 def offline(mechanism: Mechanism) -> FundamentalBasis:
-    """Fundamental (base) parameters of a `mechanism`, a `FundamentalBasis`, found from energies at random states.
-    Results for the last 8 mechanisms are cached. Raises `RankError` where the number of identifiable parameters cannot
-    be certified."""
+    """Fundamental basis of a mechanism, cached for the last 8."""
     return fundamental_basis(essential_space(mechanism))
 
 
 @lru_cache(maxsize=64)
 def robot(source: str) -> Mechanism:
-    """The `Mechanism` loaded from `source`, a built-in robot's name or a file (.urdf, .xml, .toml). The last 64 are
-    cached by `source`, so that a file that has changed is not read again. Raises `NotFoundError` for an unknown name,
-    `FileError` for a file that cannot be used."""
+    """Mechanism of a built-in robot or file, cached by its source."""
     return interned(load(source))
 
 
@@ -203,9 +166,7 @@ _MECHANISMS: dict[tuple[str, str], Mechanism] = {}
 
 
 def interned(mechanism: Mechanism) -> Mechanism:
-    """The first `Mechanism` passed to this function whose description, and linear constraints on parameters, equal
-    those of `mechanism`; `mechanism` itself where there was none. Runs on equal mechanisms then share compiled code. At
-    most 65 are kept; the call after that clears them. Nothing is raised."""
+    """First mechanism of equal description, so that equal ones share compiled code."""
     if len(_MECHANISMS) > 64:
         _MECHANISMS.clear()
     return _MECHANISMS.setdefault((mechanism.description.sha256, mechanism.geometry_sha256), mechanism)
@@ -220,8 +181,7 @@ def _group(trial: Trial) -> Any:
 
 
 def _tried(trials: Sequence[Trial], precision: Precision) -> list[RunOutcome]:
-    """Outcomes of trials that can run together. Where they fail together, nobody knows which of them does: there are
-    none in double, in which each can run by itself, and failed ones in single, in which none can."""
+    """Outcomes of trials that run together."""
     episodes = [episode for _, episode, _ in trials]
     plant = episodes[0].plant
     try:
@@ -244,8 +204,9 @@ def _tried(trials: Sequence[Trial], precision: Precision) -> list[RunOutcome]:
 
 
 Row = dict[str, Any]
+# Columns that differ from one computer, and one time, to another.
 TIMES = ("wall_time", "host")
-"""Columns that differ from one computer, and one time, to another."""
+# Kind and meaning of an outcome's columns.
 OUTCOME = {
     "status": ("string", "done, diverged, or failed"),
     "reason": ("string", "why, where it is not done"),
@@ -256,7 +217,6 @@ OUTCOME = {
     "diverged_joint": ("int64", "from 1"),
     "lyapunov_rise": ("double", "largest rise of the Lyapunov function from one sample to the next, J"),
 }
-"""Kind and meaning of an outcome's columns."""
 ABOUT = {
     "version": ("string", "of adaptctl"),
     "wall_time": ("double", "s a run, with all that ran with it"),
@@ -270,16 +230,7 @@ def rows_of(
     controllers: Sequence[str] = (),
     precision: Precision = "double",
 ) -> list[Row]:
-    """Rows of the `runs` of an `experiment`, given by its name, in the runs' order: one mapping by column for each run
-    and controller. Columns are the settings by name, `controller`, the fields of `RunOutcome` (status, reason, position
-    errors, divergence, rise of the Lyapunov function), `version` of adaptctl, `wall_time`, s a run, and `host`, the
-    computer's name. Each of `runs` maps names of settings to values; others have their defaults.
-
-    `controllers` has the names of the controllers that run, all where empty; `precision`, "double" by default or
-    "single", is that of runs that are simulated together in native code. A run that raises an `AdaptctlError`, an
-    `ArithmeticError` or NumPy's `LinAlgError` is a row of status "failed" with its reason. Raises `NotFoundError` for
-    an unknown experiment, `TypeError` for a setting that it does not have.
-    """
+    """Rows of an experiment's runs, one for each run and controller."""
     kind, started = find(experiment), time.perf_counter()
     with warnings.catch_warnings():
         for category in (PhysicalConsistencyWarning, SimplificationWarning, NotCompiledWarning):
@@ -299,18 +250,13 @@ def rows_of(
 
 
 def columns_of(kind: type[CheckedSettings]) -> dict[str, tuple[str, str]]:
-    """Columns of a sweep's table, in order: a mapping from a column's name to its type, "int64", "double", "bool" or
-    "string", and its meaning in words, with the unit. They are the settings of the experiment of class `kind`,
-    `controller`, the fields of `RunOutcome`, `version`, `wall_time` and `host`. Nothing is raised."""
+    """Types and meanings of a sweep's columns, by name."""
     settings = {entry.name: (_kind(entry.default), entry.metadata["meaning"]) for entry in fields(kind)}
     return settings | {"controller": ("string", "the controller compared")} | OUTCOME | ABOUT
 
 
 def alone(experiment: Experiment, controllers: Sequence[str]) -> list[tuple[str, RunOutcome]]:
-    """Outcomes of an `experiment` that runs by itself, not with others: pairs of a controller's name and its
-    `RunOutcome`, for the controllers named in `controllers`, all where it is empty. Where the experiment compares no
-    controllers, or an `AdaptctlError`, an `ArithmeticError` or NumPy's `LinAlgError` is raised, such as `NotFoundError`
-    for a name that none of its controllers has, there is one outcome "failed" with the reason and the empty name ""."""
+    """Outcomes of an experiment that runs by itself, by controller."""
     compare: Callable[..., Comparison] | None = getattr(experiment, "compare", None)
     if compare is None:
         return [("", RunOutcome.failed(f"{experiment.name} compares no controllers, so that it has no rows"))]
@@ -322,7 +268,6 @@ def alone(experiment: Experiment, controllers: Sequence[str]) -> list[tuple[str,
 
 
 def _made(kind: type[Experiment], settings: Mapping[str, Any]) -> Experiment | str:
-    """The experiment with its settings, or why it cannot be."""
     try:
         return kind(**settings)
     except AdaptctlError as error:
@@ -332,13 +277,11 @@ def _made(kind: type[Experiment], settings: Mapping[str, Any]) -> Experiment | s
 def _outcomes(
     chosen: Sequence[Experiment], controllers: Sequence[str], precision: Precision
 ) -> list[list[tuple[str, RunOutcome]]]:
-    """Outcomes of each run, each with the controller's name."""
     together = batched(chosen, controllers, precision)
     return [together[k] if k in together else alone(one, controllers) for k, one in enumerate(chosen)]
 
 
 def _outcome(run: ControllerRun) -> RunOutcome:
-    """Outcome of a run that was recorded."""
     error, gone = np.abs(run.rollout.error), run.rollout.terminated
     return RunOutcome(
         status="diverged" if gone else "done",

@@ -15,16 +15,14 @@ from adaptctl.optional_packages import needed
 from adaptctl.sweeps.rows import OUTCOME, rows_of
 from adaptctl.sweeps.study import Span, SweepStudy, Values
 
-TOGETHER = 16
-"""Trials that are asked for, and run, at once."""
-SMALLEST = tuple(name for name, (kind, _) in OUTCOME.items() if kind == "double")
+# Trials that are asked for, and run, at once.
+BATCH_TRIALS = 16
+OBJECTIVES = tuple(name for name, (kind, _) in OUTCOME.items() if kind == "double")
 
 
 @dataclass(frozen=True, eq=False)
 class BestSettings:
-    """The best settings that a search found: `settings`, their values by name; `controller`, the name of the controller
-    that ran with them; `value`, the least value found of the number that is minimised, in the unit of that number; and
-    `trials`, the number of runs tried in all. Nothing is checked."""
+    """Settings found by a search, their controller and outcome."""
 
     settings: Mapping[str, Any]
     controller: str
@@ -39,25 +37,17 @@ def search(
     progress: Callable[[float], object] = lambda share: None,
     seed: int = 0,
 ) -> BestSettings:
-    """The `BestSettings` within the ranges of a `study`'s settings: those with the smallest number in the column
-    `minimise`, such as "rms_error", found in `trials` runs by tree-structured Parzen estimators (Bergstra, Bardenet,
-    Bengio and Kegl 2011). Runs that fail or diverge count as infinitely bad.
-
-    The controller is the first that the study names, or else the first of the experiment. `progress(share)` is called
-    with the fraction of trials that is done, 0 to 1; by default it does nothing. `seed`, 0 by default, is that of the
-    choice of settings. Raises `InputError` for a column that is no number of an outcome, and where no run is done with
-    that number; `MissingExtraError` where Optuna is not installed; `NotFoundError` for an unknown experiment.
-    """
+    """Settings with the smallest `objective`, by tree-structured Parzen estimators (Bergstra et al. 2011)."""
     with needed("a search"):
         import optuna
-    if objective not in SMALLEST:
-        raise InputError(f"minimise: expected one of {', '.join(SMALLEST)}, got {objective!r}")
+    if objective not in OBJECTIVES:
+        raise InputError(f"minimise: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     asked = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed, constant_liar=True))
     best: BestSettings | None = None
     controllers = study.controllers[:1]
-    for first in range(0, trials, TOGETHER):
-        batch = [asked.ask() for _ in range(min(TOGETHER, trials - first))]
+    for first in range(0, trials, BATCH_TRIALS):
+        batch = [asked.ask() for _ in range(min(BATCH_TRIALS, trials - first))]
         settings = [{name: _one_of(name, x, trial) for name, x in study.settings.items()} for trial in batch]
         controllers = controllers or _first_controller(study, settings)
         rows = rows_of(study.experiment, settings, controllers, study.precision)
@@ -66,7 +56,7 @@ def search(
             asked.tell(trial, min(value, 1e300))
             if np.isfinite(value) and (best is None or value < best.value):
                 best = BestSettings(chosen, row["controller"], float(value), trials)
-        progress(min(1.0, (first + TOGETHER) / trials))
+        progress(min(1.0, (first + BATCH_TRIALS) / trials))
     if best is None:
         raise InputError(
             f"search: none of {trials} runs of {study.experiment} was done and has {objective}: widen the ranges, or "
@@ -76,9 +66,7 @@ def search(
 
 
 def write_settings(path: Path, study: SweepStudy, found: BestSettings) -> None:
-    """Write the settings and the controller that a search `found` to a study's file (TOML) at `path`, a study of one
-    run of the experiment of `study`, in its precision; nothing is returned. Raises `FileError` where the file cannot be
-    written."""
+    """Write the settings found to a study's file (TOML)."""
     lines = [
         'schema = "adaptctl/study/2"',
         f"experiment = {toml_string(study.experiment)}",
@@ -91,7 +79,6 @@ def write_settings(path: Path, study: SweepStudy, found: BestSettings) -> None:
 
 
 def _toml(value: Any) -> str:
-    """A setting's value in TOML."""
     text = " ".join(map(str, value)) if isinstance(value, tuple) else value
     if isinstance(text, str):
         return toml_string(text)
@@ -99,7 +86,7 @@ def _toml(value: Any) -> str:
 
 
 def _first_controller(study: SweepStudy, settings: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    """The name of the experiment's first controller, of the first run that has rows to tell; none where all fail."""
+    """Name of the experiment's first controller."""
     first = (rows_of(study.experiment, [chosen], (), study.precision)[0] for chosen in settings)
     return next(((row["controller"],) for row in first if row["controller"] or row["status"] != "failed"), ())
 

@@ -21,26 +21,24 @@ from adaptctl.experiments import EXPERIMENTS, RENAMED, find
 from adaptctl.experiments.experiment import CheckedSettings
 from adaptctl.files import hashed, read_toml
 
+# Folder of the studies that come with the package.
 STUDIES = Path(__file__).with_name("studies")
-"""Folder of the studies that come with the package."""
 Sampling = Literal["grid", "latin-hypercube", "sobol"]
-MOST = 1_000_000
-"""Values that one setting may have."""
+# Values that one setting may have.
+MAX_VALUES = 1_000_000
 _RANGE = re.compile(r"^\s*(?P<low>[^:]+?)\.\.(?P<high>[^:]+?)(?::(?P<count>[^:]*))?\s*$")
 
 
 @dataclass(frozen=True)
 class Span:
-    """A range of values of a setting to draw from, in the setting's unit: from `low` to `high`, both included, and
-    `whole`, True where its values are whole numbers. Nothing is checked."""
+    """Range of a setting, from which values are drawn."""
 
     low: float
     high: float
     whole: bool
 
     def at(self, share: float) -> float | int:
-        """The value at the fraction `share`, from 0 to 1, of the way from `low` to `high`; where values are whole, one
-        of the whole numbers, each for an equal part of the way. The fraction is not checked."""
+        """Value at a fraction of the way."""
         if self.whole:
             return int(min(self.low + math.floor(share * (self.high - self.low + 1)), self.high))
         return self.low + share * (self.high - self.low)
@@ -50,12 +48,7 @@ Values = tuple[Any, ...] | Span
 
 
 class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
-    """Content of a study's file (TOML), which says which runs of an experiment a sweep makes. `experiment` is its name;
-    `question`, what its runs answer; `settings`, the values of its settings by name, each a number, true or false, a
-    text such as "0..5:11" or "4,8", or a list, whose texts may have commas; `controllers`, the names of the controllers
-    that run, all where empty. `sampling` is "grid", the default, for all combinations of values, or "latin-hypercube"
-    or "sobol" for `samples` draws by `sampling_seed`; `precision`, "double" by default, is that of runs that are
-    simulated together. `schema` is the file format's name. Types are checked where a file is read."""
+    """Content of a study's file (TOML)."""
 
     schema: Literal["adaptctl/study/2"]
     experiment: str
@@ -70,9 +63,7 @@ class StudyFile(msgspec.Struct, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class SweepStudy:
-    """A study, which says which runs of an experiment a sweep makes: as `StudyFile`, but with `settings` as tuples of
-    values or a `Span`, a range to draw from; other settings keep their defaults. Raises `InputError` at construction
-    for another precision, a `Span` in a grid, and, unless it is a grid, for `samples` out of 1 to 10 000 000."""
+    """Study: experiment, values of its settings, controllers and sampling."""
 
     experiment: str
     settings: Mapping[str, Values]
@@ -96,15 +87,7 @@ class SweepStudy:
 
     @classmethod
     def named(cls, target: str, given: Mapping[str, str], **options: Any) -> SweepStudy:
-        """The `SweepStudy` that `target` names: an experiment, all of whose settings have their defaults, a study that
-        comes with the package, or a study's file (.toml). `given` maps names of settings to values as they are typed,
-        such as "4,8,12" or "0..5:11", which replace the study's; `options` are other fields of the study to replace,
-        where they are not empty.
-
-        Raises `NotFoundError` for an unknown target and an experiment's unknown setting; `FileError` for a file that
-        cannot be read, has other content or names an unknown experiment or setting; `InputError` for values that a
-        setting cannot have, and for options that do not fit.
-        """
+        """Study of a name or file, with values as they are typed."""
         if target in (*(entry.name for entry in EXPERIMENTS), *RENAMED):
             return cls._made(StudyFile("adaptctl/study/2", target), given, options)
         path = STUDIES / f"{target}.toml"
@@ -136,27 +119,23 @@ class SweepStudy:
 
     @property
     def kind(self) -> type[CheckedSettings]:
-        """Class of the study's experiment, a dataclass of its settings. Raises `NotFoundError` for an unknown name."""
+        """Class of the experiment."""
         return find(self.experiment)
 
     @property
     def count(self) -> int:
-        """Number of runs of the study: that of all combinations of the settings' values in a grid, else the field
-        `samples`."""
+        """Number of runs."""
         if self.sampling != "grid":
             return self.samples
         return math.prod(len(values) for values in self.settings.values() if isinstance(values, tuple))
 
     @property
     def swept(self) -> tuple[str, ...]:
-        """Names of the settings of the study that have more than one value, or a range to draw from, in their order."""
+        """Names of the settings with more than one value."""
         return tuple(name for name, x in self.settings.items() if isinstance(x, Span) or len(x) > 1)
 
     def runs(self) -> Iterator[dict[str, Any]]:
-        """Iterator over the runs of the study, in a fixed order: for each a mapping from the names of the settings that
-        the study has to their values; other settings keep the experiment's defaults. Draws are the same for the same
-        `sampling_seed`. Raises, unless `sampling` is "grid", `NotFoundError` for an unknown experiment and `KeyError`
-        for a setting that it does not have."""
+        """Runs in a fixed order, each a mapping of settings to values."""
         if self.sampling == "grid":
             for values in product(*(x for x in self.settings.values() if isinstance(x, tuple))):
                 yield dict(zip(self.settings, values, strict=True))
@@ -173,7 +152,6 @@ class SweepStudy:
         return choices[min(int(share * len(choices)), len(choices) - 1)]
 
     def _shares(self) -> list[list[float]]:
-        """Points of the unit cube, one row a run."""
         from scipy.stats import qmc
 
         source = qmc.LatinHypercube if self.sampling == "latin-hypercube" else qmc.Sobol
@@ -184,36 +162,24 @@ class SweepStudy:
 
     @cached_property
     def sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of all in the study that decides its runs and their results: experiment, values,
-        controllers (in any order), sampling and precision, but not the question."""
+        """Hash of all that decides the runs and their results."""
         values = {k: [x.low, x.high] if isinstance(x, Span) else list(x) for k, x in self.settings.items()}
         sampling = [self.sampling, self.samples, self.sampling_seed] if self.sampling != "grid" else []
         return hashed([self.experiment, values, sorted(self.controllers), sampling, *self.unusual])
 
     @property
     def unusual(self) -> list[str]:
-        """Choices of the study, besides settings and controllers, that change results and are not the default, as texts
-        for its hash: ["single"] for runs in single precision, an empty list for double."""
+        """Choices that change results and are not the default, for the hash."""
         return [self.precision] if self.precision != "double" else []
 
 
 def shipped() -> list[str]:
-    """Names of the studies that come with the package, sorted. Nothing is raised."""
+    """Names of the studies that come with the package."""
     return sorted(path.stem for path in STUDIES.glob("*.toml"))
 
 
 def parsed(entry: Field[Any], typed: str | Sequence[str]) -> Values:
-    """Values of a setting, parsed from `typed`: a tuple, or a `Span` to draw from. A list, ``4,8,12``, a range of whole
-    numbers, ``0..99``, and evenly spaced numbers, ``0..5:11``, 11 from 0 to 5, both included, give a tuple; ``0..5`` of
-    numbers that need not be whole gives a `Span`. Values of a setting that is True or False are ``true`` and ``false``,
-    in any letter case. Where a value is itself a tuple, its parts are separated by blanks, ``90 150 70``; values that
-    are tuples, texts, True or False have no ranges. A sequence of texts, such as a study's file has, is read as its
-    texts joined by commas, except for a setting whose values are texts: there each text is a value, commas included.
-    `entry` is the setting's dataclass field, whose default tells the kind of value.
-
-    Raises `InputError` for a text in none of these forms, no values, equal values, a range that does not rise, other
-    than 2 to a million values in a range, and numbers that are not finite or, of a setting of whole numbers, not whole.
-    """
+    """Values of a setting as typed: a list ``4,8,12``, a range ``0..99`` or ``0..5:11``, or a span to draw from."""
     if isinstance(entry.default, str) and not isinstance(typed, str):
         values: tuple[Any, ...] = tuple(typed)
     else:
@@ -227,9 +193,7 @@ def parsed(entry: Field[Any], typed: str | Sequence[str]) -> Values:
 
 
 def as_span(entry: Field[Any], values: Values) -> Span | None:
-    """The `Span` that a setting is drawn from: `values` where it is one, or the range of `values` that are two or more
-    successive whole numbers, in ascending order, of a setting of whole numbers. None for all others, of which a draw
-    picks one. `entry` is the setting's dataclass field, whose default tells its kind. Nothing is raised."""
+    """Span that a setting is drawn from."""
     if isinstance(values, Span):
         return values
     whole = type(entry.default) is int and len(values) > 1 and list(values) == list(range(values[0], values[-1] + 1))
@@ -244,8 +208,8 @@ def _range(entry: Field[Any], match: re.Match[str]) -> Values:
     if count is None and not whole:
         return Span(low, high, whole)
     count = str(int(high - low) + 1) if count is None else count
-    if not count.isdecimal() or not 2 <= int(count) <= MOST:
-        raise InputError(f"{entry.name}: expected from 2 to {MOST} values in {match[0]!r}, got {count!r}")
+    if not count.isdecimal() or not 2 <= int(count) <= MAX_VALUES:
+        raise InputError(f"{entry.name}: expected from 2 to {MAX_VALUES} values in {match[0]!r}, got {count!r}")
     points = np.linspace(low, high, int(count)).tolist()
     if whole and any(point != int(point) for point in points):
         raise InputError(f"{entry.name}: {match[0]!r} gives values that are not whole")
@@ -253,7 +217,6 @@ def _range(entry: Field[Any], match: re.Match[str]) -> Values:
 
 
 def _one(entry: Field[Any], text: str) -> Any:
-    """One value, of its default's kind."""
     default = entry.default
     if isinstance(default, tuple):
         kind = type(default[0]) if default else float
@@ -279,5 +242,4 @@ def _number(entry: Field[Any], text: str, whole: bool) -> float | int:
 
 
 def _typed(value: str | float | int | bool | list[str | float | int | bool]) -> str | list[str]:
-    """A value of a file as it would be typed, or each of a list."""
     return [str(one) for one in value] if isinstance(value, list) else str(value)

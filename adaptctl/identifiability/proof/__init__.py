@@ -1,1 +1,1 @@
-"""Ranks that are proved: geometry as exact numbers, energies over a large prime field or in many digits."""
+"""Ranks that are proved."""

@@ -1,4 +1,4 @@
-"""The rank of a mechanism's energies on exact geometry, and the parameters that an order of removal leaves."""
+"""Rank of a mechanism's energies on exact geometry, and the parameters that an order of removal leaves."""
 
 from __future__ import annotations
 
@@ -53,35 +53,26 @@ from adaptctl.identifiability.sampling import characteristic_length, random_stat
 from adaptctl.scalars import ZERO, Column
 
 FIELD, DIGITS = "a prime field", "60 digits"
-SPARE = 5
-"""Rows more than a rank can be: all of them would have to be unlucky at once, one time in 2^31 each."""
-LISTED = 3
-"""Most near coincidences in a message."""
+# Rows more than a rank can be: all of them would have to be unlucky at once, one time in 2^31 each.
+SPARE_ROWS = 5
+# Most near coincidences in a message.
+MAX_LISTED_COINCIDENCES = 3
 
 
 @dataclass(frozen=True)
 class Coordinate:
-    """A joint's position at `samples` random states over the prime field (integers modulo 2^31 - 1): the `cosine` and
-    the `sine` of its angle, for revolute joints, and its `length`, for prismatic ones, each a `Modular` scalar. Angle
-    and length are drawn independently of each other, though a joint uses only one. Nothing is checked."""
+    """Joint position in exact scalars: cosine and sine of its angle, and its length."""
 
     cosine: Any
     sine: Any
     length: Any
 
     def placed(self, link: Segment) -> Placement:
-        """The pose in its parent link, as a `Placement`, of a link of geometry `link` whose joint is at this position:
-        by its cosine and sine where the joint turns, else by its length. Nothing is checked."""
+        """Pose of a link in its parent at this position."""
         return link.placed((self.cosine, self.sine) if link.turns else (self.length,))
 
     def followed(self, coupling: Coupling, parts: int, angle: float) -> Coordinate:
-        """The position of a joint that follows this one, the leader, by a `coupling`: follower = ratio * leader +
-        offset.
-
-        This one's `cosine` and `sine` must be those of the leader's angle divided by `parts`, a whole number that makes
-        ratio times `parts` whole too; its `length`, for prismatic joints, is the leader's. `angle`, in rad, is the
-        follower's where the leader's is zero. Nothing is checked.
-        """
+        """Position of a joint that follows this one by a coupling."""
         ratio = simplest_rational(coupling.ratio)
         c, s = _power((self.cosine, self.sine), int(ratio * parts))
         ahead = _numbers(angle)
@@ -90,21 +81,14 @@ class Coordinate:
         return Coordinate(cosine, sine, self.length * ratio + offset)
 
     def whole(self, parts: int) -> Coordinate:
-        """The joint position whose angle is `parts` times this one's, `parts` a whole number, by its cosine and sine:
-        the whole angle where this one has a `parts`-th of it. The length stays. Nothing is checked."""
+        """Position whose angle is `parts` times this one's."""
         return Coordinate(*_power((self.cosine, self.sine), parts), self.length)
 
 
 def random_places(
     description: Description, geometry: ExactGeometry, samples: int, rng: np.random.Generator
 ) -> list[Placement]:
-    """The poses of a tree's links in their parents at `samples` random states, one `Placement` for each link, in the
-    links' order, whose scalars have all samples.
-
-    Joint coordinates are drawn with NumPy's `rng`, uniform among the nonzero residues modulo the prime 2^31 - 1 (half
-    tangents for angles). `description` is the tree's, `geometry` its geometry, exact and in residues. Joints that
-    follow others by couplings are where their leaders put them. Nothing is checked.
-    """
+    """Poses of a tree's links in their parents at random states."""
     couplings = () if description.loops is None else description.loops.couplings
     index = {name: i for i, name in enumerate(description.joint_names)}
     links, shifts = geometry.links, geometry.shifts
@@ -127,10 +111,7 @@ def random_places(
 
 
 def random_rates(description: Description, samples: int, rng: np.random.Generator) -> Column:
-    """The velocities of a tree's N joints, in the links' order, at `samples` random states: a `Column` (N,), a vector
-    of scalars, each a `Modular` of all samples. They are drawn with NumPy's `rng`, uniform among the nonzero residues
-    modulo the prime 2^31 - 1. Joints that follow others by couplings of the `description` have their ratio times the
-    leader's. Nothing is checked."""
+    """Velocities of a tree's joints at random states, nonzero residues."""
     rates = [random_residues(samples, rng) for _ in description.links]
     index = {name: i for i, name in enumerate(description.joint_names)}
     for c in () if description.loops is None else description.loops.couplings:
@@ -146,13 +127,11 @@ def _random(samples: int, rng: np.random.Generator) -> Coordinate:
 
 
 def _product(one: tuple[Any, Any], other: tuple[Any, Any]) -> tuple[Any, Any]:
-    """Cosine and sine of the sum of two angles."""
     (a, b), (c, d) = one, other
     return a * c - b * d, a * d + b * c
 
 
 def _power(turn: tuple[Any, Any], times: int) -> tuple[Any, Any]:
-    """Cosine and sine of so many times an angle."""
     if times < 0:
         c, s = _power(turn, -times)
         return c, -s
@@ -170,15 +149,7 @@ def _numbers(angle: float) -> tuple[Any, Any]:
 
 
 def energy_differences(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
-    """The matrix H (`samples`, P) of energy differences per unit of each of a mechanism's P inertial parameters (all
-    but friction), as residues modulo the prime 2^31 - 1: kinetic plus potential energies at `samples` random states,
-    less those at one more state, the same for all rows.
-
-    `description` is the mechanism's, `geometry` its geometry, exact and in residues; energies are with that gravity,
-    which is a unit vector where the geometry was made by axes, and that unit of length. `seed` draws the states, joint
-    coordinates and rates uniform among the nonzero residues (half tangents for angles), the same for the same seed. It
-    is for trees, also with joints that follow others; closed loops are not looked at. Nothing is checked.
-    """
+    """Energy differences (samples, P) at random states, as residues."""
     rng = np.random.default_rng(seed)
     places = random_places(description, geometry, samples + 1, rng)
     rates = random_rates(description, samples + 1, rng)
@@ -189,19 +160,7 @@ def energy_differences(description: Description, geometry: ExactGeometry, sample
 
 
 def energy_changes(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
-    """Energy changes (N, `samples`, 11) as a body is moved from the link of a joint to the parent link (or the ground),
-    at random states of a tree of N links, as residues modulo the prime 2^31 - 1. They are the kinetic plus potential
-    energy of the body on the joint's link less that of the same body fixed to the parent link, in the pose that it has
-    there at joint position zero.
-
-    The first ten are per unit of the body's inertial parameters (m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz,
-    I_zz) in the link's frame; the eleventh is the square of the joint's rate, for a rotor's inertia, and 0 where there
-    is no rotor. A combination of the eleven is unobservable at a joint (the torques do not show it) exactly when the
-    energy changes in no state. `description` is the tree's, `geometry` its geometry, exact and in residues; joint
-    position zero is that of its joint coordinates, which may be shifted from the file's, and energies are with its
-    gravity and its unit of length. `seed` draws the states, joint coordinates and rates uniform among the nonzero
-    residues (half tangents for angles), the same for the same seed. Nothing is checked.
-    """
+    """Energy changes (N, samples, 11) as a body is moved from each joint's link to its parent, as residues."""
     rng = np.random.default_rng(seed)
     places = random_places(description, geometry, samples, rng)
     rates = random_rates(description, samples, rng)
@@ -222,19 +181,7 @@ def energy_changes(description: Description, geometry: ExactGeometry, samples: i
 
 @dataclass(frozen=True, eq=False)
 class ExactEnergies:
-    """The energies of a mechanism at random states, computed without round-off on its geometry as exact numbers, so
-    that ranks are proved by them.
-
-    `precision` has the differences of angles, lengths and numbers that count as zero, round-off by default; `seed`, 0
-    by default, draws the states, the same for the same seed. For closed loops, `strict` is True where relations that
-    hold only to a file's round-off do not count as holding, False by default. `by_frames` is True for a geometry
-    described from frame to frame, as in the file, and False, the default, for one from joint axis to joint axis.
-    Nothing is checked at construction.
-
-    Without closed loops, energies are residues modulo the prime 2^31 - 1. A rank modulo a prime is never above that
-    over the rational numbers, and at random states below it only by a chance of about one in 2^31 for each factor of a
-    minor (Schwartz 1980, Zippel 1979). With closed loops they are numbers of 60 decimal digits.
-    """
+    """Energies of a mechanism on exact geometry, as a precision reads its floats."""
 
     mechanism: Mechanism
     precision: Precision = AS_GIVEN
@@ -244,58 +191,39 @@ class ExactEnergies:
 
     @property
     def method(self) -> str:
-        """The name of the arithmetic in which the energies are computed: "60 digits" for closed loops, "a prime field"
-        for other mechanisms."""
+        """Arithmetic: "60 digits" for closed loops, "a prime field" otherwise."""
         return DIGITS if self.closed else FIELD
 
     @cached_property
     def rank(self) -> int:
-        """The rank on exact geometry: the number of independent directions of the mechanism's inertial parameters (all
-        but friction) that change energies. May raise `ArithmeticError` where loops cannot be closed on the exact
-        geometry, as with a coarse `precision`."""
+        """Number of independent directions of the inertial parameters that change energies."""
         description = self.mechanism.description
         plain = description.loops is None and len(description.bodies) == len(description.links)
         if plain and self.mechanism.unconstrained is self.mechanism:
             # Of a tree, it is the sum of what its joints feel (Wensing, Niemeyer and Slotine 2017).
-            return sum(arithmetic.ranks(energy_changes(description, self.geometry, 11 + SPARE, self.seed)))
+            return sum(arithmetic.ranks(energy_changes(description, self.geometry, 11 + SPARE_ROWS, self.seed)))
         return arithmetic.rank(self._differences, self._nothing)
 
     def kept(self, order: Sequence[int]) -> tuple[int, ...]:
-        """Zero-based indices (k,), in ascending order, of the k of P inertial parameters that stay when the others are
-        removed in an `order` (P,) of indices, the first removed first, by energies on exact geometry, without
-        round-off.
-
-        A parameter stays where its column of energies is independent of the columns after it in the order. Raises
-        `IndexError` for an index of P or more; may raise `ArithmeticError` where loops cannot be closed on the exact
-        geometry.
-        """
+        """Indices (k,) of the parameters that stay when others are removed in an order."""
         return tuple(sorted(arithmetic.independent_columns(self._differences, order[::-1], self._nothing)))
 
     def keeps(self, kept: tuple[int, ...], order: Sequence[int]) -> bool:
-        """True if removing parameters in an `order` (P,), indices of P inertial parameters, the first removed first,
-        leaves just the parameters `kept` (k,), indices in ascending order, by energies on exact geometry.
-
-        That may hold for the geometry described from joint axis to joint axis, or from frame to frame as in the file;
-        either will do. The one from axis to axis has all that the rank depends on, but where axes are skew it may lose
-        zeros among the file's offsets, which decide what is kept; the one from frame to frame has these zeros, but may
-        lose what the rank depends on. May raise `ArithmeticError` where loops cannot be closed on the exact geometry.
-        """
+        """True if removing parameters in an order leaves just these."""
         return any(kept == way.kept(order) for way in (replace(self, by_frames=True), self))
 
     @property
     def _nothing(self) -> float:
-        return arithmetic.EXACTLY_NOTHING if self.strict else arithmetic.NOTHING
+        return arithmetic.EXACT_ZERO_TOLERANCE if self.strict else arithmetic.ZERO_TOLERANCE
 
     @property
     def closed(self) -> bool:
-        """True if the mechanism has loop closures; couplings, by which joints follow others, do not count."""
+        """True if the mechanism has loop closures."""
         return self.mechanism.description.closed
 
     @cached_property
     def geometry(self) -> ExactGeometry:
-        """The geometry of the mechanism's tree in exact scalars, as an `ExactGeometry`: joint axes, frames and gravity
-        as residues modulo a prime, or numbers of 60 digits for closed loops. Lengths are in m, or for closed loops in
-        the power of ten of a metre at or below the mechanism's characteristic length."""
+        """Geometry in exact scalars."""
         length = characteristic_length(self.mechanism)
         unit = Fraction(10) ** math.floor(math.log10(length)) if self.closed else Fraction(1)
         reading = Reading(digits if self.closed else modular, length, unit, self.precision)
@@ -309,15 +237,13 @@ class ExactEnergies:
 
     @cached_property
     def frames(self) -> CanonicalFrames:
-        """The joints' poses from axis to axis, as `CanonicalFrames`, in floats: angles in rad and lengths in m that do
-        not depend on where the file puts its frames."""
+        """Joints' poses from axis to axis, in floats."""
         return canonical_frames(self.mechanism.description, characteristic_length(self.mechanism), self.precision)
 
     @cached_property
     def _differences(self) -> Any:
-        """H (samples, P)."""
         whole = self.mechanism.unconstrained
-        rows = whole.num_energy_parameters + SPARE
+        rows = whole.num_energy_parameters + SPARE_ROWS
         if self.closed:
             H = _differences_in_digits(whole, self.geometry, rows, self.seed)
         else:
@@ -331,7 +257,6 @@ class ExactEnergies:
         return out
 
     def _combined(self, H: Any, weights: Array) -> Any:
-        """One column of H N from a column (P,) of N."""
         total = np.zeros_like(H[:, 0])
         for i in np.flatnonzero(np.abs(weights) > AS_GIVEN.number):
             weight = simplest_rational(float(weights[i]), abs(float(weights[i])))
@@ -350,15 +275,7 @@ def _differences_in_digits(mechanism: Mechanism, geometry: ExactGeometry, rows: 
 
 
 def proved(mechanism: Mechanism, near: Near, prove: bool | None, seed: int) -> ExactEnergies | None:
-    """The energies of a mechanism on exact geometry, an `ExactEnergies`, whose rank proves the mechanism's, or None
-    where they are left out.
-
-    They are left out if `prove` is False and, if it is None, for closed loops, which take long, unless some angles or
-    lengths are nearly special: angles within 1e-3 rad of a multiple of 90 degrees, or offsets within 1e-4 of the
-    characteristic length of zero (in loops also of one another), that are not exact to 1e-11. `seed` draws the states.
-    Raises `RankError` where some are nearly special and the rank would be another if they were exactly so, unless
-    `near` is "as_is" ("refuse" is the other choice) or `prove` False; `InputError` for another `near`.
-    """
+    """Energies on exact geometry that prove the rank."""
     if near not in get_args(Near):
         raise InputError(f"near_singular: expected one of {', '.join(get_args(Near))}, got {near!r}")
     if prove is False:
@@ -376,17 +293,20 @@ def _validate_one_rank(mechanism: Mechanism, exact: ExactEnergies, coincidences:
     meant = _rank(ExactEnergies(mechanism, AS_MEANT, exact.seed))
     if meant == exact.rank:
         return
-    more = f"; and {len(coincidences) - LISTED} more" if len(coincidences) > LISTED else ""
+    more = (
+        f"; and {len(coincidences) - MAX_LISTED_COINCIDENCES} more"
+        if len(coincidences) > MAX_LISTED_COINCIDENCES
+        else ""
+    )
     if_meant = f"{meant} if" if meant is not None else "not to be told where"
     raise RankError(
         f"{mechanism.name}: the rank is {exact.rank} as the geometry stands, and {if_meant} what is nearly special is "
-        f"meant to be so: {'; '.join(coincidences[:LISTED])}{more}. Write what is meant exactly, or load with "
-        'snap=True, which makes angles right; if it is meant as it stands, say near_singular="as_is"'
+        f"meant to be so: {'; '.join(coincidences[:MAX_LISTED_COINCIDENCES])}{more}. Write what is meant exactly, or "
+        'load with snap=True, which makes angles right; if it is meant as it stands, say near_singular="as_is"'
     )
 
 
 def _rank(energies: ExactEnergies) -> int | None:
-    """The rank; None where the geometry that may be meant does not close its loops."""
     try:
         return energies.rank
     except ArithmeticError:

@@ -1,4 +1,4 @@
-"""A mechanism's geometry in exact numbers, as the equations see it, and what of it is nearly special."""
+"""Geometry of a mechanism in exact numbers, and its nearly special angles and lengths."""
 
 from __future__ import annotations
 
@@ -38,22 +38,15 @@ from adaptctl.scalars import Column, Mat, Vec, product
 if TYPE_CHECKING:
     from adaptctl.dynamics.loop_equations import LoopEquations
 
+# Makes scalars of rational numbers: residues, or numbers of many digits.
 Number = Callable[[Fraction], Any]
-"""Makes scalars of rational numbers: residues, or numbers of many digits."""
+# Cosines and sines of quarter turns.
 QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
-"""Cosines and sines of quarter turns."""
 
 
 @dataclass(frozen=True)
 class Reading:
-    """A rule by which angles and lengths in floats become exact scalars, those of the simplest rational numbers near
-    them.
-
-    `number` makes an exact scalar of a `Fraction`: a residue modulo a prime, or a number of 60 digits. `size` is the
-    mechanism's characteristic length in m, `unit` the exact scalars' unit of lengths in m (1 by default), `precision`
-    the differences that are taken as zero (round-off by default). `equal` has lengths in m, in ascending order, none by
-    default, each of which replaces all that exceed it by at most the precision. Nothing is checked at construction.
-    """
+    """Rule that makes floats exact: its scalars, precision and unit of length."""
 
     number: Number
     size: float
@@ -62,28 +55,14 @@ class Reading:
     equal: tuple[float, ...] = ()
 
     def length(self, x: float) -> Any:
-        """The exact scalar (a residue modulo a prime, or a number of 60 digits, as this object's `number` makes it) of
-        a length `x` in m, which may be negative, counted in this object's `unit` of length (1 m by default).
-
-        It is 0 where |x| is at most `precision.length` (1e-11 by default) times this object's `size`, the mechanism's
-        characteristic length in m. Else it is the simplest rational number near x, the one of least denominator that
-        differs from x by at most `precision.number` (1e-12) times the power of ten at or below `size`. An x that
-        exceeds an entry of this object's `equal`, lengths in ascending order, by no more than the former bound first
-        becomes that entry. Raises `ValueError` for NaN, `OverflowError` for infinity.
-        """
+        """Exact scalar of a length in m."""
         place = bisect_right(self.equal, abs(x)) - 1
         if place >= 0 and abs(x) - self.equal[place] <= self.precision.length * self.size:
             x = math.copysign(self.equal[place], x)
         return self.number(simplest_rational(x, self.size, self.precision) / self.unit)
 
     def turned(self, angle: float) -> tuple[Any, Any]:
-        """The pair of the cosine and the sine of an `angle` in rad as exact scalars (residues modulo a prime, or
-        numbers of 60 digits, as `number` makes them) whose squares sum to exactly 1.
-
-        They are those of the angle whose half tangent, beyond a multiple of a right angle, is the simplest rational
-        number near the true one; floats 0 and +-1 within `precision.angle` (1e-11 rad by default) of a multiple of a
-        right angle. Raises `ValueError` for NaN, `OverflowError` for infinity.
-        """
+        """Exact cosine and sine of an angle, whose squares sum to exactly 1."""
         found = turn(angle, self.precision)
         if not found.half_tangent:
             return QUARTERS[found.quarters]
@@ -91,28 +70,21 @@ class Reading:
         return self.number(c), self.number(s)
 
     def rotation(self, turns: Turns) -> Mat:
-        """The rotation matrix (3, 3), in exact scalars (residues modulo a prime, or numbers of 60 digits, and floats 0
-        and +-1), that is the product of turns about coordinate axes, in their order. Each of `turns` is an axis (0, 1,
-        2 for x, y, z) and an angle in rad. Raises `ValueError` for no turns and for NaN, `OverflowError` for
-        infinity."""
+        """Exact rotation matrix of successive turns about coordinate axes."""
         first, *rest = (turned(axis, *self.turned(angle)) for axis, angle in turns)
         return reduce(product, rest, first)
 
 
 @dataclass(frozen=True)
 class ExactFrame:
-    """The pose of a frame in another one, in exact scalars (residues modulo a prime, or numbers of 60 digits):
-    `rotation` (3, 3) turns its coordinates into the other's, `origin` (3,) is its origin there, in the unit of length
-    of the `Reading` that made it. Nothing is checked."""
+    """Pose of a frame in exact scalars."""
 
     rotation: Mat
     origin: Vec
 
     @classmethod
     def of(cls, placement: FramePlacement, reading: Reading) -> ExactFrame:
-        """The pose of a frame in exact scalars (residues modulo a prime, or numbers of 60 digits), an `ExactFrame`, for
-        a `placement` in floats (angles in rad, lengths in m), by a `reading`, the rule that makes floats exact. Raises
-        `ValueError` for NaN, `OverflowError` for infinity."""
+        """Exact pose of a placement in floats."""
         radius, height = reading.length(placement.radius), reading.length(placement.height)
         c, s = reading.turned(placement.bearing)
         return cls(reading.rotation(placement.turns), Vec(radius * c, radius * s, height))
@@ -120,15 +92,7 @@ class ExactFrame:
 
 @dataclass(frozen=True)
 class ExactGeometry:
-    """The geometry of a mechanism's tree in exact scalars (residues modulo a prime, or numbers of 60 digits).
-
-    `links` are the N links' geometry as the equations of motion take it, lengths in the unit of `reading`, the rule
-    that made floats exact; `shifts` (N,), rad for revolute joints and 0 for others, are added to the file's joint
-    coordinates to give those used here. `gravity` (3,) is in m/s^2 and the world's axes where made by `by_frames`, and
-    (0, 0, -1), z being up, where made by `by_axes`; zero where there is none. `fixed`, a function of a link's index (-1
-    for the ground) and a pose in that link's frame, gives the exact pose of the frame that is fixed there. Made by
-    `by_axes` or `by_frames`; nothing is checked at construction.
-    """
+    """Geometry of a tree and its loops in exact scalars."""
 
     links: tuple[Segment, ...]
     shifts: tuple[float, ...]
@@ -138,10 +102,7 @@ class ExactGeometry:
 
     @classmethod
     def by_axes(cls, description: Description, frames: CanonicalFrames, reading: Reading) -> ExactGeometry:
-        """The exact geometry of the mechanism of a `description` by its joint axes: axes that are parallel, meet or are
-        at right angles, up to the precision of the `reading`, are so exactly, wherever the file puts its frames.
-        `frames` are the joints' poses from axis to axis, `reading` the rule that makes floats exact. Raises
-        `ValueError` for frames of another number of joints."""
+        """Exact geometry by joint axes: parallel, meeting and perpendicular ones are so exactly."""
         on_joints = tuple(ExactFrame.of(joint.link, reading) for joint in frames.joints)
         links = tuple(
             _segment(
@@ -166,9 +127,7 @@ class ExactGeometry:
 
     @classmethod
     def by_frames(cls, description: Description, reading: Reading) -> ExactGeometry:
-        """The exact geometry of the mechanism of a `description` frame by frame, as its file describes it: lengths, and
-        entries of rotations, that are zero up to the precision of the `reading`, the rule that makes floats exact,
-        become exact zeros. Joints' coordinates are the file's (`shifts` are 0). Nothing is checked."""
+        """Exact geometry frame by frame, as the file describes it."""
 
         def fixed(_: int, pose: Pose) -> ExactFrame:
             return _as_written(pose, reading)
@@ -179,7 +138,7 @@ class ExactGeometry:
 
 
 def _as_written(pose: Pose, reading: Reading) -> ExactFrame:
-    """A pose with the file's own lengths; its rotation by turns."""
+    """Pose with the file's own lengths; its rotation by turns."""
     rotation = reading.rotation(turns_of(FloatFrame.of(pose).rotation, reading.precision))
     return ExactFrame(rotation, Vec(*(reading.length(x) for x in pose.translation.tolist())))
 
@@ -203,8 +162,7 @@ def _as_in_file(link: Link, reading: Reading) -> Segment:
 
 
 def _segment(parent: int, turns: bool, joint: ExactFrame, before: ExactFrame | None, own: ExactFrame) -> Segment:
-    """A segment whose joint's frame is given in that of the joint before, on a link whose frame stands at `before`
-    there."""
+    """Segment whose joint's frame is given in that of the joint before, on a link with its frame at `before`."""
     turned, near = joint.rotation, joint.origin
     if before is not None:
         turned = product(before.rotation.T, joint.rotation)
@@ -230,14 +188,7 @@ def _unless_identity(rotation: Mat) -> Mat | None:
 
 
 def near_coincidences(description: Description, frames: CanonicalFrames) -> tuple[str, ...]:
-    """Near coincidences of a mechanism's geometry, a text for each; if they are meant to be exact, the rank may be
-    another. Empty where there are none.
-
-    They are angles between successive joint axes within 1e-3 rad of a multiple of 90 degrees, offsets between these
-    axes below 1e-4 of the characteristic length, and, with closed loops, lengths that differ by less than that; those
-    within 1e-11 (rad, or of that length) count as exact and are none. `description` is the mechanism's, `frames` the
-    joints' poses from axis to axis. Nothing is checked.
-    """
+    """Near coincidences of a geometry, as texts."""
     angles = [str(angle) for angle in near_right_angles(description, AS_GIVEN.angle)]
     return (*angles, *_near_offsets(description, frames), *_near_equals(description, frames))
 
@@ -257,13 +208,7 @@ def _near_equals(description: Description, frames: CanonicalFrames) -> Iterator[
 
 
 def loop_lengths(description: Description, frames: CanonicalFrames) -> list[tuple[float, str]]:
-    """Lengths that may have to equal one another in closed loops, as pairs (length in m, name of the joint or loop
-    closure that it belongs to), in ascending order of length.
-
-    They are the distances from the z axis (radius) and along it (height), in size, of each joint's frame in that of the
-    joint before, as `frames` have them, and of each closure's two frames in those of their links' joints. Empty for a
-    `description` without loop closures. Nothing is checked.
-    """
+    """Lengths that may have to equal one another in closed loops, with joint names, ascending."""
     loops = description.loops
     if loops is None or not loops.closures:
         return []
@@ -276,8 +221,7 @@ def loop_lengths(description: Description, frames: CanonicalFrames) -> list[tupl
 
 
 def as_equal(lengths: Iterable[float], least: float) -> tuple[float, ...]:
-    """The lengths (m), in ascending order, that represent groups of nearly equal ones among `lengths` (m), which must
-    rise: the first of each group, which the others exceed by at most `least` (m). Nothing is checked."""
+    """First of each group of nearly equal lengths, ascending."""
     firsts: list[float] = []
     for length in lengths:
         if not firsts or length - firsts[-1] > least:
@@ -290,9 +234,7 @@ def _nearly(x: float, length: float) -> bool:
 
 
 def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
-    """The equations of motion of a mechanism with closed loops on its exact `geometry`, as `LoopEquations`, whose joint
-    coordinates are the file's plus the geometry's `shifts` (rad). Raises `InputError` for a tree, `LoopError` where
-    loops cannot be closed."""
+    """Equations of motion of closed loops on exact geometry."""
     description = mechanism.description
     if mechanism.continuation is None or description.loops is None:
         raise InputError(f"{mechanism.name}: there are no loops to close")
@@ -306,17 +248,7 @@ def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
 
 
 def loop_energies(equations: LoopEquations, geometry: ExactGeometry, q: Array, v: Array) -> Any:
-    """The energy regressor (samples, P) of a mechanism with closed loops at `samples` states, to 60 decimal digits:
-    kinetic plus potential energies per unit of each of P inertial and friction parameters (0 for friction). Entries are
-    Python ints (dtype object), the energies times 2^200. They are with the gravity of the exact `geometry`, a unit
-    vector where the geometry was made from joint axes alone, and in its unit of length.
-
-    `equations` are the equations of motion on that geometry, which `exact_loops` returns; `q` (samples, n) are
-    configurations of the spanning tree's n joints, rad (m for a prismatic joint), in the file's coordinates, that close
-    the loops up to round-off, and are closed to 60 digits here; `v` (samples, r) are the velocities of the r primary
-    (independent) joints, rad/s (the geometry's unit per s for a prismatic joint). Raises `ArithmeticError` where
-    Newton's steps on that geometry meet a singular matrix, as at a singularity of the loops.
-    """
+    """Energy regressor (samples, P) of closed loops to 60 digits."""
     joints = zip(q.T, geometry.shifts, geometry.links, strict=True)
     guess = Column(_coordinate(x, shift, link.turns, geometry.reading.unit) for x, shift, link in joints)
     closed = equations.closed(Column(guess[i] for i in equations.closing.primary), guess)
@@ -340,7 +272,7 @@ def _exact_loop(loop: Loop, closure: Closure, description: Description, geometry
 
 
 def _exact_follower(follower: Follower, geometry: ExactGeometry) -> Follower:
-    """The follower with its offset among shifted joints, and lengths in the geometry's unit."""
+    """Follower with its offset among shifted joints, and lengths in the geometry's unit."""
     shifts, links = geometry.shifts, geometry.links
     over = {False: float(1 / geometry.reading.unit), True: 1.0}
     own, other = over[links[follower.follower].turns], over[links[follower.leader].turns]

@@ -11,63 +11,51 @@ from typing import Any, NamedTuple
 from adaptctl.description import GROUND, Description, Pose
 from adaptctl.scalars import Mat, Vec, cross, dot, product
 
+# Parts of one in which floats are read.
 _UNITS = 10**15
-"""Parts of one in which floats are read."""
 
 
+# Axes (0, 1, 2 for x, y, z) and angles (rad): the product of the turns about them, in this order.
 Turns = tuple[tuple[int, float], ...]
-"""Axes (0, 1, 2 for x, y, z) and angles (rad): the product of the turns about them, in this order."""
 QUARTER = math.pi / 2
 
 
 class Precision(NamedTuple):
-    """The differences of floats that are taken as zero. `angle`, in rad, is how far from a multiple of a right angle an
-    angle counts as one; lengths below `length` times the mechanism's characteristic length (the largest offset from
-    joint to joint or to a link's frame) count as zero; numbers of size about one that differ by less than `number`
-    count as the same. Nothing is checked."""
+    """Distances of angles (rad), lengths and other numbers within which floats are made simpler."""
 
     angle: float
+    # Lengths shorter than this, of the mechanism's, are meant to be zero.
     length: float
-    """Lengths shorter than this, of the mechanism's, are meant to be zero."""
     number: float
 
 
+# Round-off. A file that says 1.57079632679 misses a right angle by 5e-12.
 AS_GIVEN = Precision(1e-11, 1e-11, 1e-12)
-"""Round-off. A file that says 1.57079632679 misses a right angle by 5e-12."""
+# What a person who rounds may have meant.
 AS_MEANT = Precision(1e-3, 1e-4, 1e-5)
-"""What a person who rounds may have meant."""
 
 
 class Turn(NamedTuple):
-    """An angle as exact numbers: `quarters` times 90 degrees plus 2 atan(`half_tangent`), with `quarters` from 0 to 3
-    and `half_tangent` a fraction, whose part of the angle is at most 45 degrees in size. Nothing is checked."""
+    """Angle as quarter turns and the rational tangent of half the rest."""
 
     quarters: int
     half_tangent: Fraction
 
     @property
     def cosine_and_sine(self) -> tuple[Fraction, Fraction]:
-        """The pair of the cosine and the sine of this angle, as fractions whose squares sum to exactly 1."""
+        """Cosine and sine as fractions whose squares sum to exactly 1."""
         square = self.half_tangent**2
         c, s = (1 - square) / (1 + square), 2 * self.half_tangent / (1 + square)
         return ((c, s), (-s, c), (-c, -s), (s, -c))[self.quarters]
 
 
 def simplest_rational(x: float, size: float = 1.0, precision: Precision = AS_GIVEN) -> Fraction:
-    """The fraction of least denominator near a float `x`: 1/3 for 0.333333333333, 0 for 1e-13.
-
-    `size`, positive and in the unit of x, is the typical size of such values (1 by default). x counts as zero where |x|
-    is at most `precision.length` times `size`. Else, with u the power of ten at or below `size`, the result is u times
-    the fraction of least denominator that differs from x/u by at most `precision.number`; `precision` is that of
-    round-off by default. So floats that were computed in two ways from the same decimals become the same number again.
-    By continued fractions (Knuth 1998, The Art of Computer Programming 2, section 4.5.3, exercise 39). Raises
-    `ValueError` for NaN, `OverflowError` for infinity.
-    """
+    """Fraction of least denominator near a float: 1/3 for 0.333333333333, 0 for 1e-13."""
     return Fraction(0) if abs(x) <= precision.length * size else _near(x, size, precision.number)
 
 
 def _near(x: float, size: float, distance: float) -> Fraction:
-    """The simplest fraction nearer to x, which is not zero, than a distance times a size."""
+    """Simplest fraction nearer to x, which is not zero, than a distance times a size."""
     unit = Fraction(10) ** math.floor(math.log10(size))
     middle, around = round(Fraction(abs(x)) / unit * _UNITS), round(distance * _UNITS)
     n, d = _simplest(max(middle - around, 1), middle + around, _UNITS)
@@ -75,9 +63,7 @@ def _near(x: float, size: float, distance: float) -> Fraction:
 
 
 def turn(angle: float, precision: Precision = AS_GIVEN) -> Turn:
-    """An `angle` in rad as exact numbers, a `Turn`: quarter turns alone where it is within `precision.angle` of them
-    (1e-11 rad by default), else also the simplest rational half tangent of the rest. Raises `ValueError` for NaN,
-    `OverflowError` for infinity."""
+    """Angle in rad as exact numbers."""
     quarters = round(angle / (math.pi / 2))
     rest = angle - quarters * (math.pi / 2)
     small = abs(rest) <= precision.angle
@@ -98,15 +84,7 @@ def _simplest(low: int, high: int, over: int) -> tuple[int, int]:
 
 
 def turns_of(rotation: Mat, precision: Precision) -> Turns:
-    """The two or three turns about coordinate axes, pairs of an axis (0, 1, 2 for x, y, z) and an angle in rad, whose
-    product, in this order, is a `rotation` matrix R (3, 3) of floats. Entries of R, and differences of angles from
-    right ones, that are below the `precision`'s angle in rad count as zero. Nothing is checked.
-
-    The turns are chosen so that zeros of R come back as exact ones, with R_i(a) the turn by a about axis i. For a zero
-    off the diagonal, in row i and column j, R = R_i(a) R_j(g). For one on the diagonal, in row i, R = R_i(a) R_j(90
-    degrees) R_i(g), j being the axis after i. Without zeros, R = R_z(a) R_x(b) R_z(g). A rotation with more than one
-    zero has at least four, all of which the two turns keep.
-    """
+    """Turns about coordinate axes whose product is a rotation matrix."""
     R = [list(row) for row in rotation]
     size, row, column = min((abs(R[i][j]), i, j) for i in range(3) for j in range(3))
     if size > precision.angle:
@@ -123,16 +101,13 @@ def turns_of(rotation: Mat, precision: Precision) -> Turns:
 
 
 def bearing(angle: float, precision: Precision) -> float:
-    """The `angle`, in rad, made the nearest multiple of a right angle where it is within the `precision`'s `angle` of
-    that, else as given. Raises `ValueError` for NaN, `OverflowError` for infinity."""
+    """Angle made a multiple of 90 degrees where it nearly is."""
     quarters = round(angle / QUARTER)
     return quarters * QUARTER if abs(angle - quarters * QUARTER) <= precision.angle else angle
 
 
 def turned(axis: int, c: Any, s: Any) -> Mat:
-    """The rotation matrix R (3, 3) of a turn about a coordinate `axis` (0, 1, 2 for x, y, z), from the cosine `c` and
-    the sine `s` of its angle, scalars of any kind. It maps the coordinates y (3,) of a vector in the turned frame to
-    those in the frame before the turn, R y. Nothing is checked."""
+    """Rotation matrix of a turn about a coordinate axis, from cosine and sine."""
     if axis == 0:
         return Mat(Vec(1.0, 0.0, 0.0), Vec(0.0, c, -s), Vec(0.0, s, c))
     if axis == 1:
@@ -141,35 +116,29 @@ def turned(axis: int, c: Any, s: Any) -> Mat:
 
 
 class FloatFrame(NamedTuple):
-    """The pose of a frame in another one, in floats: `rotation` (3, 3) turns its coordinates into the other's, `origin`
-    (3,) is its origin there in m. `a @ b` is the pose, in the parent frame of `a`, of the frame whose pose in the frame
-    of `a` is `b`. Nothing is checked."""
+    """Pose of a frame in Python floats."""
 
     rotation: Mat
     origin: Vec
 
     @classmethod
     def of(cls, pose: Pose) -> FloatFrame:
-        """The `pose`, a rotation matrix and a translation in m, as a `FloatFrame`, whose entries are Python floats.
-        Nothing is checked."""
+        """Pose as Python floats."""
         return cls(Mat.of(pose.rotation.tolist()), Vec(*pose.translation.tolist()))
 
     def __matmul__(self, inner: FloatFrame) -> FloatFrame:
-        """The frame that stands at `inner` in this one."""
+        """Frame that is at `inner` in this one."""
         return FloatFrame(product(self.rotation, inner.rotation), self.rotation @ inner.origin + self.origin)
 
     @property
     def inverse(self) -> FloatFrame:
-        """The inverse pose, a `FloatFrame`: if this one is the pose of a frame B in a frame A, it is that of A in B,
-        with its origin in m."""
+        """Inverse pose."""
         back = self.rotation.T
         return FloatFrame(back, -(back @ self.origin))
 
 
 class FramePlacement(NamedTuple):
-    """The pose of a frame in another one, by angles in rad and lengths in m. `turns` are the turns about coordinate
-    axes whose product is its rotation, pairs of an axis (0, 1, 2 for x, y, z) and an angle, and its origin is (radius
-    cos(bearing), radius sin(bearing), height). Nothing is checked."""
+    """Pose of a frame by angles in rad and lengths in m."""
 
     turns: Turns
     bearing: float
@@ -178,10 +147,7 @@ class FramePlacement(NamedTuple):
 
     @classmethod
     def of(cls, frame: FloatFrame, length: float, precision: Precision) -> FramePlacement:
-        """The pose of a `frame` by angles in rad and lengths in m, from its rotation matrix and origin in floats, in a
-        mechanism of characteristic `length` in m. Angles that are within the `precision` of a multiple of 90 degrees
-        are made that multiple. So is the bearing, the angle about z from the x axis to the origin's projection on the
-        xy plane; it is 0 for an origin on the z axis, up to the precision. Nothing is checked."""
+        """Placement of a frame, nearly special angles and lengths made exact."""
         radius = _across(frame.origin)
         angle = _bearing(frame.origin, precision) if radius > precision.length * length else 0.0
         return cls(turns_of(frame.rotation, precision), angle, radius, _height(frame.origin))
@@ -189,11 +155,7 @@ class FramePlacement(NamedTuple):
 
 @dataclass(frozen=True)
 class CanonicalJoint:
-    """A joint of a tree whose frame is fixed by joint axes and common normals alone (as Denavit and Hartenberg's are),
-    not by the frames that a file uses. `joint` is the pose of its frame, with z along its axis, in the frame of the
-    joint before it (for a joint on the ground, in the world turned until z is up), and `link` the pose of its link's
-    frame in the joint's own frame; both are `FramePlacement`s, angles in rad and lengths in m. The joint's position is
-    the file's plus `shift`, in rad for a revolute joint, 0 for a prismatic one. Nothing is checked."""
+    """Placements of a joint and of its link."""
 
     joint: FramePlacement
     link: FramePlacement
@@ -202,13 +164,7 @@ class CanonicalJoint:
 
 @dataclass(frozen=True)
 class CanonicalFrames:
-    """The poses of all N joints of a tree from axis to axis, which do not depend on where the file puts frames.
-
-    `joints` (N,) are in the links' order; `on_links` (N + 1,) are the poses of each joint's frame in the frame of its
-    link, the last one being that of the ground (the world turned until z is up) in the world. `length` is the
-    mechanism's characteristic length in m, `precision` the differences that were taken as round-off. Made by
-    `canonical_frames`; nothing is checked.
-    """
+    """Joints' poses from axis to axis, independent of where the file puts frames."""
 
     joints: tuple[CanonicalJoint, ...]
     on_links: tuple[FloatFrame, ...]
@@ -216,24 +172,12 @@ class CanonicalFrames:
     precision: Precision
 
     def placement(self, link: int, pose: Pose) -> FramePlacement:
-        """The pose, in the frame of a link's joint, of a frame fixed to that link at `pose` in the link's own frame, as
-        a `FramePlacement`: angles in rad, lengths in m. `link` is the link's zero-based index; -1, or the number N of
-        links, is the ground, for which `pose` is in the world and the result relative to the world turned until z is
-        up. Raises `IndexError` for an index above N."""
+        """Placement, in the frame of a link's joint, of a frame fixed to that link."""
         return FramePlacement.of(self.on_links[link].inverse @ FloatFrame.of(pose), self.length, self.precision)
 
 
 def canonical_frames(description: Description, length: float, precision: Precision) -> CanonicalFrames:
-    """Poses of all joints of a tree from axis to axis (Denavit and Hartenberg 1955), which do not depend on where its
-    `description` puts frames, as `CanonicalFrames`. Each joint gets a frame with z along its axis; its pose is given in
-    the frame of the joint before it.
-
-    Of a revolute joint, x is along the common normal of its axis and that of the first joint on its link that
-    determines one; failing that, along its normal with the z axis of the link's own frame, or along that frame's x axis
-    where z is parallel. Of a prismatic joint, x is along the common normal with the z axis of the frame before, or
-    along its x axis where they are parallel. `length` is the mechanism's characteristic length in m, `precision` the
-    differences that are taken as round-off. Nothing is checked.
-    """
+    """Poses of a tree's joints from axis to axis (Denavit and Hartenberg 1955)."""
     links = description.links
     children: dict[int, list[int]] = {i: [] for i in range(GROUND, len(links))}
     for i, link in enumerate(links):
@@ -268,8 +212,7 @@ def canonical_frames(description: Description, length: float, precision: Precisi
 
 
 def _axis_frame(standing: FloatFrame, axis: Vec, turns: bool, length: float, precision: Precision) -> FloatFrame:
-    """A frame on a joint's axis, x along the common normal with the z axis; at the foot of that normal if the joint
-    turns, and else, since a sliding joint's axis has no place, at the origin."""
+    """Frame on a joint's axis, x along the common normal with the z axis, at its foot if the joint turns."""
     u, m = standing.rotation @ axis, standing.origin
     across, radius = _across(u), _across(m)
     if across > precision.angle:
@@ -298,13 +241,11 @@ def _gauge(carried: Iterable[tuple[FloatFrame, Vec]], link: Mat, length: float, 
 
 
 def _across(u: Vec) -> float:
-    """The length of a vector's share in the plane across z."""
     x, y, _ = u
     return math.hypot(x, y)
 
 
 def _height(u: Vec) -> float:
-    """A vector's share along z."""
     _, _, z = u
     return float(z)
 

@@ -1,4 +1,4 @@
-"""Real logs that come with the package, each with its robot, its drives and its licence."""
+"""Real logs that come with the package, each with its robot, drives and licence."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ NAMES = ("tx40",)
 
 
 class Example(NamedTuple):
-    """Example of an identification: paths of the files of one robot. `log` is its log (Parquet), `robot` its URDF, and
-    `drives` its drives file (TOML: transmission, motors and the log's columns). Made by `example`; nothing is checked
-    at construction."""
+    """Paths of an example's log (Parquet), robot (URDF) and drives file (TOML)."""
 
     log: Path
     robot: Path
@@ -25,9 +23,7 @@ class Example(NamedTuple):
 
 @contextmanager
 def example(name: str) -> Iterator[Example]:
-    """A context manager that yields the files, an `Example` of paths, of the example of the given `name`: "tx40", a log
-    of a Staubli TX40 arm. The files exist for as long as the `with` block runs. Raises `NotFoundError` for another
-    name, as the block begins."""
+    """Context manager with the files of an example, "tx40"; `NotFoundError` for another name."""
     if name not in NAMES:
         raise NotFoundError(f"unknown example {name!r}; there is {', '.join(NAMES)}")
     with as_file(files(__name__) / name) as folder:
