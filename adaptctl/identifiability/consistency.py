@@ -213,7 +213,6 @@ def _solver() -> Any:
 
 
 def _size(beta: Array) -> float:
-    """|beta|, and 1 where that is zero."""
     return float(np.linalg.norm(beta)) or 1.0
 
 

@@ -55,7 +55,6 @@ class _Libraries(NamedTuple):
 
 @functools.cache
 def _libraries() -> _Libraries:
-    """Libraries that are loaded when first asked for, NumPy's among them."""
     from threadpoolctl import ThreadpoolController  # looks for libraries once it is imported
 
     turn = threading.RLock()

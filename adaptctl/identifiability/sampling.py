@@ -317,7 +317,6 @@ def _uniform(generator: np.random.Generator, lower: Array, upper: Array, samples
 
 
 def _range(lower: Array, upper: Array, width: Array, center: Array) -> tuple[Array, Array]:
-    """Bounds with the infinite ones replaced: `width` from the finite one, or about the center."""
     low, high = np.isfinite(lower), np.isfinite(upper)
     below = np.where(high, upper - width, center - 0.5 * width)
     above = np.where(low, lower + width, center + 0.5 * width)

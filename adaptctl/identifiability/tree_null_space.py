@@ -175,7 +175,6 @@ class TreeNullSpace:
         return by_null_vectors(self.null_basis, order, tolerance)
 
     def _by_links(self, order: Sequence[int], tolerance: float) -> Regrouping:
-        """Regrouping by choices made link by link alone, with coefficients among scaled parameters."""
         found = tree_regrouping(self.transfers, order, tolerance)
         own = parameter_units(self.mechanism, self.transfers.frames.length) / self.scales
         kept, removed = list(found.kept), list(found.removed)
@@ -231,7 +230,6 @@ def transfer_evidence(found: InertialTransfers, changes: Array) -> TransferEvide
 
 
 def _energies(mechanism: Mechanism, length: float, states: States) -> Array:
-    """Energies (N, samples, 10) of the parameters of every link, massless ones too, lengths in units of `length`."""
     tree, places, rates = TreeEquations.of(mechanism.description), column(states.p), column(states.v)
     row = energy.energy_regressor(tree.links, places, rates, tree.gravity)
     energies = stacked(row.of, (len(states),)).reshape(len(states), -1, 10)

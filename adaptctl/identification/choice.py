@@ -120,7 +120,6 @@ def _best(
     trials: list[FrictionTrial],
     better: float = MIN_IMPROVEMENT,
 ) -> FitSettings:
-    """The first of the tried settings that none of the later ones beats by the share asked for."""
     scores = [predicted_rms(evidence, settings) for settings in tried]
     best = 0
     for i, score in enumerate(scores):

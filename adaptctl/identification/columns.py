@@ -190,7 +190,6 @@ def _require(log: LogTable, what: str, names: list[str]) -> None:
 
 
 def _one_of(symbols: list[str], what: str, source: str) -> str:
-    """One of several units of the same factor to SI units, such as rad and m."""
     factors = {FACTORS[what].get(spaced(symbol), symbol) for symbol in symbols}
     if len(factors) > 1:
         raise InputError(f"{source}: its columns of {what} are in {', '.join(symbols)}: convert them to SI units")

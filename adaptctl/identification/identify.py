@@ -221,7 +221,6 @@ def identified(
 def _with_constants(
     mechanism: Mechanism, drives: Drives, train: Sequence[JointLog], test: Sequence[JointLog], skip: Collection[str]
 ) -> tuple[Drives, Sequence[JointLog], Sequence[JointLog], tuple[str, ...]]:
-    """Drives and logs whose torque constants are known, and in words how, where they were not."""
     if not np.isnan(drives.constants).any():
         return drives, train, test, ()
     evidence, _, _ = gathered(mechanism, drives, train, (*skip, "limits") if "limits" not in skip else skip)
@@ -259,7 +258,6 @@ def gathered(
 def _rows_without_payloads(
     motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives, cutoffs: Sequence[float]
 ) -> list[Rows]:
-    """Rows of filtered equations, with payloads subtracted where all torque constants are known."""
     rows = rows_of(motions, mechanism, cutoffs)
     if np.isnan(drives.constants).any():
         return rows

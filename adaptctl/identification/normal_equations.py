@@ -63,7 +63,6 @@ class NormalEquations:
 
 
 def _sums(Y: Array, torque: Array) -> tuple[Array, Array, Array, Array]:
-    """Y'Y (r, P, P), Y'tau (r, P), tau'tau (r,) and the number of rows."""
     joints = Y.transpose(1, 0, 2)
     moment = (joints.mT @ torque.T[..., None])[..., 0]
     return joints.mT @ joints, moment, np.square(torque).sum(axis=0), np.asarray(float(len(Y)))

@@ -56,7 +56,6 @@ def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
 
 
 def _blocks(evidence: LogEvidence, fit: Fit) -> Iterator[tuple[Array, Array]]:
-    """Curvature and slope of the whitened squares in each block."""
     settings, mask = fit.settings, evidence.mask(fit.settings.friction)
     load = evidence.load_from(settings, range(evidence.blocks))
     for b in range(evidence.blocks):

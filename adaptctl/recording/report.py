@@ -243,7 +243,6 @@ def _robot_notes(comparison: Comparison) -> Iterator[Note]:
 
 
 def _measured(comparison: Comparison) -> Table | None:
-    """Table of findings named "what.run", a column for each "what"."""
     names = [run.name for run in comparison.runs]
     columns: dict[str, dict[str, Finding]] = {}
     for finding in comparison.findings:

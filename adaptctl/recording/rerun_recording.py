@@ -121,7 +121,6 @@ def _curves(comparison: Comparison) -> Iterator[Curves]:
 
 
 def _estimates(comparison: Comparison) -> Iterator[Curves]:
-    """Curves of the parameters that moved most, and of those of each link, beside the true values."""
     names, rollout = comparison.model.names, comparison.subject.rollout
     most = sorted(np.argsort(-np.ptp(rollout.estimate, axis=0), kind="stable")[:MAX_OVERVIEW_PARAMETERS].tolist())
     groups = {"most_learnt": (most, [names[i] for i in most])}

@@ -174,7 +174,6 @@ def visuals(description: Description) -> dict[int, list[tuple[Visual, bytes]]]:
 def _log_visuals(
     recording: rr.RecordingStream, path: str, own: Sequence[tuple[Visual, bytes]], color: Color, ghost: bool
 ) -> Sequence[tuple[Visual, bytes]]:
-    """Draw a link's shapes in their own colors, or all in a ghost's, and return them."""
     for k, (visual, content) in enumerate(own):
         scale = visual.solid.scale if isinstance(visual.solid, Mesh) else None
         pose = rr.Transform3D(translation=visual.pose.translation, mat3x3=visual.pose.rotation, scale=scale)

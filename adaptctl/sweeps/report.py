@@ -216,7 +216,6 @@ def _is_idle(rows: Sequence[dict[str, Any]], setting: str, swept: Sequence[str])
 
 
 def _binned(values: list[Any]) -> list[Any]:
-    """Lower ends of the bins of a map's side: the values themselves where they are few."""
     different = sorted(set(values))
     if len(different) <= 2 * MAX_BINS:
         return different

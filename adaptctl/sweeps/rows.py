@@ -126,7 +126,6 @@ def _reset(experiment: Learning, mechanism: Mechanism) -> tuple[Episode, Any]:
 
 
 def _trials(experiment: Learning, controllers: Sequence[str], known: Begun) -> list[Trial]:
-    """Runs of an experiment with these controllers."""
     own = type(experiment).mechanism is not Learning.mechanism
     mechanism = interned(experiment.mechanism()) if own else robot(experiment.robot)
     chosen = named(experiment.contenders(mechanism, offline(mechanism)), controllers)

@@ -86,7 +86,6 @@ def _toml(value: Any) -> str:
 
 
 def _first_controller(study: SweepStudy, settings: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    """Name of the experiment's first controller."""
     first = (rows_of(study.experiment, [chosen], (), study.precision)[0] for chosen in settings)
     return next(((row["controller"],) for row in first if row["controller"] or row["status"] != "failed"), ())
 
