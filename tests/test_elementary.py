@@ -100,8 +100,8 @@ def test_a_law_may_saturate_smoothly() -> None:
         ),
         (lambda p, v, r, memory: (3.0, memory), InputError, "got float for the torque"),
         (lambda p, v, r, memory: (Column((1.0,)), memory), InputError, "got a column of 1 for the torque"),
-        (lambda p, v, r, memory: (-p, (p,)), InputError, "got another memory than `start` gives"),
-        (lambda p, v, r, memory: (-p, None), InputError, "got another memory than `start` gives"),
+        (lambda p, v, r, memory: (-p, (p,)), InputError, "got another state than `initial_state` gives"),
+        (lambda p, v, r, memory: (-p, None), InputError, "got another state than `initial_state` gives"),
         (lambda p, v, r, memory: (np.tanh(p), memory), TraceError, r"apply those of adaptctl\.scalars to each"),
         (lambda p, v, r, memory: (Column(math.tanh(x) for x in p), memory), TraceError, "not of math"),
         (

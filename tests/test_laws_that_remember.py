@@ -267,13 +267,13 @@ def test_the_stack_keeps_the_newest_samples_that_differ() -> None:
         (lambda: ConcurrentLearning(ONES, stack_size=0), "a stack has from 1 to 64 samples, got 0: without any"),
         (lambda: ConcurrentLearning(ONES, stack_size=-2), "a stack has from 1 to 64 samples, got -2"),
         (lambda: ConcurrentLearning(ONES, stack_size=65), "a stack has from 1 to 64 samples, got 65"),
-        (lambda: ConcurrentLearning(ONES, stack_size=2.5), r"samples: expected a whole number, got 2\.5"),  # type: ignore[arg-type]
+        (lambda: ConcurrentLearning(ONES, stack_size=2.5), r"stack_size: expected a whole number, got 2\.5"),  # type: ignore[arg-type]
         (
             lambda: ConcurrentLearning(ONES, novelty_threshold=0.0),
             "threshold: expected a positive number of 1/s, got 0",
         ),
         (lambda: ConcurrentLearning(ONES, novelty_threshold=np.nan), "threshold: expected a positive number of 1/s"),
-        (lambda: ConcurrentLearning(ONES, -1.0), "concurrent learning: weight"),  # type: ignore[arg-type]
+        (lambda: ConcurrentLearning(ONES, -1.0), "concurrent learning: prediction_weight"),  # type: ignore[arg-type]
         (lambda: on(SMALL, ConcurrentLearning(np.ones(30))), "30 parameters, of which the basis keeps 15"),
         (lambda: on(SMALL, ConcurrentLearning(ONES, cutoff=2000.0)), "use at most 1000 rad/s"),
         (
@@ -284,7 +284,7 @@ def test_the_stack_keeps_the_newest_samples_that_differ() -> None:
         (lambda: CompositeLearning(ONES, recall=-1.0), "recall: expected a finite number of at least 0 1/s, got -1"),
         (
             lambda: CompositeLearning(ONES, reset_power=0.0),
-            "alarm: expected a positive number of W, or infinity, got 0",
+            "reset_power: expected a positive number of W, or infinity, got 0",
         ),
         (lambda: CompositeLearning(ONES, forgetting=-1.0), "composite learning: forgetting: expected at least 0"),
         (lambda: CompositeLearning(-ONES), "composite learning: gain: expected positive"),
@@ -292,9 +292,9 @@ def test_the_stack_keeps_the_newest_samples_that_differ() -> None:
         (lambda: on(SMALL, CompositeLearning(np.ones(4))), "composite learning: gain: expected 15 numbers"),
         (
             lambda: StoppedReference(swinging(arm(SMALL)), -1.0),
-            "halted: expected a stop at 0 s or later, and a positive time",
+            "stopped reference: expected a stop at 0 s or later, and a positive time",
         ),
-        (lambda: StoppedReference(swinging(arm(SMALL)), 1.0, 0.0), "halted: expected a stop"),
+        (lambda: StoppedReference(swinging(arm(SMALL)), 1.0, 0.0), "stopped reference: expected a stop"),
     ],
 )
 def test_what_cannot_be_is_refused(make: Callable[[], object], says: str) -> None:
