@@ -1,7 +1,4 @@
-"""Adaptive control of robot mechanisms on their fundamental inertial parameters.
-
-The public names are imported when they are first used, so that importing the package costs nothing.
-"""
+"""Adaptive control of robot mechanisms on their fundamental inertial parameters."""
 
 from adaptctl.optional_packages import imported_lazily
 

@@ -20,10 +20,7 @@ INTERRUPTED = 130
 
 
 def run() -> NoReturn:
-    """Run the command line on the process's arguments and exit with its code: this function never returns. An
-    interruption (SIGINT or SIGTERM) ends the command in one line, with exit code 130; a package that is not installed
-    ends it with the command that installs it, and exit code 1. Raises `SystemExit`, as every exit does, save where an
-    interruption ends the process at once."""
+    """Run the command line on the process's arguments and exit with its code: this function never returns."""
     _on_signals(_leave)  # while packages are imported, there is nothing to keep
     main = _main()
     from adaptctl.cli.interruption import raised
@@ -39,11 +36,7 @@ def run() -> NoReturn:
 
 
 def _exit_at_once() -> NoReturn:
-    """Exit with the code of an interruption, once packages have closed.
-
-    CPython would end itself by SIGINT, handled or not, if the interruption came inside an `exec` of text, as in the
-    definition of a dataclass.
-    """
+    """Exit with the code of an interruption, once packages have closed."""
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):

@@ -28,14 +28,13 @@ Named = TypeVar("Named", bound=HasName)
 
 
 def frozen(array: Array) -> Array:
-    """Make `array`, of any shape, read-only in place and return it: the array itself, not a copy. Nothing is raised."""
+    """Make `array`, of any shape, read-only in place and return it: the array itself, not a copy."""
     array.flags.writeable = False
     return array
 
 
 def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
-    """A read-only float64 copy of `values`, of the given `shape`. Raises `InputError` where `values` have another
-    shape, are not real numbers, or hold NaN or infinity; `what` is the name of the values in its message."""
+    """A read-only float64 copy of `values`, of the given `shape`."""
     array = numbers(values, what, f"of shape {shape}").copy()
     if array.shape != shape:
         raise InputError(f"{what}: expected shape {shape}, got {array.shape}")
@@ -45,11 +44,7 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
 
 
 def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
-    """The `values` as a float64 array of any shape; an array that is one already is returned as it is, not copied.
-    Texts that read as numbers count as such, None as NaN; NaN and infinity are allowed. Raises `InputError` for values
-    that are not real numbers: other texts, ragged lists, complex numbers, durations and dates, and whole numbers beyond
-    the largest double. `what` is the name of the values in its message, `kind` says there what was expected, such as
-    "of shape (3,)", by default nothing."""
+    """The `values` as a float64 array of any shape; an array that is one already is returned as it is, not copied."""
     try:
         if getattr(getattr(values, "dtype", None), "kind", "") in ("c", "m", "M"):
             raise TypeError("complex numbers and durations have no place here")
@@ -59,9 +54,7 @@ def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
 
 
 def checked(values: ArrayLike, size: int, what: str) -> Array:
-    """The `values` as a float64 array (..., size) of finite numbers, the last axis of the given `size`; an array that
-    is one already is returned as it is, not copied. Raises `InputError` where `values` have another shape or are not
-    real numbers, `NonFiniteError` for NaN and infinity; `what` is the name of the values in the messages."""
+    """The `values` as a float64 array (..., size) of finite numbers, the last axis of the given `size`."""
     array = numbers(values, what, f"of shape (..., {size})")
     if array.ndim == 0 or array.shape[-1] != size:
         raise InputError(f"{what}: expected shape (..., {size}), got {array.shape}")
@@ -72,16 +65,12 @@ def checked(values: ArrayLike, size: int, what: str) -> Array:
 
 
 def vectors(values: ArrayLike, size: int, what: str) -> Array:
-    """The `values` as a float64 array (..., size) of finite numbers, vectors of the given `size`; where that is 1, one
-    number alone counts as a vector too. An array that is one already is returned as it is, not copied. Raises
-    `InputError` where `values` have another shape or are not real numbers, `NonFiniteError` for NaN and infinity;
-    `what` is the name of the values in the messages."""
+    """The `values` as a float64 array (..., size) of finite numbers, vectors of the given `size`."""
     return checked(np.atleast_1d(numbers(values, what)), size, what)
 
 
 def writable(out: Array, shape: tuple[int, ...], what: str) -> Array:
-    """The array `out` itself, into which a result of the given `shape` can be written. Raises `InputError` unless it is
-    a writable float64 array of exactly that shape; `what` names the caller in the message."""
+    """The array `out` itself, into which a result of the given `shape` can be written."""
     if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != np.float64 or not out.flags.writeable:
         kind = f"{out.dtype} of shape {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
         raise InputError(f"{what}: out: expected an array of float64 to write to, of shape {shape}, got {kind}")
@@ -89,10 +78,7 @@ def writable(out: Array, shape: tuple[int, ...], what: str) -> Array:
 
 
 def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
-    """A read-only float64 array (dof,) of one number for each of `dof` joints: a copy of `values`, which are one number
-    for all joints or an array (dof,). Infinity is allowed. Raises `InputError` where `values` have another shape or are
-    not real numbers, as booleans are not, `NonFiniteError` for NaN; `what` is the name of the values in the
-    messages."""
+    """A read-only float64 array (dof,) of one number for each of `dof` joints."""
     array = numbers(values, what)
     if np.asarray(values).dtype == np.bool_:
         raise InputError(f"{what}: expected numbers, got {values!r}")
@@ -106,9 +92,7 @@ def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 
 def positive_per_joint(values: ArrayLike, dof: int, what: str, *, infinite: bool = False) -> Array:
-    """Positive numbers (dof,), one a joint, as a read-only float64 array in the unit of `values`: one number for all
-    `dof` joints, or (dof,), one each; they may be infinite where `infinite` says so. Raises `InputError`, or
-    `NonFiniteError` for NaN, with `what`, the name that messages give the values, for anything else."""
+    """Positive numbers (dof,), one a joint, as a read-only float64 array in the unit of `values`."""
     each = per_joint(values, dof, what)
     if not np.all((each > 0.0) & (infinite | np.isfinite(each))):
         raise InputError(f"{what}: expected positive numbers, got {each.tolist()}")
@@ -116,15 +100,12 @@ def positive_per_joint(values: ArrayLike, dof: int, what: str, *, infinite: bool
 
 
 def positive_numbers(values: ArrayLike, what: str) -> Array:
-    """Positive finite numbers as a read-only float64 array (n,) of all `values`, one number or n. Raises as
-    `positive_per_joint` does."""
+    """Positive finite numbers as a read-only float64 array (n,) of all `values`, one number or n."""
     return positive_per_joint(values, numbers(values, what).size, what)
 
 
 def positive_number(value: object, what: str) -> float:
-    """The float of a positive finite number, `value`, given as a Python or NumPy number or an array of shape (). Raises
-    `InputError` for all else, such as zero, NaN, texts, booleans, complex numbers, longer arrays and whole numbers
-    beyond the largest double. `what` begins its message, as in "gap: expected a positive finite number"."""
+    """The float of a positive finite number, `value`, given as a Python or NumPy number or an array of shape ()."""
     value = _alone(value)
     try:
         number = float(value) if _is_number(value) else math.nan
@@ -136,9 +117,7 @@ def positive_number(value: object, what: str) -> float:
 
 
 def real_number(value: object, what: str) -> float:
-    """The float of a number, `value`, given as a Python or NumPy real number or an array of shape (); NaN and infinity
-    are allowed. Raises `InputError` for all else, such as texts, None, booleans, complex numbers, longer arrays and
-    whole numbers beyond the largest double; `what` is the name of the number in its message."""
+    """The float of a number, `value`, given as a Python or NumPy real number or an array of shape ()."""
     value = _alone(value)
     if _is_number(value):
         return float(numbers(value, what))
@@ -146,18 +125,14 @@ def real_number(value: object, what: str) -> float:
 
 
 def whole_number(value: object, what: str, least: int, most: int) -> int:
-    """The int of a whole number, `value`, from `least` to `most`, both included, given as a Python or NumPy integer.
-    Raises `InputError` for all else, such as 2.0, NaN, texts and booleans; `what` is the name of the number in its
-    message."""
+    """The int of a whole number, `value`, from `least` to `most`, both included, given as a Python or NumPy integer."""
     if _is_whole(value) and least <= value <= most:
         return int(value)
     raise InputError(f"{what}: expected a whole number from {least} to {most}, got {printable(repr(value))}")
 
 
 def whole_count(value: object, what: str, least: int = 0) -> int:
-    """The int of a whole number, `value`, of at least `least`, 0 by default, passed as a Python or NumPy integer.
-    Raises `InputError` for all else, such as 2.0, NaN, texts and booleans; `what` is the name of the number in its
-    message."""
+    """The int of a whole number, `value`, of at least `least`, 0 by default, passed as a Python or NumPy integer."""
     if _is_whole(value) and value >= least:
         return int(value)
     raise InputError(f"{what}: expected a whole number of at least {least}, got {printable(repr(value))}")
@@ -198,9 +173,7 @@ def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callab
 
 
 def same_samples(**arrays: Array) -> tuple[int, ...]:
-    """The common shape of the sample axes of `arrays` (..., n), all axes but the last, broadcast by NumPy's rules.
-    Arrays are given by keyword, and n may differ. Raises `InputError`, with their names and shapes, where the axes do
-    not broadcast."""
+    """The common shape of the sample axes of `arrays` (..., n), all axes but the last, broadcast by NumPy's rules."""
     try:
         return np.broadcast_shapes(*(array.shape[:-1] for array in arrays.values()))
     except ValueError as error:
@@ -209,9 +182,7 @@ def same_samples(**arrays: Array) -> tuple[int, ...]:
 
 
 def stacked(entries: Sequence[Any], samples: tuple[int, ...]) -> Array:
-    """The float64 array (*samples, n) of n scalars, `entries`, gathered along a new last axis. `samples` is the shape
-    of the sample axes; each entry is a float, repeated over the samples, or an array that broadcasts to that shape,
-    else `ValueError` is raised."""
+    """The float64 array (*samples, n) of n scalars, `entries`, gathered along a new last axis."""
     out = np.empty((*samples, len(entries)))
     for i, entry in enumerate(entries):
         out[..., i] = entry
@@ -219,9 +190,7 @@ def stacked(entries: Sequence[Any], samples: tuple[int, ...]) -> Array:
 
 
 def stacked_rows(rows: Sequence[Iterable[Any]], samples: tuple[int, ...]) -> Array:
-    """The float64 array (*samples, m, n) of m rows of n scalars each. `samples` is the shape of the sample axes; each
-    scalar is a float, repeated over the samples, or an array that broadcasts to that shape. Raises `ValueError` where
-    one does not broadcast, `InputError` for rows of different lengths."""
+    """The float64 array (*samples, m, n) of m rows of n scalars each."""
     given = [list(row) for row in rows]
     widths = [len(row) for row in given]
     if len(set(widths)) > 1:

@@ -20,10 +20,7 @@ State = tuple[dict[str, Any], tuple[Path, ...]]
 
 
 def sent_as_made(owner: type[Owner]) -> type[Owner]:
-    """Change the class `owner` in how its instances are copied and pickled, and return it, for use as a decorator. From
-    now on the values of their cached properties (those of this module's `cached_property`) are left out, and their
-    read-only arrays are read-only in the copy too. The class is given a `__getstate__` and a `__setstate__` for this,
-    unless it has a `__getstate__` of its own; a named tuple is given a `__reduce__` instead. Nothing is raised."""
+    """Change the class `owner` in how its instances are copied and pickled, and return it, for use as a decorator."""
     if issubclass(owner, tuple):
         setattr(owner, "__reduce__", _record)  # noqa: B010  # a class of any kind
     elif "__getstate__" not in vars(owner):
@@ -81,12 +78,7 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 def replaced_by(name: str) -> Callable[[Method], Method]:
-    """A decorator that sends calls of a method to the callable that the instance holds as its property `name`; the
-    method's own body never runs, and only documents the callable.
-
-    At the first use the callable is stored on the instance under the method's name, so that native code is called with
-    no step through Python. An instance without such a property raises `AttributeError` when the method is looked up.
-    """
+    """A decorator that sends calls of a method to the callable that the instance holds as its property `name`."""
 
     def replaced(method: Method) -> Method:
         stands: Any = _Replaced(method, name)
@@ -96,10 +88,7 @@ def replaced_by(name: str) -> Callable[[Method], Method]:
 
 
 def without_caches(instance: object) -> State:
-    """The state of an object, `instance`, for copying and pickling: a pair of a dict of its attributes by name, without
-    the values of cached properties, and the paths of its read-only arrays. A path is a tuple of an attribute's name
-    and, for an array within a tuple, its zero-based index there. Raises `TypeError` for an object without a
-    `__dict__`."""
+    """The state of an object, `instance`, for copying and pickling."""
     kind = type(instance)
     caches = cached_property, _Replaced
     kept = {k: v for k, v in vars(instance).items() if not isinstance(inspect.getattr_static(kind, k, None), caches)}

@@ -34,9 +34,7 @@ def printable(text: str, most: int = 80) -> str:
 
 
 def validate_kind(given: object, kind: type, what: str, made: str) -> None:
-    """Raise `InputError` unless `given` is an object of the class `kind`. `what` begins its message, and `made` says
-    there how such an object is made, as in "plant: expected a Mechanism, as load(...) gives one, got 'puma560'".
-    Nothing is returned."""
+    """Raise `InputError` unless `given` is an object of the class `kind`."""
     if not isinstance(given, kind):
         raise InputError(f"{what}: expected a {kind.__name__}, {made}, got {printable(repr(given))}")
 
@@ -57,14 +55,11 @@ class NotFoundError(InputError, LookupError):
 
 
 class NonFiniteError(InputError):
-    """Error of a number that is NaN or infinite where a finite one is needed: in a function's input, or in its result
-    though all input is finite, as where a simulated motion diverges. Constructors may raise a plain `InputError` for
-    such input instead."""
+    """Error of a number that is NaN or infinite where a finite one is needed."""
 
 
 class VerdictError(InputError):
-    """Error of gains or of a controller that fail in simulation: the arm diverges, is stopped by guards, rings or does
-    not learn. The message says which, and how to take them all the same. On the command line its exit code is 3."""
+    """Error of gains or of a controller that fail in simulation."""
 
 
 class RankError(AdaptctlError):
@@ -85,10 +80,7 @@ class RankError(AdaptctlError):
 
 
 class GainError(InputError):
-    """Error of feedback gains that are too large for the control period: the sampled loop could ring (oscillate) or be
-    unstable. Torque laws raise it, for example, where the sampling ratio T_c lambda_max(M^-1 K), no unit, is above 1.5,
-    with the period T_c (s), the joints' mass matrix M, its inverse M^-1, the velocity gains K and lambda_max, the
-    largest eigenvalue, or where M is not positive definite. The message says what is allowed."""
+    """Error of feedback gains that are too large for the control period."""
 
 
 class PhysicalConsistencyWarning(UserWarning):
@@ -105,15 +97,11 @@ class StabilityWarning(UserWarning):
 
 
 class ReferenceWarning(UserWarning):
-    """Warning of a reference motion that an arm cannot follow as stated: its velocities or accelerations are not the
-    derivatives of its positions and velocities, or, in MuJoCo, an arm at its positions is in contact with itself or
-    with the scene."""
+    """Warning of a reference motion that an arm cannot follow as stated."""
 
 
 class TraceError(AdaptctlError, TypeError):
-    """Error of an equation, such as a control law, that cannot be traced into an expression graph for compilation: it
-    asks for a number that is not known yet, or does what no symbolic scalar can. The message says what was done and,
-    where it is found, in which file and line."""
+    """Error of an equation, such as a control law, that cannot be traced into an expression graph for compilation."""
 
 
 class NotCompiledWarning(UserWarning):
@@ -134,25 +122,19 @@ class LoopError(InputError):
 
 
 class SingularityError(AdaptctlError):
-    """Error of a kinematic loop at or near a configuration where its primary joints no longer determine the others: the
-    smallest singular value of the Jacobian of the loops' closure conditions with respect to the dependent (not primary)
-    joints is below 0.05 of that at the reference configuration, the singularity was passed, or loops did not close. The
-    message has the positions (r,), rad (m if prismatic), of the r primary joints."""
+    """Error of a kinematic loop at or near a configuration where its primary joints no longer determine the others."""
 
 
 class MissingExtraError(AdaptctlError, ImportError):
-    """Error of a function that needs packages which are not installed: the message has the command that installs them.
-    It is an `ImportError` too."""
+    """Error of a function that needs packages which are not installed."""
 
 
 class LostSamplesWarning(UserWarning):
-    """Warning of a `RunLogger`, when its `with` block ends, that its log has not kept all samples it was given; the
-    message says how many were overwritten, and how many were left out for a wrong length, NaN or infinity."""
+    """Warning of a `RunLogger`, when its `with` block ends, that its log has not kept all samples it was given."""
 
 
 class LiveViewWarning(UserWarning):
-    """Warning that a live view (`Live`) cannot be shown, its viewer being out of reach, or that it has ended; the
-    control loop that it shows goes on."""
+    """Warning that a live view (`Live`) cannot be shown, its viewer being out of reach, or that it has ended."""
 
 
 def suggested_name(name: str, known: Iterable[str], least: float = 0.6) -> str:

@@ -39,13 +39,7 @@ Content = TypeVar("Content")
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """Context that gives a temporary path beside `path` to write a file to. When the block ends, the file is flushed to
-    disk and takes the place of `path` or, where that is a link, of the file behind it, at one stroke.
-
-    When the block fails, `path` stays as it was, and nothing is left behind. The temporary path has the same suffix, so
-    that writers which go by suffix work. Raises `FileError` where `validate_place` does, and where writing fails; other
-    errors of the block pass.
-    """
+    """Context that gives a temporary path beside `path` to write a file to."""
     target = validate_place(path)
     remove_stale_temporaries(target.parent, target.name)
     beside = name_beside(target)
@@ -64,10 +58,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def validate_place(path: str | Path, overwrite: bool = True) -> Path:
-    """The real path, symbolic links followed, of the file at `path` that is to be written. Raises `FileError` where no
-    file can be written there: its folder does not exist or cannot be written, or the path is a folder, a device, a
-    pipe, a socket or a link that leads out of its folder, which are never replaced; and, without `overwrite`, where a
-    file is there."""
+    """The real path, symbolic links followed, of the file at `path` that is to be written."""
     target = real_place(path)
     if not target.parent.is_dir():
         raise FileError(f"{path}: the folder {target.parent} does not exist; create it or choose another place")
@@ -83,9 +74,7 @@ def validate_place(path: str | Path, overwrite: bool = True) -> Path:
 
 
 def real_place(path: str | Path) -> Path:
-    """The real path of what is to be written at `path`, symbolic links followed. Raises `FileError` where `path` itself
-    is a link that leads out of the folder that it is in, where somebody else's files may be; links among the folders
-    above it are followed."""
+    """The real path of what is to be written at `path`, symbolic links followed."""
     target = Path(os.path.realpath(path))
     if Path(path).is_symlink() and not target.is_relative_to(os.path.realpath(Path(path).parent)):
         raise FileError(f"{path}: is a link to {target}, outside its folder; give that path itself")
@@ -93,8 +82,7 @@ def real_place(path: str | Path) -> Path:
 
 
 def name_beside(target: Path) -> Path:
-    """A hidden path in the folder of the path `target`, for temporary files, of the same suffix. The name has this
-    computer's name, the number of this process and random digits, so that no other file has it; nothing is created."""
+    """A hidden path in the folder of the path `target`, for temporary files, of the same suffix."""
     return target.with_name(f".{target.stem}.{_HERE}-{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
 
 
@@ -135,23 +123,18 @@ def is_stale_temporary(name: str) -> bool:
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
-    """Write the bytes `data` to the file at `path`, whole or not at all: when it fails, an old file stays as it was.
-    Raises `FileError` where the file cannot be written."""
+    """Write the bytes `data` to the file at `path`, whole or not at all: when it fails, an old file stays as it was."""
     with replacing(path) as beside:
         beside.write_bytes(data)
 
 
 def write_text(path: str | Path, data: str) -> None:
-    """Write the text `data` to the file at `path` in UTF-8, whole or not at all: when it fails, an old file stays as it
-    was. Raises `FileError` where the file cannot be written."""
+    """Write the text `data` to the file at `path` in UTF-8, whole or not at all."""
     write_bytes(path, data.encode())
 
 
 def write_json(path: str | Path, value: object) -> None:
-    """Write `value` to the file at `path` as indented JSON, whole or not at all: dicts (keys in their order), lists,
-    dataclasses, msgspec Structs, NumPy arrays, numbers, booleans, None, texts and paths. Raises `FileError`, naming the
-    element, for NaN and infinity, which JSON does not have, and for values of other types and where the file cannot be
-    written."""
+    """Write `value` to the file at `path` as indented JSON, whole or not at all."""
     try:
         plain = msgspec.to_builtins(value, str_keys=True, enc_hook=_plain)
     except TypeError as error:
@@ -161,14 +144,12 @@ def write_json(path: str | Path, value: object) -> None:
 
 
 def finite_or_none(value: float | None) -> float | None:
-    """A number as JSON can hold it, which has neither NaN nor infinity: `value` as a float, or None where it is one of
-    those or None. Nothing is raised."""
+    """A number as JSON can hold it, which has neither NaN nor infinity."""
     return float(value) if value is not None and math.isfinite(value) else None
 
 
 def toml_string(text: str) -> str:
-    """The basic string of TOML, in its quotation marks, that is read as the `text`: escapes are those of JSON. Nothing
-    is raised."""
+    """The basic string of TOML, in its quotation marks, that is read as the `text`: escapes are those of JSON."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
@@ -179,8 +160,7 @@ def hashed(content: Any) -> str:
 
 
 def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
-    """The bytes of the file at `path`. Raises `FileError` where it is missing, not a regular file, not readable, or
-    larger than `limit` bytes, by default 16 MiB (16 * 2**20)."""
+    """The bytes of the file at `path`."""
     try:
         with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
             # Opened without waiting: a pipe would hold us until somebody writes into it.
@@ -195,14 +175,12 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
 
 
 def read_text(path: str | Path, limit: int = MAX_BYTES) -> str:
-    """The text of the file at `path`, in UTF-8, without a byte order mark. Raises `FileError` where it is not UTF-8,
-    missing, not a regular file, not readable, or larger than `limit` bytes, by default 16 MiB (16 * 2**20)."""
+    """The text of the file at `path`, in UTF-8, without a byte order mark."""
     return decoded(path, read_bytes(path, limit))
 
 
 def decoded(path: str | Path, data: bytes) -> str:
-    """The text of the bytes `data`, read from the file at `path`, in UTF-8, without a byte order mark. Raises
-    `FileError`, naming the file and the first byte that is not UTF-8."""
+    """The text of the bytes `data`, read from the file at `path`, in UTF-8, without a byte order mark."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -223,10 +201,7 @@ def read_json(path: str | Path, kind: type[Content], limit: int = MAX_BYTES) -> 
 
 
 def read_toml(path: str | Path, kind: type[Content]) -> Content:
-    """The contents of the TOML file at `path` as an object of `kind`, such as a dataclass or a msgspec Struct. Raises
-    `FileError` where it cannot be read, is larger than 1 MiB or not TOML, or has a key of more than 16 parts, and,
-    naming the element and its line, where contents do not fit `kind`, a number is not finite or above 1e30 in size, or
-    a text holds control characters."""
+    """The contents of the TOML file at `path` as an object of `kind`, such as a dataclass or a msgspec Struct."""
     text = read_text(path, MAX_TOML_BYTES)
     if found := _LONG_KEY.search(text):
         line = text.count("\n", 0, found.start()) + 1
@@ -280,8 +255,7 @@ def _typed(path: str | Path, plain: object, kind: type[Content], largest: float 
 
 
 def _validate_finite(path: str | Path, content: object, largest: float = math.inf) -> None:
-    """Refuse numbers that are not finite; from outside, with a `largest`, also those beyond it, and control characters,
-    which a terminal would obey."""
+    """Refuse numbers that are not finite."""
     pending = [("$", content)]
     while pending:
         element, value = pending.pop()
@@ -313,8 +287,7 @@ def earlier_schema(told: str, expected: str) -> str:
 
 
 def _remedy(kind: Any, message: str) -> str:
-    """The choices allowed at the element that msgspec's message names, which the message does not list; else
-    nothing."""
+    """The choices allowed at the element that msgspec's message names, which the message does not list."""
     if "unknown field" not in message and "enum value" not in message:
         return ""
     place = re.search(r" - at `\$(.*)`$", message)
@@ -346,8 +319,7 @@ def _plain(value: Any) -> Any:
 
 
 def flush(path: Path) -> None:
-    """Write the file or folder at `path` through to the disk (fsync). Raises `OSError` where it does not exist, cannot
-    be opened, or the disk fails."""
+    """Write the file or folder at `path` through to the disk (fsync)."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -356,7 +328,6 @@ def flush(path: Path) -> None:
 
 
 def reason(error: Exception) -> str:
-    """The text of an `error` as a part of a sentence: its first letter in lower case, and of an `OSError` the system's
-    description alone, without error number and file name. Nothing is raised."""
+    """The text of an `error` as a part of a sentence."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return text[:1].lower() + text[1:]

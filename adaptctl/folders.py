@@ -25,16 +25,7 @@ AT_FDCWD, RENAME_EXCHANGE = -100, 2
 
 @contextmanager
 def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
-    """Context manager that yields an empty temporary folder beside `path` to write to. When the block ends, the folder
-    takes the place of `path`.
-
-    When the block fails, `path` stays as it was, and nothing is left behind. By default `path` must not exist, or be
-    empty; missing folders above it are made. With `overwrite` it may hold an older run, known by its summary.json,
-    forecast.json or recording.rrd, which is replaced whole: all files with suffixes of results (.rrd, .json, .parquet,
-    .html, .png, .toml, .csv, .urdf, .yaml), there and in its folder `figures`; all else is kept. Raises `FileError`
-    where `path` holds something without `overwrite`, or such files of no run, is a file or a link that leads out of its
-    folder, cannot be written, or another run is writing it.
-    """
+    """Context manager that yields an empty temporary folder beside `path` to write to."""
     target = real_place(path)
     _validate_place(path, target, overwrite)
     _validate_alone(path, target)
@@ -52,8 +43,7 @@ def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path
 
 
 def made_folder(path: Path) -> Path:
-    """Make the folder at `path`, and those above it, where they do not exist, and return `path`. Raises `FileError`
-    where the folder cannot be made, such as where a file is in its place."""
+    """Make the folder at `path`, and those above it, where they do not exist, and return `path`."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -9,7 +9,7 @@ MOST_ROWS = 60
 
 
 def titled(title: str, text: str = "") -> str:
-    """The HTML of a paragraph: `title` in bold, then `text`, by default empty. Both are escaped. Nothing is raised."""
+    """The HTML of a paragraph: `title` in bold, then `text`, by default empty."""
     return f"<p><b>{_escaped(title)}</b> {_escaped(text)}</p>"
 
 

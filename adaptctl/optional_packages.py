@@ -52,16 +52,14 @@ def needed(what: str) -> Iterator[None]:
 
 
 def validate_for_results() -> None:
-    """Raise `ModuleNotFoundError` where a package that the folder of a run is written by is not installed: before
-    hours of computing, not after them. Nothing is imported."""
+    """Raise `ModuleNotFoundError` where a package that the folder of a run is written by is not installed."""
     for name in OF_RESULTS:
         if find_spec(name) is None:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 
 def viewer_program() -> str | None:
-    """The path, as text, of the viewer program of the package rerun-sdk, which shows recorded runs: `rerun` in the
-    folder of this Python or else on the PATH; None where there is none. Nothing is raised."""
+    """The path, as text, of the viewer program of the package rerun-sdk, which shows recorded runs."""
     import shutil
 
     return shutil.which("rerun", path=str(Path(sys.executable).parent)) or shutil.which("rerun")
@@ -71,9 +69,7 @@ _OFFER = re.compile(r"^from (?P<home>[\w.]+) import (?:(?P<name>\w+) as (?P=name
 
 
 def homes(stub: Path) -> dict[str, str]:
-    """The modules of all names that a package's stub file (``__init__.pyi``) offers: module names by offered name. The
-    stub offers a name by a line `from MODULE import NAME as NAME`, and by `from PACKAGE import *` all names that the
-    stub of that subpackage offers. Other lines are passed over. Raises `OSError` where a stub cannot be read."""
+    """The modules of all names that a package's stub file (``__init__.pyi``) offers: module names by offered name."""
     offered: dict[str, str] = {}
     for offer in _OFFER.finditer(stub.read_text(encoding="utf-8")):
         if offer["name"]:

@@ -21,17 +21,7 @@ each, and addresses of the results' rows."""
 
 
 def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, bool]) -> str:
-    """LLVM IR (text) of the function `batch`, one native call of which evaluates a `routine` (traced function) at many
-    samples. It computes as many samples at a time as there are SIMD `lanes`, of doubles. `symbol` is the name of the
-    routine's own function in that IR; `checked` says by "inputs" and "outputs" whether these are checked for NaN and
-    infinity; `KeyError` is raised where it lacks one.
-
-    `batch` takes the number of samples (64-bit integer) and pointers to three tables of 64-bit entries. The first has,
-    for each argument of the routine, the address of an array of its rows; the second, for each argument, the stride
-    between rows, counted in doubles, 0 for an argument with one row that all samples share; the third, for each result,
-    the address of an array to write its rows to, which follow each other without gaps. A row is the contiguous doubles
-    of one sample. The native call returns true where all that is checked is finite.
-    """
+    """LLVM IR (text) of the function `batch`, one native call of which evaluates a `routine` at many samples."""
     inputs = {f"in{k}": n for k, n in enumerate(routine.inputs)}
     outputs = {f"out{k}": math.prod(shape) for k, shape in enumerate(routine.layout.shapes)}
     both = inputs | outputs
@@ -82,9 +72,7 @@ def _check(sizes: Mapping[str, int], lanes: Lanes) -> list[str]:
 
 
 def _square(lanes: Lanes) -> dict[str, list[str]]:
-    """LLVM lines, by the names they have in the template: as many columns as there are lanes, from `%square.k` on,
-    "turned" into pieces of rows, the square being transposed by exchanging halves, then halves of halves, and so on;
-    these stored, "kept" in the caches or "streamed" past them."""
+    """LLVM lines, by the names they have in the template."""
     n, kind, lines = lanes.count, lanes.value, []
     for k in range(n):
         lines += [

@@ -1,9 +1,4 @@
-"""A routine as one of Python's own functions, which reads and makes NumPy's arrays without any detour.
-
-It speaks the binary interfaces of CPython and NumPy, as every compiled extension does. An argument is usual when it
-is a `numpy.ndarray` and nothing else, float64, aligned, contiguous, and of the expected length. When one is not,
-another function is called in its place.
-"""
+"""A routine as one of Python's own functions, which reads and makes NumPy's arrays without any detour."""
 
 from __future__ import annotations
 
@@ -31,23 +26,14 @@ _PYTHON = ("PyObject_Vectorcall", "PyTuple_New", "PyType_GenericAlloc", "PyFloat
 
 
 class Place(NamedTuple):
-    """Source of one column (vector) that a built-in function passes to native code. `argument` is the index, from 0, of
-    the function's argument that it comes from, None for an array that the function is bound to; `item` is the index of
-    the item in that argument where it is a tuple, None, the default, where it is not. Nothing is checked."""
+    """Source of one column (vector) that a built-in function passes to native code."""
 
     argument: int | None
     item: int | None = None
 
 
 class Form(NamedTuple):
-    """The calling convention of a built-in function of Python around native code: which of its arguments the columns
-    (vectors) come from that the code takes, and what becomes of the code's results.
-
-    `places` has the `Place` of each column, in order. `tuples` maps the index of each argument that is a tuple to its
-    number of items; the tuple's type is given when the function is made, as are arrays that it is bound to. `wrapped`
-    maps the index of a result to that of a tuple argument: the result is returned as the only item of a tuple of that
-    type. Other results are new arrays and floats. The last two are empty by default. Nothing is checked.
-    """
+    """The calling convention of a built-in function of Python around native code."""
 
     places: tuple[Place, ...]
     tuples: Mapping[int, int] = MappingProxyType({})
@@ -80,9 +66,7 @@ class Form(NamedTuple):
 
     @property
     def spares(self) -> int:
-        """Index of the first spare result array in the tuple of objects that the built-in function keeps. That tuple
-        has first the fallback that the function calls for unusual arguments, at 0, then the types of tuples, the bound
-        arrays, and the spares: two for each result that is an array, kept to be returned again."""
+        """Index of the first spare result array in the tuple of objects that the built-in function keeps."""
         return self.bound(len(self.places))
 
 

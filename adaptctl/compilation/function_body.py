@@ -26,17 +26,7 @@ MANY = 64
 
 
 class FunctionBody:
-    """Body of one native function, written as LLVM instructions, lines of text, expression by expression: `lines` has
-    all, those first that set aside memory.
-
-    Made of the `expressions` that it computes, in order; `symbols`, the functions' names by `Routine` (traced
-    function), for calls; `lanes`, the `Lanes`, how many numbers are computed at once and in what precision; `found`, by
-    index of expression, the positions of values that earlier functions of the same routine left in memory at the
-    pointer `%passed`; and `same`, the `Invariants`, expressions that are the same in all steps of a loop, which are in
-    memory at `%same`, none by default. `uniform` has the indices of its arguments that have one number in memory for
-    all lanes, none by default. A position is an index of a value, one number for each SIMD lane; the expression of
-    index i is in the register `%xi`. Nothing is checked.
-    """
+    """Body of one native function, written as LLVM instructions, lines of text, expression by expression."""
 
     def __init__(
         self,
@@ -63,11 +53,7 @@ class FunctionBody:
         return [*self._text.memory, *self._text.lines]
 
     def compute(self, expression: Expression) -> None:
-        """Append the instructions that compute an `expression`, whose operands have been computed before. Sines and
-        cosines are computed in groups, each just before the first expression in it, those of angles that are inputs
-        before all others. One that is in memory already (an input, a call's result, an invariant, a sine or cosine)
-        needs none of its own: it is loaded where it is used. Raises `KeyError` for a call of a routine without a name
-        in `symbols`."""
+        """Append the instructions that compute an `expression`, whose operands have been computed before."""
         self._now += 1
         if expression.index in self._turns:
             self._sines.turn(self._turns[expression.index])
@@ -113,7 +99,7 @@ class FunctionBody:
             self._text.add(f"{x} = call nsz {value} @llvm.{_INTRINSICS[op]}.{self._lanes.suffix}({arguments})")
 
     def _operand(self, x: Expression | float) -> str:
-        """The name of a value. One that was not used for long is loaded again, or, where cheap, computed again."""
+        """The name of a value."""
         if not isinstance(x, Expression):
             return self._lanes.constant(x)
         name, when = self._latest.get(x.index, ("", 0))
@@ -165,8 +151,7 @@ class FunctionBody:
     def _side_by_side(
         self, key: tuple[Any, ...], group: Sequence[Expression | float], needed: Sequence[int]
     ) -> tuple[str, int] | None:
-        """The place of the first of numbers that are in memory one after the other, where they are needed; None for
-        others."""
+        """The place of the first of numbers that are in memory one after the other, where they are needed."""
         if key in self._same.groups:
             return "%same", self._same.groups[key]
         places = [self._place(x) if isinstance(x := group[k], Expression) else None for k in needed]
@@ -176,8 +161,7 @@ class FunctionBody:
         return firsts.pop() if len(firsts) == 1 else None
 
     def _place(self, x: Expression) -> tuple[str, int] | None:
-        """The place of an expression that is in memory already: a pointer and a number of places after it. None for
-        others."""
+        """The place of an expression that is in memory already: a pointer and a number of places after it."""
         if x.index in self._found:
             return "%passed", self._found[x.index]
         if x.index in self._same.places:

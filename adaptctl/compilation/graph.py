@@ -17,10 +17,7 @@ _SCALARS = ("adaptctl.compilation.", "adaptctl.scalars.", "numpy.")
 
 
 def untraceable(why: str) -> TraceError:
-    """Error, a `TraceError` to be raised, for what a traced function cannot do: its message is the reason `why`,
-    followed by file, number and text of the line to change. That is, of the calls under way, the nearest line that is
-    not the library's own, or else the nearest of the library's equations. The message is the reason alone where there
-    is neither. Nothing is raised here."""
+    """Error, a `TraceError` to be raised, for what a traced function cannot do."""
     from traceback import walk_stack  # here, since only errors need it
 
     traced = takewhile(lambda at: _module(at) != _TRACER, walk_stack(sys._getframe(1)))
@@ -40,10 +37,15 @@ E = TypeVar("E", bound="Expression")
 
 
 class Op(StrEnum):
-    """Kinds of operation of an `Expression` (a node in the graph of a traced function), each the text of its symbol or
-    name. They are an input, + - * / and neg, sin and cos (rad), sqrt, round (to the nearest whole number, halves to the
-    even one), abs, min, max, the comparisons < and <=, select (one of two values by a comparison), the call of a
-    routine and a result of that call."""
+    """
+    Kind of operation in the expression graph of a traced function, by symbol or name.
+
+    Examples
+    --------
+    >>> from adaptctl.compilation import Op
+    >>> Op("+").name
+    'ADD'
+    """
 
     INPUT = "input"
     ADD = "+"
@@ -66,14 +68,7 @@ class Op(StrEnum):
 
 
 class Expression:
-    """Node of an expression graph, which records what a function computes of symbolic scalars; made by `Graph.make`,
-    which checks it.
-
-    It is the operation `op`, an `Op`, on `operands`, a tuple of earlier expressions of the same `graph` and of
-    constants, plain floats. `index` is its number in the graph, from 0. `detail` has what operands cannot say: of an
-    input, the indices, from 0, of the argument and of the scalar in it; of a call, the `Routine` (traced function) that
-    is called; of a result, the indices of the part of the call's result and of the scalar in it; None for all others.
-    """
+    """Node of an expression graph, which records what a function computes of symbolic scalars."""
 
     __slots__ = ("detail", "graph", "index", "op", "operands")
 
@@ -131,16 +126,14 @@ class Graph:
         return x.op is Op.INPUT and x.detail[0] != self.passed
 
     def validate_own(self, values: Iterable[Any]) -> None:
-        """Raise `TraceError` where one of the `values` is an expression of another graph: a value of another trace (run
-        of a function on symbolic scalars), or of another called function. Floats and all else pass."""
+        """Raise `TraceError` where one of the `values` is an expression of another graph."""
         for x in values:
             if isinstance(x, Expression) and x.graph is not self:
                 raise untraceable("a value of another trace was used: pass it to the function as an argument")
 
 
 def reachable(outputs: Iterable[Any]) -> list[Expression]:
-    """The expressions that `outputs` need, these among them, in a list in which operands come before what uses them.
-    The outputs are of one graph; constants among them (floats) are passed over. Nothing is checked."""
+    """The expressions that `outputs` need, these among them, in a list in which operands come before what uses them."""
     needed: set[Expression] = set()
     pending = [x for x in outputs if isinstance(x, Expression)]
     while pending:
@@ -152,9 +145,7 @@ def reachable(outputs: Iterable[Any]) -> list[Expression]:
 
 
 def add(x: Any, y: Any) -> Any:
-    """The sum `x + y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a new or
-    earlier expression. It is the other operand where one is the float 0, and 0.0 where one is the other's negation; in
-    place of x + (-z), the difference x - z is made. Raises `TraceError` for expressions of two graphs."""
+    """The sum `x + y` of expressions (symbolic scalars of one graph) and floats, at least one an expression."""
     if _is(x, 0.0) or _is(y, 0.0):
         return y if _is(x, 0.0) else x
     if _does(y, Op.NEGATE):
@@ -165,10 +156,7 @@ def add(x: Any, y: Any) -> Any:
 
 
 def subtract(x: Any, y: Any) -> Any:
-    """The difference `x - y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a
-    new or earlier expression; 0.0 where both are the same, also for NaN and infinity; `x` or `-y` where the other is
-    the float 0. In place of x - (-z) and x - c, with a float c, the sums x + z and x + (-c) are made. Raises
-    `TraceError` for expressions of two graphs."""
+    """The difference `x - y` of expressions (symbolic scalars of one graph) and floats, at least one an expression."""
     if x is y:
         return 0.0
     if _is(x, 0.0):
@@ -181,8 +169,7 @@ def subtract(x: Any, y: Any) -> Any:
 
 
 def negate(x: Any) -> Any:
-    """The expression `-x` of an expression `x` (a symbolic scalar). No negation is added where `x` is a difference a -
-    b, a negation -z or a multiple c z by a float c: it is b - a, z or (-c) z then. Nothing is raised."""
+    """The expression `-x` of an expression `x` (a symbolic scalar)."""
     if _does(x, Op.NEGATE):
         return x.operands[0]
     if _does(x, Op.SUBTRACT):
@@ -193,10 +180,7 @@ def negate(x: Any) -> Any:
 
 
 def multiply(x: Any, y: Any) -> Any:
-    """The product `x * y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a new
-    or earlier expression. It is the float 0.0 where one is 0, also times NaN and infinity, and the other one or its
-    negation where one is 1 or -1; in place of x (-z), -(x z) is made, or (-c) z where x is a float c. Raises
-    `TraceError` for expressions of two graphs."""
+    """The product `x * y` of expressions (symbolic scalars of one graph) and floats, at least one an expression."""
     x, y = _ordered(x, y)
     if isinstance(x, float) and abs(x) in (0.0, 1.0):
         return 0.0 if x == 0.0 else y if x > 0.0 else negate(y)
@@ -208,10 +192,7 @@ def multiply(x: Any, y: Any) -> Any:
 
 
 def divide(x: Any, y: Any) -> Any:
-    """The quotient `x / y` of expressions (symbolic scalars of one graph) and floats, at least one an expression: a new
-    or earlier expression. It is the float 0.0 where `x` is 0, also by 0 and NaN, and `x` or its negation where `y` is 1
-    or -1; in place of (-z)/y, -(z/y) is made, or z/(-c) where y is a float c, and likewise where `y` is negated. Raises
-    `TraceError` for expressions of two graphs."""
+    """The quotient `x / y` of expressions (symbolic scalars of one graph) and floats, at least one an expression."""
     if _is(x, 0.0):
         return 0.0
     if _is(y, 1.0) or _is(y, -1.0):
@@ -224,24 +205,19 @@ def divide(x: Any, y: Any) -> Any:
 
 
 def absolute(x: Any) -> Any:
-    """The absolute value `|x|` of an expression `x` (a symbolic scalar), as an expression; `x` itself where it is an
-    absolute value. Of a negation -z it is that of z. Nothing is raised."""
+    """The absolute value `|x|` of an expression `x`, as an expression; `x` itself where it is an absolute value."""
     if _does(x, Op.NEGATE):
         return absolute(x.operands[0])
     return x if _does(x, Op.ABSOLUTE) else _make(Op.ABSOLUTE, x)
 
 
 def minimum(x: Any, y: Any) -> Any:
-    """The smaller of `x` and `y`, expressions (symbolic scalars of one graph) or floats, at least one an expression: an
-    expression, which computes NaN where either is NaN; `x` where both are the same. Raises `TraceError` for expressions
-    of two graphs."""
+    """The smaller of `x` and `y`, expressions (symbolic scalars of one graph) or floats, at least one an expression."""
     return x if x is y else _make(Op.MINIMUM, *_ordered(x, y))
 
 
 def maximum(x: Any, y: Any) -> Any:
-    """The larger of `x` and `y`, expressions (symbolic scalars of one graph) or floats, at least one an expression: an
-    expression, which computes NaN where either is NaN; `x` where both are the same. Raises `TraceError` for expressions
-    of two graphs."""
+    """The larger of `x` and `y`, expressions (symbolic scalars of one graph) or floats, at least one an expression."""
     return x if x is y else _make(Op.MAXIMUM, *_ordered(x, y))
 
 
@@ -252,15 +228,13 @@ def unary(op: Op) -> Callable[[Any], Any]:
 
 
 def sine(x: Any) -> Any:
-    """The sine of `x`, an expression (a symbolic scalar) in rad: an expression, or what has been noted as its sine in
-    its graph, which may be a float. Nothing is raised."""
+    """The sine of `x`, an expression in rad."""
     known = x.graph.known_sine(x)
     return known[0] if known else _make(Op.SIN, x)
 
 
 def cosine(x: Any) -> Any:
-    """The cosine of `x`, an expression (a symbolic scalar) in rad: an expression, or what has been noted as its cosine
-    in its graph, which may be a float. Nothing is raised."""
+    """The cosine of `x`, an expression in rad."""
     known = x.graph.known_sine(x)
     return known[1] if known else _make(Op.COS, x)
 

@@ -34,19 +34,41 @@ def compile_function(
     finite: Finite = False,
     form: Form | None = None,
 ) -> Kernel:
-    """A `Kernel`, native code of `function`, which is traced: called by keyword with Columns (vectors of symbolic
-    scalars) in place of numbers, so that its operations are recorded and compiled. It is traced immediately, and again
-    for each further kind of code (`map`, `into`). `arguments` maps the function's argument names to their lengths n.
+    """
+    Compile a function of vectors to native code.
 
-    The function returns a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple of
-    these; the kernel returns the same with floats, arrays (n,) and (rows, n) in their place. `name` is the kernel's in
-    messages, the function's own where empty. `finite` is True for a kernel that refuses NaN and infinity in what it is
-    given and in what it computes, "results" for one that does so only in the latter, False, the default, for one that
-    never does. `form`, a `Form`, is the calling convention of the function that `Kernel.otherwise` makes, where its
-    arguments are not simply the kernel's, as where some are in tuples: it says which argument each column comes from;
-    None where each is an argument. Raises `InputError` for no arguments at all and for lengths that are no whole
-    numbers of at least 0, `TraceError` for a function that cannot be traced, such as one that branches on a value; what
-    the function itself raises goes through.
+    Parameters
+    ----------
+    function : callable
+        Function that takes `Column` vectors by keyword and returns a scalar, a column, a list of columns (the rows of a
+        matrix), or a tuple or NamedTuple of these. It is traced: called with symbolic scalars to record its operations.
+    arguments : mapping of str to int
+        Lengths n of the arguments by name.
+    name : str, optional
+        Name in messages; the function's own by default.
+    finite : bool or "results", default False
+        If true, NaN and infinity are refused in arguments and results; "results" checks results alone.
+    form : Form, optional
+        Calling convention of `Kernel.with_fallback`, for arguments in tuples; by default each column is an argument.
+
+    Returns
+    -------
+    Kernel
+        Compiled function of arrays (n,), which returns floats and arrays (n,) or (rows, n).
+
+    Raises
+    ------
+    InputError
+        If there are no arguments or a length is not a whole number of at least 0.
+    TraceError
+        If the function cannot be traced, for example because it branches on a value (use `adaptctl.scalars.where`).
+
+    Examples
+    --------
+    >>> from adaptctl.compilation import compile_function
+    >>> kernel = compile_function(lambda x, y: x @ y, {"x": 2, "y": 2}, name="inner")
+    >>> kernel([1.0, 2.0], [3.0, 4.0])
+    11.0
     """
     if not arguments:
         raise InputError(f"{name or function}: expected at least one argument")
@@ -54,21 +76,43 @@ def compile_function(
 
 
 class Kernel:
-    """A compiled function of vectors, in native code, made by `compile_function`.
+    """
+    Compiled function of vectors, as `compile_function` returns it.
 
-    `kernel(*arguments)` evaluates one sample, from array-likes by position, (n,) each. The results, floats and float64
-    arrays, are the caller's own: the memory of an array is used again only once nothing refers to it. Raises
-    `InputError` for another number of arguments, another shape and what holds no real numbers, and `NonFiniteError` for
-    NaN and infinity where it was compiled to check for them (`finite`). Any number of threads may call it at once.
+    Calls take array-likes (n,) by position and return floats and float64 arrays. Code is made at the first use. Any
+    number of threads may call it at once.
 
-    `name` is the function's; `arguments` maps the arguments' names to their lengths n; `outputs` has the shapes of the
-    results, (), (n,) or (rows, n); `operations` counts the scalar operations of one sample by kind (`Op`). Units are
-    the function's own. `call` is the built-in function without its Python wrapper: where every call counts, it takes 60
-    ns less. Native code is made at the first use, separately for single samples and for many (`map`).
+    Parameters
+    ----------
+    traced : callable
+        Function without arguments that returns the `Routine`; called again for each further kind of code.
+    arguments : mapping of str to int
+        Lengths n of the arguments by name.
+    finite : bool or "results", default False
+        If true, NaN and infinity are refused in arguments and results; "results" checks results alone.
+    form : Form, optional
+        Calling convention of `with_fallback`.
 
-    The constructor takes `traced`, a callable that returns the function's `Routine`, its expressions, called at once
-    and again for each further kind of code, and the same `arguments`, `finite` and `form` as `compile_function`; it
-    checks none of them, but what `traced` raises goes through.
+    Raises
+    ------
+    InputError
+        If a call has arguments of another number or shape, or not of real numbers.
+    NonFiniteError
+        If a checked value is NaN or infinite.
+
+    Notes
+    -----
+    `outputs` has the results' shapes and `operations` the scalar operations by `Op`. The function `call` saves 60 ns in
+    each call.
+
+    Examples
+    --------
+    >>> from adaptctl.compilation import compile_function
+    >>> double = compile_function(lambda x: 2.0 * x, {"x": 2}, name="double")
+    >>> double([1.0, 2.0]).tolist()
+    [2.0, 4.0]
+    >>> double.outputs
+    ((2,),)
     """
 
     __slots__ = ("__call__", "__dict__", "__weakref__")
@@ -91,20 +135,37 @@ class Kernel:
 
     @property
     def call(self) -> Callable[..., Any]:
-        """The raw built-in function behind `kernel(*arguments)`, made at the first use. It takes the same arguments, an
-        array-like (n,) each, n its length, and returns the same floats and float64 arrays, without the Python wrapper,
-        which saves 60 ns a call. Raises `InputError` for arguments of another number, another shape or that hold no
-        real numbers; `NonFiniteError` for NaN and infinity where the kernel checks for them."""
+        """Built-in function behind `kernel(*arguments)`, without its Python wrapper."""
         if self._called is None:
             self._called = self.__call__ = self._as_builtin() if has_builtins() and self._plain else self._one_sample
         return self._called
 
     def into(self, *given: Any) -> Any:
-        """The kernel's results at some arguments, copied into given arrays and returned as these, one array or a tuple.
+        """
+        Evaluate the kernel into given arrays.
 
-        `given` are one `out` for each result, of its shape, (), (n,) or (rows, n), in float64, of any strides, which
-        may overlap the arguments; then the arguments of a call. Raises `InputError` for an `out` that is missing, no
-        writable float64 array or of another shape, and what a call raises."""
+        Parameters
+        ----------
+        *given : array_like
+            One writable float64 array for each result, which may overlap the arguments, then the arguments of a call.
+
+        Returns
+        -------
+        ndarray or tuple of ndarray
+            The given arrays, filled.
+
+        Raises
+        ------
+        InputError
+            If an array is missing, not writable float64 or of another shape, or an argument is wrong.
+
+        Examples
+        --------
+        >>> from adaptctl.compilation import compile_function
+        >>> double = compile_function(lambda x: 2.0 * x, {"x": 2}, name="double")
+        >>> double.into(np.empty(2), [1.0, 2.0]).tolist()
+        [2.0, 4.0]
+        """
         outs, arguments = given[: len(self.outputs)], given[len(self.outputs) :]
         if len(outs) < len(self.outputs):
             raise InputError(f"{self.name}: out: expected an array for each of {len(self.outputs)} results")
@@ -117,7 +178,7 @@ class Kernel:
 
     @property
     def _code(self) -> NativeCode:
-        """The code for one sample. Threads may both make it, for a lock would outlive a fork."""
+        """The code for one sample."""
         if self._single is None and has_builtins():
             routine = self._routine()
             text, symbol = program(routine, Lanes())
@@ -130,15 +191,34 @@ class Kernel:
         return routine
 
     def map(self, *arguments: ArrayLike, out: Array | Sequence[Array] | None = None) -> Any:
-        """Evaluate the kernel at m samples in SIMD lanes, and return its results. Each is a float64 array (m, ...),
-        with the shape of one sample's result after the axis of samples; several are in a tuple, or in the `NamedTuple`
-        that the compiled function returns. `arguments` are array-likes (m, n) each, n the argument's length, one row a
-        sample, or (n,) where all samples share it; m is 1 where all do.
+        """
+        Evaluate the kernel at many samples, in SIMD lanes.
 
-        `out` is the array that is filled and returned, or a sequence of one for each result; None for new ones. Raises
-        `InputError` for arguments of another number, another shape or that hold no real numbers, and for an `out` that
-        is no writable, contiguous float64 array of these shapes; `NonFiniteError` for NaN and infinity where the kernel
-        checks for them: `out` may then hold anything.
+        Parameters
+        ----------
+        *arguments : array_like
+            Samples (m, n) of each argument, or (n,) where all samples share it.
+        out : ndarray or sequence of ndarray, optional
+            Contiguous float64 arrays to fill, one for each result; new ones by default.
+
+        Returns
+        -------
+        ndarray or tuple of ndarray
+            Results (m, ...), in a tuple or NamedTuple where there are several.
+
+        Raises
+        ------
+        InputError
+            If an argument or an array to fill does not fit.
+        NonFiniteError
+            If a checked value is NaN or infinite; `out` may then hold anything.
+
+        Examples
+        --------
+        >>> from adaptctl.compilation import compile_function
+        >>> double = compile_function(lambda x: 2.0 * x, {"x": 2}, name="double")
+        >>> double.map(np.ones((5, 2))).shape
+        (5, 2)
         """
         arrays = self._given.arrays(arguments, sample_axes=1)
         samples = next((len(array) for array in arrays if array.ndim > 1), 1)
@@ -165,17 +245,31 @@ class Kernel:
         return list(given)
 
     def with_fallback(self, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
-        """A function that runs the kernel's native code (the fast path) for usual arguments, and calls `instead` (the
-        fallback) with the same arguments for all others. Usual are as many arguments as expected, contiguous float64
-        arrays (n,), n each one's length, where the kernel's `form` (calling convention) expects them, and, where the
-        kernel checks for them, no NaN or infinity in them or in the results. For example, `add =
-        kernel.otherwise(slow)` of a kernel of two vectors calls native code in `add(x, y)`, and `slow([1.0], y)` in
-        `add([1.0], y)`.
+        """
+        Return a fast function that calls another one for unusual arguments.
 
-        `bound` fixes arguments in advance: it has first the types of the form's tuples (its arguments that are tuples
-        of arrays), in order, and then the arrays (n,) of those arguments of the kernel that come from no argument of
-        the new function, such as gains. The new function raises nothing itself: errors are those of `instead`. On a
-        Python whose arrays native code cannot read, such as any but CPython, it is `instead` itself.
+        Parameters
+        ----------
+        instead : callable
+            Function for all but contiguous float64 arrays of the right lengths, without NaN and infinity where these
+            are checked.
+        *bound : object
+            Types of the form's tuples, then arrays (n,) of the kernel's arguments that no argument of the new function
+            gives.
+
+        Returns
+        -------
+        callable
+            Native code with `instead` as fallback, whose errors it raises; `instead` itself where Python is not
+            CPython.
+
+        Examples
+        --------
+        >>> from adaptctl.compilation import compile_function
+        >>> kernel = compile_function(lambda x: 2.0 * x, {"x": 2}, name="double")
+        >>> double = kernel.with_fallback(lambda x: "unusual")
+        >>> double(np.ones(2)).tolist(), double([1.0, 1.0])
+        ([2.0, 2.0], 'unusual')
         """
         return self._builtin(instead, *bound) if has_builtins() else instead
 
@@ -223,17 +317,13 @@ class Kernel:
 
 
 class Given(NamedTuple):
-    """Check of what a kernel (compiled function of vectors) is called with: `kernel` is its name, for messages, and
-    `columns` maps its arguments' names, in order, to their lengths n. Nothing is checked at construction."""
+    """Check of what a kernel (compiled function of vectors) is called with."""
 
     kernel: str
     columns: Mapping[str, int]
 
     def arrays(self, arguments: Sequence[ArrayLike], sample_axes: int = 0) -> list[Array]:
-        """The `arguments`, array-likes, as C-contiguous float64 arrays (n,) in a list: those that are such arrays
-        themselves, others copied. With `sample_axes`, 0 by default, as many leading axes of samples, equal in all, come
-        before the n; then an argument (n,) is one for all samples. Raises `InputError` for another number of arguments,
-        another shape and what holds no real numbers; NaN and infinity pass."""
+        """The `arguments`, array-likes, as C-contiguous float64 arrays (n,) in a list."""
         if len(arguments) != len(self.columns):
             expected = f"{len(self.columns)} arguments ({', '.join(self.columns)})"
             raise InputError(f"{self.kernel}: expected {expected}, got {len(arguments)}")
@@ -246,9 +336,7 @@ class Given(NamedTuple):
         return arrays
 
     def refuse(self, *arrays: Array) -> NoReturn:
-        """Raise `NonFiniteError`, always: it names the first of the kernel's arguments, whose `arrays` (n,), n an
-        argument's length, are given in order, that holds NaN or infinity, or says that the result does, where all
-        arguments are finite."""
+        """Raise `NonFiniteError`, always."""
         for name, array in zip(self.columns, arrays, strict=True):
             if not np.isfinite(array).all():
                 raise NonFiniteError(f"{self.kernel}: argument {name!r}: expected finite numbers, got {array.tolist()}")
@@ -280,7 +368,7 @@ def _room(shape: tuple[int, ...]) -> Array:
 
 
 def _in_rows(array: Array, sample_axes: int) -> bool:
-    """True if the numbers of each row lie side by side. Where there is an axis of rows, these may lie apart."""
+    """True if the numbers of each row lie side by side."""
     apart = sample_axes == 1 == array.ndim - 1 and array.strides[1] == array.itemsize
     beside = array.flags.c_contiguous or (apart and array.strides[0] % array.itemsize == 0)
     return bool(beside and array.flags.aligned)
@@ -294,17 +382,7 @@ Equation = Callable[..., tuple[Any, ...]]
 
 
 class OnFloats:
-    """Function of vectors that runs in Python and is called with arrays, as a `Kernel` of it, native code, would be:
-    for mechanisms of more than 100 links.
-
-    Made of `function`, called by keyword with a `Column` (vector of floats) for each argument, which returns a tuple of
-    Columns and scalars; `arguments`, the arguments' names and lengths n; `name`, the function's name in messages, empty
-    by default; and `finite`, the check for NaN and infinity: True in arguments and results, "results" in results alone,
-    False, the default, nowhere. Construction checks nothing. A call takes array-likes (n,) by position and returns a
-    tuple of float64 arrays (n,) and floats, in the function's own units; it raises `InputError` for another number of
-    arguments, another shape and what holds no real numbers, `NonFiniteError` for NaN and infinity where `finite`
-    refuses them, and what the function raises.
-    """
+    """Function of vectors that runs in Python and is called with arrays, as a `Kernel` of it, native code, would be."""
 
     def __init__(
         self, function: Equation, arguments: Mapping[str, int], *, name: str = "", finite: Finite = False
@@ -313,8 +391,7 @@ class OnFloats:
         self._function, self._given, self._finite = function, Given(name, self.arguments), finite
 
     def __call__(self, *arguments: ArrayLike) -> tuple[Any, ...]:
-        """The function's results at array-likes of shape (n,), n each argument's length, by position: arrays of
-        columns, numbers of scalars."""
+        """The function's results at array-likes of shape (n,), n each argument's length, by position."""
         arrays = self._given.arrays(arguments)
         columns = {name: Column(array.tolist()) for name, array in zip(self.arguments, arrays, strict=True)}
         results = tuple(_plain(result) for result in self._function(**columns))
@@ -325,8 +402,7 @@ class OnFloats:
 
     @property
     def call(self) -> OnFloats:
-        """The object itself, a function of array-likes (n,), n each argument's length, by position. It is there because
-        the `call` of a `Kernel`, compiled code, is that one's fastest form; in Python there is no faster one."""
+        """The object itself, a function of array-likes (n,), n each argument's length, by position."""
         return self
 
 

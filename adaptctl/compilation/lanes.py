@@ -25,9 +25,7 @@ Precision: TypeAlias = Literal["double", "single"]
 
 @dataclass(frozen=True)
 class Lanes:
-    """Types and attributes, as LLVM text, for numbers that one instruction works on at once (SIMD lanes): `count` of
-    them, 1 (plain numbers, the default), 2, 4 or 8, or 16 in single precision; `precision` is "double", the default
-    (binary64), or "single" (binary32). Raises `InputError` for another count or precision."""
+    """Types and attributes, as LLVM text, for numbers that one instruction works on at once (SIMD lanes)."""
 
     count: int = 1
     precision: Precision = "double"
@@ -82,8 +80,7 @@ class Lanes:
 
     @cached_property
     def attributes(self) -> str:
-        """LLVM attributes, as text, for every function on SIMD lanes: it raises no exceptions, and its stack is aligned
-        so that a vector put there lies in one cache line."""
+        """LLVM attributes, as text, for every function on SIMD lanes."""
         return "nounwind" if self.count == 1 else f'nounwind "stackrealign" alignstack({self.alignment})'
 
     def constant(self, x: float) -> str:
@@ -93,9 +90,7 @@ class Lanes:
         return digits if self.count == 1 else "<" + ", ".join([f"{self.scalar} {digits}"] * self.count) + ">"
 
     def rounded(self, x: float) -> float:
-        """The float that stands for `x` in the precision of these lanes: `x` itself in double; in single the nearest of
-        its normal numbers, whose size is 1.2e-38 to 3.4e38, so that no finite number becomes infinite or 0; NaN,
-        infinities and 0 are as they were. Nothing is raised."""
+        """The float that stands for `x` in the precision of these lanes: `x` itself in double."""
         return x if self.precision == "double" else single(x)
 
     def whole(self, k: int) -> str:
@@ -127,9 +122,7 @@ def validate_precision(precision: object) -> None:
 
 
 def single(x: float) -> float:
-    """The float that stands for `x` in single precision (binary32): the nearest of its normal numbers, whose size is
-    1.2e-38 to 3.4e38, so that no finite number becomes infinite or 0. NaN, infinities and 0 are as they were. Nothing
-    is raised."""
+    """The float that stands for `x` in single precision (binary32)."""
     if not math.isfinite(x) or x == 0.0:
         return x
     limits = np.finfo(np.float32)
@@ -145,21 +138,43 @@ _DOUBLE = np.dtype(np.float64)
 
 
 class LaneArray:
-    """An array of named columns (n,) of numbers for each of a number of members, as an array of structures of arrays:
-    blocks of `lanes` members each, in which the members' values of a scalar are contiguous, as SIMD lanes need them.
+    """
+    Named columns (n,) of numbers for many members, laid out for SIMD lanes.
 
-    The constructor takes `columns`, a mapping from the columns' names to their lengths n; the number of `members`;
-    `lanes`, the number of members in a block, 1 by default; `steps`, the shape of leading axes, of steps in time, () by
-    default; the `dtype` of the numbers, float64 by default; and `made`, `np.zeros` by default, so that all are zero, or
-    `np.empty`. `array[name]` is a copy (..., members, n) of a column, in float64; assigning to it takes real numbers
-    that broadcast to that, NaN and infinity too. Raises `InputError` for lengths, members and steps that are no whole
-    numbers of at least 0 and lanes that are none of at least 1, for an unknown name, and on assigning what is no real
-    numbers or does not broadcast.
+    ``array[name]`` is a copy (..., members, n) in float64; assigning to it takes what broadcasts to that.
 
-    Besides `columns`, `members` and `lanes` it has three attributes. `blocks` (..., ceil(members / lanes), scalars,
-    lanes), scalars the sum of all n, is the memory itself: member i is in lane i % lanes of block i // lanes, and lanes
-    left over in the last block repeat the last member. `address` is that of its first number, `stride` the number of
-    numbers from one step to the next.
+    Parameters
+    ----------
+    columns : mapping of str to int
+        Lengths n by name.
+    members : int
+        Number of members.
+    lanes : int, default 1
+        Members in a block, whose values of a scalar are contiguous.
+    steps : tuple of int, optional
+        Leading axes, such as steps in time.
+    dtype : dtype, default float64
+        Type of the numbers.
+    made : callable, default numpy.zeros
+        Function that makes the memory; `numpy.empty` leaves it unset.
+
+    Raises
+    ------
+    InputError
+        If a size is wrong, a name unknown, or assigned values are not real or do not broadcast.
+
+    Notes
+    -----
+    `blocks` (..., ceil(members / lanes), scalars, lanes) is the memory, `address` its start, `stride` its numbers in a
+    step. Spare lanes repeat the last member.
+
+    Examples
+    --------
+    >>> from adaptctl.compilation import LaneArray
+    >>> array = LaneArray({"x": 2}, members=3)
+    >>> array["x"] = [1.0, 2.0]
+    >>> array["x"].shape
+    (3, 2)
     """
 
     def __init__(
@@ -197,25 +212,63 @@ class LaneArray:
         part[...] = rows.reshape(part.shape)
 
     def view(self, name: str) -> Array:
-        """The column `name` of this array's only member, a view (..., n) of the memory itself, in its number type, not
-        a copy. n is the column's length; the leading axes are those of steps, none in an array without steps. Writing
-        to it changes the array. Raises `InputError` where there are more members or lanes than one, and for an unknown
-        name."""
+        """
+        Return a view of a column of an array of one member.
+
+        Parameters
+        ----------
+        name : str
+            Name of the column.
+
+        Returns
+        -------
+        ndarray
+            The memory itself (..., n); writing to it changes the array.
+
+        Raises
+        ------
+        InputError
+            If there are several members or lanes, or the name is unknown.
+        """
         if self.members != 1 or self.lanes != 1:
             raise InputError(f"view: expected one member in one lane, got {self.members} in {self.lanes}")
         column: Array = self.blocks[..., 0, self._place(name), 0]
         return column
 
     def address_of(self, step: int) -> int:
-        """The address in memory, an integer, at which the numbers of the step of index `step`, from 0, begin, in an
-        array with one axis of steps. Not checked: an index out of range gives an address out of the array."""
+        """
+        Return the address at which a step's numbers begin.
+
+        Parameters
+        ----------
+        step : int
+            Index of the step from 0, in an array with one axis of steps; not checked.
+
+        Returns
+        -------
+        int
+            Address in memory.
+        """
         return self.address + self.blocks.itemsize * step * self.stride
 
     def put(self, name: str, members: ArrayLike, values: ArrayLike) -> None:
-        """Assign `values`, which broadcast to (k, n), NaN and infinity too, to the column `name` (length n) of k
-        members, given by their indices `members` (k,) from 0. Of an index given twice the last values stay. Raises
-        `InputError` for indices that are no whole numbers, of another shape or of no member, an unknown name, values
-        that are no real numbers or do not broadcast, and where the array has axes of steps."""
+        """
+        Assign a column of some members.
+
+        Parameters
+        ----------
+        name : str
+            Name of the column, of length n.
+        members : array_like of int
+            Indices (k,) from 0; of repeated ones the last values stay.
+        values : array_like
+            Values that broadcast to (k, n), NaN and infinity too.
+
+        Raises
+        ------
+        InputError
+            If an index, the name or the values do not fit, or the array has axes of steps.
+        """
         if self.blocks.ndim > 3:
             raise InputError(f"put: expected an array without axes of steps, got steps {self.blocks.shape[:-3]}")
         chosen = np.asarray(members)
@@ -263,9 +316,7 @@ def aligned(shape: tuple[int, ...], dtype: np.dtype[Any] = _DOUBLE, made: Callab
 
 
 class Instructions:
-    """LLVM instructions of one function's body, as lines of text: `memory` has those that set aside memory, which come
-    first, and `lines` all others, in order. A register, and a value in memory, holds as many numbers as `lanes`, the
-    `Lanes` (count and precision), has lanes. Nothing is checked."""
+    """LLVM instructions of one function's body, as lines of text."""
 
     def __init__(self, lanes: Lanes) -> None:
         self.memory: list[str] = []
@@ -273,7 +324,7 @@ class Instructions:
         self.lanes = lanes
 
     def add(self, line: str) -> None:
-        """Append an instruction, the text `line`, as it is. Nothing is checked."""
+        """Append an instruction, the text `line`, as it is."""
         self.lines.append(line)
 
     def reserve(self, name: str, size: int) -> str:
@@ -310,6 +361,5 @@ class Instructions:
         self.add(f"store {self.lanes.value} {value}, ptr {pointer}.{k}, align {self.lanes.size}")
 
     def clear(self, pointer: str, size: int) -> None:
-        """Append the instruction that writes zeros into memory at a `pointer`, a register's name: `size` values, each
-        of one number for each SIMD lane (arms computed at once). Nothing is checked."""
+        """Append the instruction that writes zeros into memory at a `pointer`, a register's name."""
         self.add(f"call void @llvm.memset.p0.i64(ptr {pointer}, i8 0, i64 {size * self.lanes.alignment}, i1 false)")

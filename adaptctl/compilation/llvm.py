@@ -1,9 +1,4 @@
-"""LLVM IR for a traced routine: straight-line code over numbers side by side.
-
-Every routine is a function of pointers, one to each argument and one to each part of its result. `contract` lets
-multiplications and additions fuse; no other liberty is given, since general fast-math breaks the range reduction of
-sine and cosine.
-"""
+"""LLVM IR for a traced routine: straight-line code over numbers side by side."""
 
 from __future__ import annotations
 
@@ -151,10 +146,7 @@ _TRUTHS = (Op.LESS, Op.LESS_EQUAL)
 
 
 class Piece(NamedTuple):
-    """Piece of a long routine (traced function), compiled as a function of its own. `expressions` are computed in their
-    order; `kept` are the positions in memory, shared by all pieces, of those that later pieces need; and `found` the
-    positions there of what earlier pieces computed and this one needs. Both are dicts from an expression's index to its
-    position, an index in that memory. Nothing is checked."""
+    """Piece of a long routine (traced function), compiled as a function of its own."""
 
     expressions: Sequence[Expression]
     kept: dict[int, int]
@@ -162,11 +154,7 @@ class Piece(NamedTuple):
 
 
 def pieces(body: Sequence[Expression], given: Container[int] = ()) -> list[Piece]:
-    """Pieces, a list of `Piece` in order, that a routine's (traced function's) expressions, `body`, are compiled in.
-    There is one where there are at most 6000 expressions, else one for about every 1500, since LLVM's time grows with
-    the square of a function's length. `given` has the indices of expressions that are in memory already and pass
-    between no pieces, none by default. Comparisons are made again in each piece that uses them, for memory holds
-    numbers alone. Nothing is checked."""
+    """Pieces, a list of `Piece` in order, that a routine's (traced function's) expressions, `body`, are compiled in."""
     whole, *others = _parts(body)
     if not others:
         return [Piece(whole, {}, {})]
@@ -206,10 +194,7 @@ def _operands(part: Iterable[Expression]) -> set[Expression]:
 
 
 def _places(homes: dict[int, int], needed: Sequence[set[int]]) -> dict[int, int]:
-    """Index in memory of every value that passes between pieces; an index is used again after its value's last use.
-
-    In an order of their own, so that the same routine is the same text, and is compiled once for all processes.
-    """
+    """Index in memory of every value that passes between pieces; an index is used again after its value's last use."""
     last = {i: k for k, wanted in enumerate(needed) for i in sorted(wanted)}
     places: dict[int, int] = {}
     free: list[int] = []

@@ -27,8 +27,7 @@ _LEVELS = {"sse2": ("x86-64", ("sse2",)), "avx2": ("x86-64-v3", _AVX2), "avx512"
 
 
 class Processor(NamedTuple):
-    """Processor that native code is made for: `name`, LLVM's name of it, such as "x86-64-v3", and `features`, its
-    instruction sets as LLVM writes them, such as "+avx2,-avx512f". Nothing is checked."""
+    """Processor that native code is made for."""
 
     name: str
     features: str
@@ -43,8 +42,7 @@ class Processor(NamedTuple):
         return _whole() if level in ("", "native") else _whole().limited(level)
 
     def limited(self, level: str) -> Processor:
-        """This processor with the instruction sets of a `level` alone, "sse2", "avx2" or "avx512". Raises `InputError`
-        for an unknown level, and for one that the processor lacks."""
+        """This processor with the instruction sets of a `level` alone, "sse2", "avx2" or "avx512"."""
         if level not in _LEVELS:
             known = ", ".join(("native", *_LEVELS))
             raise InputError(f"ADAPTCTL_PROCESSOR: expected one of {known}, got {level!r}")
@@ -57,15 +55,12 @@ class Processor(NamedTuple):
 
     @property
     def lanes(self) -> int:
-        """Number of doubles that one SIMD instruction works on: 8 with AVX-512, 4 with AVX, 2 with SSE2 or Neon, and 1
-        where none of these is known."""
+        """Number of doubles that one SIMD instruction works on."""
         has = self.features.split(",")
         return next((lanes for feature, lanes in _WIDEST.items() if f"+{feature}" in has), 1)
 
     def lanes_of(self, precision: Precision) -> int:
-        """Number of floating-point numbers of a `precision` that one SIMD instruction works on: the property `lanes` in
-        "double", twice as many in "single", but 1 where no SIMD instructions are known. The precision is not
-        checked."""
+        """Number of floating-point numbers of a `precision` that one SIMD instruction works on."""
         return self.lanes if precision == "double" or self.lanes == 1 else 2 * self.lanes
 
     def machine(self) -> llvm.TargetMachine:
@@ -85,9 +80,7 @@ _RECIPE = 3
 
 
 class NativeCode:
-    """Machine code in the memory of this process, which stays there as long as the object lives. It is made of the
-    bytes of a compiled object file, `data`, and of the LLVM target `machine` that it was compiled for; `load` makes it
-    of LLVM IR. The bytes are not checked."""
+    """Machine code in the memory of this process, which stays there as long as the object lives."""
 
     def __init__(self, data: bytes, machine: llvm.TargetMachine) -> None:
         self.engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
@@ -96,16 +89,13 @@ class NativeCode:
         weakref.finalize(self, _release, self.engine).atexit = False
 
     def address(self, symbol: str) -> int:
-        """The address in memory, an integer, of the function of the name `symbol` in this code; 0 where it has none of
-        that name. Nothing is raised."""
+        """The address in memory, an integer, of the function of the name `symbol` in this code."""
         with _compiler():
             return int(self.engine.get_function_address(symbol))
 
 
 def load(text: str, processor: Processor | None = None) -> NativeCode:
-    """The `NativeCode` of a module of LLVM IR, `text`: compiled for a `processor`, None for this machine's, or read
-    from the cache of compiled objects of earlier processes. Raises `RuntimeError` for text that LLVM refuses,
-    `InputError` where the environment variable ADAPTCTL_PROCESSOR names a level that this machine does not have."""
+    """The `NativeCode` of a module of LLVM IR, `text`."""
     with _compiler():
         processor = processor or Processor.host()
         machine = processor.machine()
@@ -145,8 +135,7 @@ def _key(text: str, processor: Processor, triple: str) -> bytes:
 
 
 def _compiled(text: str, machine: llvm.TargetMachine) -> bytes:
-    """The object that LLVM makes of a module. Its usual passes would find nothing more: the expressions are simple and
-    each is there once."""
+    """The object that LLVM makes of a module."""
     module = llvm.parse_assembly(text, llvm.create_context())
     module.verify()
     passes = llvm.create_new_module_pass_manager()
@@ -158,11 +147,7 @@ def _compiled(text: str, machine: llvm.TargetMachine) -> bytes:
 
 @functools.cache
 def _compiler() -> threading.RLock:
-    """LLVM, made ready, for one thread at a time.
-
-    No process is forked while another thread uses LLVM, or the child would wait for that thread for ever: so all
-    that LLVM makes is also freed while this is held.
-    """
+    """LLVM, made ready, for one thread at a time."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     # LLVM joins the loads of a block in lists of up to 2048, and compares each with each: 1,296 gains took seconds.

@@ -61,9 +61,7 @@ class _Traced(Expression):
 
 
 class Truth(_Traced):
-    """Outcome of a comparison (<, <=, > or >=) of symbolic scalars (`Node`), true or false once they are known. It is a
-    condition for `where`; any other use, such as `if`, `and`, `==` or arithmetic, raises `TraceError` or
-    `TypeError`."""
+    """Outcome of a comparison (<, <=, > or >=) of symbolic scalars (`Node`), true or false once they are known."""
 
     __slots__ = ()
 
@@ -90,13 +88,7 @@ _less, _less_equal = _comparison(Op.LESS), _comparison(Op.LESS_EQUAL)
 
 
 class Node(_Traced):
-    """Symbolic scalar: a number that is not known yet, in a function that is run once to record what it computes.
-    Arithmetic (+ - * /, abs), NumPy's sin, cos, sqrt, exp, log, tanh, arctan2, rint, minimum and maximum, and `where`
-    make new nodes of the same expression graph, or floats where the result is known; <, <=, > and >= make a `Truth`.
-
-    Raises `TraceError`, a `TypeError`, on other uses: `if`, `and`, `==`, `**`, `float` or `int` of it, another function
-    of NumPy, an array that it is put into or meets, and a node of another graph. Operators such as % raise `TypeError`.
-    """
+    """Symbolic scalar: a number that is not known yet, in a function that is run once to record what it computes."""
 
     __slots__ = ()
 
@@ -140,9 +132,7 @@ Value: TypeAlias = Node | float
 
 
 def lift(x: Any) -> Value | None:
-    """A scalar of a traced function made of `x`: a `Node` (symbolic scalar) as it is, a real number of Python or NumPy
-    as a float, with -0.0 as 0.0, and None for anything else. An array without axes counts as a number: it raises what
-    `float` does, `TypeError` or `ValueError`, where it holds none."""
+    """A scalar of a traced function made of `x`."""
     if isinstance(x, Node):
         return x
     if isinstance(x, float | int | np.floating | np.integer) or (isinstance(x, np.ndarray) and x.ndim == 0):

@@ -1,8 +1,4 @@
-"""Compiled objects kept for other processes: one file each, in the user's own cache folder.
-
-The cache is a convenience: whatever is wrong with it, code is compiled anew and only the log tells. What it holds is
-machine code, so nothing is read that anybody else could have written.
-"""
+"""Compiled objects kept for other processes: one file each, in the user's own cache folder."""
 
 from __future__ import annotations
 
@@ -37,9 +33,7 @@ log = logging.getLogger(__name__)
 
 
 def cache_folder() -> Path | None:
-    """Path of the folder in which compiled objects are kept for other processes, which need not exist: that of the
-    environment variable ADAPTCTL_CACHE, or else `adaptctl` in XDG_CACHE_HOME or `~/.cache`; None where ADAPTCTL_CACHE
-    is "off", and where the user has no home folder. Nothing is raised."""
+    """Path of the folder in which compiled objects are kept for other processes, which need not exist."""
     chosen, caches = os.environ.get("ADAPTCTL_CACHE", ""), Path(os.environ.get("XDG_CACHE_HOME", ""))
     if chosen == "off":
         return None
@@ -53,9 +47,7 @@ def cache_folder() -> Path | None:
 
 
 class ObjectCache(NamedTuple):
-    """Cache of compiled objects, bytes, on disk: one file in `folder` for each key of 32 bytes. The folder has at most
-    `limit` bytes, 256 MiB by default, and a 64th more for each process that writes; what was used longest ago is
-    deleted. The folder need not exist. No method raises an error of the file system."""
+    """Cache of compiled objects, bytes, on disk: one file in `folder` for each key of 32 bytes."""
 
     folder: Path
     limit: int = LIMIT
@@ -93,8 +85,7 @@ class ObjectCache(NamedTuple):
         return self.folder / f"{key.hex()}{SUFFIX}"
 
     def _may_be_full(self, size: int) -> bool:
-        """Sign to look how full the folder is, after so many bytes more: at this process's first object, and then at
-        every 64th of the limit. To look takes some ten milliseconds where there are thousands of files."""
+        """Sign to look how full the folder is, after so many bytes more."""
         written = _written.get(self.folder, self.limit) + size
         due = 64 * written > self.limit
         _written[self.folder] = 0 if due else written
@@ -178,10 +169,7 @@ def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Re
 
 
 def arithmetic() -> list[str]:
-    """Texts that name what decides the last bits of results, a list in this order: NumPy's version, its BLAS, the kind
-    of machine, the number of processors that may be used, each instruction set that NumPy sees, and, as NAME=value,
-    some environment variables. These are the ones whose names begin with OPENBLAS_, MKL_, OMP_NUM_THREADS or
-    ADAPTCTL_PROCESSOR. Nothing is raised."""
+    """Texts that name what decides the last bits of results, a list in this order."""
     chosen = sorted(f"{name}={value}" for name, value in os.environ.items() if name.startswith(_CHOOSING))
     return [*_here(), *chosen]
 
@@ -206,8 +194,7 @@ def source_state() -> str:
 
 
 def source_files(folder: str) -> Iterator[tuple[str, int, int]]:
-    """Iterator over the Python source files below `folder`, at any depth and in no fixed order: path, size in bytes and
-    time of change in ns of each. What cannot be read is left out; nothing is raised."""
+    """Iterator over the Python source files below `folder`, at any depth and in no fixed order."""
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             if entry.name.endswith(".py"):

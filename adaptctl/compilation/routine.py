@@ -21,12 +21,7 @@ Shape = tuple[int, ...]
 
 
 class Layout(NamedTuple):
-    """Layout of a function's result or arguments, whose scalars are all in one sequence: a scalar, a `Column` (vector),
-    a list of Columns (the rows of a matrix), or a tuple of such parts.
-
-    `container` is the type of the tuple, a NamedTuple's among them, None where there is one part without a tuple;
-    `shapes` has the shape of each part: (), (n,) or (rows, n). Nothing is checked.
-    """
+    """Layout of a function's result or arguments, whose scalars are all in one sequence."""
 
     container: type[tuple[Any, ...]] | None
     shapes: tuple[Shape, ...]
@@ -39,8 +34,7 @@ class Layout(NamedTuple):
 
     @property
     def places(self) -> tuple[slice, ...]:
-        """Slices, one for each part (scalar, vector or matrix) of this layout in order: the positions of the part's
-        scalars in the sequence of all the layout's scalars."""
+        """Slices, one for each part (scalar, vector or matrix) of this layout in order."""
         return tuple(slice(end - size, end) for size, end in zip(self.sizes, accumulate(self.sizes), strict=True))
 
     @property
@@ -97,25 +91,45 @@ _FREE = (Op.INPUT, Op.CALL, Op.RESULT)
 
 
 class Operations(Counter[Op]):
-    """Counts of the scalar operations of a routine (traced function) by kind (`Op`), those of called routines included:
-    a Counter, in which a kind that does not occur is 0. Nothing is checked."""
+    """
+    Counts of scalar operations by kind, called routines included.
+
+    Examples
+    --------
+    >>> from adaptctl.compilation import trace
+    >>> trace(lambda x: x @ x, {"x": 3}, name="square").operations.flops
+    5
+    """
 
     @property
     def flops(self) -> int:
-        """Number of floating-point operations: additions, subtractions, multiplications, divisions and negations; other
-        kinds, such as sin and sqrt, do not count."""
+        """Number of additions, subtractions, multiplications, divisions and negations."""
         return sum(self[op] for op in _FLOPS)
 
 
 @dataclass(frozen=True, eq=False)
 class Routine:
-    """A traced function, as `trace` makes it: its `name`; `inputs`, the lengths of its arguments; `outputs`, the
-    scalars of its result in order, each an expression or a constant float; and `layout`, the shapes of the result's
-    parts and their container.
+    """
+    Traced function: the expressions that it computes, as `trace` returns it.
 
-    `sines` is for a function that is called within a trace (`outlined`), () for others: the indices, among the scalars
-    of all arguments, of those whose sines and cosines the caller computes. These are then its last argument, a sine and
-    a cosine in turn. Nothing is checked.
+    Parameters
+    ----------
+    name : str
+        Name in messages.
+    inputs : tuple of int
+        Lengths of the arguments.
+    outputs : tuple
+        Scalars of the result, each an expression or a constant float.
+    layout : Layout
+        Shapes of the result's parts and their container.
+    sines : tuple of int, optional
+        Indices, for a function called within a trace, of the scalars whose sines and cosines the caller computes.
+
+    Examples
+    --------
+    >>> from adaptctl.compilation import trace
+    >>> trace(lambda x: 2.0 * x, {"x": 3}, name="double").inputs
+    (3,)
     """
 
     name: str
@@ -132,20 +146,17 @@ class Routine:
 
     @cached_property
     def read(self) -> frozenset[tuple[int, int]]:
-        """Scalars of the arguments that the routine reads, as pairs: the index of the argument, and that of the scalar
-        in it, both from 0."""
+        """Scalars of the arguments that the routine reads, as pairs."""
         return frozenset(x.detail for x in self.body if x.op is Op.INPUT)
 
     @property
     def calls(self) -> list[Routine]:
-        """The routines (traced functions) that this routine calls, one entry for each call, in order: one that is
-        called twice is there twice."""
+        """The routines (traced functions) that this routine calls, one entry for each call, in order."""
         return [x.detail for x in self.body if x.op is Op.CALL]
 
     @cached_property
     def operations(self) -> Operations:
-        """Number of scalar operations of one evaluation, counted by kind (`Op`), those of called routines included;
-        inputs, calls themselves and reading their results are none."""
+        """Number of scalar operations of one evaluation, counted by kind (`Op`), those of called routines included."""
         total = Operations(x.op for x in self.body if x.op not in _FREE)
         for routine in self.calls:
             total.update(routine.operations)
@@ -153,14 +164,36 @@ class Routine:
 
 
 def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: str = "") -> Routine:
-    """The traced `function`, a `Routine` of the expressions that it computes, found by calling it once, by keyword, on
-    Columns (vectors) of symbolic scalars; `arguments` maps their names to their lengths n.
+    """
+    Record what a function computes, as a graph of expressions.
 
-    The function returns a scalar, a Column, a list of Columns (the rows of a matrix), or a tuple or NamedTuple of
-    these. `name` is the routine's, the function's own where empty. Raises `TraceError` for any other result, where the
-    function needs a number that is not known yet (an `if` on a symbolic scalar, `float` of it), and for a scalar of
-    another trace; `InputError` for lengths that are no whole numbers of at least 0; what the function itself raises
-    goes through.
+    Parameters
+    ----------
+    function : callable
+        Function of `Column` vectors by keyword, called once with symbolic scalars. It returns a scalar, a column, a
+        list of columns, or a tuple or NamedTuple of these.
+    arguments : mapping of str to int
+        Lengths n of the arguments by name.
+    name : str, optional
+        Name of the routine; the function's own by default.
+
+    Returns
+    -------
+    Routine
+        The recorded expressions.
+
+    Raises
+    ------
+    TraceError
+        If the result is of another kind, or the function needs a number that is not known yet, as in an ``if``.
+    InputError
+        If a length is not a whole number of at least 0.
+
+    Examples
+    --------
+    >>> from adaptctl.compilation import Op, trace
+    >>> trace(lambda x: x[0] * x[1], {"x": 2}, name="product").operations[Op.MULTIPLY]
+    1
     """
     called = name or _name(function)
     graph, sizes = Graph(), tuple(whole_count(n, f"{called}: length of {x!r}") for x, n in arguments.items())
@@ -169,14 +202,30 @@ def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: s
 
 
 def outlined(function: F) -> F:
-    """A wrapper of `function` whose calls within a trace, in which a function runs on symbolic scalars to be compiled,
-    share one native subroutine, instead of being unrolled each.
+    """
+    Make calls of a function share one native subroutine instead of being unrolled.
 
-    Its arguments are scalars and Columns (vectors of scalars) by position. Its result is a scalar, a Column, a list of
-    Columns of one length, or a tuple or NamedTuple of these: any other result raises `TraceError` within a trace.
-    Constants among the scalars are folded into the body: a trace keeps one body for each pattern of symbolic scalars
-    and constants. Wrap a function once, not before each call, or each call gets its own body. Outside a trace, and on
-    other scalars, dual numbers among them, the function is simply called.
+    Parameters
+    ----------
+    function : callable
+        Function of scalars and columns by position. Its result is a scalar, a column, a list of columns of one length,
+        or a tuple or NamedTuple of these.
+
+    Returns
+    -------
+    callable
+        Wrapper, to be made once. Outside a trace, the function is simply called.
+
+    Notes
+    -----
+    Constants among the arguments are folded: there is one subroutine for each pattern of constants.
+
+    Examples
+    --------
+    >>> from adaptctl.compilation import outlined, trace
+    >>> square = outlined(lambda x: x * x)
+    >>> len(trace(lambda x: square(x[0]) + square(x[1]), {"x": 2}, name="sum").calls)
+    2
     """
 
     @functools.wraps(function)
@@ -250,14 +299,7 @@ _IN_EACH_STEP = (Op.CALL, Op.RESULT, Op.LESS, Op.LESS_EQUAL)
 
 
 class Invariants(NamedTuple):
-    """Loop invariants of a step's routine (its traced function): expressions that are computed once, before the first
-    step, since they depend on held arguments alone, those that are the same in all steps.
-
-    `computed` is the set of all these; `stored` lists the expressions that are contiguous in memory for the steps to
-    read: those of `computed` that a step uses or returns, and held inputs that a call takes with them; `places` maps
-    the index of a single expression to its index there; `groups` maps the indices of those that a call takes as one
-    argument, a tuple, to the index there of the first of them. Made by `Invariants.of`; nothing is checked.
-    """
+    """Loop invariants of a step's routine (its traced function)."""
 
     computed: frozenset[Expression]
     stored: list[Expression]
@@ -283,9 +325,7 @@ class Invariants(NamedTuple):
         return found
 
     def before(self, routine: Routine) -> Routine:
-        """Routine (traced function) that computes, once before the first step, the scalars that are the same in all
-        steps. Its only result is (s,), s the length of the field `stored`; it takes all arguments of the step's
-        `routine`, of which it uses the held ones alone. Nothing is checked."""
+        """Routine that computes, once before the first step, the scalars that are the same in all steps."""
         values: tuple[Any, ...] = tuple(self.stored)
         return Routine(f"{routine.name} before", routine.inputs, values, Layout(None, ((len(values),),)))
 
@@ -317,9 +357,7 @@ NONE = Invariants(frozenset(), [], {}, {})
 
 
 def arguments(call: Expression) -> Iterator[list[Any]]:
-    """Iterator over the arguments of a `call`, an expression of a call of a `Routine` (traced function): for each
-    argument of the routine a list of the operands, expressions and floats, that make it up. Raises `AttributeError` for
-    an expression of another kind."""
+    """Iterator over the arguments of a `call`, an expression of a call of a `Routine`."""
     rest = iter(call.operands)
     return (list(islice(rest, size)) for size in call.detail.inputs)
 

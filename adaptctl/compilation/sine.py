@@ -12,14 +12,7 @@ from adaptctl.scalars.scalar import polynomial
 
 
 class Sine(NamedTuple):
-    """Constants from which sine and cosine are computed with additions and multiplications alone, in one precision:
-    within 2 ulp (units in the last place) in double, in single within 2 ulp of 1.
-
-    `farthest`, rad, is the largest angle, in size, for which they serve; `shift` a number so large that a sum with it
-    is rounded to a whole number; `quarter` three numbers whose sum is pi/2, the first two with so few bits that small
-    multiples are exact; `sine` the coefficients of (sin r - r)/r^3 and `cosine` those of (cos r - 1 + r^2/2)/r^4 as
-    polynomials in r^2, from the constant on, for an angle r within pi/4. Nothing is checked.
-    """
+    """Constants from which sine and cosine are computed with additions and multiplications alone, in one precision."""
 
     farthest: float
     """rad; up to here `reduced` holds"""
@@ -49,9 +42,7 @@ class Sine(NamedTuple):
         return r + r * z * polynomial(self.sine, z), (1.0 - 0.5 * z) + z * z * polynomial(self.cosine, z), shifted
 
     def turned(self, sine: Any, cosine: Any, step: Any) -> tuple[Any, Any]:
-        """Sine and cosine of an angle that is `step` larger than the one whose `sine` and `cosine` are given: two
-        scalars of any kind (floats, arrays or symbols). `step`, rad, is at most 1/16 (STEP) in size, which is not
-        checked."""
+        """Sine and cosine of an angle that is `step` larger than the one whose `sine` and `cosine` are given."""
         z = step * step
         of_step = step + step * z * polynomial(self.sine[:TERMS], z)
         less = z * (0.5 - z * polynomial(self.cosine[:TERMS], z))  # 1 less the step's cosine
@@ -91,8 +82,7 @@ SINGLE = Sine(
 
 
 def sine_for(precision: Precision) -> Sine:
-    """The `Sine`, the constants for computing sine and cosine, of a `precision`: "double", or for anything else single
-    precision. Nothing is raised."""
+    """The `Sine`, the constants for computing sine and cosine, of a `precision`."""
     return DOUBLE if precision == "double" else SINGLE
 
 
@@ -118,9 +108,7 @@ class SinesAtOnce:
         self._size: dict[str, int] = {}
 
     def place(self, x: Expression) -> tuple[str, int] | None:
-        """The position in memory of an expression `x`, a sine or cosine that was computed: the name of a pointer and an
-        index after it. The index counts values of one number for each SIMD lane (arms computed at once). None for other
-        expressions. Nothing is raised."""
+        """The position in memory of an expression `x`, a sine or cosine that was computed."""
         found = self._pairs.get(x.operands[0]) if x.op in ANGLES else None
         return None if found is None else (found[0], found[1] + ANGLES[x.op])
 
@@ -220,8 +208,7 @@ class SinesAtOnce:
         return f"{name}.any" if before else f"{name}.far"
 
     def _correct(self, pairs: str, columns: Sequence[Sequence[str]], far: str, wide: Lanes) -> None:
-        """Write the branch to corrections: where any angle is far, the C library's sines, where any step is long, those
-        of the angle itself."""
+        """Write the branch to corrections."""
         text, n, bits = self._text, len(columns[0]), f"i{wide.count}"
         text.add(f"{pairs}.bits = bitcast {wide.condition} {far} to {bits}")
         text.add(f"{pairs}.branch = icmp ne {bits} {pairs}.bits, 0")

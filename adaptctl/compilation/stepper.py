@@ -118,18 +118,53 @@ def compile_step(
     processor: Processor | None = None,
     precision: Precision = "double",
 ) -> Stepper:
-    """A `Stepper`, native code that takes `step` again and again for many members (copies of its state), `lanes` of
-    them at once by SIMD instructions. `lanes` is 1, 2, 4 or 8, in single precision also 16, or None for as many as suit
-    the `processor`, which is None for this machine's.
+    """
+    Compile a step that is taken again and again for many members, in SIMD lanes.
 
-    `step` is called once with Columns by keyword, whose names and lengths n are given: `state`, which each member has
-    and each step replaces; `held`, which each member has and keeps; `shared`, other in each step and the same for all
-    members; `driven`, other in each step and for each member; the last three none by default. It returns a tuple: the
-    new state, in the order of `state`, and after it any outputs, Columns, lists of Columns or scalars. `precision` is
-    that of the numbers, "double" or "single"; `name` the step's in messages, the function's own where empty. Raises
-    `InputError` for columns of the same name, lengths that are no whole numbers of at least 0, a result that does not
-    begin with the new state, another precision and another number of lanes; `TraceError` for a step that cannot be
-    traced; what the step itself raises goes through.
+    Parameters
+    ----------
+    step : callable
+        Function of `Column` vectors by keyword. It returns a tuple: the new state in the order of `state`, then
+        outputs.
+    state : mapping of str to int
+        Lengths of the columns that each member has and each step replaces.
+    constants : mapping of str to int, optional
+        Lengths of the columns that each member has and keeps.
+    inputs : mapping of str to int, optional
+        Lengths of the columns that are new in each step and the same for all members.
+    per_member_inputs : mapping of str to int, optional
+        Lengths of the columns that are new in each step for each member.
+    lanes : int, optional
+        Members computed at once: 1, 2, 4 or 8, in single precision also 16; by default as suits the processor.
+    name : str, optional
+        Name in messages; the function's own by default.
+    processor : Processor, optional
+        Processor to compile for; this machine's by default.
+    precision : {"double", "single"}, default "double"
+        Precision of the numbers.
+
+    Returns
+    -------
+    Stepper
+        Native code of the step.
+
+    Raises
+    ------
+    InputError
+        If names repeat, a length is wrong, the result does not begin with the new state, or lanes or precision are
+        unknown.
+    TraceError
+        If the step cannot be traced.
+
+    Examples
+    --------
+    >>> from adaptctl.compilation import compile_step
+    >>> fall = compile_step(lambda x, rate: (x - 0.5 * rate * x,), state={"x": 1}, constants={"rate": 1}, name="decay")
+    >>> members = fall.ensemble(3)
+    >>> members.state["x"], members.held["rate"] = [[1.0], [2.0], [4.0]], 1.0
+    >>> _ = members.run(steps=2)
+    >>> members.state["x"].ravel().tolist()
+    [0.25, 0.5, 1.0]
     """
     columns = {Source.STATE: state, Source.HELD: constants, Source.SHARED: inputs, Source.DRIVEN: per_member_inputs}
     arguments = {name: length for part in columns.values() for name, length in part.items()}
@@ -141,18 +176,36 @@ def compile_step(
 
 
 class Stepper:
-    """A compiled step of many members (copies of its state), made by `compile_step`; `ensemble` makes the members that
-    it steps.
+    """
+    Compiled step of many members, as `compile_step` returns it.
 
-    `columns` has the names and lengths n of the step's arguments, by source: "state", replaced by each step, "held",
-    constants of a member, "shared", new in each step for all members, and "driven", new in each step for each member;
-    `outputs` the shapes of what it returns after the new state, (), (n,) or (rows, n). `lanes` members are worked on at
-    once, in numbers of a `precision`, "double" or "single", whose NumPy type is `dtype`. `operations` counts the scalar
-    operations of a step of one member by kind (`Op`), without those on held columns alone, which are done once a run.
+    Parameters
+    ----------
+    routine : Routine
+        Traced step.
+    columns : mapping
+        Names and lengths of the step's arguments by `Source`: state, constants ("held"), inputs ("shared") and inputs
+        of each member ("driven").
+    lanes : Lanes
+        Number of members computed at once and precision.
+    processor : Processor
+        Processor to compile for.
 
-    The constructor takes `routine`, the traced step, `columns`, `lanes`, a `Lanes` (number and precision), and the
-    `processor`, a `Processor`, that it is compiled for. Raises `InputError` where the step's result is no tuple that
-    begins with the new state.
+    Raises
+    ------
+    InputError
+        If the step's result is not a tuple that begins with the new state.
+
+    Notes
+    -----
+    `operations` counts a step of one member, without those on constants alone, which are done once in a run.
+
+    Examples
+    --------
+    >>> from adaptctl.compilation import compile_step
+    >>> stepper = compile_step(lambda x: (0.5 * x, x), state={"x": 2}, name="halve")
+    >>> stepper.outputs
+    ((2,),)
     """
 
     def __init__(self, routine: Routine, columns: Mapping[Source, Columns], lanes: Lanes, processor: Processor) -> None:
@@ -176,39 +229,95 @@ class Stepper:
         self.native = NativeLoop(self._code.address(ENTRY))
 
     def ensemble(self, members: int) -> Ensemble:
-        """An `Ensemble` of `members` copies of the step's state, all zero, as are their held columns. Raises
-        `InputError` for a number of members that is no whole number of at least 1."""
+        """
+        Make members of the step, all zero.
+
+        Parameters
+        ----------
+        members : int
+            Number of members, at least 1.
+
+        Returns
+        -------
+        Ensemble
+            Their states and constants.
+
+        Raises
+        ------
+        InputError
+            If the number is wrong.
+        """
         return Ensemble(self, members)
 
     def run_single(self, steps: int, state: Array, held: Array) -> Array:
-        """The state (S,) of one member after `steps` steps, a new float64 array: its columns one after another, S the
-        sum of their lengths. It starts from `state` (S,), which is not changed, under the held columns `held` (H,), one
-        after another too, H being the sum of their lengths; both are contiguous float64 arrays. It is faster than an
-        `ensemble` of one member, which takes ten times as long to be set up. The step must have one lane, double
-        precision, and no signals or outputs, and the arrays must have these lengths: none of this is checked, and
-        memory is read and written out of bounds otherwise."""
+        """
+        Take steps of one member, faster than an ensemble of one.
+
+        Parameters
+        ----------
+        steps : int
+            Number of steps.
+        state : ndarray
+            Start (S,), its columns one after another; contiguous float64, not changed.
+        held : ndarray
+            Constants (H,), their columns one after another; contiguous float64.
+
+        Returns
+        -------
+        ndarray
+            State (S,) after the steps.
+
+        Warnings
+        --------
+        Nothing is checked: the step must have one lane, double precision and no inputs or outputs, and the arrays these
+        lengths; otherwise memory is accessed out of bounds.
+
+        Examples
+        --------
+        >>> from adaptctl.compilation import compile_step
+        >>> stepper = compile_step(lambda x: (0.5 * x,), state={"x": 1}, lanes=1, name="halve")
+        >>> stepper.run_single(2, np.array([4.0]), np.empty(0)).tolist()
+        [1.0]
+        """
         after = state.copy()
         self.native(0, 1, steps, 0, 0, 0, after.ctypes.data, held.ctypes.data, None, None, None)
         return after
 
 
 class Signals(NamedTuple):
-    """Buffers for the signals of some steps of an ensemble of members (copies of a state), made by `Ensemble.signals`.
-    `shared` has the columns that are the same for all members, (steps, 1, n), and `driven` those of each member,
-    (steps, members, n), where n is a column's length; each is a `LaneArray`. Nothing is checked."""
+    """Buffers for the signals of some steps of an ensemble of members, made by `Ensemble.signals`."""
 
     shared: LaneArray
     driven: LaneArray
 
 
 class Ensemble:
-    """The members (copies) of a compiled step that are taken step by step together, made by `Stepper.ensemble`: their
-    states and their held columns, which a step reads and leaves as they are.
+    """
+    Members of a compiled step, as `Stepper.ensemble` makes them.
 
-    `state` and `held` are these columns, a `LaneArray` each, to be read and assigned between runs by name, (members,
-    n), zero at first; `members` is their number, and `stepper` the step. Units are the step's own. Members never see
-    each other: a NaN stays with its own. Raises `InputError` for a number of members that is no whole number of at
-    least 1.
+    `state` and `held` (constants) are read and assigned between runs by name, each (members, n), zero at first. Members
+    do not affect each other.
+
+    Parameters
+    ----------
+    stepper : Stepper
+        Compiled step.
+    members : int
+        Number of members, at least 1.
+
+    Raises
+    ------
+    InputError
+        If the number is wrong.
+
+    Examples
+    --------
+    >>> from adaptctl.compilation import compile_step
+    >>> stepper = compile_step(lambda x, u: (x + u, x), state={"x": 1}, inputs={"u": 1}, name="sum")
+    >>> members = stepper.ensemble(3)
+    >>> (recorded,) = members.run(steps=2, signals={"u": [[1.0], [2.0]]}, record=True)
+    >>> recorded.shape, float(members.state["x"][0, 0])
+    ((2, 3, 1), 3.0)
     """
 
     def __init__(self, stepper: Stepper, members: int) -> None:
@@ -227,16 +336,30 @@ class Ensemble:
         record: bool = False,
         threads: int = 1,
     ) -> tuple[Array, ...]:
-        """Take a number of `steps`, 1 by default, all members together, from the attribute `state`, which is replaced.
-        Returns the outputs of the last step, (members, ...) each, or with `record` those of all, (steps, members, ...)
-        each, the shape of one output after the members, in float64; after 0 steps, those of the last run without
-        `record`, zero where there is none.
+        """
+        Take steps of all members.
 
-        `signals` are, by name, all shared columns (steps, n), the same for all members, and driven ones (steps,
-        members, n), n a column's length, or what broadcasts to that; they are not checked for NaN or infinity.
-        `threads` share the members: more than one pays from milliseconds on, for to start one takes some 50 us. Other
-        Python threads run meanwhile. Raises `InputError` for steps that are no whole number of at least 0, threads that
-        are none of at least 1, and for signals of other names, of the wrong shape or that are no real numbers.
+        Parameters
+        ----------
+        steps : int, default 1
+            Number of steps.
+        signals : mapping of str to array_like, optional
+            Inputs by name, which broadcast to (steps, n), or (steps, members, n) for inputs of each member. NaN is not
+            refused.
+        record : bool, default False
+            If true, outputs of all steps are returned, else those of the last.
+        threads : int, default 1
+            Threads that share the members; more than one pays from milliseconds on.
+
+        Returns
+        -------
+        tuple of ndarray
+            Outputs (members, ...), or (steps, members, ...) if recorded, in float64.
+
+        Raises
+        ------
+        InputError
+            If a number is wrong, or signals have other names or shapes or are not real.
         """
         if type(steps) is not int or steps < 0:
             steps = whole_count(steps, "steps")
@@ -250,30 +373,68 @@ class Ensemble:
         return tuple(outputs[name].reshape(*axes, *shape) for name, shape in parts)
 
     def allocate_outputs(self, steps: int) -> LaneArray:
-        """An uninitialised output buffer, a `LaneArray`, for `steps` steps, which the method `record_into` fills: the
-        columns "0", "1", ... are the outputs in turn, (steps, members, n) each, n the number of scalars of one. Raises
-        `InputError` for steps that are no whole number of at least 0."""
+        """
+        Make a buffer for outputs, which `record_into` fills.
+
+        Parameters
+        ----------
+        steps : int
+            Number of steps.
+
+        Returns
+        -------
+        LaneArray
+            Uninitialised columns "0", "1", ... (steps, members, n), one for each output.
+
+        Raises
+        ------
+        InputError
+            If the number is wrong.
+        """
         return self._array(self._outputs, steps, made=np.empty)
 
     def signals(self, steps: int) -> Signals:
-        """Uninitialised buffers, a `Signals`, for the signals of `steps` steps, to be filled by column and step before
-        `record_into` reads them, a `LaneArray` each, with a column (..., n) by each name, n its length: `shared`, the
-        columns that are the same for all members, (steps, 1, n), and `driven`, those of each member, (steps, members,
-        n), in the step's type of number. Raises `InputError` for steps that are no whole number of at least 0."""
+        """
+        Make buffers for inputs, which `record_into` reads.
+
+        Parameters
+        ----------
+        steps : int
+            Number of steps.
+
+        Returns
+        -------
+        Signals
+            Uninitialised arrays `shared` (steps, 1, n) and `driven` (steps, members, n), to be filled by name.
+
+        Raises
+        ------
+        InputError
+            If the number is wrong.
+        """
         columns = self.stepper.columns
         shared = LaneArray(columns[Source.SHARED], 1, 1, (steps,), self.stepper.dtype, np.empty)
         return Signals(shared, self._array(columns[Source.DRIVEN], steps, made=np.empty))
 
     def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike] | Signals) -> None:
-        """Take `steps` steps of all members from the attribute `state`, which is replaced, and write their outputs into
-        `room`, an output buffer made by the method `room`, from its step of index `first` on.
+        """
+        Take steps of all members and write their outputs into a buffer.
 
-        `signals` are, by name, the columns that are new in each step: shared ones (steps, n), the same for all members,
-        and driven ones (steps, members, n), other for each, n a column's length. Or they are `Signals` made by the
-        method `signals`, of which those from the same index `first` on are read, in place. Returns nothing. Raises
-        `InputError` where steps or outputs do not fit, where `first` or `steps` is no whole number of at least 0, for a
-        buffer or `Signals` whose columns, members, lanes or type of number are not this ensemble's, and for signals of
-        other names, of the wrong shape or that are no real numbers.
+        Parameters
+        ----------
+        room : LaneArray
+            Buffer that `allocate_outputs` made.
+        first : int
+            Index of the buffer's step at which to begin.
+        steps : int
+            Number of steps.
+        signals : mapping or Signals
+            Inputs by name, as in `run`, or `Signals`, read in place from index `first` on.
+
+        Raises
+        ------
+        InputError
+            If steps do not fit, or a buffer or signal is not this ensemble's.
         """
         first, steps = whole_count(first, "record: first"), whole_count(steps, "record: steps")
         _require(room, self._recorded, first, steps, "a `room`")

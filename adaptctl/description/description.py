@@ -33,7 +33,15 @@ LARGEST_INERTIA, LARGEST_GRAVITY = LARGEST_TERM, 1e9
 
 
 class JointKind(Enum):
-    """The kind of a joint's motion: revolute, prismatic, or continuous, which is revolute without position limits."""
+    """
+    Kind of a joint: revolute, prismatic, or continuous, which is revolute without position limits.
+
+    Examples
+    --------
+    >>> from adaptctl.description import JointKind
+    >>> JointKind("prismatic").effort_unit
+    'N'
+    """
 
     REVOLUTE = "revolute"
     CONTINUOUS = "continuous"
@@ -58,10 +66,33 @@ class JointKind(Enum):
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint of one coordinate called `name`: a rotation about or a translation along `axis` (3,), in the joint's
-    frame, of any length, kept as a unit vector, z by default. Its `kind`, a `JointKind`, is by default revolute, its
-    `limits` are infinite, its `drive` without terms. Raises `InputError` for a `kind` that is no `JointKind`, and for
-    an axis not (3,), not finite or shorter than 1e-9."""
+    """
+    Joint of one coordinate, an angle about or a displacement along its axis.
+
+    Parameters
+    ----------
+    name : str
+        Name of the joint.
+    kind : JointKind, default JointKind.REVOLUTE
+        Kind of motion.
+    axis : array_like, optional
+        Direction (3,) in the joint's frame, of any length; kept as a unit vector, z by default.
+    limits : Limits, optional
+        Position, speed and effort limits; none by default.
+    drive : Drive, optional
+        Rotor inertia and friction; none by default.
+
+    Raises
+    ------
+    InputError
+        If `kind` is not a `JointKind`, or the axis has another shape, is not finite or shorter than 1e-9.
+
+    Examples
+    --------
+    >>> from adaptctl.description import Joint, JointKind
+    >>> Joint("slide", JointKind.PRISMATIC, axis=[2.0, 0.0, 0.0]).axis.tolist()
+    [1.0, 0.0, 0.0]
+    """
 
     name: str
     kind: JointKind = JointKind.REVOLUTE
@@ -85,13 +116,41 @@ class Joint:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A link: a rigid body called `name`, and the `joint` that connects it to its parent, the link of zero-based index
-    `parent`, or -1 for the ground. `near` is the pose, in the parent link's frame, of the joint's frame at coordinate
-    zero; `far` that of the link's frame in the joint's moved frame: the identity for URDF, a Denavit-Hartenberg step
-    for frames at the far end. `inertia` (10,) holds m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, by default
-    zero: mass (kg), first moment (kg m) and inertia tensor (kg m^2) about the link frame's origin. A `massless` link
-    only joins two joints, as in a floating base; its inertia is no parameter. Raises `InputError` for an `inertia` of
-    another shape, not finite, above 1e20 in size, or not zero in a massless link."""
+    """
+    Rigid body with the joint that connects it to its parent.
+
+    Parameters
+    ----------
+    name : str
+        Name of the link.
+    parent : int
+        Zero-based index of the parent link, or -1 for the ground.
+    joint : Joint
+        Joint that moves the link.
+    parent_to_joint : Pose
+        Pose of the joint's frame in the parent link's frame, at coordinate zero.
+    joint_to_link : Pose
+        Pose of the link's frame in the joint's moved frame: the identity in URDF, a Denavit-Hartenberg step for frames
+        at the far end.
+    inertia : array_like, optional
+        Inertial parameters (10,) m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz: mass in kg, first moment in
+        kg m, inertia tensor in kg m^2 about the link frame's origin; zero by default.
+    massless : bool, default False
+        If true, the link only joins two joints, as in a floating base, and has no inertial parameters.
+
+    Raises
+    ------
+    InputError
+        If the inertia has another shape, is not finite, above 1e20 in size, or not zero in a massless link.
+
+    Examples
+    --------
+    >>> from adaptctl.description import Joint, Link, Pose
+    >>> ten = [1, 0.5, 0, 0, 0, 0, 0.3, 0, 0, 0.3]
+    >>> rod = Link("rod", -1, Joint("hinge"), Pose.identity(), Pose.identity(), ten)
+    >>> float(rod.inertia[0])
+    1.0
+    """
 
     name: str
     parent: int
@@ -112,13 +171,41 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """A mechanism's description as immutable data: its `name` and its `links` in depth-first order (parents first, each
-    link's descendants together; the function `depth_first` sorts them so, and Pinocchio gives wrong matrices in other
-    orders). `gravity` (3,) is in the ground's frame, m/s^2, by default (0, 0, -9.81); `source` says where the values
-    come from; `loops` has the constraints that close loops, None for a plain tree. `visuals` are shapes to draw and
-    `frames` named frames besides joints' and links'; hashes leave both out. Raises `InputError` for links in another
-    order, no links, empty or repeated names, gravity not (3,), not finite or above 1e9, and visuals, frames or drives
-    that refer to unknown links or joints; `NotFoundError` for unknown names in `loops`."""
+    """
+    Mechanism as immutable data: its links, joints, gravity and loops.
+
+    Parameters
+    ----------
+    name : str
+        Name of the mechanism.
+    links : sequence of Link
+        Links in depth-first order: parents first, the descendants of each link together; `depth_first` sorts them so.
+    gravity : array_like, optional
+        Gravity (3,) in the ground's frame in m/s^2; (0, 0, -9.81) by default.
+    source : str, optional
+        Origin of the parameter values, such as a paper.
+    loops : Loops, optional
+        Constraints that close loops; none, for a tree, by default.
+    visuals : sequence of Visual, optional
+        Shapes to draw, which hashes leave out.
+    frames : sequence of NamedFrame, optional
+        Named frames besides those of joints and links, which hashes leave out.
+
+    Raises
+    ------
+    InputError
+        If links are in another order, missing or of empty or repeated names, gravity is not finite or above 1e9, or a
+        shape, frame or drive refers to an unknown link or joint.
+    NotFoundError
+        If the loops name an unknown link or joint.
+
+    Examples
+    --------
+    >>> arm.description
+    <Description 'two_link': 2 links>
+    >>> arm.description.joint_names
+    ('shoulder', 'elbow')
+    """
 
     name: str
     links: tuple[Link, ...]
@@ -151,6 +238,9 @@ class Description:
         if self.loops is not None:
             self.loops.validate_known([link.name for link in self.links], self.joint_names)
 
+    def __repr__(self) -> str:
+        return f"<Description {self.name!r}: {len(self.links)} links>"
+
     def _validate_shafts(self) -> None:
         for link in self.links:
             others = [name for name, _ in link.joint.drive.turns_with]
@@ -163,8 +253,7 @@ class Description:
 
     @property
     def drive_couplings(self) -> list[list[object]]:
-        """Motor shafts that turn with several joints, as lists in JSON's types for hashing: [zero-based index of the
-        drive's joint, [[name of another joint, ratio, shaft speed over that joint's speed, as text], ...]]."""
+        """Motor shafts that turn with several joints, as lists in JSON's types for hashing."""
         drives = ((i, link.joint.drive.turns_with) for i, link in enumerate(self.links))
         return [[i, [[name, repr(ratio)] for name, ratio in others]] for i, others in drives if others]
 
@@ -181,12 +270,28 @@ class Description:
 
     @property
     def parents(self) -> tuple[int, ...]:
-        """Zero-based indices of the links' parents among the links, one for each link; -1 for the ground."""
+        """Zero-based index of each link's parent; -1 for the ground."""
         return tuple(link.parent for link in self.links)
 
     def within_conditions(self, p: ArrayLike) -> NDArray[np.bool_]:
-        """Mask (...) of positions `p` (..., r) of the r primary joints, rad (m if prismatic): True where p meets the
-        loops' conditions, lower < weighted sum of p < upper, all True without conditions. Nothing is checked."""
+        """
+        Test positions against the loops' conditions.
+
+        Parameters
+        ----------
+        p : array_like
+            Positions (..., r) of the primary joints in rad (m if prismatic).
+
+        Returns
+        -------
+        ndarray of bool
+            Mask (...), true where all conditions hold: lower < weighted sum of p < upper.
+
+        Examples
+        --------
+        >>> arm.description.within_conditions(np.zeros((3, 2))).tolist()
+        [True, True, True]
+        """
         p = np.asarray(p, dtype=np.float64)
         inside = np.ones(p.shape[:-1], dtype=np.bool_)
         for condition in self.loops.conditions if self.loops is not None else ():
@@ -196,41 +301,58 @@ class Description:
 
     @property
     def bodies(self) -> tuple[int, ...]:
-        """Zero-based indices of the links that are not massless: each has ten inertial parameters, mass to inertia."""
+        """Zero-based indices of the links that are not massless."""
         return tuple(i for i, link in enumerate(self.links) if not link.massless)
 
     @cached_property
     def body_names(self) -> tuple[str, ...]:
-        """Names, in order, of the links that are not massless: each has ten inertial parameters, mass to inertia."""
+        """Names of the links that are not massless, in order."""
         return tuple(self.links[i].name for i in self.bodies)
 
     @cached_property
     def drive_parameters(self) -> tuple[tuple[int, DriveParameter], ...]:
-        """Pairs (zero-based link index, `DriveParameter` of its joint) of all modelled drive parameters: rotor
-        inertias, then viscous, Coulomb, square-root and Stribeck friction, then offsets, each in the links' order."""
+        """Pairs (zero-based link index, `DriveParameter` of its joint) of all modelled drive parameters."""
         drives = [link.joint.drive for link in self.links]
         return tuple((i, kind) for kind in DriveParameter for i, d in enumerate(drives) if d.value(kind) is not None)
 
     def drive_coupling(self, joint: int) -> tuple[tuple[int, float], ...]:
-        """Pairs (zero-based joint index, ratio) of the joints that turn the motor shaft of the joint of index `joint`:
-        that joint first, with ratio 1. The shaft's speed (rad/s, m/s if prismatic) is the sum of ratio times joint
-        velocity. Raises `InputError` for an index that is no joint's."""
+        """
+        Return the joints that turn the motor shaft of a joint.
+
+        Parameters
+        ----------
+        joint : int
+            Zero-based index of the joint.
+
+        Returns
+        -------
+        tuple of (int, float)
+            Joint indices and ratios, the joint itself first with ratio 1. The shaft's speed is the sum of ratio times
+            velocity.
+
+        Raises
+        ------
+        InputError
+            If there is no such joint.
+
+        Examples
+        --------
+        >>> arm.description.drive_coupling(1)
+        ((1, 1.0),)
+        """
         drive = self.links[whole_number(joint, f"{self.name}: joint", 0, len(self.links) - 1)].joint.drive
         return (joint, 1.0), *((self.joint_names.index(name), ratio) for name, ratio in drive.turns_with)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P inertial and friction parameters: ten of each link not massless, m, mc_x, mc_y, mc_z (mass,
-        first moment) and I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, as ``link3.I_xx``, then the drives', as
-        ``joint2.viscous``."""
+        """Names of the P parameters."""
         joints = self.joint_names
         driven = tuple(f"{joints[i]}.{kind.value}" for i, kind in self.drive_parameters)
         return parameter_names([self.links[i].name for i in self.bodies]) + driven
 
     @property
     def num_energy_parameters(self) -> int:
-        """Number of the inertial parameters that enter the kinetic or potential energy: ten for each link that is not
-        massless and one for each modelled rotor inertia. They come first; friction parameters, which do not, follow."""
+        """Number of the inertial parameters that enter the kinetic or potential energy."""
         rotors = sum(not kind.is_friction for _, kind in self.drive_parameters)
         return 10 * len(self.bodies) + rotors
 
@@ -247,21 +369,35 @@ class Description:
 
     @cached_property
     def massless_joints(self) -> tuple[str, ...]:
-        """Names of a tree's links that have no inertia and no rotor, nor any descendant with either, so that their
-        joints' accelerations are not determined; always empty with loops."""
+        """Names of end links without inertia and rotor, whose accelerations nothing determines; empty with loops."""
         return () if self.loops is not None else weightless_ends(self.links)
 
     @property
     def inconsistent_links(self) -> tuple[str, ...]:
-        """Names of the links whose ten inertial parameters no rigid body can have: their pseudo-inertia matrix (4, 4)
-        is not positive definite. Massless links are left out."""
+        """Names of the links whose ten inertial parameters no rigid body can have."""
         bodies = [self.links[i] for i in self.bodies]
         return tuple(body.name for body in bodies if not is_physically_consistent(body.inertia))
 
     def with_parameters(self, parameters: ArrayLike) -> Description:
-        """A copy of this description with other values of its P inertial and friction `parameters` (P,), SI units, in
-        the order of its property `parameter_names`. Raises `InputError` for another number of them, values not finite
-        or above 1e20 in size, and rotor inertia, viscous or Coulomb friction below 0."""
+        """
+        Return a copy with other values of the inertial and friction parameters.
+
+        Parameters
+        ----------
+        parameters : array_like
+            Values (P,) in SI units, in the order of `parameter_names`.
+
+        Returns
+        -------
+        Description
+            The copy.
+
+        Raises
+        ------
+        InputError
+            If the number of values is wrong, one is not finite or above 1e20 in size, or a rotor inertia, viscous or
+            Coulomb friction is negative.
+        """
         values = frozen_array(parameters, (len(self.parameter_names),), f"{self.name}: parameters")
         links, tens = list(self.links), 10 * len(self.bodies)
         for i, ten in zip(self.bodies, values[:tens].reshape(-1, 10), strict=True):
@@ -272,9 +408,24 @@ class Description:
         return replace(self, links=tuple(links))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Description:
-        """A copy of this description with other drives (rotor inertia and friction), one for all joints or one each in
-        order. Raises `InputError` for another number of drives, for one that is no `Drive`, and for one that turns with
-        unknown joints."""
+        """
+        Return a copy with other rotors and friction.
+
+        Parameters
+        ----------
+        drives : Drive or sequence of Drive
+            One drive for all joints or one for each, in the links' order.
+
+        Returns
+        -------
+        Description
+            The copy.
+
+        Raises
+        ------
+        InputError
+            If the number of drives is wrong, one is not a `Drive`, or one turns with unknown joints.
+        """
         several = isinstance(drives, Iterable) and not isinstance(drives, str)
         each: list[Any] = list(drives) if several else [drives] * len(self.links)  # type: ignore[arg-type]  # told by `several`
         if len(each) != len(self.links):
@@ -287,8 +438,7 @@ class Description:
 
     @property
     def sha256(self) -> str:
-        """SHA-256 hash (64 hexadecimal digits) of this description's name, gravity, links, drives and loops; equal ones
-        have equal hashes. Its source, shapes to draw and named frames do not count."""
+        """SHA-256 hash (64 hexadecimal digits) of this description's name, gravity, links, drives and loops."""
         content: dict[str, object] = {"name": self.name, "gravity": self.gravity.tolist()}
         content["links"] = [_plain(link) for link in self.links]
         if self.drive_parameters:
@@ -304,9 +454,7 @@ class Description:
 
     @cached_property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of the data that decide which inertial parameters are identifiable: gravity, tree,
-        links' names, joints' axes, kinds and frames, loops and modelled drive terms, rounded to 1e-12, to be the same
-        on all machines. Inertial values, limits, the mechanism's name and named frames do not count."""
+        """SHA-256 hash (hexadecimal) of the data that decide which inertial parameters are identifiable."""
         content: list[object] = [_rounded(self.gravity), [_geometry(link) for link in self.links]]
         if self.drive_parameters:
             content.append([[i, kind.value] for i, kind in self.drive_parameters])
@@ -331,8 +479,30 @@ class Description:
 
 
 def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
-    """The `links` in depth-first order (parents first, descendants together, siblings as given), their `parent` indices
-    into that order, -1 the ground. Raises `InputError` for a link whose chain of parents does not end at the ground."""
+    """
+    Sort links depth-first, as `Description` takes them.
+
+    Parameters
+    ----------
+    links : iterable of Link
+        Links in any order, with the indices of their parents in that order.
+
+    Returns
+    -------
+    tuple of Link
+        Parents first, descendants together, siblings as given; `parent` indices are into the new order.
+
+    Raises
+    ------
+    InputError
+        If a link's chain of parents does not end at the ground.
+
+    Examples
+    --------
+    >>> from adaptctl.description import depth_first
+    >>> [link.name for link in depth_first(arm.links)]
+    ['upper', 'lower']
+    """
     given = tuple(links)
     order: list[int] = []
     pending = [i for i, link in enumerate(given) if link.parent == GROUND][::-1]

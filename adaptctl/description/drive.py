@@ -41,25 +41,7 @@ LARGEST_TERM = 1e20
 
 @dataclass(frozen=True)
 class Drive:
-    """A joint's drive: rotor inertia, and friction at the speed s of its motor shaft, rad/s or, for a prismatic joint,
-    m/s.
-
-    `rotor_inertia` (kg m^2; kg if prismatic) is that seen at the joint, through the gears. The friction torque that the
-    drive must overcome (N m; N if prismatic), in the direction of positive s, is
-
-        viscous s + sign(s) (coulomb + square_root sqrt|s| + stribeck/(1 + (s/0.1)^2)) + offset
-
-    with `viscous` in N m s/rad, `square_root` in N m (s/rad)^(1/2) and the others in N m (prismatic: N for N m, m for
-    rad) (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2; the square root is of lubricated gears). The
-    equations of motion smooth it: there |s| is sqrt(s^2 + 0.01^2) and sign(s) is s/|s|, 0 at rest. A term that is None,
-    the default, is not modelled and no parameter.
-
-    `turns_with`, empty by default, has pairs (name, ratio) of other joints that turn the same shaft, as in a wrist
-    whose last motor sits before its second joint. s is then the joint's own velocity plus each of theirs times its
-    ratio, and the drive's torque acts on these joints in the same ratios. Raises `InputError` for a term that is no
-    number, not finite or above 1e20 in size, for rotor inertia, viscous or Coulomb friction below 0, and for a ratio
-    that is 0 or not finite.
-    """
+    """A joint's drive: rotor inertia, and friction at the speed s of its motor shaft or, for a prismatic joint."""
 
     rotor_inertia: float | None = None
     viscous: float | None = None
@@ -83,15 +65,12 @@ class Drive:
                 raise InputError(f"turns_with: {name}: expected a finite ratio other than 0, got {ratio}")
 
     def with_terms(self, terms: Mapping[DriveParameter, float | None]) -> Drive:
-        """A copy of this drive with some of its terms changed: values in SI units by `DriveParameter`, None for a term
-        that is no longer modelled. The others stay. Raises `InputError` for a value that is no number, not finite or
-        above 1e20 in size, and for rotor inertia, viscous or Coulomb friction below 0."""
+        """A copy of this drive with some of its terms changed."""
         values: dict[str, Any] = {kind.value: value for kind, value in terms.items()}
         return replace(self, **values)
 
     def value(self, kind: DriveParameter) -> float | None:
-        """The value, in SI units, of this drive's term `kind`, such as its rotor inertia; None where the term is not
-        modelled. Nothing is raised."""
+        """The value,, of this drive's term `kind`, such as its rotor inertia; None where the term is not modelled."""
         value: float | None = getattr(self, kind.value)
         return value
 
@@ -106,9 +85,29 @@ def _pair(given: object) -> tuple[str, float]:
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a joint: its position range `lower` to `upper` (rad, or m if prismatic), greatest speed `velocity`
-    (rad/s, or m/s) and greatest torque or force `effort` (N m, or N), each infinite, so no limit, by default. Raises
-    `InputError` for a limit that is no real number, and unless lower < upper and the others are positive."""
+    """
+    Position range, speed and effort limits of a joint.
+
+    Parameters
+    ----------
+    lower, upper : float, optional
+        Position range in rad (m if prismatic); unlimited by default.
+    velocity : float, optional
+        Greatest speed in rad/s (m/s); unlimited by default.
+    effort : float, optional
+        Greatest torque in N m (force in N); unlimited by default.
+
+    Raises
+    ------
+    InputError
+        If a limit is not a number, `lower` is not below `upper`, or another limit is not positive.
+
+    Examples
+    --------
+    >>> from adaptctl.description import Limits
+    >>> Limits(-1.0, 1.0, effort=60.0)
+    Limits(lower=-1.0, upper=1.0, velocity=inf, effort=60.0)
+    """
 
     lower: float = -math.inf
     upper: float = math.inf

@@ -81,13 +81,10 @@ def transformed(ten: ArrayLike, pose: Pose) -> Array:
 
 
 def is_physically_consistent(ten: ArrayLike) -> bool:
-    """True where some rigid body of positive density has the ten inertial parameters (10,) m, mc_x, mc_y, mc_z, I_xx,
-    I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2): their pseudo-inertia matrix (4, 4) is positive definite. Raises
-    `IndexError` for fewer than ten numbers, NumPy's `LinAlgError` for NaN; for infinity either that or False."""
+    """True where some rigid body of positive density has the ten inertial parameters (10,) (kg)."""
     return bool(np.linalg.eigvalsh(pseudo_inertia(ten))[0] > 0.0)
 
 
 def parameter_names(link_names: Sequence[str]) -> tuple[str, ...]:
-    """Names of the inertial parameters of links, ten for each of `link_names`, such as ``link3.I_xx``: link by link m,
-    mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass, first moment, inertia tensor). Nothing is checked."""
+    """Names of the inertial parameters of links, ten for each of `link_names`, such as ``link3.I_xx``."""
     return tuple(f"{link}.{name}" for link in link_names for name in PARAMETERS)

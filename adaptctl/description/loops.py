@@ -15,8 +15,15 @@ from adaptctl.errors import InputError, NotFoundError
 
 
 class ClosureKind(Enum):
-    """The kind of a loop closure, by what two frames have in common: their origins (POINT), their origins and z axes
-    (AXIS, a hinge) or their whole poses (WELD)."""
+    """
+    Kind of a loop closure: equal origins (POINT), equal origins and z axes (AXIS, a hinge), or equal poses (WELD).
+
+    Examples
+    --------
+    >>> from adaptctl.description import ClosureKind
+    >>> [kind.rows for kind in ClosureKind]
+    [3, 5, 6]
+    """
 
     POINT = "point"
     AXIS = "axis"
@@ -24,20 +31,36 @@ class ClosureKind(Enum):
 
     @property
     def rows(self) -> int:
-        """Number of scalar constraints that a closure of this kind makes, dependent ones included: 3 for a point, 5 for
-        an axis, 6 for a weld."""
+        """Number of scalar constraints of the closure, dependent ones included."""
         return {"point": 3, "axis": 5, "weld": 6}[self.value]
 
 
 @dataclass(frozen=True)
 class Closure:
-    """A loop closure, the joint that was cut to make a tree: a constraint that a frame on one link coincides with a
-    frame on another.
+    """
+    Loop closure: a frame on one link coincides with a frame on another.
 
-    `first` and `second` name the two links, None being the ground; `first_frame` and `second_frame` are the frames'
-    poses in these links (m), by default the links' own frames. `kind` says what coincides: the frames' origins (POINT,
-    the default), their origins and z axes (AXIS) or their whole poses (WELD). `name` is the closure's own. Raises
-    `InputError` where `first` and `second` are the same link, or both the ground.
+    Parameters
+    ----------
+    name : str
+        Name of the closure.
+    first, second : str or None
+        Names of the two links; None is the ground.
+    first_frame, second_frame : Pose, optional
+        Poses of the frames in these links in m; the links' own frames by default.
+    kind : ClosureKind, default ClosureKind.POINT
+        Extent to which the frames coincide.
+
+    Raises
+    ------
+    InputError
+        If `first` and `second` are the same link, or both the ground.
+
+    Examples
+    --------
+    >>> from adaptctl.description import Closure, ClosureKind
+    >>> Closure("pin", "rocker", None, kind=ClosureKind.AXIS).kind.rows
+    5
     """
 
     name: str
@@ -54,12 +77,30 @@ class Closure:
 
 @dataclass(frozen=True)
 class Coupling:
-    """A coupling of two joints' positions through gears or a mimic joint: follower = ratio * leader + offset (rad, m if
-    prismatic).
+    """
+    Coupling of two joints by gears, or a mimic joint: follower = ratio * leader + offset.
 
-    `name` is the coupling's own, `follower` and `leader` are joint names; by default `ratio` is 1 (no unit, or m/rad or
-    rad/m) and `offset` 0 (in the follower's unit). Raises `InputError` for a joint that follows itself, a ratio that is
-    zero, and values that are not finite.
+    Parameters
+    ----------
+    name : str
+        Name of the coupling.
+    follower, leader : str
+        Names of the two joints.
+    ratio : float, default 1.0
+        Ratio of the positions, without unit (m/rad or rad/m between an angle and a displacement).
+    offset : float, default 0.0
+        Position of the follower in rad (m) where the leader is at zero.
+
+    Raises
+    ------
+    InputError
+        If a joint follows itself, the ratio is zero, or a value is not finite.
+
+    Examples
+    --------
+    >>> from adaptctl.description import Coupling
+    >>> Coupling("gears", follower="finger", leader="thumb", ratio=-1.0).offset
+    0.0
     """
 
     name: str
@@ -82,13 +123,28 @@ class Coupling:
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """A linear bound on the positions of the primary (independent) joints: lower < sum of weight times position <
-    upper.
+    """
+    Linear bound on primary positions: lower < sum of weight times position < upper.
 
-    `name` is the condition's name in messages. `weights` (no unit) go by joint name; joints not named have weight zero.
-    `lower` and `upper` (rad, m if prismatic) are infinite, so no bound, by default. Sampled configurations and
-    environments keep within the bounds, such as those of the semi-direct-drive arm, 0.5236 < p2 - p3 < 2.618 rad, of
-    joints 2 and 3. Raises `InputError` for no weights, weights that are not finite, and unless lower < upper.
+    Parameters
+    ----------
+    name : str
+        Name of the condition.
+    weights : mapping of str to float
+        Weights by joint name; joints not named have weight zero.
+    lower, upper : float, optional
+        Bounds in rad (m if prismatic); unlimited by default.
+
+    Raises
+    ------
+    InputError
+        If there are no weights, one is not finite, or `lower` is not below `upper`.
+
+    Examples
+    --------
+    >>> from adaptctl.description import Condition
+    >>> Condition("fold", {"joint2": 1.0, "joint3": -1.0}, lower=0.5236, upper=2.618).lower
+    0.5236
     """
 
     name: str
@@ -109,17 +165,34 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """The loop constraints of a mechanism: closures, couplings and primary joints that turn a tree of links into a
-    mechanism with loops.
+    """
+    Constraints that turn a tree of links into a mechanism with loops.
 
-    `primary` names the primary (independent) joints, which are driven and whose positions describe the motion; the
-    others follow. `closures` and `couplings` are the constraints between links and between joints, by default none.
-    `reference` gives the configuration (rad, m if prismatic, by joint name, zero where not given) from which the motion
-    is followed, and so the assembly branch, which of several ways to close the loops is meant; the values of joints
-    that are not primary only start the Newton iteration that closes the loops there. `conditions`, by default none,
-    bound weighted sums of primary joints' positions. Raises `InputError` for no primary joint, a text in place of the
-    names `primary`, neither closures nor couplings, a closure's, coupling's, follower's or primary joint's name given
-    twice, a follower that is primary or leads another, and a condition on a joint that is not primary.
+    Parameters
+    ----------
+    primary : tuple of str
+        Names of the primary (independent) joints, which are driven and whose positions describe the motion.
+    closures : tuple of Closure, optional
+        Constraints between links.
+    couplings : tuple of Coupling, optional
+        Constraints between joints.
+    reference : mapping of str to float, optional
+        Configuration, in rad (m) by joint name, that fixes the assembly branch; zero where not given. Values of
+        dependent joints only start the Newton iteration.
+    conditions : tuple of Condition, optional
+        Bounds on weighted sums of primary positions.
+
+    Raises
+    ------
+    InputError
+        If there is no primary joint, neither closure nor coupling, a name is given twice, a follower is primary or
+        leads another joint, or a condition is on a dependent joint.
+
+    Examples
+    --------
+    >>> from adaptctl.description import Coupling, Loops
+    >>> Loops(("thumb",), couplings=(Coupling("gears", "finger", "thumb"),)).primary
+    ('thumb',)
     """
 
     primary: tuple[str, ...]
@@ -162,8 +235,19 @@ class Loops:
                 raise InputError(f"coupling {c.name!r}: joint {c.follower!r} follows another, so it cannot be primary")
 
     def validate_known(self, links: Collection[str], joints: Collection[str]) -> None:
-        """Raise `NotFoundError` unless every link and every joint that these loops name is among `links` and `joints`,
-        the names of a tree's links and joints. Nothing is returned."""
+        """
+        Check that all links and joints that the loops name exist.
+
+        Parameters
+        ----------
+        links, joints : collection of str
+            Names of the tree's links and joints.
+
+        Raises
+        ------
+        NotFoundError
+            If a name is unknown.
+        """
         named_links = {link: c.name for c in self.closures for link in (c.first, c.second) if link is not None}
         named_joints = {joint: c.name for c in self.couplings for joint in (c.follower, c.leader)}
         named_joints |= dict.fromkeys(self.primary, "primary") | dict.fromkeys(self.reference, "reference")
@@ -173,12 +257,19 @@ class Loops:
                     raise NotFoundError(f"{where}: there is no {what} {name!r}; there are {', '.join(sorted(known))}")
 
     def plain(self, digits: int | None = None) -> list[object]:
-        """The data of these loops on which motion depends, for hashing, as a list of JSON's types of five entries. They
-        are the list of the primary joints' names; a list for each closure (name, both links, both frames as lists of
-        rotation and translation, kind) and for each coupling (name, follower, leader, ratio, offset); for each
-        condition its weights by joint and its bounds; and the reference configuration, pairs of a joint's name and its
-        position. Positions are in rad (m if prismatic), translations in m; numbers, some as text, are rounded to
-        `digits` digits after the point, not at all for None, the default. Nothing is checked."""
+        """
+        Return the data on which motion depends, in JSON's types, for hashing.
+
+        Parameters
+        ----------
+        digits : int, optional
+            Digits after the point to which numbers are rounded; not rounded by default.
+
+        Returns
+        -------
+        list
+            Primary joints, closures, couplings, conditions and reference configuration, in SI units.
+        """
 
         def text(x: float) -> str:
             return repr(_rounded(x, digits))

@@ -38,17 +38,14 @@ def exact_right_angles(rotation: Array, tolerance: float = 1e-15) -> Array:
 
 
 def roll_pitch_yaw(angles: ArrayLike) -> Array:
-    """The rotation matrix (3, 3) of URDF's roll, pitch and yaw (3,), rad: turns about the fixed axes x, y and z, in
-    this order. Entries within 1e-15 of 0 and of +-1 are made exact. Raises `ValueError` for another number of
-    angles."""
+    """The rotation matrix (3, 3) of URDF's roll, pitch and yaw (3,), rad."""
     roll, pitch, yaw = np.asarray(angles, dtype=np.float64)
     product = rotation_about((0, 0, 1), yaw) @ rotation_about((0, 1, 0), pitch) @ rotation_about((1, 0, 0), roll)
     return exact_right_angles(product)
 
 
 def quaternion_rotation(quaternion: ArrayLike) -> Array:
-    """The rotation matrix (3, 3) of a `quaternion` (4,), w, x, y, z, of any length from 1e-12; entries within 1e-15 of
-    0 and of +-1 are made exact. Raises `InputError` for a shorter one."""
+    """The rotation matrix (3, 3) of a `quaternion` (4,), w, x, y, z, of any length from 1e-12."""
     given = np.asarray(quaternion, dtype=np.float64)
     length = float(np.linalg.norm(given))
     if length < 1e-12:
@@ -67,11 +64,28 @@ def quaternion_rotation(quaternion: ArrayLike) -> Array:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """The pose of a child frame in a parent frame: `rotation` (3, 3) turns child coordinates into the parent's,
-    `translation` (3,) is the child's origin in the parent (m). Both are read-only copies. `a @ b` is the pose, in the
-    parent of `a`, of the child of `b`, whose parent is the child of `a`. Raises `InputError` for another shape, values
-    that are not finite, a matrix R with an entry of R R' - 1 above 1e-9 or a determinant below 0, and lengths above 1e9
-    m."""
+    """
+    Pose of a child frame in its parent; ``a @ b`` chains two of them.
+
+    Parameters
+    ----------
+    rotation : array_like
+        Matrix (3, 3) that turns child coordinates into the parent's.
+    translation : array_like
+        Origin (3,) of the child in the parent in m.
+
+    Raises
+    ------
+    InputError
+        If a shape is wrong, a value is not finite, the matrix is no rotation within 1e-9, or a length is above 1e9 m.
+
+    Examples
+    --------
+    >>> from adaptctl.description import Pose
+    >>> shift = Pose(np.eye(3), [0.1, 0.0, 0.0])
+    >>> (shift @ shift).translation.tolist()
+    [0.2, 0.0, 0.0]
+    """
 
     rotation: Array
     translation: Array
@@ -90,7 +104,14 @@ class Pose:
 
     @classmethod
     def identity(cls) -> Pose:
-        """The identity pose, that of a frame in itself: no turn, no shift."""
+        """
+        Return the identity, the pose of a frame in itself.
+
+        Returns
+        -------
+        Pose
+            No turn, no shift.
+        """
         return cls(np.eye(3), np.zeros(3))
 
     def __matmul__(self, inner: Pose) -> Pose:
@@ -114,8 +135,7 @@ class Pose:
 
 
 class FrameKind(Enum):
-    """The kind of a named frame, as Pinocchio's frame types are: operational (such as a tool), a fixed joint, a body
-    that is fixed to a link, or a sensor."""
+    """The kind of a named frame, as Pinocchio's frame types are."""
 
     OPERATIONAL = "operational"
     FIXED_JOINT = "fixed joint"

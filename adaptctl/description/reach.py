@@ -22,8 +22,7 @@ def joint_line(link: Link) -> tuple[Array, Array]:
 
 
 def link_end(link: Link) -> Array:
-    """The point (3,) where a `link` ends, in its frame, m: the frame's origin or, where that is within 1e-6 m of the
-    joint before the link and the link has mass, its centre of mass. Nothing is checked."""
+    """The point (3,) where a `link` ends, in its frame, m."""
     start, _ = joint_line(link)
     if np.linalg.norm(start) > AT_JOINT or link.inertia[0] <= 0.0:
         return np.zeros(3)
@@ -31,14 +30,7 @@ def link_end(link: Link) -> Array:
 
 
 def attachments(description: Description) -> list[list[Array]]:
-    """The attachment points of every link of the mechanism of a `description`, in the links' order: a list of points
-    (3,) for each, m in the link's frame.
-
-    They are where joints of other links and loop closures attach. The link's end, its frame's origin or, where that is
-    within 1e-6 m of the link's own joint, its centre of mass, is added where there are no such points, and where it is
-    over 1e-6 m farther from that joint than all of them; not where they all lie within 1e-6 m of that joint. Nothing is
-    raised.
-    """
+    """The attachment points of every link of the mechanism of a `description`, in the links' order."""
     points: list[list[Array]] = [[] for _ in description.links]
     for link in description.links:
         if link.parent != GROUND:
@@ -52,10 +44,7 @@ def attachments(description: Description) -> list[list[Array]]:
 
 
 def _with_end(points: list[Array], link: Link) -> list[Array]:
-    """Points of a link, its end among them where it reaches beyond the others: a forearm past its elbow.
-
-    A link all of whose neighbours sit in its own joint is a part of that joint, wherever its mass is.
-    """
+    """Points of a link, its end among them where it reaches beyond the others: a forearm past its elbow."""
     (joint, _), end = joint_line(link), link_end(link)
     farthest = max((float(np.linalg.norm(point - joint)) for point in points), default=0.0)
     part_of_joint = bool(points) and farthest <= SHORTEST
@@ -73,10 +62,7 @@ def depths(parents: Iterable[int]) -> list[int]:
 
 
 def chain_reach(links: Sequence[Link], index: int) -> float:
-    """The length (m) of the chain from the first joint, on the ground, to the end of the link of zero-based `index`:
-    the sum of the distances from joint to joint, and from the last joint to the link's end. A link's end is its frame's
-    origin or, where that is within 1e-6 m of its joint, its centre of mass. `links` are all links of a tree. Nothing is
-    checked; an index beyond them raises `IndexError`."""
+    """The length (m) of the chain from the first joint, on the ground, to the end of the link of zero-based `index`."""
     length = _length(links[index])
     while (parent := links[index].parent) != GROUND:
         length += _step(links, index)

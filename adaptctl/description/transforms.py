@@ -27,17 +27,7 @@ def joined(
     loops: Loops | None = None,
     gravity: ArrayLike | None = None,
 ) -> Description:
-    """The description, called `name`, of one mechanism that consists of several trees: `parts` has, by label, each
-    part's description and the pose of its ground frame in the common ground frame.
-
-    Links, joints and named frames get their part's label in front, as in ``left.link3``, and `loops`, by default none,
-    uses these names: so two hands are welded to one object (Sheu and Walker 1991, "multirobot systems"). The parts keep
-    their order, their parameters and their shapes to draw. `gravity` (3,), m/s^2, is the gravity vector in the common
-    ground frame, in place of those of the parts; None, the default, takes that of the parts, which must then be the
-    same vector in all, turned by no part's pose. Raises `InputError` for no parts, parts with loops of their own, a
-    `gravity` that is not (3,), not finite or above 1e9 in size, and, where it is None, parts of different gravity and
-    poses that turn it; `NotFoundError` for unknown names in `loops`.
-    """
+    """The description, called `name`, of one mechanism that consists of several trees."""
     if not parts:
         raise InputError(f"{name}: at least one part is needed")
     common = _gravity(name, parts) if gravity is None else frozen_array(gravity, (3,), f"{name}: gravity")
@@ -55,7 +45,7 @@ def joined(
 
 
 def _gravity(name: str, parts: Mapping[str, tuple[Description, Pose]]) -> Array:
-    """The one vector that all parts have, turned by their poses or not. Raises `InputError` where there is none."""
+    """The one vector that all parts have, turned by their poses or not."""
     first, (leading, _) = next(iter(parts.items()))
     common, asked = leading.gravity, "give `gravity` in the common one, such as (0, 0, -9.81)"
     for label, (part, stand) in parts.items():
@@ -111,14 +101,35 @@ JOINTS = (
 
 
 def with_floating_base(description: Description, name: str, inertia: ArrayLike) -> Description:
-    """The description of a mechanism that stands on a floating body, called `name`, instead of on the ground.
+    """
+    Put a mechanism on a floating body instead of the ground.
 
-    `inertia` (10,) holds the body's m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first moment
-    in kg m, inertia tensor in kg m^2), about the origin and along the axes of its frame, which replaces the ground's
-    for all that was fixed to the ground. Six joints lead to it: from the ground, the slides ``name_x``, ``name_y`` and
-    ``name_z`` (m) and the hinges ``name_yaw``, ``name_pitch`` and ``name_roll`` (rad), the first six of the primary
-    (independent) joints. Raises `InputError` for an inertia of another shape, not finite or above 1e20 in size, and for
-    a name that is empty or, itself or with one of these endings, taken.
+    Parameters
+    ----------
+    description : Description
+        Mechanism on the ground.
+    name : str
+        Name of the floating body.
+    inertia : array_like
+        Inertial parameters (10,) of the body, as in `Link`, in its frame, which replaces the ground's.
+
+    Returns
+    -------
+    Description
+        The mechanism with six more primary joints at the front: slides ``name_x``, ``name_y``, ``name_z`` in m and
+        hinges ``name_yaw``, ``name_pitch``, ``name_roll`` in rad.
+
+    Raises
+    ------
+    InputError
+        If the inertia has another shape, is not finite or above 1e20 in size, or a name is empty or taken.
+
+    Examples
+    --------
+    >>> from adaptctl.description import with_floating_base
+    >>> body = [10.0, 0, 0, 0, 1, 0, 1, 0, 0, 1]
+    >>> adaptctl.Mechanism(with_floating_base(arm.description, "base", body)).dof
+    8
     """
     links, loops = floating(description.links, name, inertia), description.loops
     if loops is not None:
@@ -130,16 +141,7 @@ def with_floating_base(description: Description, name: str, inertia: ArrayLike) 
 
 
 def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link, ...]:
-    """The links of a mechanism on a floating base: six links for a body that floats, then the given `links`, of which
-    those that stood on the ground stand on that body.
-
-    `inertia` (10,) holds the body's m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), about
-    its frame's origin; `name` is the body's. Six joints lead from the ground to the body, three slides, ``name_x``,
-    ``name_y`` and ``name_z`` (m), and three hinges, ``name_yaw``, ``name_pitch`` and ``name_roll`` (rad), so that
-    positions stay plain vectors; the five links between them are massless and own no parameters. At a pitch of 90
-    degrees yaw and roll turn about the same axis, as with any three angles. Raises `InputError` for an inertia of
-    another shape, not finite or above 1e20 in size.
-    """
+    """The links of a mechanism on a floating base."""
     base = tuple(_base_link(i, name, inertia) for i in range(len(JOINTS)))
     above = len(base)
     carried = (replace(link, parent=above - 1 if link.parent == GROUND else link.parent + above) for link in links)
@@ -166,15 +168,27 @@ WITHIN = 1e-3
 
 
 def snapped(description: Description, within: float = WITHIN) -> Description:
-    """A copy of a mechanism's `description` with nearly right angles made exact: those between successive joint axes,
-    and between gravity and the axes of joints on the ground, that are within `within` (rad, 1e-3 by default) of a
-    multiple of 90 degrees.
+    """
+    Make nearly right angles between successive joint axes exact.
 
-    Link and joint frames whose rotation matrix has all entries within `within` of 0 or +-1 get exactly these entries,
-    and joint axes that near to a coordinate axis become that axis. Axes that still meet another at nearly a right
-    angle, or are nearly parallel to it, are turned with their joint, and with the links behind it, whose origins move
-    by at most `within` times the chain's length. Frames of loop closures are made exact like link frames. Limits,
-    inertias in their links' frames and names stay. `within` is not checked.
+    Parameters
+    ----------
+    description : Description
+        Mechanism, for example from a file with rounded angles.
+    within : float, default 1e-3
+        Greatest deviation in rad from a multiple of 90 degrees, and of rotation matrices' entries from 0 and 1.
+
+    Returns
+    -------
+    Description
+        The mechanism with exact frames and axes, also towards gravity. Link origins move by at most `within` times the
+        chain's length; limits and inertias in the links' frames stay.
+
+    Examples
+    --------
+    >>> from adaptctl.description import snapped
+    >>> snapped(arm.description).links[0].joint.axis.tolist()
+    [0.0, 0.0, 1.0]
     """
     links: list[Link] = []
     for link in description.links:
@@ -188,10 +202,7 @@ def snapped(description: Description, within: float = WITHIN) -> Description:
 
 
 def meeting_axes(description: Description) -> Iterator[tuple[Link, str, tuple[Array, Array]]]:
-    """Triples (link, name, axes) of a mechanism's `description` in the links' order: a link, the name of the joint
-    before its own, and the axes of these two joints, unit vectors (3,), in the frame of the link's parent. For a link
-    on the ground the name is "gravity", the first axis is gravity's direction, and the frame is the ground's; without
-    gravity such a link is left out. Nothing is raised."""
+    """Triples (link, name, axes) of a mechanism's `description` in the links' order."""
     for link in description.links:
         carrier = _carrier(description, description.links, link)
         if carrier is not None:

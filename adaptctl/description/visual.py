@@ -15,9 +15,7 @@ Color = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh of triangles for drawing, in the file at `path`. Its lengths times `scale` (3,), by default 1, along x, y
-    and z are in m; a negative factor mirrors. Raises `InputError` for a scale that is zero or not finite; the file is
-    not looked for."""
+    """A mesh of triangles for drawing, in the file at `path`."""
 
     path: Path
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -29,8 +27,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Box:
-    """A box for drawing, centred at its frame's origin, its edges of lengths `size` (3,), m, along the x, y and z axes.
-    Raises `InputError` for lengths that are not positive and finite."""
+    """A box for drawing, centred at its frame's origin, its edges of lengths `size` (3,), along the x, y and z axes."""
 
     size: tuple[float, float, float]
 
@@ -40,8 +37,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder for drawing, centred at its frame's origin, its axis along z, of a `radius` (m) and a `length` (m).
-    Raises `InputError` for lengths that are not positive and finite."""
+    """A cylinder for drawing, centred at its frame's origin, its axis along z, of a `radius` (m) and a `length` (m)."""
 
     radius: float
     length: float
@@ -52,8 +48,7 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A sphere for drawing, centred at its frame's origin, of a `radius` (m). Raises `InputError` for a radius that is
-    not positive and finite."""
+    """A sphere for drawing, centred at its frame's origin, of a `radius` (m)."""
 
     radius: float
 
@@ -79,9 +74,7 @@ class Visual:
     color: Color | None = None
 
     def on(self, link: int, pose: Pose) -> Visual:
-        """A copy of this shape fixed to another link, of zero-based index `link`, or to the ground, -1. `pose` (m) is
-        the pose, in the new link's frame, of the frame of the link to which the shape was fixed before. Nothing is
-        checked."""
+        """A copy of this shape fixed to another link, of zero-based index `link`, or to the ground, -1."""
         return replace(self, link=link, pose=pose @ self.pose)
 
 

@@ -93,8 +93,7 @@ class ArrayEquation:
         return self._name
 
     def is_native(self, states: int) -> bool:
-        """True if the equation runs as native code by now. Asking counts as one call at so many `states`, a whole
-        number. Raises what tracing the equation raises."""
+        """True if the equation runs as native code by now."""
         return self._kernel is not None or self._compiled(states) is not None
 
     def arrays_of(self, *arguments: ArrayLike) -> tuple[list[Array], tuple[int, ...]]:
@@ -116,12 +115,11 @@ class ArrayEquation:
         return found
 
     def into(self, out: Array, *arguments: ArrayLike) -> Array:
-        """The array `out`, filled with what a call returns. Raises `InputError` for an `out` that is no writable
-        float64 array of the results' shape, and what a call raises."""
+        """The array `out`, filled with what a call returns."""
         return self._generally(*arguments, out=out)
 
     def _generally(self, *arguments: ArrayLike, out: Array | None = None) -> Array:
-        """Any arrays that fit together, by whatever way pays. Native code checks plain rows itself."""
+        """Any arrays that fit together, by whatever way pays."""
         first: Any = arguments[0] if arguments else None
         if self._kernel is not None and self._configured is None and type(first) is np.ndarray and first.ndim == 2:
             with suppress(InputError):  # which is raised below, in this equation's words
@@ -247,7 +245,7 @@ class RowByRow:
         return rows if self._columns is None else rows[:, self._columns]
 
     def into(self, out: Array, *arguments: ArrayLike) -> Array:
-        """The array `out`, filled with what `call` returns. Raises as that of an `ArrayEquation` does."""
+        """The array `out`, filled with what `call` returns."""
         found = self.call(*arguments)
         writable(out, found.shape, self._whole.name)[...] = found
         return out
@@ -255,8 +253,7 @@ class RowByRow:
 
 @lru_cache(maxsize=4)
 def unit_rows(n: int) -> Array:
-    """Identity matrix (n, n) of floats, read-only: a view of 2n - 1 numbers, of which each row is another part. `n` is
-    a whole number of at least 1, not checked."""
+    """Identity matrix (n, n) of floats, read-only: a view of 2n - 1 numbers, of which each row is another part."""
     numbers = np.zeros(2 * n - 1)
     numbers[n - 1] = 1.0
     return np.lib.stride_tricks.sliding_window_view(numbers, n)[::-1]
@@ -301,20 +298,7 @@ class ArrayMechanism(Protocol):
 
 
 class ArrayEquations:
-    """The equations of motion of one mechanism on NumPy arrays: attributes that are `ArrayEquation` objects, whose
-    method `call` takes arrays and returns one. Made of a `mechanism`, of r primary (independent) joints and P inertial
-    and friction parameters.
-
-    `energy_regressor.call(p, v)` is (..., P), J per unit of each parameter; `torque_regressor.call(p, v, a)` and
-    `slotine_li_regressor.call(p, v, v_r, a_r)` are (..., r, P), N m (N if prismatic) per unit of each;
-    `inverse_dynamics.call(p, v, a, D)` is the torque (..., r), N m (N); `forward_dynamics.call(p, v, torque, D)` the
-    accelerations (..., r), rad/s^2 (m/s^2); `mass_matrix.call(p, D)` (..., r, r), kg m^2 (kg between prismatic joints,
-    kg m mixed). p, v, a are positions, velocities, accelerations (..., r), v_r and a_r Slotine and Li's reference
-    velocities and accelerations, rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic), and D (P,) or (..., P) parameters in
-    SI units; leading axes are samples. Calls raise `InputError` on a wrong shape and for accelerations of links without
-    mass, `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, `SingularityError` near a
-    singularity of the loops. No equation is compiled before it is called.
-    """
+    """The equations of motion of one mechanism on NumPy arrays."""
 
     def __init__(self, mechanism: ArrayMechanism) -> None:
         self._mechanism = mechanism
@@ -355,13 +339,7 @@ class ArrayEquations:
         compiled: bool = True,
         sizes: Mapping[str, int] | None = None,
     ) -> ArrayEquation:
-        """An equation of this mechanism on arrays, an `ArrayEquation`, from a `function` of `Column` objects: of the
-        configuration q (n,) of the spanning tree's n joints, rad (m if prismatic), and one column for each further name
-        in `arguments`. It returns a `Column` (m,) or a matrix as a list of m rows (k,).
-
-        The equation's `call` takes the positions p (..., r) of the r primary (independent) joints in place of q. An
-        argument named in `sizes` has that size, `parameters` otherwise P, any other r. It is never compiled where
-        `compiled` is False, True by default. Nothing is checked or run before the equation is called."""
+        """An equation of this mechanism on arrays, an `ArrayEquation`, from a `function` of `Column` objects."""
         mechanism = self._mechanism
         configured = None if mechanism.description.loops is None else mechanism.configuration
 

@@ -55,8 +55,7 @@ class ConstrainedMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """The scalars in SI units from which `ConstrainedEquations.remembered` rebuilds this motion, a `Column`: those
-        of the same motion without constraints on parameters, in their order (`Motion.numbers`)."""
+        """The scalars from which `ConstrainedEquations.remembered` rebuilds this motion, a `Column`."""
         return self.whole.numbers
 
 
@@ -98,8 +97,7 @@ class ConstrainedEquations(Equations):
 
     @property
     def closing_numbers(self) -> object:
-        """The numbers, texts and kinds that closing the loops depends on, nested tuples to be compared; None for a
-        tree. Constraints on parameters do not change them."""
+        """The numbers, texts and kinds that closing the loops depends on, nested tuples to be compared."""
         return self.whole.closing_numbers
 
     def closed(self, p: Column, guess: Column) -> Column:
@@ -153,52 +151,27 @@ class ConstrainedEquations(Equations):
         return ConstrainedMotion(self, self.whole.motion(q, v, v_r, a_r))
 
     def remembered(self, numbers: Column) -> ConstrainedMotion:
-        """The motion at one instant, a `ConstrainedMotion`, rebuilt from its property `numbers`, scalars in SI units.
-        The sines, the recursion over the links and the loops' Jacobian are not computed again. Arguments are not
-        checked: too few numbers raise `TypeError` or `IndexError`, or pass until torques are asked for; too many may
-        pass."""
+        """The motion at one instant, a `ConstrainedMotion`, rebuilt from its property `numbers`, scalars."""
         return ConstrainedMotion(self, self.whole.remembered(numbers))
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Accelerations (r,), rad/s^2 (m/s^2 if prismatic), of the r primary (independent) joints under a torque (r,),
-        N m (N), gravity and friction. They are for values z (Z,) of the Z free inertial and friction `parameters` in SI
-        units, in the order of the constrained mechanism's `parameter_names`. The contribution of values that linear
-        constraints fix is included.
-
-        At a configuration q (n,) of the spanning tree's n joints, rad (m), and velocities v (r,), rad/s (m/s).
-        Arguments are not checked: vectors too short raise `IndexError` or `ValueError`, a joint without inertia or an
-        exactly singular closure Jacobian `ZeroDivisionError` in floats.
-        """
+        """Accelerations (r,), of the primary joints under a torque (r,), gravity and friction."""
         return self.whole.forward_dynamics(q, v, torque, self.expanded(parameters))
 
     def massless_joints(self) -> ConstrainedEquations:
-        """A copy of these equations without gravity: same mechanism, sizes and constraints, but no gravity torque and
-        no potential energy."""
+        """A copy of these equations without gravity."""
         return replace(self, whole=self.whole.massless_joints())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
-        """Mass matrix (r, r) of the r primary (independent) joints, as r rows of r scalars: symmetric, rotor inertias
-        included, in kg m^2 (kg between prismatic joints, kg m between one of each). It is at a configuration q (n,) of
-        the spanning tree's n joints, rad (m if prismatic), for values z (Z,) of the Z free inertial and friction
-        `parameters` in SI units, in the order of the constrained mechanism's `parameter_names`, the contribution of
-        values that linear constraints fix included. Arguments are not checked: vectors too short raise `IndexError` or
-        `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
+        """Mass matrix (r, r) of the primary joints, as r rows of r scalars."""
         return self.whole.mass_matrix(q, self.expanded(parameters))
 
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """Damping matrix B (r, r) of the r primary (independent) joints, as r rows of r scalars: symmetric, in N m
-        s/rad (N s/m between prismatic joints, N s between one of each). B v is the friction torque that the drives must
-        overcome at velocities v (r,), rad/s (m/s), less its constant offsets. It is at a configuration q (n,) of the
-        spanning tree's n joints, rad (m), for values z (Z,) of the Z free inertial and friction `parameters` in SI
-        units, in the order of the constrained mechanism's `parameter_names`, the contribution of values that linear
-        constraints fix included. Arguments are not checked: vectors too short raise `IndexError` or `ValueError` where
-        they are read, an exactly singular closure Jacobian `ZeroDivisionError` in floats."""
+        """Damping matrix B (r, r) of the primary joints, as r rows of r scalars."""
         return self.whole.damping(q, v, self.expanded(parameters))
 
     def expanded(self, parameters: Column) -> Column:
-        """All P inertial and friction parameters D = D0 + N z (P,) from values z (Z,) of the free `parameters`, SI
-        units. D0 (P,) and N (P, Z) are those of the linear constraints. Raises `ValueError` for another number than
-        Z."""
+        """All P parameters D = D0 + N z (P,) from values z (Z,) of the free `parameters`, SI units."""
         terms: list[list[tuple[float, Any]]] = [[(1.0, x)] if x else [] for x in self.known]
         for z, enters in zip(parameters, self.spread, strict=True):
             for place, weight in enters:

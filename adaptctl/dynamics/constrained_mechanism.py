@@ -38,18 +38,11 @@ class Parametrisation:
     known: Array
 
     def expanded(self, z: ArrayLike) -> Array:
-        """All P inertial and friction parameters D = D0 + N z (P,) from the Z free ones `z` (Z,), in SI units: N (P, Z)
-        is this object's `matrix` and D0 (P,) its `known`. Raises `InputError` for a wrong shape and for values that are
-        not finite."""
+        """All P parameters D = D0 + N z (P,) from the Z free ones `z` (Z,),."""
         return self.known + self.matrix @ frozen_array(z, (len(self.left),), "parameters")
 
     def among(self, names: Sequence[str], others: Sequence[str]) -> Parametrisation:
-        """The map D = D0 + N z of the same linear constraints for a mechanism with other drives.
-
-        `names` are the names of the parameters of the present mechanism, `others` those of the new one. Parameters that
-        are in both keep their rows and columns of N and D0; those only in `others` are free. Raises `InputError`,
-        naming them, where a parameter that the constraints bind is missing from `others`.
-        """
+        """The map D = D0 + N z of the same linear constraints for a mechanism with other drives."""
         taken = [i for i in range(len(names)) if i not in self.left]
         bound = {*taken, *(i for i, column in zip(self.left, self.matrix.T, strict=True) if column[taken].any())}
         if missing := [names[i] for i in sorted(bound) if names[i] not in others]:
@@ -66,15 +59,7 @@ class Parametrisation:
 
 
 class ConstrainedMechanism(Mechanism):
-    """A mechanism under linear constraints on its inertial and friction parameters D (P,): D = D0 + N z, of which the
-    parameters z (Z,) are free. It is a `Mechanism` whose parameters, names, regressors (..., r, Z) and energy
-    regressors (..., Z) are those of z; `adaptctl.identifiability.constrained` makes it.
-
-    `whole` is the mechanism without constraints, whose values of z are taken over, and `parametrisation` the map from z
-    to D. Regressors times z leave out the contribution of D0, which the method `known_torque` gives; torques, energies
-    and accelerations include it. Raises `InputError` for a mechanism that is constrained already and for parameters
-    that its description refuses: not finite, above 1e20 in size, rotor inertia, viscous or Coulomb friction below 0.
-    """
+    """A mechanism under linear constraints on its inertial and friction parameters D (P,)."""
 
     def __init__(self, whole: Mechanism, parametrisation: Parametrisation) -> None:
         if whole.parameter_names != whole.description.parameter_names:
@@ -131,15 +116,12 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def num_energy_parameters(self) -> int:
-        """Number of the free parameters that enter the kinetic or potential energy: all but friction terms. They are
-        the first of the Z free inertial and friction parameters; free friction terms come after them."""
+        """Number of the free parameters that enter the kinetic or potential energy: all but friction terms."""
         return sum(i < self.whole.num_energy_parameters for i in self.parametrisation.left)
 
     @property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of the data that decide which parameters are identifiable: gravity, joints,
-        frames, link names, loops, drive terms and the linear constraints, numbers rounded to 1e-12. Values of free
-        parameters do not count."""
+        """SHA-256 hash (hexadecimal) of the data that decide which parameters are identifiable."""
         N, known = self.parametrisation.matrix, self.parametrisation.known
         numbers = [[round(x, 12) + 0.0 for x in array.ravel().tolist()] for array in (N, known)]
         content = [self.whole.geometry_sha256, list(self.parametrisation.left), numbers]
@@ -154,10 +136,7 @@ class ConstrainedMechanism(Mechanism):
         return ConstrainedMechanism(whole, self.parametrisation)
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> ConstrainedMechanism:
-        """A copy of this mechanism, under the same constraints, with other rotors and friction: one drive for all n
-        joints of the tree or one each, in the order of its property `links`. Terms that the constraints do not bind are
-        free; values of those that they bind follow from them. Raises `InputError` for another number of drives, for one
-        that turns with unknown joints, and where a term that the constraints bind is missing."""
+        """A copy of this mechanism, under the same constraints, with other rotors and friction."""
         whole = self.whole.with_drives(drives)
         return ConstrainedMechanism(
             whole, self.parametrisation.among(self.whole.parameter_names, whole.parameter_names)

@@ -27,9 +27,7 @@ class MotionMemory(NamedTuple):
 
     @classmethod
     def of(cls, numbers: Callable[..., Column], sizes: Mapping[str, int]) -> MotionMemory:
-        """The `MotionMemory` of a mechanism, found by tracing `numbers` once: a callable that returns the m numbers of
-        a motion, a `Column` (m,), from Columns whose names and lengths are `sizes`. Raises what the callable
-        raises."""
+        """The `MotionMemory` of a mechanism, found by tracing `numbers` once."""
         kept: list[int] = []
         places: dict[Any, int] = {}
         sources: list[float | int] = []
@@ -41,12 +39,11 @@ class MotionMemory(NamedTuple):
         return cls(tuple(kept), tuple(sources))
 
     def chosen(self, numbers: Column) -> Column:
-        """The numbers to be remembered, a `Column`, of all m `numbers` (m,) of a motion. Raises `IndexError` where one
-        of them is missing."""
+        """The numbers to be remembered, a `Column`, of all m `numbers` (m,) of a motion."""
         return Column(numbers[i] for i in self.kept)
 
     def numbers(self, remembered: Column) -> Column:
-        """All m numbers of a motion, a `Column` (m,), from those `remembered`. Raises `IndexError` for too few."""
+        """All m numbers of a motion, a `Column` (m,), from those `remembered`."""
         return Column(x if isinstance(x, float) else remembered[x] for x in self.sources)
 
 
@@ -89,15 +86,7 @@ class Motion(ABC):
     @property
     @abstractmethod
     def numbers(self) -> Column:
-        """The scalars in SI units from which `Equations.remembered` rebuilds this motion, a `Column`.
-
-        With loops they are first the derivatives of the dependent joints with respect to each primary one in turn; then
-        of every link in turn the cosine and sine of the angle by which it is turned, its joint's or a sum with those of
-        parallel joints before it (or its joint's displacement, m); then of every link its twelve `LinkMotion.numbers`,
-        in the axes in which its vectors are held: six products of angular velocities (xx, xy, yy, xz, yz, zz), then x,
-        y, z of the angular acceleration and of its origin's acceleration less gravity's; then of every rotor or
-        friction term of a drive its torque per unit of the parameter.
-        """
+        """The scalars in SI units from which `Equations.remembered` rebuilds this motion, a `Column`."""
 
 
 class Equations(ABC):
@@ -129,31 +118,26 @@ class Equations(ABC):
     @property
     @abstractmethod
     def links(self) -> tuple[Segment, ...]:
-        """Geometry of the spanning tree's n links, a `Segment` each, lengths in m, in depth-first order: parents come
-        before their children."""
+        """Geometry of the spanning tree's n links, a `Segment` each, lengths in m, in depth-first order."""
 
     @property
     def joints(self) -> int:
-        """Number n of joints of the tree, one for each link: the primary (independent) joints and, with loops, the
-        dependent ones."""
+        """Number n of joints of the tree, one for each link: the primary joints and, with loops, the dependent ones."""
         return len(self.links)
 
     @property
     @abstractmethod
     def parameters(self) -> int:
-        """Number P of inertial and friction parameters: ten for each link that is not massless and one for each rotor
-        or friction term of a drive or, under linear constraints, the free ones."""
+        """Number P of inertial and friction parameters."""
 
     @property
     def has_known_share(self) -> bool:
-        """True where linear constraints fix parameters at values other than zero, False otherwise. Torques and energies
-        then have a contribution of these parameters for which regressors have no columns."""
+        """True where linear constraints fix parameters at values other than zero, False otherwise."""
         return False
 
     @property
     def closing_numbers(self) -> object:
-        """The numbers, texts and kinds that closing the loops depends on, nested tuples to be compared: equations with
-        equal ones close their loops alike. None for a tree."""
+        """The numbers, texts and kinds that closing the loops depends on, nested tuples to be compared."""
         return None
 
     @abstractmethod
@@ -216,9 +200,7 @@ class Equations(ABC):
 
     @cached_property
     def motion_memory(self) -> MotionMemory:
-        """The choice of numbers that a controller remembers of a motion that it will need again, a `MotionMemory`: of
-        those from which the motion can be rebuilt (`Motion.numbers`), all that are neither constants of the mechanism
-        nor equal to others."""
+        """The choice of numbers that a controller remembers of a motion that it will need again, a `MotionMemory`."""
         sizes = {"q": self.joints, "v": self.dof, "v_r": self.dof, "a_r": self.dof}
         return MotionMemory.of(lambda q, v, v_r, a_r: self.motion(q, v, v_r, a_r).numbers, sizes)
 
@@ -324,16 +306,7 @@ def _damped(inertia: Scalar, damping: Scalar, dt: float) -> Scalar:
 
 
 class ClosedPositions(Column):
-    """Positions of a mechanism's r primary (independent) joints, stored with the closed configuration that they
-    determine. The object is a `Column` (r,), a vector of scalars of any kind, in rad (m if prismatic).
-
-    Made of `positions` (r,); `configuration` (n,), the positions of all n joints of the mechanism's tree, rad (m), with
-    the loops closed; and `equations`, the `Equations` of the mechanism. Where `Equations` have closed forms for the
-    loops, their method `closed`, given these positions, returns that configuration and does not compute it again,
-    provided that their geometry equals that of `equations` in value, as where a mechanism is loaded twice. Others, such
-    as those of a model with other lengths, close their own loops. Sums and products of the positions are plain `Column`
-    objects. Nothing is checked.
-    """
+    """Positions of a mechanism's r primary joints, stored with the closed configuration that they determine."""
 
     __slots__ = ("configuration", "equations")
 

@@ -27,11 +27,29 @@ REACHED = 1e-9
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Tip:
-    """A point fixed to a link of a mechanism, such as a tool's tip, for its forward and inverse kinematics.
+    """
+    Point fixed to a link, such as a tool's tip, for forward and inverse kinematics.
 
-    `mechanism` is the `Mechanism`, `link` the name of the link to which the point is fixed, and `offset` (3,) its
-    coordinates in the link's frame, m. Raises `InputError` for an unknown link and for an offset of another shape or
-    not finite.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Robot with r primary joints.
+    link : str
+        Name of the link to which the point is fixed.
+    offset : array_like
+        Coordinates (3,) of the point in the link's frame in m.
+
+    Raises
+    ------
+    InputError
+        If the link is unknown or the offset has another shape or is not finite.
+
+    Examples
+    --------
+    >>> from adaptctl.dynamics.inverse_kinematics import Tip
+    >>> tip = Tip(arm, "lower", [0.0, 0.0, 0.0])
+    >>> [round(float(x), 3) for x in tip.at([0.0, 0.0])]
+    [0.7, 0.0, 0.0]
     """
 
     mechanism: Mechanism
@@ -45,21 +63,61 @@ class Tip:
         object.__setattr__(self, "offset", frozen_array(self.offset, (3,), "offset"))
 
     def at(self, p: ArrayLike) -> Array:
-        """Coordinates (..., 3) of the point in the world frame, m, at positions p (..., r) of the mechanism's r primary
-        (independent) joints, rad (m if prismatic). Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
-        infinity, `LoopError` where loops cannot be closed, `SingularityError` near a singularity of the loops."""
+        """
+        Compute the point's place in the world.
+
+        Parameters
+        ----------
+        p : array_like
+            Positions (..., r) of the primary joints in rad (m if prismatic).
+
+        Returns
+        -------
+        ndarray
+            Coordinates (..., 3) in the world frame in m.
+
+        Raises
+        ------
+        SingularityError
+            If the loops come near a singularity.
+        """
         return self._moved(self.mechanism.configuration(p))[0]
 
     def joints(self, goals: ArrayLike, start: ArrayLike) -> Array:
-        """Positions p (..., 3) of a mechanism's three primary joints, rad (m if prismatic), by inverse kinematics:
-        there the point is within 1e-9 m of `goals` (..., 3), coordinates in the world frame, m. Each goal is approached
-        from the positions `start` (3,) along a straight line of the point by Newton steps of at most 0.02 m, on the
-        kinematic branch of `start`.
+        """
+        Compute joint positions that bring the point to its goals, for three primary joints.
 
-        Raises `InputError` for a mechanism of other than three degrees of freedom, goals or `start` of a wrong shape or
-        not finite, goals that are out of reach or beyond a singularity, and where the point's Jacobian is exactly
-        singular; `SingularityError` for a `start` near a singularity of the loops, `LoopError` where loops cannot be
-        closed.
+        Parameters
+        ----------
+        goals : array_like
+            Coordinates (..., 3) in the world frame in m.
+        start : array_like
+            Joint positions (3,) from which each goal is approached along a straight line; they fix the kinematic
+            branch.
+
+        Returns
+        -------
+        ndarray
+            Positions (..., 3) in rad (m if prismatic), with the point within 1e-9 m of its goal.
+
+        Raises
+        ------
+        InputError
+            If the mechanism has other than three degrees of freedom, an array is of a wrong shape or not finite, or a
+            goal is out of reach or beyond a singularity.
+        SingularityError
+            If `start` is near a singularity of the loops.
+
+        Examples
+        --------
+        >>> from adaptctl.dynamics.inverse_kinematics import Tip
+        >>> from dataclasses import replace
+        >>> puma = adaptctl.load("puma560_measured").description
+        >>> tip = Tip(adaptctl.Mechanism(replace(puma, links=puma.links[:3])), "link3", [0.0, 0.0, 0.4])
+        >>> start = np.array([0.1, 0.2, 0.3])
+        >>> goal = tip.at(start) + [0.01, 0.0, 0.02]
+        >>> bool(np.allclose(tip.at(tip.joints(goal, start)), goal))
+        True
         """
         aim = np.asarray(goals, dtype=np.float64)
         if self.mechanism.dof != 3 or aim.shape[-1:] != (3,) or not np.isfinite(aim).all():

@@ -8,25 +8,20 @@ from adaptctl.dynamics.mechanism import Mechanism
 
 
 def position_units(mechanism: Mechanism) -> tuple[str, ...]:
-    """Units of position of a mechanism's r primary (independent) joints, r texts in their order: "rad", or "m" for a
-    prismatic joint. Nothing is raised."""
+    """Units of position of a mechanism's r primary joints, r texts in their order."""
     return tuple(joint.kind.position_unit for joint in mechanism.primary_joints)
 
 
 def position_unit(mechanism: Mechanism) -> str:
-    """Unit, as text, of a position error over all primary (independent) joints of a mechanism: "rad", "m" where all are
-    prismatic, or "rad or m" where joints are of both kinds. Nothing is raised."""
+    """Unit, as text, of a position error over all primary joints of a mechanism."""
     return either(position_units(mechanism))
 
 
 def error_unit(mechanism: Mechanism) -> str:
-    """Unit, as text, in which position errors of a mechanism are shown, a thousandth of the positions' own: "mrad",
-    "mm" where all primary (independent) joints are prismatic, or "mrad or mm" where they are of both kinds. Nothing is
-    raised."""
+    """Unit, as text, in which position errors of a mechanism are shown, a thousandth of the positions' own."""
     return either(f"m{unit}" for unit in position_units(mechanism))
 
 
 def either(units: Iterable[str]) -> str:
-    """Unit, as text, of a number that takes all of several joints together: the different ones among the joints'
-    `units`, joined by "or", those of angles and torques first, as in "rad or m". Nothing is raised."""
+    """Unit, as text, of a number that takes all of several joints together."""
     return " or ".join(sorted(set(units), reverse=True))

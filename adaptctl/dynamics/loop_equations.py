@@ -36,14 +36,7 @@ class LoopMotion(Motion):
         self.following, self.tree = following, tree
 
     def torque(self, parameters: Column) -> Column:
-        """The torque J' tau (r,), N m (N if prismatic), of the r primary (independent) joints for values (P,) of the P
-        inertial and friction `parameters` in SI units, in the order of `Mechanism.parameter_names`.
-
-        Here tau (n,) is the torque M a_r + C v_r + g + friction of the n joints of the spanning tree under its
-        reference velocities v_r and accelerations a_r (M the mass matrix, C the Christoffel matrix, g gravity's
-        torque), J (n, r) their Jacobian with respect to the primary joints, J' its transpose. Arguments are not
-        checked: too few `parameters` raise `IndexError` or `ValueError`.
-        """
+        """The torque J' tau (r,), of the primary joints for values (P,) of the P inertial and friction `parameters`."""
         return self.following.primary(self.tree.torque(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
@@ -65,22 +58,13 @@ class LoopMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """The scalars in SI units from which `LoopEquations.remembered` rebuilds this motion, a `Column`: for each of
-        the r primary joints in turn the derivatives of the n - r dependent joints by it, then the tree's
-        `TreeMotion.numbers`."""
+        """The scalars from which `LoopEquations.remembered` rebuilds this motion, a `Column`."""
         return Column((*(x for slope in self.following.slopes for x in slope), *self.tree.numbers))
 
 
 @dataclass(frozen=True)
 class LoopEquations(Equations):
-    """Equations of motion of a mechanism with closed loops, in velocities and torques of its r primary (independent)
-    joints. The mechanism is a tree of n joints with closures, at configurations q (n,) that close them; its P inertial
-    and friction parameters are the tree's.
-
-    `tree` has the tree's equations; `closing` the closure conditions, and which joints are primary and which dependent;
-    `rules` the closed forms by which dependent joints follow from primary ones, in order, empty (the default) where
-    Newton steps are used. Nothing is checked.
-    """
+    """Equations of motion of a mechanism with closed loops, in velocities and torques of its r primary joints."""
 
     tree: TreeEquations
     closing: Closing
@@ -88,14 +72,12 @@ class LoopEquations(Equations):
 
     @property
     def dof(self) -> int:
-        """Number r of primary joints, the degrees of freedom: the joints of the tree whose positions determine those of
-        the others."""
+        """Number r of primary joints, the degrees of freedom."""
         return len(self.closing.primary)
 
     @property
     def parameters(self) -> int:
-        """Number P of inertial and friction parameters: ten for each link that is not massless and one for each rotor
-        or friction term of a drive."""
+        """Number P of inertial and friction parameters."""
         return self.tree.parameters
 
     @property
@@ -123,8 +105,7 @@ class LoopEquations(Equations):
 
     @cached_property
     def closing_numbers(self) -> object:
-        """The numbers, texts and kinds that closing the loops depends on, nested tuples to be compared: the links'
-        geometry, the closure conditions and the rules."""
+        """The numbers, texts and kinds that closing the loops depends on, nested tuples to be compared."""
         return content((self.tree.segments, self.closing, self.rules))
 
     def projected(self, q: Column) -> Column:
@@ -156,10 +137,7 @@ class LoopEquations(Equations):
         return Column(x - moved[i] if i in moved else x for i, x in enumerate(q))
 
     def residual(self, q: Column) -> Column:
-        """Closure residual (d,) of the loops and couplings at a configuration q (n,) of the spanning tree's n joints,
-        rad (m if prismatic): the amounts by which d = n - r independent closure conditions are violated, zero at a
-        closed configuration. Those of loops, in m for positions and rad for directions, come before those of couplings,
-        in the joint's unit. Arguments are not checked: too short a q raises `IndexError`."""
+        """Closure residual (d,) of the loops and couplings at a configuration q (n,) of the tree's joints."""
         return self.closing.residual(placements(self.tree.segments, q), q)
 
     def posture(self, q: Column) -> Posture:
@@ -200,19 +178,11 @@ class LoopEquations(Equations):
         return self.tree.potential_regressor(q)
 
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> LoopMotion:
-        """The motion at one instant, from which torques, regressors and powers follow, a `LoopMotion`. It is at a
-        closed configuration q (n,) of the spanning tree's n joints, rad (m if prismatic), under velocities v and
-        Slotine and Li's reference velocities v_r (r,) of the r primary (independent) joints, rad/s (m/s), and reference
-        accelerations a_r (r,), rad/s^2 (m/s^2). The tree's joints move at J v, J v_r and J a_r + J_dot v_r, J (n, r)
-        being their Jacobian with respect to the primary ones and J_dot its rate under v. Arguments are not checked:
-        vectors too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian `ZeroDivisionError`
-        in floats."""
+        """The motion at one instant, from which torques, regressors and powers follow, a `LoopMotion`."""
         return self._motion(self.posture(q), q, v, v_r, a_r)
 
     def remembered(self, numbers: Column) -> LoopMotion:
-        """The motion at one instant, a `LoopMotion`, rebuilt from its property `numbers`, scalars in SI units. The
-        sines, the recursion over the links and the loops' Jacobian are not computed again. Arguments are not checked:
-        too few numbers raise `TypeError`, or pass until the motion is asked for torques; too many may pass."""
+        """The motion at one instant, a `LoopMotion`, rebuilt from its property `numbers`, scalars in SI units."""
         rest, size = iter(numbers), len(self.closing.dependent)
         slopes = [Column(islice(rest, size)) for _ in self.closing.primary]
         return LoopMotion(Following(self.closing, slopes), self.tree.remembered(Column(rest)))
@@ -230,31 +200,15 @@ class LoopEquations(Equations):
         return inertia.solved(torque - bias)
 
     def massless_joints(self) -> LoopEquations:
-        """A copy of these equations without gravity: same mechanism and sizes, but no gravity torque and no potential
-        energy."""
+        """A copy of these equations without gravity."""
         return replace(self, tree=self.tree.massless_joints())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
-        """Mass matrix J' M J (r, r) of the r primary (independent) joints, as r rows of r scalars: symmetric, rotor
-        inertias included, in kg m^2 (kg between prismatic joints, kg m between one of each). It is at a closed
-        configuration q (n,) of the spanning tree's n joints, rad (m if prismatic), for values (P,) of the P inertial
-        and friction `parameters` in SI units, in the order of `Mechanism.parameter_names`. M (n, n) is the tree's mass
-        matrix, J (n, r) the Jacobian of its joints with respect to the primary ones, J' its transpose. Arguments are
-        not checked: vectors too short raise `IndexError` or `ValueError`, an exactly singular closure Jacobian
-        `ZeroDivisionError` in floats."""
+        """Mass matrix J' M J (r, r) of the primary joints, as r rows of r scalars."""
         return self._mass_matrix(self.posture(q), q, parameters)
 
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """Damping matrix B = J' B_tree J (r, r) of the r primary (independent) joints, as r rows of r scalars:
-        symmetric, in N m s/rad (N s/m between prismatic joints, N s between one of each). B v is the friction torque
-        that the drives must overcome at velocities v (r,), rad/s (m/s), less its constant offsets.
-
-        It is at a closed configuration q (n,) of the spanning tree's n joints, rad (m), for values (P,) of the P
-        inertial and friction `parameters` in SI units, in the order of `Mechanism.parameter_names`; J (n, r) is the
-        Jacobian of these joints with respect to the primary ones, J' its transpose, B_tree (n, n) their own damping
-        matrix. Arguments are not checked: vectors too short raise `IndexError` or `ValueError` where they are read, an
-        exactly singular closure Jacobian `ZeroDivisionError` in floats.
-        """
+        """Damping matrix B = J' B_tree J (r, r) of the primary joints, as r rows of r scalars."""
         posture = self.posture(q)
         rows = [Column(row) for row in self.tree.damping(q, posture.tree(v), parameters)]
         ways = self._ways(posture)
@@ -279,9 +233,7 @@ class LoopEquations(Equations):
 
 
 def content(value: Any) -> Any:
-    """Content of a `value`, nested tuples to be compared with those of another: a dataclass's class and the content of
-    its fields, the content of the entries of a tuple, `Vec` or `Mat`, and any other value itself, such as a number or a
-    text. Nothing is raised."""
+    """Content of a `value`, nested tuples to be compared with those of another."""
     if is_dataclass(value) and not isinstance(value, type):
         return type(value), *(content(getattr(value, entry.name)) for entry in fields(value))
     return tuple(map(content, value)) if isinstance(value, tuple | Vec | Mat) else value

@@ -32,13 +32,38 @@ if TYPE_CHECKING:
 
 
 class Mechanism:
-    """A mechanism made from a `description`, with its energies, torques, regressors and accelerations on arrays.
-    Positions p, velocities v, accelerations a, torques are (..., r), regressors (..., P) and (..., r, P), of r primary
-    (independent) joints and P inertial and friction parameters; leading axes are samples. SI units: rad, N m (m, N if
-    prismatic). Equations run in Python for 50 calls or 25000 samples, then natively. Methods raise `InputError` on a
-    wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, and `SingularityError`
-    near singularities of loops, where their smallest singular value is below 0.05 of that at the reference
-    configuration; construction raises `InputError` for what is no `Description`."""
+    """
+    Robot mechanism: energies, torques, accelerations and regressors on NumPy arrays.
+
+    Arrays have one entry for each of r primary (independent) joints; leading axes are samples. Units are SI: rad and N
+    m, m and N for prismatic joints. All methods on arrays raise `InputError` on a wrong shape, `NonFiniteError` on NaN
+    or infinity and `SingularityError` near a singularity of the loops.
+
+    Parameters
+    ----------
+    description : Description
+        Links, joints and loops, as `read` returns them; `load` makes the mechanism at once.
+
+    Raises
+    ------
+    InputError
+        If `description` is not a `Description`.
+
+    Notes
+    -----
+    The first 50 calls (or 25000 samples) of an equation run in Python, later ones in native code. A singularity is near
+    where the smallest singular value of the closure Jacobian is below 0.05 of that at the reference configuration.
+
+    Examples
+    --------
+    >>> arm
+    <Mechanism 'two_link': 2 links, 2 degrees of freedom>
+    >>> arm.forward_dynamics(p, v, torque=[0.0, 0.0]).shape
+    (2,)
+    >>> samples = rng.normal(size=(100, 2))
+    >>> arm.mass_matrix(samples).shape
+    (100, 2, 2)
+    """
 
     def __init__(self, description: Description) -> None:
         validate_kind(description, Description, "mechanism", "as read(...) gives one; load(...) gives mechanisms")
@@ -48,7 +73,7 @@ class Mechanism:
         return f"<Mechanism {self.name!r}: {len(self.links)} links, {self.dof} degrees of freedom>"
 
     def _repr_html_(self) -> str:
-        """Notebook's view of the mechanism: a table with a row a link."""
+        """Table of the links, for notebooks."""
         heads = ("link", "parent", "joint", "kind", "limits", "effort", "mass [kg]")
         rows = [
             (
@@ -71,8 +96,7 @@ class Mechanism:
 
     @cached_property
     def equations(self) -> Equations:
-        """The equations of motion over scalars of any kind (floats, arrays, dual numbers, symbolic ones), an
-        `Equations`, to trace or differentiate; they check nothing. Raises `LoopError` where loops cannot be closed."""
+        """Equations of motion over scalars of any kind, to trace or differentiate; they check nothing."""
         if self._looped is None:
             return TreeEquations.of(self.description)
         from adaptctl.dynamics.loops.dyad import rules
@@ -95,8 +119,7 @@ class Mechanism:
 
     @cached_property
     def continuation(self) -> Continuation | None:
-        """The assembly branch of the reference configuration, a `Continuation`, which follows closed loops from there
-        to other configurations; None for a tree. Raises `LoopError` where loops cannot be closed."""
+        """Assembly branch of the reference configuration, which closed loops follow; None for a tree."""
         if self._looped is None:
             return None
         from adaptctl.dynamics.loops.continuation import Continuation
@@ -105,16 +128,46 @@ class Mechanism:
 
     @property
     def neutral_configuration(self) -> Array:
-        """Home configuration: positions (r,) of the r primary (independent) joints, rad (m if prismatic), in the closed
-        reference configuration; zeros for a tree. Raises `LoopError` where loops cannot be closed."""
+        """Positions (r,) in the closed reference configuration, rad (m if prismatic); zeros for a tree."""
         loops = self.continuation
         return np.zeros(self.dof) if loops is None else loops.reference[loops.primary]
 
     def configuration(self, p: ArrayLike, start: ArrayLike | None = None) -> Array:
-        """Positions (..., n), rad (m if prismatic), of the tree's n joints, loops closed, at those of the r primary
-        (independent) ones, `p` (..., r) (Sheu and Walker 1991, equation 1); p itself for a tree. Followed along
-        straight lines in p from the closed `start` (..., n), None: the reference configuration. Raises `InputError` on
-        a wrong shape, `NonFiniteError` on NaN or infinity, `SingularityError` near singularities of loops."""
+        """
+        Compute the positions of all joints of the tree with loops closed.
+
+        Parameters
+        ----------
+        p : array_like
+            Positions (..., r) of the primary joints in rad (m if prismatic).
+        start : array_like, optional
+            Closed configuration (..., n) from which the loops are followed along straight lines in p; by default the
+            reference configuration.
+
+        Returns
+        -------
+        ndarray
+            Positions (..., n) of the tree's n joints; p itself for a tree.
+
+        Raises
+        ------
+        SingularityError
+            If the path comes near a singularity of the loops.
+
+        Notes
+        -----
+        The closure equations are those of Sheu and Walker [1]_, equation 1.
+
+        References
+        ----------
+        .. [1] Sheu and Walker, "Identifying the independent inertial parameter space of robot manipulators",
+           International Journal of Robotics Research, 1991.
+
+        Examples
+        --------
+        >>> arm.configuration([0.3, 0.5]).tolist()
+        [0.3, 0.5]
+        """
         loops = self.continuation
         if loops is not None and start is None and (known := loops.follow_alone(p)) is not None:
             return known
@@ -124,104 +177,199 @@ class Mechanism:
 
     @property
     def name(self) -> str:
-        """The mechanism's name, a text, from its description, by which error messages call it."""
+        """Name of the mechanism, as error messages give it."""
         return self.description.name
 
     @property
     def dof(self) -> int:
-        """Number r of primary joints, those whose positions p describe the motion: the degrees of freedom."""
+        """Number r of primary joints: the degrees of freedom."""
         return len(self.description.primary)
 
     @property
     def links(self) -> tuple[Link, ...]:
-        """The n links of the tree in depth-first order, parents before children, each with the joint that moves it."""
+        """The n links of the tree, parents before children, each with the joint that moves it."""
         return self.description.links
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters: ten of each body (link not massless), mass m, first moment mc_x, mc_y, mc_z and
-        inertia I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, as in `link3.I_xx`, then the drives', as in `joint2.viscous`, kind
-        by kind: rotor_inertia, viscous, coulomb, square_root, stribeck, offset."""
+        """Names of the P parameters, as in `link3.I_xx` and `joint2.viscous`: ten of each body, then the drives'."""
         return self.description.parameter_names
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The P inertial and friction parameters D (P,), read-only, SI, ordered as `parameter_names`: of each link not
-        massless m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz in its frame, then drives' terms."""
+        """Values (P,) of all inertial and friction parameters, SI units, in the order of `parameter_names`."""
         return self.description.inertial_parameters
 
     @property
     def is_plain_tree(self) -> bool:
-        """True for a tree with no loops, couplings of joints or constraints, whose bodies have ten free parameters."""
+        """True without loops, couplings of joints and constraints on parameters."""
         return self.description.loops is None
 
     @property
     def unconstrained(self) -> Mechanism:
-        """The same mechanism with no linear constraints on its parameters: this object where there are none."""
+        """The same mechanism without linear constraints on its parameters."""
         return self
 
     @property
     def free_directions(self) -> Array:
-        """Derivatives (P, Z) of all P parameters with respect to the Z that linear constraints leave free, in the unit
-        of the former per unit of the latter; the identity (P, P) without constraints."""
+        """Derivatives (P, Z) of all parameters with respect to the Z free ones; the identity without constraints."""
         return np.eye(len(self.parameter_names))
 
     @property
     def num_energy_parameters(self) -> int:
-        """Number of parameters that enter the energy, the first of all P: ten a body, then rotors. Friction is last."""
+        """Number of parameters that enter the energy; they come first, friction last."""
         return self.description.num_energy_parameters
 
     @property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of the data that decide which parameters are identifiable: gravity, joints,
-        frames, link names, loops, drive terms, constraints, numbers rounded to 1e-12; not parameters' values."""
+        """SHA-256 hash (hexadecimal) of the data that decide which parameters are identifiable."""
         return self.description.geometry_sha256
 
     @cached_property
     def effort_limits(self) -> Array:
-        """Greatest torques (r,) of the r primary joints, N m (N if prismatic), infinite where not known; read-only."""
+        """Greatest torques (r,) of the primary joints, N m (N if prismatic); infinite where unknown."""
         return frozen(np.array([joint.limits.effort for joint in self.primary_joints]))
 
     @property
     def primary_joints(self) -> tuple[Joint, ...]:
-        """The r primary (independent) joints, in the order of their positions p (r,); with loops, the others follow."""
+        """The r primary (independent) joints, in the order of their positions."""
         return tuple(self.links[i].joint for i in self.description.primary)
 
     def with_parameters(self, parameters: ArrayLike) -> Mechanism:
-        """A copy of this mechanism with other values of its P inertial and friction `parameters` (P,), SI units, in the
-        order of `parameter_names`. Raises `InputError` for another number of them, values not finite or above 1e20 in
-        size, and rotor inertia, viscous or Coulomb friction below 0."""
+        """
+        Return a copy with other values of the inertial and friction parameters.
+
+        Parameters
+        ----------
+        parameters : array_like
+            Values (P,) in SI units, in the order of `parameter_names`.
+
+        Returns
+        -------
+        Mechanism
+            The copy; this mechanism stays as it is.
+
+        Raises
+        ------
+        InputError
+            If the number of values is wrong, one is not finite or above 1e20 in size, or a rotor inertia, viscous or
+            Coulomb friction is negative.
+
+        Examples
+        --------
+        >>> heavy = arm.with_parameters(1.5 * arm.inertial_parameters)
+        >>> bool(np.allclose(heavy.mass_matrix(p), 1.5 * arm.mass_matrix(p)))
+        True
+        """
         return Mechanism(self.description.with_parameters(parameters))
 
     def column_regressor(self, regressor: str, columns: Sequence[int]) -> OnArrays:
-        """The equation on arrays of a `regressor`, "torque_regressor" or "slotine_li_regressor", for the k parameters
-        of indices `columns`. Its `call` takes the arrays p, v, a or p, v, v_r, a_r of that method, (..., r) of r
-        primary (independent) joints, rad, rad/s, rad/s^2 (m, m/s, m/s^2), and returns (..., r, k), N m (N if prismatic)
-        per unit. Raises `InputError` for another name and for an index that is not from 0 to P - 1."""
+        """
+        Return the equation of a regressor for some of the parameters alone.
+
+        Parameters
+        ----------
+        regressor : str
+            Name of the method, "torque_regressor" or "slotine_li_regressor".
+        columns : sequence of int
+            Indices, from 0 to P - 1, of the k parameters.
+
+        Returns
+        -------
+        ArrayEquation
+            Its `call` takes the arguments of that method and returns a regressor (..., r, k).
+
+        Raises
+        ------
+        InputError
+            If the name is unknown or an index out of range.
+
+        Examples
+        --------
+        >>> arm.column_regressor("torque_regressor", [0, 5, 9]).call(p, v, v).shape
+        (2, 3)
+        """
         asked = required_columns(columns, len(self.parameter_names), self.name)
         return self._arrays.on_columns(regressor, tuple(asked))
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
-        """A copy of this mechanism, constraints on parameters included, with other rotors and friction: one drive for
-        all n joints of the tree or one each, in the order of `links`. Each term of a drive is a parameter; `Drive()`
-        has none. Raises `InputError` for another number of drives and for one that turns with unknown joints."""
+        """
+        Return a copy with other rotors and friction.
+
+        Parameters
+        ----------
+        drives : Drive or sequence of Drive
+            One drive for all n joints of the tree or one for each, in the order of `links`. Each of its terms is a
+            parameter; ``Drive()`` has none.
+
+        Returns
+        -------
+        Mechanism
+            The copy, with the same constraints on parameters.
+
+        Raises
+        ------
+        InputError
+            If the number of drives is wrong or one turns with unknown joints.
+
+        Examples
+        --------
+        >>> from adaptctl.description.drive import Drive
+        >>> arm.with_drives(Drive(viscous=0.1)).parameter_names[-2:]
+        ('shoulder.viscous', 'elbow.viscous')
+        """
         return Mechanism(self.description.with_drives(drives))
 
     def energy_regressor(self, p: ArrayLike, v: ArrayLike, out: Array | None = None) -> Array:
-        """Energy regressor E (..., P), J per unit of each of P parameters, at positions p and velocities v (..., r) of
-        r primary (independent) joints, rad, rad/s (m, m/s if prismatic): E @ D is kinetic plus potential energy, the
-        latter 0 at the ground frame's origin, D (P,) the `inertial_parameters` (Sheu and Walker 1991, section 2.2).
-        `out`, float64 (..., P), is filled and returned; None for a new one. Raises `InputError` on wrong shapes,
-        `NonFiniteError` on NaN or infinity, `SingularityError` near singularities of loops."""
+        """
+        Compute the regressor of the energy.
+
+        Parameters
+        ----------
+        p, v : array_like
+            Positions and velocities (..., r) in rad and rad/s (m and m/s if prismatic).
+        out : ndarray, optional
+            Array (..., P) of float64 to fill; a new one by default.
+
+        Returns
+        -------
+        ndarray
+            Regressor E (..., P) in J per unit of each parameter.
+
+        Notes
+        -----
+        :math:`E D = T + U` for parameters D, with kinetic energy T and potential energy U, zero at the ground frame's
+        origin (Sheu and Walker 1991, section 2.2).
+
+        Examples
+        --------
+        >>> bool(np.allclose(arm.energy_regressor(p, v) @ arm.inertial_parameters, arm.energy(p, v)))
+        True
+        """
         if out is None:
             return self._arrays.energy_regressor.call(p, v)
         return self._arrays.energy_regressor.into(out, p, v)
 
     @finite_results
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
-        """Kinetic plus potential energy (...), J, the latter 0 at the ground frame's origin, at positions p, rad (m if
-        prismatic), and velocities v, rad/s (m/s), both (..., r), of r primary joints. Raises `InputError` on a wrong
-        shape, `NonFiniteError` on NaN or infinity, `SingularityError` near singularities of loops."""
+        """
+        Compute the kinetic plus potential energy.
+
+        Parameters
+        ----------
+        p, v : array_like
+            Positions and velocities (..., r) in rad and rad/s (m and m/s if prismatic).
+
+        Returns
+        -------
+        ndarray
+            Energy (...) in J; its potential part is zero at the ground frame's origin.
+
+        Examples
+        --------
+        >>> arm.energy(np.zeros((5, 2)), np.zeros((5, 2))).shape
+        (5,)
+        """
         return self.energy_regressor(p, v) @ self.inertial_parameters
 
     def torque_regressor(
@@ -232,12 +380,38 @@ class Mechanism:
         columns: Sequence[int] | None = None,
         out: Array | None = None,
     ) -> Array:
-        """The torque regressor Y (..., r, P), N m (N if prismatic) per unit of the P `inertial_parameters` D (P,): Y D
-        is the torque, gravity and friction included, that gives r primary joints the accelerations a at positions p and
-        velocities v, all (..., r), rad, rad/s, rad/s^2 (m, m/s, m/s^2). `columns` are indices of k parameters, then Y
-        is (..., r, k); None for all. `out`, float64 like Y, is filled and returned; None: a new one. Raises
-        `InputError` on a wrong shape or index, `NonFiniteError` on NaN, infinity, `SingularityError` near loop
-        singularities."""
+        r"""
+        Compute the regressor of the torque, which is linear in the parameters.
+
+        Parameters
+        ----------
+        p, v, a : array_like
+            Positions, velocities and accelerations (..., r) in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic).
+        columns : sequence of int, optional
+            Indices of the k parameters; all P by default.
+        out : ndarray, optional
+            Array of float64 to fill, of the result's shape; a new one by default.
+
+        Returns
+        -------
+        ndarray
+            Regressor Y (..., r, P), or (..., r, k), in N m (N) per unit of each parameter.
+
+        Raises
+        ------
+        InputError
+            If a shape or an index is wrong.
+
+        Notes
+        -----
+        :math:`Y(p, v, a) D = \tau` for parameters D, gravity and friction included.
+
+        Examples
+        --------
+        >>> Y = arm.torque_regressor(p, v, [0.0, 1.0])
+        >>> bool(np.allclose(Y @ arm.inertial_parameters, arm.inverse_dynamics(p, v, [0.0, 1.0])))
+        True
+        """
         own = self._arrays.torque_regressor
         equation = own if columns is None else self.column_regressor("torque_regressor", columns)
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
@@ -251,72 +425,210 @@ class Mechanism:
         columns: Sequence[int] | None = None,
         out: Array | None = None,
     ) -> Array:
-        """The Slotine-Li regressor Y_r (..., r, P), N m (N if prismatic) per unit of the P `inertial_parameters` D
-        (P,): Y_r D = M a_r + C v_r + g + friction at v_r, M the mass matrix, C the Christoffel (Coriolis) one at v, g
-        gravity. p, v, v_r, a_r are positions, velocities, Slotine and Li's reference velocities and accelerations (...,
-        r) of r primary joints, rad, rad/s, rad/s^2 (m, m/s, m/s^2). `columns` are indices of k parameters, then Y_r is
-        (..., r, k); None for all. `out`, float64 like Y_r, is filled and returned; None: a new one. Raises `InputError`
-        on a wrong shape or index, `NonFiniteError` on NaN, infinity, `SingularityError` near loop singularities."""
+        r"""
+        Compute the regressor of Slotine and Li's adaptive law.
+
+        Parameters
+        ----------
+        p, v : array_like
+            Positions and velocities (..., r) in rad and rad/s (m and m/s if prismatic).
+        v_r, a_r : array_like
+            Reference velocities and accelerations (..., r) in rad/s and rad/s^2 (m/s and m/s^2).
+        columns : sequence of int, optional
+            Indices of the k parameters; all P by default.
+        out : ndarray, optional
+            Array of float64 to fill, of the result's shape; a new one by default.
+
+        Returns
+        -------
+        ndarray
+            Regressor Y_r (..., r, P), or (..., r, k), in N m (N) per unit of each parameter.
+
+        Raises
+        ------
+        InputError
+            If a shape or an index is wrong.
+
+        Notes
+        -----
+        .. math:: Y_r D = M(p)\, a_r + C(p, v)\, v_r + g(p) + f(v_r)
+
+        with parameters D, mass matrix M, Coriolis matrix C by Christoffel symbols, gravity g and friction f.
+
+        Examples
+        --------
+        >>> arm.slotine_li_regressor(p, v, v, [0.0, 0.0], columns=[0, 1, 9]).shape
+        (2, 3)
+        """
         own = self._arrays.slotine_li_regressor
         equation = own if columns is None else self.column_regressor("slotine_li_regressor", columns)
         return equation.call(p, v, v_r, a_r) if out is None else equation.into(out, p, v, v_r, a_r)
 
     def inverse_dynamics(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
-        """Torque (..., r), N m (N if prismatic), of the r primary (independent) joints that gives the accelerations a,
-        rad/s^2 (m/s^2), at positions p, rad (m), and velocities v, rad/s (m/s), all (..., r), with gravity and
-        friction. `out`, float64 (..., r), is filled and returned, None for a new one. Raises `InputError` on a wrong
-        shape, `NonFiniteError` on NaN or infinity, `SingularityError` near singularities of loops."""
+        """
+        Compute the torque that gives an acceleration, against inertia, gravity and friction.
+
+        Parameters
+        ----------
+        p, v, a : array_like
+            Positions, velocities and accelerations (..., r) in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic).
+        out : ndarray, optional
+            Array (..., r) of float64 to fill; a new one by default.
+
+        Returns
+        -------
+        ndarray
+            Torque (..., r) in N m (N if prismatic).
+
+        Examples
+        --------
+        >>> torque = arm.inverse_dynamics(p, v, [1.0, 2.0])
+        >>> bool(np.allclose(arm.forward_dynamics(p, v, torque), [1.0, 2.0]))
+        True
+        """
         if out is None:
             return self._arrays.inverse_dynamics.call(p, v, a, self.inertial_parameters)
         return self._arrays.inverse_dynamics.into(out, p, v, a, self.inertial_parameters)
 
     def constraint_bias_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """Torque (..., r), N m (N if prismatic), due to values that linear constraints on parameters fix, which
-        regressors leave out: zero without any. p, v, a are positions, velocities, accelerations (..., r) of r primary
-        (independent) joints, rad, rad/s, rad/s^2 (m, m/s, m/s^2). Raises `InputError` on a wrong shape,
-        `NonFiniteError` on NaN or infinity, with constraints `SingularityError` near loop singularities."""
+        """
+        Compute the torque of parameter values that linear constraints fix.
+
+        Parameters
+        ----------
+        p, v, a : array_like
+            Positions, velocities and accelerations (..., r) in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic).
+
+        Returns
+        -------
+        ndarray
+            Torque (..., r) in N m (N), which regressors leave out; zero without constraints.
+
+        Examples
+        --------
+        >>> arm.constraint_bias_torque(p, v, v).tolist()
+        [0.0, 0.0]
+        """
         given = {"p": p, "v": v, "a": a}
         samples = same_samples(**{what: checked(x, self.dof, f"{self.name}: {what}") for what, x in given.items()})
         return np.zeros((*samples, self.dof))
 
     def forward_dynamics(self, p: ArrayLike, v: ArrayLike, torque: ArrayLike, out: Array | None = None) -> Array:
-        """Accelerations (..., r), rad/s^2 (m/s^2 if prismatic), of r primary joints under `torque` (..., r), N m (N),
-        gravity and friction, at positions p, rad (m), and velocities v, rad/s (m/s), both (..., r). `out`, float64
-        (..., r), is filled and returned; None: a new one. Raises `InputError` on a wrong shape and for a tree's end
-        links without mass or rotor, `NonFiniteError` on NaN, infinity, `SingularityError` near loop singularities."""
+        """
+        Compute the acceleration under a torque, gravity and friction.
+
+        Parameters
+        ----------
+        p, v : array_like
+            Positions and velocities (..., r) in rad and rad/s (m and m/s if prismatic).
+        torque : array_like
+            Torque (..., r) in N m (N if prismatic).
+        out : ndarray, optional
+            Array (..., r) of float64 to fill; a new one by default.
+
+        Returns
+        -------
+        ndarray
+            Accelerations (..., r) in rad/s^2 (m/s^2).
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, or if end links of a tree have neither mass nor rotor.
+
+        Examples
+        --------
+        >>> arm.forward_dynamics(p, v, [5.0, 1.0]).shape
+        (2,)
+        """
         if out is None:
             return self._arrays.forward_dynamics.call(p, v, torque, self.inertial_parameters)
         return self._arrays.forward_dynamics.into(out, p, v, torque, self.inertial_parameters)
 
     def validate_mass(self) -> None:
-        """Raise `InputError`, naming them, for a tree's links that have neither inertia nor rotor, nor a descendant
-        with either: torques do not determine their joints' accelerations. Mechanisms with loops pass."""
+        """
+        Check that torques determine the acceleration of every joint.
+
+        Raises
+        ------
+        InputError
+            If a link of a tree has neither inertia nor rotor, nor a descendant with either; the message names it.
+            Mechanisms with loops pass.
+        """
         if self.description.massless_joints:
             names = ", ".join(self.description.massless_joints)
             raise InputError(f"{self.name}: links move without mass and carry none, give them some: {names}")
 
     def mass_matrix(self, p: ArrayLike, out: Array | None = None) -> Array:
-        """Mass matrix (..., r, r), symmetric, with rotors, kg m^2 (kg if prismatic, kg m mixed), at positions p (...,
-        r), rad (m), of r primary joints. `out`, float64 (..., r, r), is filled and returned; None: a new one. Raises
-        `InputError` on wrong shapes, `NonFiniteError` on NaN, infinity, `SingularityError` near loop singularities."""
+        """
+        Compute the symmetric mass matrix, with rotor inertias.
+
+        Parameters
+        ----------
+        p : array_like
+            Positions (..., r) in rad (m if prismatic).
+        out : ndarray, optional
+            Array (..., r, r) of float64 to fill; a new one by default.
+
+        Returns
+        -------
+        ndarray
+            Mass matrix (..., r, r) in kg m^2 (kg between prismatic joints, kg m between one of each).
+
+        Examples
+        --------
+        >>> M = arm.mass_matrix(p)
+        >>> bool(np.all(np.linalg.eigvalsh(M) > 0.0))
+        True
+        """
         if out is None:
             return self._arrays.mass_matrix.call(p, self.inertial_parameters)
         return self._arrays.mass_matrix.into(out, p, self.inertial_parameters)
 
     @needed("Mechanism.to_pinocchio")
     def to_pinocchio(self) -> pinocchio.Model:
-        """A Pinocchio model of this mechanism's spanning tree, in depth-first order, without its loop closures. Raises
-        `InputError` for a first moment without mass and for drives that turn with several joints, `MissingExtraError`
-        without Pinocchio. Warns (`SimplificationWarning`) of friction other than viscous and Coulomb's, left out."""
+        """
+        Return a Pinocchio model of the spanning tree, without loop closures.
+
+        Returns
+        -------
+        pinocchio.Model
+            Model with the same joints in the same order.
+
+        Raises
+        ------
+        InputError
+            If a link has a first moment without mass or a drive turns with several joints.
+        MissingExtraError
+            If Pinocchio is not installed.
+
+        Warns
+        -----
+        SimplificationWarning
+            If friction other than viscous and Coulomb's is left out.
+        """
         from adaptctl.description.readers.pinocchio_model import to_pinocchio
 
         return to_pinocchio(self.description)
 
     @needed("Mechanism.to_pinocchio_constraints")
     def to_pinocchio_constraints(self) -> list[pinocchio.RigidConstraintModel]:
-        """Pinocchio's constraint models of the loop closures, for the model of `to_pinocchio()`; an empty list for a
-        tree. Raises `InputError` where joints follow others (couplings), for a first moment without mass and for drives
-        that turn with several joints, `MissingExtraError` without Pinocchio."""
+        """
+        Return Pinocchio's constraint models of the loop closures.
+
+        Returns
+        -------
+        list of pinocchio.RigidConstraintModel
+            Constraints on the model that `to_pinocchio` returns; empty for a tree.
+
+        Raises
+        ------
+        InputError
+            If joints follow others (couplings), a link has a first moment without mass, or a drive turns with several
+            joints.
+        MissingExtraError
+            If Pinocchio is not installed.
+        """
         from adaptctl.description.readers.pinocchio_model import to_pinocchio_constraints
 
         return to_pinocchio_constraints(self.description, self.to_pinocchio())
@@ -324,36 +636,126 @@ class Mechanism:
     @classmethod
     @needed("Mechanism.from_pinocchio")
     def from_pinocchio(cls, model: pinocchio.Model) -> Mechanism:
-        """A mechanism from a Pinocchio model. Its joints are put in depth-first order: look them up by name. Raises
-        `InputError` for joints that are neither revolute nor prismatic, no joints and gravity with an angular part,
-        `MissingExtraError` without Pinocchio. Warns (`SimplificationWarning`) of limits of zero, taken as no limits."""
+        """
+        Return the mechanism of a Pinocchio model.
+
+        Parameters
+        ----------
+        model : pinocchio.Model
+            Model of revolute and prismatic joints. They are put in depth-first order: look them up by name.
+
+        Returns
+        -------
+        Mechanism
+            The mechanism, with the model's inertias, limits and gravity.
+
+        Raises
+        ------
+        InputError
+            If a joint is neither revolute nor prismatic, there are no joints, or gravity has an angular part.
+        MissingExtraError
+            If Pinocchio is not installed.
+
+        Warns
+        -----
+        SimplificationWarning
+            If limits are zero, which are taken as no limits.
+        """
         from adaptctl.description.readers.pinocchio_model import from_pinocchio
 
         return cls(from_pinocchio(model))
 
     def write_into(self, original: str | Path, path: str | Path, root: str | None = None) -> None:
-        """Write at `path` the URDF or MJCF file `original` with the inertias of this mechanism's links; the rest,
-        drives included, stays byte for byte. `root` is the mechanism's first body in an MJCF scene; None: the one root
-        body that moves. Raises `FileError` for a file of another mechanism or not readable or writable, inertias
-        without mass and, in MJCF, inertias of no rigid body, `InputError` for another suffix or a `root` of a URDF."""
+        """
+        Write a copy of a URDF or MJCF file with the inertias of this mechanism.
+
+        Parameters
+        ----------
+        original : str or Path
+            File of the same mechanism. All but the inertias, drives included, stays byte for byte.
+        path : str or Path
+            File to write.
+        root : str, optional
+            First body of the mechanism in an MJCF scene; by default the one root body that moves.
+
+        Raises
+        ------
+        FileError
+            If a file is of another mechanism, cannot be read or written, or if inertias have no mass or, in MJCF,
+            belong to no rigid body.
+        InputError
+            If the suffix is unknown or `root` is given for a URDF file.
+
+        Examples
+        --------
+        >>> urdf = tmp / "arm.urdf"
+        >>> _ = urdf.write_text('''<robot name="arm"><link name="base"/><link name="rod"><inertial><mass value="1"/>
+        ... <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        ... <joint name="hinge" type="continuous"><parent link="base"/><child link="rod"/></joint></robot>''')
+        >>> rod = adaptctl.load(urdf)
+        >>> rod.with_parameters(2.0 * rod.inertial_parameters).write_into(urdf, tmp / "heavy.urdf")
+        >>> float(adaptctl.load(tmp / "heavy.urdf").inertial_parameters[0])
+        2.0
+        """
         from adaptctl.description.writers.robot_file import write_robot
 
         write_robot(path, original, self.description, root)
 
     def in_pinocchio(self, model: pinocchio.Model) -> pinocchio.Model:
-        """A copy of `model`, with the same joints by name, with this mechanism's inertias, rotors (armature), viscous
-        and Coulomb friction; all else stays. Pinocchio's inverse dynamics leaves friction out. Raises `InputError` for
-        another number of joints, a first moment without mass and drives that turn with several joints, `NotFoundError`
-        for an unknown joint. Warns (`SimplificationWarning`) of friction not viscous or Coulomb's, left out."""
+        """
+        Return a copy of a Pinocchio model with the inertias and drives of this mechanism.
+
+        Parameters
+        ----------
+        model : pinocchio.Model
+            Model with joints of the same names.
+
+        Returns
+        -------
+        pinocchio.Model
+            Copy with this mechanism's inertias, rotors (armature), viscous and Coulomb friction. Pinocchio's inverse
+            dynamics leaves friction out.
+
+        Raises
+        ------
+        InputError
+            If the number of joints differs, a link has a first moment without mass, or a drive turns with several
+            joints.
+        NotFoundError
+            If a joint is unknown.
+
+        Warns
+        -----
+        SimplificationWarning
+            If friction other than viscous and Coulomb's is left out.
+        """
         from adaptctl.description.readers.pinocchio_model import with_inertias
 
         return with_inertias(model, self.description)
 
     @needed("Mechanism.to_mujoco")
     def to_mujoco(self) -> mujoco.MjModel:
-        """A MuJoCo model of this tree, with a motor (N m, N) at each joint. Raises `InputError` for loops, drives that
-        turn with several joints, inertias that no rigid body has, and friction other than viscous and Coulomb's,
-        `MissingExtraError` without MuJoCo."""
+        """
+        Return a MuJoCo model of a tree, with a motor at each joint.
+
+        Returns
+        -------
+        mujoco.MjModel
+            Model whose controls are torques in N m (N if prismatic).
+
+        Raises
+        ------
+        InputError
+            If there are loops, drives that turn with several joints, inertias of no rigid body, or friction other than
+            viscous and Coulomb's.
+        MissingExtraError
+            If MuJoCo is not installed.
+
+        Examples
+        --------
+        >>> arm.to_mujoco().nu
+        2
+        """
         from adaptctl.description.writers.mujoco_model import to_mujoco
 
         return to_mujoco(self.description)
@@ -361,11 +763,42 @@ class Mechanism:
     @classmethod
     @needed("Mechanism.from_mujoco")
     def from_mujoco(cls, model: mujoco.MjModel, body: str | None = None) -> Mechanism:
-        """A mechanism from a MuJoCo `model`, which may be of a whole scene: the body named `body` with its descendants;
-        None for the one root body on which joints turn or slide. Raises `InputError` for no joint, ball and free
-        joints, nonlinear damping, nonlinear equalities, over 256 links, a `body` that stands on a moving one
-        and, for None, several moving roots, `NotFoundError` for an unknown name, `MissingExtraError` without MuJoCo.
-        Warns (`SimplificationWarning`) of springs and gravity compensation, left out, and of non-torque actuators."""
+        """
+        Return the mechanism of a MuJoCo model, or of one body of a scene.
+
+        Parameters
+        ----------
+        model : mujoco.MjModel
+            Model of up to 256 moving links.
+        body : str, optional
+            Name of the body that the mechanism begins with; by default the one root body with joints that turn or
+            slide.
+
+        Returns
+        -------
+        Mechanism
+            That body with all its descendants.
+
+        Raises
+        ------
+        InputError
+            If there is no joint, a ball or free joint, nonlinear damping or equality, several moving roots without a
+            `body`, or if `body` stands on one that moves.
+        NotFoundError
+            If `body` is unknown.
+        MissingExtraError
+            If MuJoCo is not installed.
+
+        Warns
+        -----
+        SimplificationWarning
+            If springs or gravity compensation are left out, or actuators command no torque.
+
+        Examples
+        --------
+        >>> adaptctl.Mechanism.from_mujoco(arm.to_mujoco()).dof
+        2
+        """
         from adaptctl.description.readers.mujoco_model import from_mujoco
 
         return cls(from_mujoco(model, body))
@@ -379,14 +812,50 @@ def load(
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
 ) -> Mechanism:
-    """A mechanism from a `source`, a built-in's name (`puma560`, ...), a file (.toml, .urdf, .xml, .mjcf), or a
-    Pinocchio or MuJoCo model. With `floating_base`, a URDF file's root link floats, not fixed to the ground; its meshes
-    are shown from its package and `mesh_folders`. With `snap`, angles between successive joint axes within 1e-3 rad of
-    a multiple of 90 degrees are made exact. `root` names the mechanism's first body in an MJCF scene or a MuJoCo model;
-    None for the one root body that moves. Raises `NotFoundError` for an unknown name or root of a model, `FileError`
-    for a file that cannot be used, `InputError` for a model that cannot, other objects, a floating base or mesh folders
-    without URDF, a `root` without MJCF or MuJoCo, `LoopError` where a file's loops cannot be closed. Warns
-    (`PhysicalConsistencyWarning`) of inertias that no rigid body has, (`SimplificationWarning`) of what is left out."""
+    """
+    Load a robot by name, from a file, or from a Pinocchio or MuJoCo model.
+
+    Parameters
+    ----------
+    source : str, Path, pinocchio.Model or mujoco.MjModel
+        Name of a built-in robot (``"puma560"``, see `builtin_names`), a file (.toml, .urdf, .xml, .mjcf), or a model.
+    floating_base : bool, default False
+        If true, the root link of a URDF file floats on six joints instead of being fixed to the ground.
+    snap : bool, default False
+        If true, angles between successive joint axes within 1e-3 rad of a multiple of 90 degrees are made exact.
+    mesh_folders : sequence of str or Path, optional
+        Folders with meshes of a URDF file, besides its own package.
+    root : str, optional
+        First body of the mechanism in an MJCF scene or a MuJoCo model; by default the one root body that moves.
+
+    Returns
+    -------
+    Mechanism
+        The mechanism, its loops closed at the reference configuration.
+
+    Raises
+    ------
+    NotFoundError
+        If the name, or the root of a model, is unknown.
+    FileError
+        If a file cannot be read or its contents are wrong.
+    InputError
+        If a model cannot be used, or an option does not go with the source.
+    LoopError
+        If the loops of a file cannot be closed.
+
+    Warns
+    -----
+    PhysicalConsistencyWarning
+        If a link has an inertia that no rigid body can have.
+    SimplificationWarning
+        If a part of the source, such as springs, is left out.
+
+    Examples
+    --------
+    >>> adaptctl.load("puma560_measured")
+    <Mechanism 'puma560_measured': 6 links, 6 degrees of freedom>
+    """
     from adaptctl.description.readers.registry import read, read_model
 
     options: dict[str, Any] = {"floating_base": floating_base, "snap": snap, "mesh_folders": mesh_folders, "root": root}

@@ -13,14 +13,7 @@ from adaptctl.scalars import Column, Scalar
 
 
 class ParameterLayout(NamedTuple):
-    """The order of a mechanism's P inertial and friction parameters: first ten for each body (link that is not
-    massless), bodies in the order of the links, then one for each term of `drives`, the rotor inertias and friction of
-    the joints.
-
-    A body's ten are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
-    origin). `links` is the number N of the tree's links; `bodies` are the zero-based indices, in ascending order, of
-    those that are not massless. Nothing is checked at construction.
-    """
+    """The order of a mechanism's P parameters."""
 
     links: int
     bodies: tuple[int, ...]
@@ -28,8 +21,7 @@ class ParameterLayout(NamedTuple):
 
     @property
     def driven(self) -> int:
-        """Zero-based index of the drives' first parameter among all P: ten times the number of bodies, the links with
-        inertial parameters, which come before."""
+        """Zero-based index of the drives' first parameter among all P."""
         return 10 * len(self.bodies)
 
     @property
@@ -39,18 +31,12 @@ class ParameterLayout(NamedTuple):
         return self.driven + len(self.drives)
 
     def sorted_out(self, columns: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:
-        """The parameters of indices `columns`, from 0 to P - 1, sorted into those of bodies and those of drives: a pair
-        of dicts whose keys are these indices. The first has a body parameter's index among 10 N, ten for each of the N
-        links, massless ones too. The second has the index, among the terms of this object's `drives`, of a drive
-        parameter's term. A repeated index counts once. Nothing is checked."""
+        """The parameters of indices `columns`, from 0 to P - 1, sorted into those of bodies and those of drives."""
         of_bodies = {c: 10 * self.bodies[c // 10] + c % 10 for c in columns if c < self.driven}
         return of_bodies, {c: c - self.driven for c in columns if c >= self.driven}
 
     def tens(self, parameters: Column) -> Column:
-        """The ten inertial parameters of each of the N links (10 N,), link by link: m, mc_x, mc_y, mc_z, I_xx, I_xy,
-        I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). They are taken from all P `parameters`
-        (P,), which have ten for each link that is not massless, then the drives'. Those of massless links are exact
-        zeros, which cost nothing in compiled equations. Nothing is checked."""
+        """The ten inertial parameters of each of the N links (10 N,), link by link."""
         if len(self.bodies) == self.links:
             return Column(parameters.of[: self.driven]) if self.drives else parameters
         tens: list[Scalar] = [0.0] * (10 * self.links)
@@ -59,20 +45,16 @@ class ParameterLayout(NamedTuple):
         return Column(tens)
 
     def owned(self, tens: Column) -> Sequence[Scalar]:
-        """The entries of `tens` (10 N,), ten for each of N links, that belong to links with inertial parameters: ten
-        for each such body, in the links' order. Nothing is checked."""
+        """The entries of `tens` (10 N,), ten for each of N links, that belong to links with inertial parameters."""
         return [x for i in self.bodies for x in tens.of[10 * i : 10 * i + 10]]
 
     def of_drives(self, parameters: Column) -> Sequence[Scalar]:
-        """The entries of all P `parameters` (P,) that are the drives', SI units: one for each rotor or friction term,
-        in the order of this object's `drives`. Nothing is checked."""
+        """The entries of all P `parameters` (P,) that are the drives', SI units."""
         return parameters.of[self.driven :]
 
 
 def required_columns(columns: Sequence[int], known: int, name: str) -> Sequence[int]:
-    """The parameter indices `columns`, unchanged, after a check of each. Raises `InputError`, whose message begins with
-    the mechanism's `name`, for `columns` that are no sequence, and for an entry that is not a whole number from 0 to
-    `known` - 1, `known` being the number of parameters."""
+    """The parameter indices `columns`, unchanged, after a check of each."""
     if not isinstance(columns, Iterable):
         raise InputError(f"{name}: columns: expected whole numbers from 0 to {known - 1}, got {columns!r}")
     for c in columns:

@@ -27,14 +27,7 @@ of a chain of 12. In shorter trees the mass matrix costs less, for its entries a
 
 
 class TreeMotion(Motion):
-    """The motion of a tree of n links, one joint each, at one instant, from which joint torques, regressors and powers
-    follow. It is under velocities v and Slotine and Li's reference velocities v_r (n,) of its joints, rad/s (m/s if
-    prismatic), and reference accelerations a_r (n,), rad/s^2 (m/s^2).
-
-    Made of `layout`, the order of the P parameters; `places`, the n links' placements in their parents; `links`, their
-    n `LinkMotion` objects; and `drives`, for each rotor or friction term of the drives the torque about its shaft per
-    unit of its parameter. Nothing is checked.
-    """
+    """The motion of a tree of n links, at one instant, from which joint torques, regressors and powers follow."""
 
     __slots__ = ("drives", "layout", "links", "places")
 
@@ -85,27 +78,14 @@ class TreeMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """The scalars in SI units from which `TreeEquations.remembered` rebuilds this motion, a `Column`: 14 a link (13
-        with a prismatic joint), and one for each rotor or friction term of a drive.
-
-        They are of every link in turn the cosine and sine of the angle by which it is turned, its joint's or a sum with
-        those of parallel joints before it (or its joint's displacement, m); then of every link its twelve
-        `LinkMotion.numbers`, in the axes in which its vectors are held (`FrameChoice`); then of every rotor or friction
-        term of the drives its torque per unit of the parameter.
-        """
+        """The scalars from which `TreeEquations.remembered` rebuilds this motion, a `Column`."""
         placed = (x for place in self.places for x in place.coordinates)
         return Column((*placed, *(x for link in self.links for x in link.numbers), *self.drives))
 
 
 @dataclass(frozen=True)
 class TreeEquations(Equations):
-    """Equations of motion of a tree of n links, one joint each, all of whose joints are primary (independent):
-    positions p and configuration q are the same (n,), rad (m if prismatic), and r = n.
-
-    `segments` has the links' geometry, parents before children; `gravity` is the gravitational acceleration in the
-    ground frame (3,), m/s^2; `layout` the order of the P inertial and friction parameters. Made by `TreeEquations.of`;
-    nothing is checked.
-    """
+    """Equations of motion of a tree of n links, all of whose joints are primary."""
 
     segments: tuple[Segment, ...]
     gravity: Vec
@@ -113,8 +93,7 @@ class TreeEquations(Equations):
 
     @classmethod
     def of(cls, description: Description) -> TreeEquations:
-        """The equations of motion of the tree of a `description`: of all its links, joints and drives under its
-        gravity. Closures and couplings of its loops, if it has any, are left out. Nothing is checked."""
+        """The equations of motion of the tree of a `description`."""
         drives = tuple(
             DriveTerm(description.drive_coupling(joint), kind) for joint, kind in description.drive_parameters
         )
@@ -133,23 +112,19 @@ class TreeEquations(Equations):
 
     @property
     def parameters(self) -> int:
-        """Number P of inertial and friction parameters: ten for each link that is not massless and one for each rotor
-        or friction term of a drive."""
+        """Number P of inertial and friction parameters."""
         return self.layout.size
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """The configuration (n,) of a tree's n joints at positions p (n,), rad (m if prismatic): p itself, there being
-        no loop to close. `guess` is not used. Nothing is checked."""
+        """The configuration (n,) of a tree's n joints at positions p (n,): p itself, there being no loop to close."""
         return p
 
     def projected(self, q: Column) -> Column:
-        """The configuration q (n,) of a tree's n joints, rad (m if prismatic), itself: there is no loop to close.
-        Nothing is checked."""
+        """The configuration q (n,) of a tree's n joints, rad (m if prismatic), itself: there is no loop to close."""
         return q
 
     def rates(self, q: Column, v: Column) -> Column:
-        """The velocities v (n,) of a tree's n joints, rad/s (m/s if prismatic), themselves, all joints being primary
-        (independent). The configuration q (n,) is not used. Nothing is checked."""
+        """The velocities v (n,) of a tree's n joints, themselves, all joints being primary."""
         return v
 
     def energy_regressor(self, p: Column, v: Column) -> Column:
@@ -175,19 +150,13 @@ class TreeEquations(Equations):
         return Column((*self.layout.owned(links), *(0.0 for _ in self.layout.drives)))
 
     def motion(self, p: Column, v: Column, v_r: Column, a_r: Column) -> TreeMotion:
-        """The motion at one instant, from which torques, regressors and powers follow, a `TreeMotion`. It is at
-        positions `p` (n,) of a tree's n joints, rad (m if prismatic), under velocities `v` and Slotine and Li's
-        reference velocities `v_r` (n,), rad/s (m/s), and reference accelerations `a_r` (n,), rad/s^2 (m/s^2), by the
-        forward recursion of Newton and Euler's equations over the links. Arguments are not checked: vectors too short
-        raise `IndexError`."""
+        """The motion at one instant, from which torques, regressors and powers follow, a `TreeMotion`."""
         places = self._placements(p)
         drives = [term.torque(v_r, a_r) for term in self.layout.drives]
         return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
 
     def remembered(self, numbers: Column) -> TreeMotion:
-        """The motion at one instant, a `TreeMotion`, rebuilt from its property `numbers`, scalars in SI units. The
-        sines and the recursion over the links are not computed again. Arguments are not checked: too few numbers raise
-        `TypeError` or, where only a few lack, pass until the motion is asked for torques; too many may pass."""
+        """The motion at one instant, a `TreeMotion`, rebuilt from its property `numbers`, scalars in SI units."""
         rest = iter(numbers)
         coordinates = [tuple(islice(rest, link.coordinates)) for link in self.segments]
         places = self._held.placements(coordinates)
@@ -195,11 +164,7 @@ class TreeEquations(Equations):
         return TreeMotion(self.layout, places, links, tuple(rest))
 
     def mass_matrix(self, p: Column, parameters: Column) -> list[list[Scalar]]:
-        """Mass matrix (n, n) of a tree's n joints, as n rows of n scalars: symmetric, rotor inertias included, in kg
-        m^2 (kg between prismatic joints, kg m between one of each). It is at positions `p` (n,), rad (m if prismatic),
-        for values (P,) of the P inertial and friction `parameters` in SI units, in the order of
-        `Mechanism.parameter_names`, by composite rigid bodies (Walker and Orin 1982). Arguments are not checked:
-        vectors too short raise `IndexError` or `ValueError`."""
+        """Mass matrix (n, n) of a tree's n joints, as n rows of n scalars."""
         rows = mass_matrix(self._placements(p), self.layout.tens(parameters))
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             for joint, share in [] if term.kind.is_friction else term.on_joints(value):
@@ -208,12 +173,7 @@ class TreeEquations(Equations):
         return rows
 
     def damping(self, p: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """Damping matrix B (n, n) of a tree's n joints, as n rows of n scalars: symmetric, in N m s/rad (N s/m between
-        prismatic joints, N s between one of each). B v is the friction torque that the drives must overcome at
-        velocities `v` (n,), rad/s (m/s), less its constant offsets. B is diagonal but for drives whose shafts turn with
-        several joints. `parameters` (P,) are the P inertial and friction parameters in SI units, in the order of
-        `Mechanism.parameter_names`; the positions `p` (n,) are not used. Arguments are not checked: too few parameters
-        raise `ValueError`, too short a v `IndexError` where it is read."""
+        """Damping matrix B (n, n) of a tree's n joints, as n rows of n scalars."""
         rows: list[list[Scalar]] = [[0.0] * self.dof for _ in range(self.dof)]
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             if not term.kind.is_friction:
@@ -260,6 +220,5 @@ class TreeEquations(Equations):
         return sum(deep) >= ARTICULATED * len(deep) and not coupled
 
     def massless_joints(self) -> TreeEquations:
-        """A copy of these equations without gravity: same mechanism and sizes, but no gravity torque and no potential
-        energy."""
+        """A copy of these equations without gravity."""
         return replace(self, gravity=ZERO)

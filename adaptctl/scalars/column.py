@@ -14,9 +14,20 @@ from adaptctl.scalars.scalar import Scalar
 
 
 class Vec:
-    """A vector (3,) of scalars `x`, `y` and `z` of one kind (floats, arrays of samples, dual numbers or nodes of an
-    expression graph), in the coordinates of one frame. `+` and `-` are elementwise, and a scalar may be a factor on the
-    left. Nothing is checked at construction."""
+    """
+    Vector (3,) of scalars of one kind, in the coordinates of one frame.
+
+    Parameters
+    ----------
+    x, y, z : float, array, Dual or symbolic scalar
+        Coordinates. ``+`` and ``-`` are elementwise, and a scalar may be a factor on the left.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import Vec
+    >>> (2.0 * Vec(1.0, 2.0, 3.0)).z
+    6.0
+    """
 
     __slots__ = ("x", "y", "z")
     __array_ufunc__ = None  # lets `array * Vec` reach __rmul__
@@ -41,21 +52,66 @@ class Vec:
 
 
 def dot(a: Vec, b: Vec) -> Any:
-    """The inner (dot) product of two vectors a and b (3,) whose entries are scalars of one kind: a scalar of that kind,
-    in the product of their units. Nothing is checked."""
+    """
+    Compute the inner product of two vectors.
+
+    Parameters
+    ----------
+    a, b : Vec
+        Vectors (3,) of scalars of one kind.
+
+    Returns
+    -------
+    float, array, Dual or symbolic scalar
+        Inner product, in the product of their units.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import Vec, dot
+    >>> dot(Vec(1.0, 2.0, 3.0), Vec(0.0, 1.0, 1.0))
+    5.0
+    """
     return a.x * b.x + a.y * b.y + a.z * b.z
 
 
 def cross(a: Vec, b: Vec) -> Vec:
-    """The vector (cross) product a x b (3,) of two vectors (3,) whose entries are scalars of one kind, in the product
-    of their units. Nothing is checked."""
+    """
+    Compute the vector product of two vectors.
+
+    Parameters
+    ----------
+    a, b : Vec
+        Vectors (3,) of scalars of one kind.
+
+    Returns
+    -------
+    Vec
+        Product a x b (3,), in the product of their units.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import Vec, cross
+    >>> cross(Vec(1.0, 0.0, 0.0), Vec(0.0, 1.0, 0.0)).z
+    1.0
+    """
     return Vec(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
 
 
 class Mat:
-    """A 3 by 3 matrix of scalars of one kind (floats, arrays of samples, dual numbers or nodes of an expression graph),
-    given by its rows `x`, `y` and `z`, each a `Vec` (3,). `+` and `-` are elementwise, and `@` multiplies it with a
-    `Vec`, which gives a `Vec`, or with a `Mat`, which gives a `Mat`. Nothing is checked at construction."""
+    """
+    Matrix (3, 3) of scalars of one kind, given by its rows.
+
+    Parameters
+    ----------
+    x, y, z : Vec
+        Rows. ``+`` and ``-`` are elementwise; ``@`` multiplies with a `Vec` or a `Mat`.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import Mat, Vec
+    >>> (Mat.of(2.0 * np.eye(3)) @ Vec(1.0, 2.0, 3.0)).z
+    6.0
+    """
 
     __slots__ = ("x", "y", "z")
 
@@ -64,8 +120,26 @@ class Mat:
 
     @classmethod
     def of(cls, rows: ArrayLike) -> Mat:
-        """A matrix (3, 3) of floats from three rows of three numbers, nested sequences or an array (3, 3). Raises
-        `InputError` for another shape and for entries that are no numbers, `NonFiniteError` for NaN and infinity."""
+        """
+        Make a matrix of floats.
+
+        Parameters
+        ----------
+        rows : array_like
+            Three rows of three numbers.
+
+        Returns
+        -------
+        Mat
+            Matrix (3, 3).
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong or an entry is not a number.
+        NonFiniteError
+            If an entry is NaN or infinite.
+        """
         entries = checked(rows, 3, "matrix")
         if entries.shape != (3, 3):
             raise InputError(f"matrix: expected shape (3, 3), got {entries.shape}")
@@ -97,8 +171,26 @@ class Mat:
 
 
 def product(a: Mat, b: Mat) -> Mat:
-    """The matrix product a b (3, 3) of two matrices (3, 3), `a` on the left, whose entries are scalars of one kind, in
-    the product of their units. Nothing is checked."""
+    """
+    Compute the product of two matrices.
+
+    Parameters
+    ----------
+    a, b : Mat
+        Matrices (3, 3) of scalars of one kind, `a` on the left.
+
+    Returns
+    -------
+    Mat
+        Product (3, 3), in the product of their units.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import Mat, product
+    >>> half = Mat.of(0.5 * np.eye(3))
+    >>> product(half, half).x.x
+    0.25
+    """
     columns = b.T
     return Mat(*(columns @ row for row in a))
 
@@ -107,10 +199,28 @@ ZERO = Vec(0.0, 0.0, 0.0)
 
 
 class Column:
-    """A column (n,) of n scalars of one kind: floats, arrays of samples, dual numbers or nodes of an expression graph.
-    `of`, any iterable of them, is kept as a tuple. `+`, `-` and `*` of two columns are elementwise, a scalar may be a
-    factor on either side, and `@` is the inner product, a scalar; columns of different lengths raise `ValueError`.
-    `column[i]` is entry i, from 0; `len` and iteration are those of a tuple. Nothing is checked at construction."""
+    """
+    Vector (n,) of scalars of one kind, for equations that run on floats, arrays and symbolic scalars alike.
+
+    Parameters
+    ----------
+    of : iterable of scalars
+        Entries: floats, arrays of samples, dual numbers or symbolic scalars, kept as a tuple.
+
+    Notes
+    -----
+    ``+``, ``-`` and ``*`` are elementwise, ``@`` is the inner product, and a scalar may be a factor on either side.
+    Columns of different lengths raise ``ValueError``.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import Column
+    >>> x = Column([1.0, 2.0])
+    >>> (2.0 * x) @ x
+    10.0
+    >>> x[1], len(x)
+    (2.0, 2)
+    """
 
     __slots__ = ("of",)
     __array_ufunc__ = None
@@ -120,7 +230,19 @@ class Column:
 
     @classmethod
     def zeros(cls, n: int) -> Column:
-        """Column (n,) of n zeros, as floats; empty for `n` of 0 or less. Nothing is checked."""
+        """
+        Make a column of zeros.
+
+        Parameters
+        ----------
+        n : int
+            Length; 0 or less gives an empty column.
+
+        Returns
+        -------
+        Column
+            Column (n,) of floats.
+        """
         return cls((0.0,) * n)
 
     def __add__(self, other: Column) -> Column:
@@ -156,9 +278,7 @@ class Column:
 
 
 def combined(columns: Sequence[Column], weights: Column) -> Column:
-    """The linear combination of m `columns` (n,): the column (n,) of n scalars that is the sum of each column times its
-    entry of `weights`, a column (m,). Raises `IndexError` for no columns or no weights, and `ValueError` for different
-    numbers of them or columns of different lengths."""
+    """The linear combination of m `columns` (n,)."""
     total = weights[0] * columns[0]
     for weight, one in zip(weights.of[1:], columns[1:], strict=True):
         total = total + weight * one
@@ -166,9 +286,30 @@ def combined(columns: Sequence[Column], weights: Column) -> Column:
 
 
 def column(array: Any) -> Column:
-    """A column of the n entries (n,) along the last axis of an `array` (..., n), or of nested lists or tuples of
-    numbers. Entries are floats for one sample (n,), arrays of samples (...) otherwise. A column is returned as it is.
-    Raises `InputError` for one number, which has no axis, and for entries that are no numbers."""
+    """
+    Make a column of the entries along an array's last axis.
+
+    Parameters
+    ----------
+    array : array_like or Column
+        Array (..., n), whose leading axes are samples. A column is returned as it is.
+
+    Returns
+    -------
+    Column
+        Entries (n,): floats for an array (n,), else arrays of samples (...).
+
+    Raises
+    ------
+    InputError
+        If there is no axis or an entry is not a number.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import column
+    >>> column(np.zeros((5, 2)))[0].shape
+    (5,)
+    """
     if isinstance(array, Column):
         return array
     if not isinstance(array, np.ndarray):
@@ -181,11 +322,32 @@ def column(array: Any) -> Column:
 
 
 def each(values: Any, n: int) -> Column:
-    """A column (n,) of n entries made of `values`. One scalar of any kind (float, dual number, node of an expression
-    graph) is every entry; numbers (n,), (1,) or (), an array, list or tuple, become floats, texts in a list that read
-    as numbers too; a column is returned as it is, not checked. Raises `InputError` for numbers of another shape,
-    entries that are not real numbers, and anything else that is no scalar, such as a text, a boolean or a complex
-    number."""
+    """
+    Make a column of n entries from one value or n values.
+
+    Parameters
+    ----------
+    values : scalar, array_like or Column
+        One scalar for all entries, or n numbers. A column is returned as it is, not checked.
+    n : int
+        Length of the column.
+
+    Returns
+    -------
+    Column
+        Column (n,).
+
+    Raises
+    ------
+    InputError
+        If numbers are of another shape or not real, or a value is neither number nor scalar.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import each
+    >>> list(each(0.5, 2))
+    [0.5, 0.5]
+    """
     if isinstance(values, Column):
         return values
     said = f"each: expected a number or {n} of them"
@@ -200,9 +362,34 @@ def each(values: Any, n: int) -> Column:
 
 
 def spread(values: Column, columns: Sequence[int], size: int) -> Column:
-    """Column (size,) with the m `values` at the m indices `columns`, counted from 0, and exact zeros elsewhere, which
-    compiled equations leave out of their arithmetic. Raises `InputError` for another number of indices than values, for
-    an index given twice and for one outside 0..size-1."""
+    """
+    Place values at some indices of a column of zeros.
+
+    Parameters
+    ----------
+    values : Column
+        Values (m,).
+    columns : sequence of int
+        Indices (m,) from 0, each once.
+    size : int
+        Length of the result.
+
+    Returns
+    -------
+    Column
+        Column (size,), with exact zeros elsewhere that cost nothing in compiled equations.
+
+    Raises
+    ------
+    InputError
+        If there are not as many indices as values, or one is repeated or out of range.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import Column, spread
+    >>> list(spread(Column([5.0]), [1], 3))
+    [0.0, 5.0, 0.0]
+    """
     if not len({*columns}) == len(columns) == len(values) or not all(0 <= i < size for i in columns):
         raise InputError(
             f"spread: expected {len(values)} different indices from 0 to {size - 1}, got {list(map(int, columns))}"

@@ -1,7 +1,4 @@
-"""Dual numbers: a value and its derivative along one direction, exact to round-off.
-
-Clifford (1873): x + x' eps with eps squared zero. Either part may be a float or an array of samples.
-"""
+"""Dual numbers: a value and its derivative along one direction, exact to round-off."""
 
 from __future__ import annotations
 
@@ -27,12 +24,34 @@ from adaptctl.scalars.scalar import (
 
 
 class Dual(np.lib.mixins.NDArrayOperatorsMixin):
-    """A dual number `value + slope eps`, eps^2 = 0, for exact derivatives: where the slopes of an equation's arguments
-    are a direction, the `slope` of its result is the derivative along it. The slope of a constant is 0, the default.
-    Either part is a float or an array of samples; nothing is checked at construction. Comparisons compare values alone.
-    A dual number raises `TypeError` as the condition of an `if` (use `where`), and in NumPy functions that have no rule
-    for it. Where there is no derivative, as of `sqrt` and `log` at 0 and of `atan2` at the origin, floats raise
-    `ZeroDivisionError`, and arrays have slopes that are infinite or NaN, with NumPy's warning."""
+    r"""
+    Dual number: a value with its derivative along one direction, exact to round-off.
+
+    Parameters
+    ----------
+    value : float or array_like
+        Value, or samples of it.
+    slope : float or array_like, default 0.0
+        Derivative along the direction; 0 for a constant.
+
+    Raises
+    ------
+    TypeError
+        If it is the condition of an ``if`` (use `where`) or goes into a NumPy function without a rule for it.
+    ZeroDivisionError
+        If floats have no derivative, as `sqrt` and `log` at 0; arrays give an infinite or NaN slope.
+
+    Notes
+    -----
+    The number is :math:`value + slope\,\epsilon` with :math:`\epsilon^2 = 0`. Comparisons compare values alone.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import Dual, sin
+    >>> x = sin(Dual(0.0, 1.0))
+    >>> float(x.value), float(x.slope)
+    (0.0, 1.0)
+    """
 
     __slots__ = ("slope", "value")
 
@@ -56,8 +75,7 @@ class Dual(np.lib.mixins.NDArrayOperatorsMixin):
 
 
 def dual(x: Any) -> Dual:
-    """A dual number (a value with its derivative along a direction, the slope) from a scalar `x`. A float or an array
-    of samples becomes one of slope 0, a constant; a dual number is returned as it is. Nothing is checked."""
+    """A dual number (a value with its derivative along a direction, the slope) from a scalar `x`."""
     return x if isinstance(x, Dual) else Dual(x)
 
 

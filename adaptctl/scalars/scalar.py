@@ -1,9 +1,4 @@
-"""Scalars: the operations that equations may use, on numbers of any kind.
-
-Equations are written once, over scalars: a float, a NumPy array of samples, a dual number, a node of an expression
-graph. Elementary functions dispatch by NumPy's own protocols (NEP 13 and NEP 18), so a kind of scalar joins by
-implementing ``__array_ufunc__`` and ``__array_function__``; nothing here knows the kinds.
-"""
+"""Scalars: the operations that equations may use, on numbers of any kind."""
 
 from __future__ import annotations
 
@@ -16,9 +11,19 @@ import numpy as np
 
 
 class Scalar(Protocol):
-    """Protocol of a scalar: the arithmetic that every kind supports, +, -, *, / with numbers on either side, and the
-    sign -x. Kinds are a float, an array of samples, a dual number, a node of an expression graph. Nothing is
-    checked."""
+    """
+    Scalar of any kind in equations: a float, an array of samples, a dual number or a symbolic scalar.
+
+    Notes
+    -----
+    All kinds support +, -, *, / with numbers on either side, and the sign -x.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import Dual
+    >>> (2.0 * Dual(3.0, 1.0)).slope
+    2.0
+    """
 
     def __add__(self, other: Any, /) -> Any: ...
     def __radd__(self, other: Any, /) -> Any: ...
@@ -39,66 +44,239 @@ Condition: TypeAlias = Any
 
 
 def sin(x: Any) -> Any:
-    """Sine of an angle `x` in rad (a float, an array, a dual number or a node of an expression graph). Raises
-    `ValueError` for an infinite float; in arrays it is NaN there."""
+    """
+    Compute the sine.
+
+    Parameters
+    ----------
+    x : float, array, Dual or symbolic scalar
+        Angle in rad.
+
+    Returns
+    -------
+    float, array, Dual or symbolic scalar
+        The sine, elementwise in arrays.
+
+    Raises
+    ------
+    ValueError
+        If a float is infinite; arrays give NaN there.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import sin
+    >>> float(sin(0.0))
+    0.0
+    """
     return math.sin(x) if isinstance(x, float) else np.sin(x)
 
 
 def cos(x: Any) -> Any:
-    """Cosine of an angle `x` in rad (a float, an array, a dual number or a node of an expression graph). Raises
-    `ValueError` for an infinite float; in arrays it is NaN there."""
+    """
+    Compute the cosine.
+
+    Parameters
+    ----------
+    x : float, array, Dual or symbolic scalar
+        Angle in rad.
+
+    Returns
+    -------
+    float, array, Dual or symbolic scalar
+        The cosine, elementwise in arrays.
+
+    Raises
+    ------
+    ValueError
+        If a float is infinite; arrays give NaN there.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import cos
+    >>> float(cos(0.0))
+    1.0
+    """
     return math.cos(x) if isinstance(x, float) else np.cos(x)
 
 
 def sqrt(x: Any) -> Any:
-    """Square root of a scalar `x`, in the root of its unit (a float, an array, a dual number or a node of an expression
-    graph). Raises `ValueError` for a negative float, `ZeroDivisionError` for a dual number of value 0.0, which has no
-    derivative; in arrays the root of negative numbers is NaN."""
+    """
+    Compute the square root.
+
+    Parameters
+    ----------
+    x : float, array, Dual or symbolic scalar
+        Scalar of at least 0.
+
+    Returns
+    -------
+    float, array, Dual or symbolic scalar
+        The root; NaN of negative entries of arrays.
+
+    Raises
+    ------
+    ValueError
+        If a float is negative.
+    ZeroDivisionError
+        If a dual number has the value 0.0, where there is no derivative.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import sqrt
+    >>> float(sqrt(4.0))
+    2.0
+    """
     return math.sqrt(x) if isinstance(x, float) else np.sqrt(x)
 
 
 def exp(x: Any) -> Any:
-    """Exponential e^x of a scalar `x` without unit (a float, an array, a dual number or a node of an expression graph);
-    infinity where it exceeds the largest double. Nothing is raised."""
+    """
+    Compute the exponential.
+
+    Parameters
+    ----------
+    x : float, array, Dual or symbolic scalar
+        Scalar without unit.
+
+    Returns
+    -------
+    float, array, Dual or symbolic scalar
+        The power e^x; infinity where it exceeds the largest double.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import exp
+    >>> exp(0.0)
+    1.0
+    """
     if isinstance(x, float):
         return math.exp(x) if not x > LARGEST_EXPONENT else math.inf
     return np.exp(x)
 
 
 def log(x: Any) -> Any:
-    """Natural logarithm of a scalar `x` without unit (a float, an array, a dual number or a node of an expression
-    graph); minus infinity of zero, NaN of negative numbers. Raises `ZeroDivisionError` for a dual number of value 0.0,
-    which has no derivative."""
+    """
+    Compute the natural logarithm.
+
+    Parameters
+    ----------
+    x : float, array, Dual or symbolic scalar
+        Scalar without unit.
+
+    Returns
+    -------
+    float, array, Dual or symbolic scalar
+        The logarithm; minus infinity of 0, NaN of negative numbers.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If a dual number has the value 0.0, where there is no derivative.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import log
+    >>> float(log(1.0))
+    0.0
+    """
     if isinstance(x, float):
         return math.log(x) if x > 0.0 else -math.inf if x == 0.0 else math.nan
     return np.log(x)
 
 
 def tanh(x: Any) -> Any:
-    """Hyperbolic tangent of a scalar `x` without unit (a float, an array, a dual number or a node of an expression
-    graph). Nothing is raised."""
+    """
+    Compute the hyperbolic tangent.
+
+    Parameters
+    ----------
+    x : float, array, Dual or symbolic scalar
+        Scalar without unit.
+
+    Returns
+    -------
+    float, array, Dual or symbolic scalar
+        The hyperbolic tangent, elementwise in arrays.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import tanh
+    >>> float(tanh(0.0))
+    0.0
+    """
     return math.tanh(x) if isinstance(x, float) else np.tanh(x)
 
 
 def atan2(y: Any, x: Any) -> Any:
-    """Angle of the point (x, y) from the x axis, in rad, from -pi to pi, and 0 at the origin. The coordinates `y` and
-    `x`, in one unit, are each a float, an array, a dual number or a node of an expression graph. A dual number of
-    floats at the origin, having no derivative there, raises `ZeroDivisionError`."""
+    """
+    Compute the angle of the point (x, y) from the x axis.
+
+    Parameters
+    ----------
+    y, x : float, array, Dual or symbolic scalar
+        Coordinates in one unit.
+
+    Returns
+    -------
+    float, array, Dual or symbolic scalar
+        Angle in rad from -pi to pi; 0 at the origin.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If a dual number of floats is at the origin, where there is no derivative.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import atan2
+    >>> round(float(atan2(1.0, 0.0)), 3)
+    1.571
+    """
     return math.atan2(y, x) if isinstance(x, float) and isinstance(y, float) else np.arctan2(y, x)
 
 
 def nearest_whole(x: Any) -> Any:
-    """The whole number nearest to a scalar `x`, as a scalar of the same kind: a float, an array, a dual number or a
-    node of an expression graph. Of two equally near it is the even one. Nothing is raised."""
+    """
+    Round to the nearest whole number, halves to the even one.
+
+    Parameters
+    ----------
+    x : float, array, Dual or symbolic scalar
+        Scalar.
+
+    Returns
+    -------
+    float, array, Dual or symbolic scalar
+        Whole number as a scalar of the same kind.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import nearest_whole
+    >>> nearest_whole(2.5)
+    2.0
+    """
     return float(np.rint(x)) if isinstance(x, float) else np.rint(x)
 
 
 def angle(sine: Any, cosine: Any, near: Any) -> Any:
-    """Angle in rad with the given `sine` and `cosine`: of all such angles, which are 2 pi apart, the nearest to `near`
-    (rad). Each argument is a float, an array, a dual number or a node of an expression graph.
+    """
+    Return the angle of a known sine and cosine that is nearest to another.
 
-    The squares of sine and cosine add up to 1, which is not checked. In compiled equations the sine and cosine of the
-    angle are then those given, and are not computed again.
+    Parameters
+    ----------
+    sine, cosine, near : float, array, Dual or symbolic scalar
+        Sine and cosine, whose squares add up to 1, and an angle in rad.
+
+    Returns
+    -------
+    float, array, Dual or symbolic scalar
+        Angle in rad. Compiled equations do not compute its sine and cosine again.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import angle
+    >>> round(float(angle(0.0, 1.0, near=6.0)), 3)
+    6.283
     """
     least = atan2(sine, cosine)
     whole = least + 2.0 * math.pi * nearest_whole((near - least) * (0.5 / math.pi))
@@ -106,37 +284,143 @@ def angle(sine: Any, cosine: Any, near: Any) -> Any:
 
 
 def absolute(x: Any) -> Any:
-    """Magnitude |x| of a scalar `x` (a float, an array, a dual number or a node of an expression graph), in the unit of
-    x, elementwise in arrays. Nothing is raised."""
+    """
+    Compute the absolute value.
+
+    Parameters
+    ----------
+    x : float, array, Dual or symbolic scalar
+        Scalar.
+
+    Returns
+    -------
+    float, array, Dual or symbolic scalar
+        Magnitude |x| in the unit of x, elementwise in arrays.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import absolute
+    >>> float(absolute(-2.0))
+    2.0
+    """
     return np.absolute(x)
 
 
 def minimum(x: Any, y: Any) -> Any:
-    """The smaller of two scalars x and y in one unit, each a float, an array, a dual number or a node of an expression
-    graph, elementwise in arrays; NaN where either is NaN. Raises `ValueError` for arrays that do not broadcast."""
+    """
+    Return the smaller of two scalars.
+
+    Parameters
+    ----------
+    x, y : float, array, Dual or symbolic scalar
+        Scalars in one unit.
+
+    Returns
+    -------
+    float, array, Dual or symbolic scalar
+        The smaller one, elementwise; NaN where either is NaN.
+
+    Raises
+    ------
+    ValueError
+        If arrays do not broadcast.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import minimum
+    >>> float(minimum(1.0, 2.0))
+    1.0
+    """
     return np.minimum(x, y)
 
 
 def maximum(x: Any, y: Any) -> Any:
-    """The larger of two scalars x and y in one unit, each a float, an array, a dual number or a node of an expression
-    graph, elementwise in arrays; NaN where either is NaN. Raises `ValueError` for arrays that do not broadcast."""
+    """
+    Return the larger of two scalars.
+
+    Parameters
+    ----------
+    x, y : float, array, Dual or symbolic scalar
+        Scalars in one unit.
+
+    Returns
+    -------
+    float, array, Dual or symbolic scalar
+        The larger one, elementwise; NaN where either is NaN.
+
+    Raises
+    ------
+    ValueError
+        If arrays do not broadcast.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import maximum
+    >>> float(maximum(1.0, 2.0))
+    2.0
+    """
     return np.maximum(x, y)
 
 
 def where(condition: Condition, yes: Any, no: Any) -> Any:
-    """The value `yes` where the `condition` holds, else `no`, elementwise in arrays, all of which broadcast (else
-    `ValueError` is raised). It is the only way for an equation over scalars to branch. The condition is a comparison of
-    scalars: a bool, an array of bools, or a node of an expression graph. Both values are computed in any case."""
+    """
+    Choose one of two values by a condition: the only branch that equations over scalars may have.
+
+    Parameters
+    ----------
+    condition : bool, array or symbolic comparison
+        Comparison of scalars, such as ``x < 0.0``.
+    yes, no : float, array, Dual or symbolic scalar
+        Values where the condition holds, and where not. Both are computed in any case.
+
+    Returns
+    -------
+    float, array, Dual or symbolic scalar
+        The chosen value, elementwise in arrays.
+
+    Raises
+    ------
+    ValueError
+        If arrays do not broadcast.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import where
+    >>> where(p > 0.4, 1.0, 0.0).tolist()
+    [0.0, 1.0]
+    """
     if isinstance(condition, bool | np.bool_):
         return yes if condition else no
     return np.where(condition, yes, no)
 
 
 def clip(x: Any, lower: Any, upper: Any) -> Any:
-    """The scalar `x` limited to the range from `lower` to `upper`: the nearer end where it is outside, elementwise in
-    arrays. It is `upper` where `lower` is above it, NaN where any of the three is NaN. All are in one unit, each a
-    float, an array, a dual number or a node of an expression graph. Raises `ValueError` for arrays that do not
-    broadcast."""
+    """
+    Limit a scalar to a range.
+
+    Parameters
+    ----------
+    x : float, array, Dual or symbolic scalar
+        Scalar to limit.
+    lower, upper : float, array, Dual or symbolic scalar
+        Ends of the range, in the unit of x.
+
+    Returns
+    -------
+    float, array, Dual or symbolic scalar
+        Nearest value in the range, elementwise; `upper` where the range is empty, NaN where any of the three is NaN.
+
+    Raises
+    ------
+    ValueError
+        If arrays do not broadcast.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import clip
+    >>> float(clip(5.0, -1.0, 1.0))
+    1.0
+    """
     return minimum(maximum(x, lower), upper)
 
 

@@ -18,11 +18,27 @@ from adaptctl.scalars.column import Column
 
 
 class Structure:
-    """Structure of an object `of`: the part that fixes the native code of its equation, that is, its class and all its
-    values except its tunable numbers (arguments of that code). It is given as a hashable `key`; two structures are
-    equal, and have the same hash, where their keys are. Objects of equal structure share one equation and its native
-    code. Raises `TypeError` for a key that cannot be hashed; nothing else is checked, such as that `key` belongs to
-    `of`."""
+    """
+    Part of an object that its native code depends on: its class and all values that are not tunable.
+
+    Parameters
+    ----------
+    of : object
+        Object with this structure.
+    key : hashable
+        Class and values; structures with equal keys are equal, and their objects share native code.
+
+    Raises
+    ------
+    TypeError
+        If the key cannot be hashed.
+
+    Examples
+    --------
+    >>> from adaptctl.scalars import Structure
+    >>> Structure("a", ("gains", 2)) == Structure("b", ("gains", 2))
+    True
+    """
 
     __slots__ = ("_hash", "_key", "of")
 
@@ -37,32 +53,59 @@ class Structure:
 
 
 class Keyed:
-    """Base class of frozen dataclasses without tunable numbers (arguments of native code): all their values are
-    compiled into the code of their equations. The property `structure`, computed once, is their class and the values of
-    all fields; objects of equal structure share native code. Nothing is checked at construction."""
+    """
+    Base class of frozen dataclasses whose values are all compiled into native code.
+
+    Notes
+    -----
+    Objects of equal `structure` (class and field values) share native code. `Tunable` is for numbers that change.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from adaptctl.scalars import Keyed
+    >>> @dataclass(frozen=True)
+    ... class Filter(Keyed):
+    ...     order: int
+    >>> Filter(2).structure == Filter(2).structure
+    True
+    """
 
     @cached_property
     def structure(self) -> Structure:
-        """Structure of this object, a `Structure` to be compared and hashed: its class and the values of all its
-        fields. Objects of equal structure share one equation and its native code."""
+        """Structure of this object, a `Structure` to be compared and hashed."""
         return Structure(self, _fields_key(self))
 
 
 class Tunable:
-    """Base class of settings, most often a frozen dataclass, some of whose numbers are tunable. Tunable numbers are
-    arguments of the native code of the settings' equations: settings that differ in them alone share that code.
+    """
+    Base class of settings with tunable numbers, which are arguments of native code and not compiled into it.
 
-    A class names the attributes that hold them in the property `tunable`; each is a number, an array (n,) or (m, n), or
-    None. Its equations read them with `column` and `each` of adaptctl.scalars, which make Columns of them, or as they
-    are where they are one number: then they may be scalars of any kind (floats, arrays of samples, dual numbers, nodes
-    of an expression graph). A class that names none has all its numbers compiled in; a subclass must name them anew,
-    for it may read them in other ways. Nothing is checked at construction, unless by a subclass.
+    Notes
+    -----
+    A class names its tunable attributes in the property `tunable`; each is a number, an array (n,) or (m, n), or None.
+    Its equations read them with `column` and `each`. A subclass must name them anew; a class that names none has all
+    its numbers compiled in.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from adaptctl.scalars import Tunable
+    >>> @dataclass(frozen=True)
+    ... class Spring(Tunable):
+    ...     stiffness: float
+    ...     @property
+    ...     def tunable(self):
+    ...         return ("stiffness",)
+    >>> Spring(2.0).structure == Spring(3.0).structure
+    True
+    >>> Spring(2.0).tuned({"stiffness": 4.0})
+    Spring(stiffness=4.0)
     """
 
     @property
     def tunable(self) -> tuple[str, ...]:
-        """Names (a tuple of texts) of the attributes that hold tunable numbers, which are arguments of the settings'
-        native code, not compiled into it. Empty unless a class overrides this property."""
+        """Names of the attributes that hold tunable numbers; empty unless a class overrides it."""
         return ()
 
     sparse: ClassVar[tuple[str, ...]] = ()
@@ -76,15 +119,12 @@ class Tunable:
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """Mapping from attribute names to those attributes of the settings that are `Tunable` themselves and have
-        tunable numbers (arguments of native code) of their own; empty where there are none."""
+        """Attributes of the settings that are `Tunable` themselves, by name."""
         return {name: value for name, value in self._settings() if isinstance(value, Tunable)}
 
     @cached_property
     def numbers(self) -> dict[str, Array]:
-        """The tunable numbers (arguments of native code) by name, as float arrays (), (n,) or (m, n) in the units of
-        their attributes. They are those named in the property `tunable`, then those of parts (attributes that are
-        `Tunable` themselves), as in ``adaptation.gain``. Attributes that are None are left out."""
+        """Tunable numbers by name, those of parts as in ``adaptation.gain``; None left out."""
         given = {name: getattr(self, name) for name in self.tunable}
         own = {name: np.asarray(value, dtype=np.float64) for name, value in given.items() if value is not None}
         parts = self.tunable_parts.items()
@@ -92,22 +132,49 @@ class Tunable:
 
     @cached_property
     def packed(self) -> Array:
-        """All g tunable numbers (arguments of native code) in one float64 array (g,), in the order of the property
-        `numbers`: the settings' own first, in the order of the property `tunable`, then those of parts (attributes that
-        are `Tunable` themselves), in the order of these attributes. Matrices are row by row, and each number is in its
-        attribute's unit."""
+        """All g tunable numbers in one array (g,), in the order of `numbers`, matrices row by row."""
         return np.concatenate([np.zeros(0), *(array.ravel() for array in self.numbers.values())])
 
     def substituted(self, packed: Column) -> Self:
-        """A copy of these settings whose g tunable numbers are those of the column `packed` (g,), in the order of the
-        property `numbers`, matrices row by row. They are scalars of any kind (float, array, dual number, node of an
-        expression graph), whose values are not checked. Raises `InputError` for another number of them."""
+        """
+        Return a copy whose tunable numbers are scalars of any kind.
+
+        Parameters
+        ----------
+        packed : Column
+            All g tunable numbers (g,) in the order of `numbers`, matrices row by row; not checked.
+
+        Returns
+        -------
+        Tunable
+            The copy.
+
+        Raises
+        ------
+        InputError
+            If their number is wrong.
+        """
         return self._having(self.unpacked(packed))
 
     def unpacked(self, packed: Column) -> dict[str, Any]:
-        """The g tunable numbers of a column `packed` (g,), by their names in the property `numbers`. Each is a scalar,
-        a column (n,), or for a matrix (m, n) a tuple of its m rows, columns (n,). The column has them in the order of
-        `numbers`, matrices row by row. Raises `InputError` for another number of them."""
+        """
+        Return tunable numbers of a column by name.
+
+        Parameters
+        ----------
+        packed : Column
+            All g tunable numbers (g,) in the order of `numbers`, matrices row by row.
+
+        Returns
+        -------
+        dict
+            Scalars, columns (n,), and tuples of rows for matrices, by name.
+
+        Raises
+        ------
+        InputError
+            If their number is wrong.
+        """
         if len(packed) != self.packed.size:
             raise InputError(f"{type(self).__name__}: packed: expected {self.packed.size} numbers, got {len(packed)}")
         ends = accumulate(array.size for array in self.numbers.values())
@@ -115,10 +182,24 @@ class Tunable:
         return {name: _shaped(packed.of[end - array.size : end], array.shape) for (name, array), end in parts}
 
     def having(self, numbers: Mapping[str, Any]) -> Self:
-        """A copy of these settings with other tunable numbers, given in `numbers` by their names in the property of
-        that name, such as "adaptation.gain". They are scalars of any kind (float, dual number, node of an expression
-        graph), or arrays of which leading axes are samples; those not given stay. Values are not checked. Raises
-        `NotFoundError` for an unknown name."""
+        """
+        Return a copy with other tunable numbers, unchecked.
+
+        Parameters
+        ----------
+        numbers : mapping
+            Scalars of any kind, or arrays with leading axes of samples, by the names in `numbers`; others stay.
+
+        Returns
+        -------
+        Tunable
+            The copy.
+
+        Raises
+        ------
+        NotFoundError
+            If a name is unknown.
+        """
         self._validate_named(numbers, self._names)
         return self._having(numbers)
 
@@ -136,8 +217,14 @@ class Tunable:
         return other
 
     def fixed(self) -> Self:
-        """A copy of these settings with the arrays that the class names in `sparse` compiled in as a whole, so that
-        they are no arguments of the code that is made of it; parts alike."""
+        """
+        Return a copy with the arrays named in `sparse` compiled in, so that they are not arguments of its code.
+
+        Returns
+        -------
+        Tunable
+            The copy, its parts treated alike.
+        """
         other = self._having({})
         other.__dict__.update({name: part.fixed() for name, part in self.tunable_parts.items()})
         if self.sparse:
@@ -145,11 +232,23 @@ class Tunable:
         return other
 
     def tuned(self, numbers: Mapping[str, ArrayLike]) -> Self:
-        """A copy of these settings with other tunable numbers, given in `numbers` by their names in the property of
-        that name, such as "adaptation.gain", in the shapes and units of the attributes. Those not given stay. The
-        values are checked by the constructor.
+        """
+        Return a copy with other tunable numbers, checked by the constructor.
 
-        Raises `NotFoundError` for an unknown name, and what the class itself raises for its attributes.
+        Parameters
+        ----------
+        numbers : mapping
+            Values by the names in `numbers`, such as "adaptation.gain", in their attributes' units; others stay.
+
+        Returns
+        -------
+        Tunable
+            The copy.
+
+        Raises
+        ------
+        NotFoundError
+            If a name is unknown.
         """
         self._validate_named(numbers, self.numbers)
         own: dict[str, Any] = {name: value for name, value in numbers.items() if "." not in name}
@@ -170,9 +269,7 @@ class Tunable:
 
     @cached_property
     def structure(self) -> Structure:
-        """Structure of these settings, a `Structure` to be compared and hashed: their class, the names and shapes of
-        the tunable numbers (arguments of native code), and all other values. Settings of equal structure share one
-        equation and its native code."""
+        """Structure of these settings, a `Structure` to be compared and hashed."""
         parts = self.tunable_parts
         shapes = tuple((name, array.shape, self._zeros(name, array)) for name, array in self.numbers.items())
         fixed = [(name, value) for name, value in self._settings() if name not in parts]

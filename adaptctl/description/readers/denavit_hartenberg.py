@@ -27,25 +27,14 @@ X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 
 class Base(msgspec.Struct, forbid_unknown_fields=True):
-    """The pose, in a Denavit-Hartenberg file, of the chain's first frame in the ground's frame: the position `xyz` (m),
-    and roll, pitch and yaw `rpy` (rad), turns about the fixed axes x, y and z in this order; all zero by default.
-    Nothing is checked at construction."""
+    """The pose, in a Denavit-Hartenberg file, of the chain's first frame in the ground's frame."""
 
     xyz: Triple = (0.0, 0.0, 0.0)
     rpy: Triple = (0.0, 0.0, 0.0)
 
 
 class Step(LinkEntry, kw_only=True):
-    """An entry of a Denavit-Hartenberg file: one link with the joint before it.
-
-    Its parameters are length `a` and offset `d` (m), twist `alpha` and angle `theta` (rad; or `alpha_deg`, `theta_deg`
-    in degrees), by default 0, save that one of the two twists must be given. The file's convention says how they place
-    the link: "standard" leads from the frame of the link before to this link's by Rz(theta) Tz(d) Tx(a) Rx(alpha),
-    turns R about and shifts T along the axes z and x (Denavit and Hartenberg 1955), "modified" by Rx(alpha) Tx(a)
-    Rz(theta) Tz(d) (Craig 1986). The coordinate of a turning joint is added to theta, that of a prismatic one to d. The
-    other fields are those of `LinkEntry`: names, joint type, limits, inertia and drive. Nothing is checked at
-    construction.
-    """
+    """An entry of a Denavit-Hartenberg file: one link with the joint before it."""
 
     a: float = 0.0
     d: float = 0.0
@@ -56,15 +45,7 @@ class Step(LinkEntry, kw_only=True):
 
 
 class Chain(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """The contents of a Denavit-Hartenberg file in TOML, as `read_denavit_hartenberg` reads them.
-
-    `schema` names the file format. `convention` says where links' frames are: "standard" at their far ends, leading
-    from the frame of the link before to this link's by Rz(theta) Tz(d) Tx(a) Rx(alpha), turns R about and shifts T
-    along the axes z and x (Denavit and Hartenberg 1955); "modified" at their joints, by Rx(alpha) Tx(a) Rz(theta) Tz(d)
-    (Craig 1986). `links` has 1 to 256 entries, from the ground on; `source` says where the values come from; `gravity`
-    (3,) is in m/s^2, by default (0, 0, -9.81); `base` is the pose of the chain's first frame in the ground's. The
-    `name` is the mechanism's; without one the file's is taken. Nothing is checked at construction.
-    """
+    """The contents of a Denavit-Hartenberg file in TOML, as `read_denavit_hartenberg` reads them."""
 
     schema: Literal["adaptctl/denavit-hartenberg/1"]
     convention: Literal["standard", "modified"]
@@ -76,17 +57,53 @@ class Chain(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 def read_denavit_hartenberg(path: str | Path) -> Description:
-    """The description of the serial chain that the TOML file at `path` gives by Denavit-Hartenberg parameters (m, rad),
-    named after the file unless it gives a name.
+    r"""
+    Read a serial chain from a TOML file of Denavit-Hartenberg parameters.
 
-    The file has ``schema = "adaptctl/denavit-hartenberg/1"``, a convention, and ``[[links]]`` with length a and offset
-    d (m), twist alpha and angle theta (rad; or alpha_deg, theta_deg), the joint's type and limits, the inertia and the
-    drive; of a link only alpha must be given. ``convention = "standard"`` puts a link's frame at its far end: Rz(theta)
-    Tz(d) Tx(a) Rx(alpha), turns R about and shifts T along the axes z and x, leads from the link before (Denavit and
-    Hartenberg 1955). ``"modified"`` puts it at its joint: Rx(alpha) Tx(a) Rz(theta) Tz(d), a and alpha being those
-    before the joint (Craig 1986). Raises `FileError` for a file that cannot be read and, naming the element, for wrong
-    contents. Warns (`SimplificationWarning`) of angles that look like degrees and of links that move without mass and
-    whose descendants have none.
+    Parameters
+    ----------
+    path : str or Path
+        File with ``schema = "adaptctl/denavit-hartenberg/1"``; the mechanism is named after it unless it gives a name.
+
+    Returns
+    -------
+    Description
+        The chain; units in the file are m and rad, or degrees where a key says so.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read or its contents are wrong; the message names the element.
+
+    Warns
+    -----
+    SimplificationWarning
+        If angles look like degrees, or end links move without mass.
+
+    Notes
+    -----
+    A link's frame follows from that before it by turns R and shifts T about and along the axes z and x:
+    :math:`R_z(\theta) T_z(d) T_x(a) R_x(\alpha)` for the convention "standard" [1]_ and
+    :math:`R_x(\alpha) T_x(a) R_z(\theta) T_z(d)` for "modified" [2]_.
+
+    References
+    ----------
+    .. [1] Denavit and Hartenberg, "A kinematic notation for lower-pair mechanisms based on matrices", Journal of
+       Applied Mechanics, 1955.
+    .. [2] Craig, "Introduction to Robotics: Mechanics and Control", 1986.
+
+    Examples
+    --------
+    >>> from adaptctl.description import read_denavit_hartenberg
+    >>> file = tmp / "pendulum.toml"
+    >>> _ = file.write_text('''schema = "adaptctl/denavit-hartenberg/1"
+    ... convention = "standard"
+    ... [[links]]
+    ... a = 0.5
+    ... alpha_deg = 0
+    ... ''')
+    >>> read_denavit_hartenberg(file)
+    <Description 'pendulum': 1 links>
     """
     chain = read_toml(path, Chain)
     try:

@@ -47,12 +47,7 @@ class Tensor(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a TOML file: the pose of a frame in the frame of a link or joint.
-
-    `position` is the frame's origin (m), by default zero; its attitude is roll, pitch and yaw, turns about the fixed
-    axes x, y and z in this order, as `rpy` (rad) or `rpy_deg` (degrees), by default none. Nothing is checked at
-    construction.
-    """
+    """An entry of a TOML file: the pose of a frame in the frame of a link or joint."""
 
     position: Triple = (0.0, 0.0, 0.0)
     rpy: Triple | None = None
@@ -69,19 +64,7 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """The data of a joint's drive in a TOML file, its rotor inertia and friction: the table `drive` in the entry of a
-    link.
-
-    `rotor_inertia` is the reflected one, as seen at the joint, through the gears (kg m^2). The friction torque at the
-    shaft's speed s (rad/s) is viscous s + sign(s) (coulomb + square_root sqrt|s| + stribeck/(1 + (s/0.1)^2)) + offset,
-    with `viscous` in N m s/rad, `square_root` in N m (s/rad)^(1/2), `coulomb`, `stribeck` and `offset` in N m;
-    Stribeck's velocity is 0.1 rad/s. For a prismatic joint read kg for kg m^2, N for N m and m for rad. `turns_with`
-    gives, by the names of other joints that turn the same motor shaft, their ratios: the shaft's velocity is the
-    joint's own plus ratio times each of theirs.
-
-    A term that is left out, None, is not modelled; one that is given, even as zero, is a parameter. Nothing is checked
-    at construction.
-    """
+    """The data of a joint's drive in a TOML file, its rotor inertia and friction."""
 
     rotor_inertia: float | None = None
     viscous: float | None = None
@@ -102,17 +85,7 @@ class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a TOML file: one link with the joint before it.
-
-    `name` is the link's and `joint` the joint's name, by default ``linkN`` and ``jointN`` with the entry's number N in
-    the file, from 1; `type` is the joint's, by default revolute. Position limits are `range` (rad, m if prismatic),
-    `range_deg` (degrees), or `lower` and `upper` (rad, m if prismatic), of which one alone may be given; `velocity` is
-    the greatest speed (rad/s, or m/s), `effort` the greatest torque or force (N m, or N); those left out do not limit.
-    The inertia is `mass` (kg), `first_moment`, mass times centre of mass (kg m), and `inertia` (kg m^2) about the link
-    frame's origin, or `mass`, `center_of_mass` (m) and `inertia_at_center` (kg m^2), or nothing for a link without
-    mass; all in the link's frame. `drive` has the joint's rotor inertia and friction. Nothing is checked at
-    construction.
-    """
+    """An entry of a TOML file: one link with the joint before it."""
 
     name: Name | None = None
     joint: Name | None = None
@@ -139,18 +112,12 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         return Joint(name, JointKind(self.type), np.array(axis), self.limits(), self.drive.drive())
 
     def limits(self) -> Limits:
-        """The limits of the joint that a TOML file's entry gives: positions (rad, m if prismatic), greatest speed
-        (rad/s, or m/s) and effort (N m, or N), infinite where not given. Raises `InputError` for a range given twice,
-        of a continuous joint or in degrees of a prismatic one, unless its lower end is below its upper one, and for a
-        velocity or effort that is not positive."""
+        """The limits of the joint that a TOML file's entry gives."""
         lower, upper = self._range()
         return Limits(lower, upper, _or_unlimited(self.velocity), _or_unlimited(self.effort))
 
     def ten(self) -> Array:
-        """The ten inertial parameters (10,) of the link of a TOML file's entry, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
-        I_xz, I_yz, I_zz (mass in kg, first moment in kg m, inertia tensor in kg m^2), about its frame's origin; zero
-        where nothing is given. Raises `InputError` where the inertia is incomplete or given twice, where the mass is
-        negative, and for inertia without mass."""
+        """The ten inertial parameters (10,) of the link of a TOML file's entry,, about its frame's origin."""
         about_origin = (self.first_moment, self.inertia)
         about_center = (self.center_of_mass, self.inertia_at_center)
         self._validate_mass()
@@ -215,8 +182,7 @@ def validate_at_most(count: int, most: int, what: str) -> None:
 
 
 def validate_mass_of_inertia(link: Link) -> Link:
-    """The `link` itself, unchanged. Raises `InputError` where its mass is zero, but its first moment or inertia tensor
-    is not."""
+    """The `link` itself, unchanged."""
     if link.inertia[0] == 0.0 and np.any(link.inertia):
         raise InputError(f"link {link.name!r}: inertia without mass: give the mass that has it, or leave both out")
     return link
@@ -232,8 +198,7 @@ def warn_of_weightless(path: Any, links: Sequence[Link], loops: Loops | None, st
 
 
 def unknown_body(name: str, known: Sequence[str]) -> str:
-    """The text of a message that a scene has no body of this `name`: it has the nearest of the `known` names, and the
-    nonempty ones among the first 20. Nothing is raised."""
+    """The text of a message that a scene has no body of this `name`."""
     guess = suggested_name(name, known)
     listed = ", ".join(repr(other) for other in known[:MOST_NAMED] if other)
     return f"there is no body {printable(name)!r}{guess}; there are {listed}{', ...' * (len(known) > MOST_NAMED)}"

@@ -31,15 +31,7 @@ Part = TypeVar("Part")
 
 
 class TreeLink(LinkEntry, kw_only=True):
-    """An entry of a mechanism file in TOML: one link of a tree with the joint before it.
-
-    `parent` names the link on which the joint sits, None the ground. `position` (m) and `rpy`, roll, pitch and yaw
-    about the fixed axes x, y and z in this order (rad; or `rpy_deg`, degrees), place the joint's frame in the parent
-    link's frame, by default on it; `axis` (3,), by default z, is in the joint's frame. `far` places the link's frame in
-    the joint's moved frame, by default on it. A `massless` link only joins two joints: it has no inertia and owns no
-    parameters. The other fields are those of `LinkEntry`: names, joint type, limits, inertia and drive. Nothing is
-    checked at construction.
-    """
+    """An entry of a mechanism file in TOML: one link of a tree with the joint before it."""
 
     parent: Name | None = None
     axis: Triple = (0.0, 0.0, 1.0)
@@ -51,34 +43,20 @@ class TreeLink(LinkEntry, kw_only=True):
 
 
 class LinkFrame(FrameEntry, kw_only=True):
-    """An entry of a mechanism file in TOML: a frame on the link that `link` names or, where that is None, the default,
-    on the ground.
-
-    `position` is the frame's origin (m) in the link's frame, by default zero; its attitude there is roll, pitch and
-    yaw, turns about the fixed axes x, y and z in this order, as `rpy` (rad) or `rpy_deg` (degrees), by default none.
-    Nothing is checked at construction.
-    """
+    """An entry of a mechanism file in TOML."""
 
     link: Name | None = None
 
 
 class NamedFrameEntry(LinkFrame, kw_only=True):
-    """An entry of a mechanism file in TOML: a frame called `name`, such as a tool's, on the link that `link` names or,
-    where that is None, the default, on the ground.
-
-    `position` is the frame's origin (m) in the link's frame, by default zero; its attitude there is roll, pitch and
-    yaw, turns about the fixed axes x, y and z in this order, as `rpy` (rad) or `rpy_deg` (degrees), by default none.
-    `kind` is that of the frame in Pinocchio's terms, by default operational. Nothing is checked at construction.
-    """
+    """An entry of a mechanism file in TOML."""
 
     name: Name
     kind: Literal["operational", "fixed joint", "body", "sensor"] = "operational"
 
 
 class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a mechanism file in TOML: a loop closure called `name`, by which two frames on links, `first` and
-    `second`, coincide. `kind` says in which part: their origins ("point", the default), their origins and z axes
-    ("axis") or their whole poses ("weld"). Nothing is checked at construction."""
+    """An entry of a mechanism file in TOML."""
 
     name: Name
     first: LinkFrame
@@ -87,12 +65,7 @@ class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a mechanism file in TOML: a coupling of two joints' positions, follower = ratio * leader + offset.
-
-    `follower` and `leader` are the joints' names. `ratio` is 1 by default (no unit, or m/rad or rad/m), `offset` 0
-    (rad, m if the follower is prismatic); without a `name` the coupling is called "FOLLOWER follows LEADER", with the
-    joints' names. Nothing is checked at construction.
-    """
+    """An entry of a mechanism file in TOML: a coupling of two joints' positions, follower = ratio * leader + offset."""
 
     follower: Name
     leader: Name
@@ -102,12 +75,7 @@ class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class ConditionEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a mechanism file in TOML: a condition called `name`, a bound on primary (independent) joints'
-    positions, lower < sum of weight times position < upper.
-
-    `weights`, without unit, go by the names of primary joints; `lower` and `upper` are in rad, m if prismatic, and one
-    that is None does not limit. Nothing is checked at construction.
-    """
+    """An entry of a mechanism file in TOML."""
 
     name: Name
     weights: dict[Name, float]
@@ -116,15 +84,7 @@ class ConditionEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class MechanismFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """The contents of a mechanism file in TOML, as `read_mechanism_file` reads them.
-
-    `schema` names the file format. `links` has 1 to 256 entries in any order; `source` says where the values come from;
-    `gravity` (3,) is in m/s^2, by default (0, 0, -9.81). `closures`, `couplings` and `conditions` make loops, by
-    default none. `primary` names the primary (independent) joints, None being all that follow no other; `reference`
-    gives the positions (rad, m if prismatic, by joint, zero where not given) of the configuration from which motion is
-    followed, loops closed. `frames` are named frames on links, by default none. The `name` is the mechanism's; without
-    one the file's is taken. Nothing is checked at construction.
-    """
+    """The contents of a mechanism file in TOML, as `read_mechanism_file` reads them."""
 
     schema: Literal["adaptctl/mechanism/1"]
     links: Annotated[list[TreeLink], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]
@@ -140,17 +100,49 @@ class MechanismFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 def read_mechanism_file(path: str | Path) -> Description:
-    """The description of the mechanism in the TOML file at `path`, named after the file unless it gives a name.
+    """
+    Read a mechanism from a TOML file of links, closures and couplings.
 
-    The file has ``schema = "adaptctl/mechanism/1"`` and ``[[links]]``, in any order, each with its parent's name (the
-    ground without one), its joint's frame, axis, type and limits (m, rad), its inertia and its drive; ``[[closures]]``,
-    ``[[couplings]]`` and ``[[conditions]]`` make loops. The file's `primary` names the driven joints, the independent
-    ones; without closures it may be left out, and all joints that follow no other are primary. Its `reference` gives
-    the configuration (rad, m if prismatic, by joint) from which motion is followed, loops closed. ``[[frames]]`` are
-    named frames on links. Raises `FileError` for a file that cannot be read and, naming the element, for wrong
-    contents; loops that cannot be closed are found only when equations are made of the description. Warns
-    (`SimplificationWarning`) of angles that look like degrees and of links that move without mass and whose descendants
-    have none.
+    Parameters
+    ----------
+    path : str or Path
+        File with ``schema = "adaptctl/mechanism/1"``; the mechanism is named after it unless it gives a name.
+
+    Returns
+    -------
+    Description
+        The mechanism. Without closures and `primary` in the file, all joints that follow no other are primary.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read or its contents are wrong; the message names the element. Loops that do not close are
+        found when a mechanism is made.
+
+    Warns
+    -----
+    SimplificationWarning
+        If angles look like degrees, or end links move without mass.
+
+    Notes
+    -----
+    Tables are ``[[links]]``, ``[[closures]]``, ``[[couplings]]``, ``[[conditions]]`` and ``[[frames]]``, units m and
+    rad. See :doc:`/robots`.
+
+    Examples
+    --------
+    >>> from adaptctl.description import read_mechanism_file
+    >>> file = tmp / "slider.toml"
+    >>> _ = file.write_text('''schema = "adaptctl/mechanism/1"
+    ... [[links]]
+    ... name = "cart"
+    ... type = "prismatic"
+    ... mass = 2.0
+    ... first_moment = [0.0, 0.0, 0.0]
+    ... inertia = { xx = 0.1, yy = 0.1, zz = 0.1 }
+    ... ''')
+    >>> read_mechanism_file(file)
+    <Description 'slider': 1 links>
     """
     content = read_toml(path, MechanismFile)
     try:

@@ -39,27 +39,50 @@ _ACTING = ("armature", "damping", "frictionloss", "stiffness")
 
 
 def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
-    """The description of the mechanism that moves in the MJCF file at `path`, with the loops that its equalities close,
-    read by MuJoCo.
+    """
+    Read a mechanism from an MJCF file, with the loops that its equalities close.
 
-    `root` names the body that the mechanism begins with, where the file is a scene: that body and all on it are read,
-    and the rest of the scene is left out. It must not stand on a body that moves. None stands for the one root body
-    that moves. What <include> names is read as part of the file, if it is in the file's folder or below; so are meshes,
-    where an inertia is theirs.
+    Parameters
+    ----------
+    path : str or Path
+        MJCF file. Files that it includes, and meshes of inertias, are read from its folder or below.
+    root : str, optional
+        Body of a scene that the mechanism begins with, all bodies on it included; by default the one root body that
+        moves.
 
-    Link frames stand at the joints, turned as their bodies; a link is named after its body. A body with several joints
-    becomes as many links, massless but the last. Bodies without joints become part of the one that they are fixed to.
-    <connect>, <weld> and <joint> equalities become closures and couplings; the joints that actuators drive are then
-    primary (independent), or, where nothing is driven and only joints are coupled, all that follow no other. Armature,
-    damping and dry friction become the joint's drive; where they are zero they are not modelled. Effort limits are the
-    actuators'. A free joint becomes three slides and three hinges, named after it or its body with `_x`, `_y`, `_z`,
-    `_yaw`, `_pitch` and `_roll`, primary too.
+    Returns
+    -------
+    Description
+        Links are named after bodies, with frames at the joints. Actuated joints are primary. A free joint becomes three
+        slides and three hinges, with endings `_x` to `_roll`.
 
-    Raises `FileError` for a file that cannot be read, for a `root` that is unknown or stands on a body that moves and,
-    naming the element, for wrong contents, for what MuJoCo refuses and for motion that is not read, such as ball joints
-    and, without a `root`, more than one root body that moves; `MissingExtraError` without MuJoCo. Warns
-    (`SimplificationWarning`) of springs, tendons and gravity compensation, which are left out, of actuators that
-    command no torque, and of angles that look like degrees.
+    Raises
+    ------
+    FileError
+        If the file cannot be read, MuJoCo refuses it, `root` is unknown or stands on a moving body, or a motion is not
+        read (ball joints, several moving roots); the message names the element.
+    MissingExtraError
+        If MuJoCo is not installed.
+
+    Warns
+    -----
+    SimplificationWarning
+        If springs, tendons or gravity compensation are left out, actuators command no torque, or angles look like
+        degrees.
+
+    Notes
+    -----
+    Fixed bodies are merged into their parents; a body with several joints becomes several links, massless but the last.
+    Armature, damping and dry friction become the drive; zeros are not modelled. See :doc:`/robots`.
+
+    Examples
+    --------
+    >>> from adaptctl.description import read_mjcf
+    >>> file = tmp / "pendulum.xml"
+    >>> _ = file.write_text('''<mujoco><worldbody><body name="rod"><joint name="hinge" axis="0 1 0"/>
+    ... <geom type="capsule" size="0.02" fromto="0 0 0 0 0 -1"/></body></worldbody></mujoco>''')
+    >>> read_mjcf(file).joint_names
+    ('hinge',)
     """
     try:
         scanned = ScannedFile.of(path, whole=root is None)
@@ -79,11 +102,7 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
 
 @dataclass(frozen=True, eq=False)
 class MjcfBody:
-    """A body of an MJCF file with its own inertia. `number` is its zero-based index among the file's <body> elements,
-    None where it is none of these, but of an included file or a copy; `ten` (10,) are its inertial parameters m, mc_x,
-    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2), about its frame's origin, without those of bodies
-    fixed to it; and `place` is its frame's pose in the frame of the link that it is part of (m). Nothing is checked at
-    construction."""
+    """A body of an MJCF file with its own inertia."""
 
     number: int | None
     ten: Array
@@ -146,16 +165,14 @@ def _refuse(error: str, elements: Sequence[Element]) -> NoReturn:
 
 
 def _element(place: str, elements: Sequence[Element]) -> Element:
-    """The element that begins on a line of the text that MuJoCo was shown, in words such as "line 3"; an empty one,
-    where there is none."""
+    """The element that begins on a line of the text that MuJoCo was shown, in words such as "line 3"."""
     found = re.findall(r"line (\d+)", place)
     k = int(found[-1]) if found else 0
     return elements[k - 1] if 0 < k <= len(elements) else LineElement("")
 
 
 def _unfold(spec: mujoco.MjSpec, elements: Sequence[Element]) -> list[str]:
-    """Make three slides and three hinges of each free joint; returns their names. Its place, axis and range are left
-    out, as MuJoCo leaves them out; its drive and spring act on the angular velocity, not on the hinges' rates."""
+    """Make three slides and three hinges of each free joint; returns their names."""
     mjtJoint, names = mujoco_package().mjtJoint, list[str]()
     for body in [body for body in spec.bodies if any(joint.type == FREE for joint in body.joints)]:
         joint, *others = body.joints
@@ -181,8 +198,7 @@ def _unfold(spec: mujoco.MjSpec, elements: Sequence[Element]) -> list[str]:
 
 
 def _need_meshes(spec: mujoco.MjSpec, kept: bool) -> dict[str, str]:
-    """The meshes that inertias are those of, each with where a shape of it stands in the text. Shapes that no inertia
-    is of lose their mass, and, unless the meshes are to be `kept`, balls of 1 kg stand for them."""
+    """The meshes that inertias are those of, each with where a shape of it stands in the text."""
     mj, needed = mujoco_package(), dict[str, str]()
     ways, (first, last) = mj.mjtInertiaFromGeom, spec.compiler.inertiagrouprange
     way = spec.compiler.inertiafromgeom

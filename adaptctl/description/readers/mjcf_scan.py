@@ -1,8 +1,4 @@
-"""The part of an MJCF file that MuJoCo's parser is shown: what motion depends on, bounded and with checked numbers.
-
-Of a file that a stranger wrote, a few digits make MuJoCo run for ever or take all memory (counts of copies, keyframes,
-cells), and others have it read other files, or write to its log. Here they are left out, counted or refused.
-"""
+"""The part of an MJCF file that MuJoCo's parser is shown: what motion depends on, bounded and with checked numbers."""
 
 from __future__ import annotations
 
@@ -106,10 +102,7 @@ _SIMPLIFIED = {
 
 @dataclass(eq=False)
 class ScannedFile:
-    """An MJCF file of which only what motion depends on is left: the element `root`, without meshes, which `meshes` has
-    by name, with their whole paths. Every body has a name; `numbers` has the zero-based indices of those of the file
-    itself, without those of included files. `tendons` are names of what was left out, `folder` is
-    the file's. It is made by `ScannedFile.of`."""
+    """An MJCF file of which only what motion depends on is left."""
 
     root: Element
     folder: Path
@@ -119,10 +112,7 @@ class ScannedFile:
 
     @classmethod
     def of(cls, path: str | Path, whole: bool = True) -> ScannedFile:
-        """The MJCF file at `path`, parsed, with what it includes. Where only a part of a scene is read, and not the
-        `whole`, equalities of kinds that are not read are left out. Raises `FileError` for a file that cannot be read,
-        and `InputError`, naming the element, for what is not read, for numbers that are not finite or too large, for
-        negative masses, and for more elements than are read."""
+        """The MJCF file at `path`, parsed, with what it includes."""
         root = parsed(read_text(path), "mujoco")
         own = {id(body): k for k, body in enumerate(root.iter("body"))}
         _include(root, path)
@@ -154,8 +144,7 @@ class ScannedFile:
 
 
 def _include(root: Element, path: str | Path) -> None:
-    """Replace every <include> by the elements of the file that it names, which may include others. Files are found from
-    the folder of the main file, and must be in it or below, links followed."""
+    """Replace every <include> by the elements of the file that it names, which may include others."""
     folder, seen = Path(path).parent, {Path(path).resolve()}
     pending = [root]
     while pending:
@@ -186,8 +175,7 @@ def _content(element: Element, folder: Path, seen: set[Path]) -> list[Element]:
 
 
 def validate_within(folder: Path, element: Element) -> Path:
-    """The path of the file that the attribute `file` of an `element` names, found from the `folder`, links followed.
-    Raises `ElementError` where it is not in the folder or below."""
+    """The path of the file that the attribute `file` of an `element` names, found from the `folder`, links followed."""
     name = element.get("file", "")
     try:
         file = (folder / name).resolve()

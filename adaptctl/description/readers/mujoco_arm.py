@@ -41,7 +41,7 @@ NO_LIMIT = 1e9
 
 
 def mujoco_package(what: str = "a MuJoCo model") -> Any:
-    """The package mujoco. Raises `MissingExtraError`, whose message begins with `what`, where it is not installed."""
+    """The package mujoco."""
     with needed(what):
         import mujoco
     return mujoco
@@ -49,14 +49,7 @@ def mujoco_package(what: str = "a MuJoCo model") -> Any:
 
 @dataclass(frozen=True, eq=False)
 class MujocoArm:
-    """The part of a MuJoCo model that is one mechanism: its bodies and joints as zero-based indices in `model`. `root`
-    is its first body, `bodies` all of its bodies, parents first, `joints` its joints, one for each link.
-
-    `carriers` has, by body, the index of the link that it is part of, -1 for the ground, and `places` its frame's pose
-    (m) in that link, or in the world; both are empty until the method `links` fills them. `elements` has those of the
-    model's file, if it is of one, by bodies' names and equalities' indices. `MujocoArm.of` finds an arm; nothing is
-    checked at construction.
-    """
+    """The part of a MuJoCo model that is one mechanism: its bodies and joints as zero-based indices in `model`."""
 
     model: mujoco.MjModel
     root: int
@@ -70,10 +63,7 @@ class MujocoArm:
     def of(
         cls, model: mujoco.MjModel, body: str | None = None, elements: Mapping[object, Element] | None = None
     ) -> MujocoArm:
-        """The arm that consists of a `body` of a MuJoCo model, by name, and of all bodies on it; None stands for the
-        one root body on which joints turn or slide. `elements` are those of the model's file, None without one.
-        Raises `NotFoundError` for an unknown body, `InputError` for one that stands on a body that moves, for ball and
-        free joints, mocap bodies, no joint, and, without a name, several root bodies that move."""
+        """The arm that consists of a `body` of a MuJoCo model, by name, and of all bodies on it."""
         root = _moving_root(model) if body is None else _root(model, body)
         below = {root}
         for i in range(root + 1, model.nbody):
@@ -163,10 +153,7 @@ class MujocoArm:
         return np.zeros(3) if is_disabled(self.model, NO_GRAVITY) else np.array(self.model.opt.gravity)
 
     def warn(self, where: str, links: Sequence[Link], tendons: Sequence[str] = (), stacklevel: int = 3) -> None:
-        """Warn (`SimplificationWarning`) of what the arm has and its description has not: actuators that are no
-        torques, springs, gravity compensation, and the `tendons` named, by default none. `where` begins the messages,
-        `links` are what the method `links` gave, `stacklevel` is that of `warnings.warn`, 3 by default, the caller's
-        caller."""
+        """Warn (`SimplificationWarning`) of what the arm has and its description has not."""
         sprung = [link.joint.name for j, link in zip(self.joints, links, strict=True) if _is_sprung(self.model, j)]
         lifted = [self.body_name(i) for i in self.bodies if self.model.body_gravcomp[i]]
         for text, names in (
@@ -179,8 +166,7 @@ class MujocoArm:
                 warnings.warn(f"{where}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
 
     def body_name(self, i: int) -> str:
-        """The name of the model's body of zero-based index `i`, such as "body3" where it has none. Nothing is
-        checked."""
+        """The name of the model's body of zero-based index `i`, such as "body3" where it has none."""
         return self.model.body(i).name or f"body{i}"
 
     @property
@@ -314,7 +300,7 @@ def is_disabled(model: mujoco.MjModel, flag: str) -> bool:
 
 
 def model_name(model: mujoco.MjModel) -> str:
-    """The name of a MuJoCo `model` itself, empty where it has none. Nothing is raised."""
+    """The name of a MuJoCo `model` itself, empty where it has none."""
     return bytes(model.names).split(b"\0", 1)[0].decode()
 
 
@@ -324,15 +310,12 @@ def _is_sprung(model: mujoco.MjModel, j: int) -> bool:
 
 
 def position_limits(lower: float, upper: float) -> tuple[float, float]:
-    """The pair of a joint's lower and upper position limit (rad, m if prismatic) for a range `lower` to `upper` of
-    MuJoCo's: a `lower` of -1e9 or less becomes minus infinity, an `upper` of 1e9 or more infinity, no limit. Nothing is
-    checked."""
+    """The pair of a joint's lower and upper position limit for a range `lower` to `upper` of MuJoCo's."""
     return (-math.inf if lower <= -NO_LIMIT else lower, math.inf if upper >= NO_LIMIT else upper)
 
 
 def kind_within(limits: Limits, turns: bool) -> JointKind:
-    """The kind of a joint with the given `limits`: prismatic unless it `turns`, as a hinge does; else continuous where
-    both position limits are infinite, revolute where not. Nothing is raised."""
+    """The kind of a joint with the given `limits`: prismatic unless it `turns`, as a hinge does."""
     if not turns:
         return JointKind.PRISMATIC
     free = (limits.lower, limits.upper) == (-math.inf, math.inf)

@@ -49,16 +49,7 @@ def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
 
 
 def loops_of(arm: MujocoArm, links: Sequence[Link], floating: Sequence[str] = ()) -> Loops | None:
-    """The loop constraints, a `Loops`, that the active equalities of MuJoCo's model make on an `arm`: <connect> and
-    <weld> become closures, <joint> couplings; None where there are none. `links` are those that the arm's method
-    `links` has given.
-
-    The joints that actuators drive become the primary (independent) ones, and with them the joints named `floating`, by
-    default none; without any, those that follow no other do. MuJoCo's initial configuration qpos0 becomes the reference
-    configuration, from which motion is followed. Raises `InputError` for wrong contents, nonlinear relations of joints,
-    and closures where no joint is driven, `NotFoundError` where one holds on to bodies or joints that move and are not
-    the arm's.
-    """
+    """The loop constraints, a `Loops`, that the active equalities of MuJoCo's model make on an `arm`."""
     return _Equalities(arm, [link.name for link in links], [link.joint.name for link in links]).loops(floating)
 
 

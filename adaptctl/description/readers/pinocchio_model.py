@@ -25,18 +25,35 @@ _LEFT_OUT = "friction other than viscous and Coulomb is left out"
 
 
 def to_pinocchio(description: Description) -> pinocchio.Model:
-    """Pinocchio's rigid-body model (`pinocchio.Model`) of the mechanism that a `description` gives: the same joint
-    positions in the same order, limits, gravity and drives; for a mechanism with loops, its spanning tree without
-    closures and couplings.
+    """
+    Return a Pinocchio model of a mechanism's spanning tree.
 
-    Rotor inertias become the model's armature, viscous friction its damping and Coulomb friction its dry friction;
-    Pinocchio's inverse dynamics uses the armature alone. A Pinocchio joint's frame is the description's joint frame;
-    the link's frame is a body frame on that joint, named after the link; named frames are added. Continuous joints
-    become revolute ones without limits, so that Pinocchio's q has one coordinate for each joint. Raises `InputError`
-    for a link without mass that has a first moment (mass times centre of mass), which Pinocchio does not support, and
-    for a drive that turns with several joints. Warns (`SimplificationWarning`) of friction other than viscous and
-    Coulomb's, which is left out. The package Pinocchio is needed: without it this module raises `ImportError`,
-    `Mechanism.to_pinocchio` `MissingExtraError`.
+    Parameters
+    ----------
+    description : Description
+        Mechanism; closures and couplings of its loops are left out.
+
+    Returns
+    -------
+    pinocchio.Model
+        Model with the same joints in the same order, link frames as body frames, and rotors as armature. Continuous
+        joints become revolute ones without limits.
+
+    Raises
+    ------
+    InputError
+        If a link has a first moment without mass or a drive turns with several joints.
+
+    Warns
+    -----
+    SimplificationWarning
+        If friction other than viscous and Coulomb's is left out.
+
+    Examples
+    --------
+    >>> from adaptctl.description import to_pinocchio
+    >>> to_pinocchio(arm.description).nq
+    2
     """
     _validate_own_shafts(description)
     model = pinocchio.Model()
@@ -71,17 +88,38 @@ def _bent(description: Description) -> list[str]:
 
 
 def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Description:
-    """The description of the mechanism that a Pinocchio `model` holds, its joints put in depth-first order.
+    """
+    Return the description of the mechanism in a Pinocchio model.
 
-    `name` is the mechanism's, None for the model's own, or "mechanism" where that is empty. Link frames are the joints'
-    frames, in which the ten inertial parameters of each link are given. A link has the name of the first body frame on
-    its joint, or the joint's. The coordinates follow the joints of the description: look up a joint's index in the
-    model by its name (``model.getJointId``). An unbounded revolute joint, which has (cos, sin) in Pinocchio's q,
-    becomes a continuous one, with the angle. Bodies fixed to the universe do not move and are left out. Armature,
-    damping and dry friction become the joint's drive; where they are zero they are not modelled. Raises `InputError`
-    for joints with more than one coordinate, helical or mimic ones, for no joints, for position limits that do not
-    rise, armature, damping or friction below 0, and for angular gravity; warns (`SimplificationWarning`) of limits of
-    zero, taken as no limits.
+    Parameters
+    ----------
+    model : pinocchio.Model
+        Model of revolute and prismatic joints.
+    name : str, optional
+        Name of the mechanism; by default the model's own, or "mechanism" where that is empty.
+
+    Returns
+    -------
+    Description
+        Joints in depth-first order: look up their index in the model by name. Link frames are joint frames; a link has
+        the name of the first body frame on its joint. Bodies fixed to the universe are left out.
+
+    Raises
+    ------
+    InputError
+        If a joint has several coordinates or is helical or mimic, there is no joint, a range is empty, friction is
+        negative, or gravity has an angular part.
+
+    Warns
+    -----
+    SimplificationWarning
+        If limits are zero, which are taken as no limits.
+
+    Examples
+    --------
+    >>> from adaptctl.description import from_pinocchio, to_pinocchio
+    >>> from_pinocchio(to_pinocchio(arm.description)).joint_names
+    ('shoulder', 'elbow')
     """
     if np.any(model.gravity.angular):
         raise InputError(f"{model.name}: gravity must be linear, got {model.gravity}")
@@ -266,14 +304,35 @@ def _warn(model: pinocchio.Model, text: str, names: list[str]) -> None:
 
 
 def to_pinocchio_constraints(description: Description, model: pinocchio.Model) -> list[pinocchio.RigidConstraintModel]:
-    """Pinocchio's constraint models of all loop closures of a `description`, on the `model` that `to_pinocchio` made of
-    it; an empty list without loops.
+    """
+    Return Pinocchio's constraint models of the loop closures.
 
-    A common point is a contact of three rows (scalar constraints) and a weld one of six. Pinocchio knows no common
-    axis: that becomes two models, common points 1 m apart on it, one of whose six rows is dependent. Rows are in the
-    frame of the first link's joint. Where a loop is planar some rows depend on others, as in the mechanism itself:
-    solve with a proximal method. Raises `InputError` for couplings (joints that follow others), which have no such
-    model. The `model` is not checked.
+    Parameters
+    ----------
+    description : Description
+        Mechanism with or without loops.
+    model : pinocchio.Model
+        Model that `to_pinocchio` returned for it.
+
+    Returns
+    -------
+    list of pinocchio.RigidConstraintModel
+        Three rows for a common point, six for a weld, and two points 1 m apart for a common axis; empty without loops.
+
+    Raises
+    ------
+    InputError
+        If joints follow others (couplings), for which Pinocchio has no model.
+
+    Notes
+    -----
+    Some rows depend on others, as in planar loops: solve with a proximal method.
+
+    Examples
+    --------
+    >>> from adaptctl.description import to_pinocchio, to_pinocchio_constraints
+    >>> to_pinocchio_constraints(arm.description, to_pinocchio(arm.description))
+    []
     """
     if description.loops is None:
         return []

@@ -41,8 +41,20 @@ _ASSIGNED = {
 
 
 def builtin_names() -> tuple[str, ...]:
-    """Names of the robots that come with adaptctl, in alphabetical order, which `read` and `load` accept instead of a
-    file."""
+    """
+    Return the names of the robots that come with adaptctl.
+
+    Returns
+    -------
+    tuple of str
+        Names in alphabetical order, which `read` and `adaptctl.load` accept.
+
+    Examples
+    --------
+    >>> from adaptctl.description import builtin_names
+    >>> "puma560" in builtin_names()
+    True
+    """
     return tuple(sorted(path.stem for path in _ROBOTS.glob("*.toml")))
 
 
@@ -53,11 +65,7 @@ class _Head(msgspec.Struct):
 
 
 def read_toml_mechanism(path: str | Path) -> Description:
-    """The description of the mechanism in the TOML file at `path`, read by the `schema` that it names:
-    Denavit-Hartenberg parameters (``adaptctl/denavit-hartenberg/1``) or a tree with loops (``adaptctl/mechanism/1``).
-    Raises `FileError` for a file that cannot be read, an unknown schema and, naming the element, wrong contents. Warns
-    (`SimplificationWarning`) of angles that look like degrees and of links that move without mass and whose descendants
-    have none."""
+    """The description of the mechanism in the TOML file at `path`, read by the `schema` that it names."""
     schema = read_toml(path, _Head).schema
     if schema not in SCHEMAS:
         known = ", ".join(map(repr, SCHEMAS))
@@ -73,20 +81,51 @@ def read(
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
 ) -> Description:
-    """The description of a mechanism, from the name of a built-in robot or from a file, read by its suffix: .toml,
-    .urdf, .xml or .mjcf (MJCF).
+    """
+    Read a mechanism's description, by the name of a built-in robot or from a file.
 
-    `root` names the body of an MJCF scene that the mechanism begins with, all bodies on it included; None is the one
-    root body that moves. With `floating_base`, a URDF file's root link floats, on three slides and three hinges,
-    instead of being fixed to the ground; its meshes are shown from its package and from `mesh_folders`, by default
-    none. With `snap`, angles between successive joint axes, and of the first ones with gravity, that are within 1e-3
-    rad of a multiple of 90 degrees are made exact. Raises `NotFoundError` for an unknown name, `FileError` for a file
-    that cannot be used, `MissingExtraError` for MJCF without MuJoCo, and `InputError` for a floating base or mesh
-    folders where `source` is no URDF file, one folder not in a list, or a `root` where it is no MJCF file. Warns
-    (`PhysicalConsistencyWarning`) of links whose inertia no rigid body can have, and (`SimplificationWarning`) of what
-    a file's reader leaves out (springs, tendons, gravity compensation, meshes outside the folders), takes otherwise
-    (limits of zero, mimic joints without a moving leader, actuators that command no torque) or doubts (angles that look
-    like degrees, links that move without mass).
+    Parameters
+    ----------
+    source : str or Path
+        Name of a built-in robot (see `builtin_names`), or a file: .toml, .urdf, or MJCF as .xml or .mjcf.
+    floating_base : bool, default False
+        If true, the root link of a URDF file floats on six joints instead of being fixed to the ground.
+    snap : bool, default False
+        If true, angles between successive joint axes within 1e-3 rad of a multiple of 90 degrees are made exact.
+    mesh_folders : sequence of str or Path, optional
+        Folders with meshes of a URDF file, besides its own package.
+    root : str, optional
+        First body of the mechanism in an MJCF scene; by default the one root body that moves.
+
+    Returns
+    -------
+    Description
+        The mechanism as data.
+
+    Raises
+    ------
+    NotFoundError
+        If the name is unknown.
+    FileError
+        If a file cannot be read or its contents are wrong.
+    InputError
+        If an option does not go with the source.
+    MissingExtraError
+        If the file is MJCF and MuJoCo is not installed.
+
+    Warns
+    -----
+    PhysicalConsistencyWarning
+        If a link has an inertia that no rigid body can have.
+    SimplificationWarning
+        If a part is left out (springs, tendons, meshes), read otherwise (limits of zero, mimic joints without a leader)
+        or doubtful (angles like degrees, links without mass).
+
+    Examples
+    --------
+    >>> from adaptctl.description import read
+    >>> read("puma560_measured")
+    <Description 'puma560_measured': 6 links>
     """
     suffix = Path(source).suffix.lower()
     if floating_base and suffix != ".urdf":
@@ -115,19 +154,7 @@ def read_model(
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
 ) -> Description:
-    """The description of the mechanism in a loaded `model`, a `pinocchio.Model` or a `mujoco.MjModel`. Of a MuJoCo
-    model it is the body that `root` names and all bodies on it, None being the one root body on which joints turn or
-    slide.
-
-    With `snap`, angles between successive joint axes, and of the first ones with gravity, that are within 1e-3 rad of a
-    multiple of 90 degrees are made exact. Raises `InputError` for another object, for `floating_base` or
-    `mesh_folders`, which only files take, for a root of a Pinocchio model, for no joint, ball, free, helical and mimic
-    joints, others of more than one coordinate, nonlinear equalities, nonlinear damping, angular gravity, more than 256
-    links and, without a `root`, several root bodies that move, `NotFoundError` for an unknown root. Warns
-    (`PhysicalConsistencyWarning`) of links whose inertia no rigid body can have, and (`SimplificationWarning`) of
-    springs and gravity compensation, which are left out, of actuators that are no torques, and of a Pinocchio model's
-    limits of zero, taken as no limits.
-    """
+    """The description of the mechanism in a loaded `model`, a `pinocchio.Model` or a `mujoco.MjModel`."""
     library = type(model).__module__.partition(".")[0]
     if floating_base or mesh_folders:
         raise InputError("a model that is read already has its base and its meshes: give these options to its reader")
@@ -144,7 +171,7 @@ def read_model(
 
 
 def _reader(source: str | Path) -> Reader:
-    """The reader of a file by its suffix. Raises as `read` does where there is none."""
+    """The reader of a file by its suffix."""
     path = Path(source)
     if path.suffix.lower() in READERS:
         return _imported(READERS[path.suffix.lower()])

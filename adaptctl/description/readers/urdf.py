@@ -49,20 +49,49 @@ UNREAD_KINDS = ("floating", "planar")
 
 
 def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Sequence[str | Path] = ()) -> Description:
-    """The description of the mechanism in the URDF file at `path`, its root link fixed to the ground or, with
-    `floating_base`, floating on six joints. These are three slides and the hinges yaw, pitch and roll, named after the
-    root link.
+    """
+    Read a mechanism from a URDF file.
 
-    Link frames are the joints' frames, a link is named after the joint's child; links behind fixed joints become part
-    of the link that they are fixed to. Links without <inertial> have no mass. Damping and friction of <dynamics> become
-    the joint's viscous and Coulomb friction; where they are zero, as exporters write when the values are unknown, none
-    is modelled. <visual> says what is drawn, as far as its meshes are found in the file's package or in `mesh_folders`,
-    by default none; collision geometry and transmissions are not read. Mimic joints follow their leader, and all joints
-    that follow none are primary (independent); a mimic joint whose leader is fixed or does not exist is taken as
-    independent. Raises `FileError` for a file that cannot be read and, naming the element and its line, for wrong
-    contents. Warns (`SimplificationWarning`) of mimic joints taken as independent, of limits of zero, taken as no
-    limits, of angles that look like degrees, of links that move without mass and whose descendants have none, and of
-    meshes outside the package and these folders.
+    Parameters
+    ----------
+    path : str or Path
+        URDF file.
+    floating_base : bool, default False
+        If true, the root link floats on three slides and the hinges yaw, pitch and roll, named after it.
+    mesh_folders : sequence of str or Path, optional
+        Folders with meshes to show, besides the file's own package.
+
+    Returns
+    -------
+    Description
+        Links are named after the joints' children, with frames at the joints. All joints that follow no other are
+        primary.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read or its contents are wrong; the message names the element and its line.
+
+    Warns
+    -----
+    SimplificationWarning
+        If a mimic joint has no moving leader, limits are zero (taken as none), angles look like degrees, end links have
+        no mass, or a mesh is outside the folders.
+
+    Notes
+    -----
+    Links behind fixed joints are merged into their parents; collision geometry and transmissions are not read. Damping
+    and friction become viscous and Coulomb friction; zeros are not modelled. See :doc:`/robots`.
+
+    Examples
+    --------
+    >>> from adaptctl.description import read_urdf
+    >>> file = tmp / "rod.urdf"
+    >>> _ = file.write_text('''<robot name="arm"><link name="base"/><link name="rod"><inertial><mass value="1"/>
+    ... <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    ... <joint name="hinge" type="continuous"><parent link="base"/><child link="rod"/></joint></robot>''')
+    >>> read_urdf(file)
+    <Description 'arm': 1 links>
     """
     try:
         robot = _robot(read_text(path))
@@ -187,8 +216,7 @@ def _reached(roots: Sequence[str], edges: Sequence[_Edge]) -> set[str]:
 def _movable(
     root: str, inertias: dict[str, Array], edges: Sequence[_Edge]
 ) -> tuple[tuple[Link, ...], Array, dict[str, tuple[int, Pose]]]:
-    """Links behind joints that move, depth first; what is fixed to one is added to its inertia. Then the ten of
-    what does not move, in the root's frame, and which link carries each of the file's, and where."""
+    """Links behind joints that move, depth first; what is fixed to one is added to its inertia."""
     below: dict[str, list[_Edge]] = {}
     for edge in edges:
         below.setdefault(edge.parent, []).append(edge)
@@ -228,10 +256,7 @@ def _shown(
 
 
 def link_inertia(link: Element) -> Array:
-    """The ten inertial parameters (10,) of a URDF <link> element, `link`, about the origin of its frame; zero without
-    <inertial>. They are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first moment in kg m,
-    inertia tensor in kg m^2). Raises `ElementError`, with the line, for a missing part, a value that is not a finite
-    number, and a negative mass."""
+    """The ten inertial parameters (10,) of a URDF <link> element, `link`, about the origin of its frame."""
     with located(link):
         return _inertia_of(link, named(link))
 

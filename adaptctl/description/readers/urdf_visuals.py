@@ -25,16 +25,13 @@ SMALLEST, LARGEST = 200, 8_000_000
 
 
 def materials(robot: Element) -> dict[str, Color]:
-    """The colours of all named <material> elements of a URDF file, of root element `robot`, by name: red, green, blue
-    and opacity, from 0 to 1. Materials without a colour, or with a wrong one, are left out; nothing is raised."""
+    """The colours of all named <material> elements of a URDF file, of root element `robot`, by name."""
     colors = ((element.get("name", ""), _own_color(element)) for element in robot.iter("material"))
     return {name: color for name, color in colors if name and color is not None}
 
 
 def visuals(body: Element, meshes: Meshes, colors: Mapping[str, Color]) -> Iterator[Visual]:
-    """The shapes to draw of a URDF <link> element, `body`, each at its pose in that link's frame (m). Their link index
-    is -1 for now; the caller sets it by `Visual.on`. `meshes` finds mesh files, `colors` has the file's colours by
-    material name. Shapes that are wrong or whose mesh is not found are left out; nothing is raised."""
+    """The shapes to draw of a URDF <link> element, `body`, each at its pose in that link's frame (m)."""
     for element in body.findall("visual"):
         try:
             solid = _solid(element, meshes)
@@ -65,26 +62,14 @@ def _solid(visual: Element, meshes: Meshes) -> Solid | None:
 
 @dataclass
 class Meshes:
-    """The mesh files that the URDF file at `file` may show: those in its package, or in `folders`, by default none,
-    which the user names.
-
-    A robot's file from elsewhere could name any file of this computer, and a picture would show it. `outside`, empty at
-    first, collects the names of meshes that exist elsewhere and are not read. Nothing is checked at construction.
-    """
+    """The mesh files that the URDF file at `file` may show."""
 
     file: Path
     folders: Sequence[str | Path] = ()
     outside: list[str] = field(default_factory=list)
 
     def found(self, name: str) -> Path | None:
-        """The path of the mesh file that a URDF file calls `name`, None where there is none that may be shown.
-
-        `name` is a path relative to the URDF file's folder, or to one above it within the package, with or without
-        ``file://``, or a ``package://`` path, with its package's name or, for a package that was renamed, without. A
-        mesh is shown where its suffix is .dae, .glb, .obj or .stl, it has 200 bytes to 8 MB, and it is in the package
-        or the folders that the user names; the name of one that only fails the last is added to this object's
-        `outside`. Nothing is raised.
-        """
+        """The path of the mesh file that a URDF file calls `name`, None where there is none that may be shown."""
         scheme, _, rest = name.rpartition("://")
         path = PurePosixPath(rest)
         if scheme not in ("", "file", "package") or path.suffix.lower() not in SUFFIXES:
@@ -98,8 +83,7 @@ class Meshes:
 
     @cached_property
     def _roots(self) -> list[Path]:
-        """Folders whose meshes may be shown: the file's, the one above where it is one of a package's folders, those
-        above that are a package, and those that the user names."""
+        """Folders whose meshes may be shown."""
         folder = self.file.absolute().parent
         above = dict.fromkeys(path for file in (self.file.absolute(), self.file.resolve()) for path in file.parents)
         packages = [path for path in above if (path / "package.xml").is_file()]

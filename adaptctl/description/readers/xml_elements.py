@@ -23,14 +23,11 @@ _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 
 class ElementError(InputError):
-    """Error of a wrong element of an XML file, made of its message, a text: it says what is wrong and ends with the
-    line where the element begins, where that is known."""
+    """Error of a wrong element of an XML file, made of its message, a text."""
 
 
 class LineElement(Element):
-    """An XML element with the attribute `line`, the line of its file where it begins, from 1. It is made as
-    ElementTree's `Element` is, of a tag (text) and attributes (texts by name); then `line` is 0, for no file, until the
-    parser sets it."""
+    """An XML element with the attribute `line`, the line of its file where it begins, from 1."""
 
     line = 0
 
@@ -73,12 +70,7 @@ class _Parser:
 
 
 def parsed(text: str, tag: str, *others: str) -> Element:
-    """The root element of the XML document `text`; it must be a <`tag`> or have one of the `others` tags. Every element
-    is a `LineElement`, whose `line` is where it begins.
-
-    Raises `InputError` for text that is not well-formed, has another root or a document type, or holds more than 50 000
-    elements, more than 600 within one another, or a name of more than 256 characters or with control characters.
-    """
+    """The root element of the XML document `text`; it must be a <`tag`> or have one of the `others` tags."""
     if "\0" in text:
         raise InputError("holds NUL characters, as UTF-16 text does: save the file as UTF-8 text")
     try:
@@ -93,8 +85,7 @@ def parsed(text: str, tag: str, *others: str) -> Element:
 
 
 def line_of(element: Element) -> int:
-    """The line number, from 1, at which an `element` begins in its XML file; 0 where that is not known. Nothing is
-    raised."""
+    """The line number, from 1, at which an `element` begins in its XML file; 0 where that is not known."""
     return getattr(element, "line", 0)
 
 
@@ -125,14 +116,12 @@ def located(element: Element) -> Iterator[None]:
 
 
 def named(element: Element) -> str:
-    """The name of an `element` for messages: its tag and its attribute `name`, as in ``joint 'hinge'``, or its tag
-    alone where it has none, as in ``<option>``. Nothing is raised."""
+    """The name of an `element` for messages."""
     return f"{element.tag} {element.attrib['name']!r}" if "name" in element.attrib else f"<{element.tag}>"
 
 
 def attribute(element: Element, name: str, where: str) -> str:
-    """The text of the attribute `name` of an `element`. Raises `ElementError`, with the element's line, where it is
-    missing or empty; `where` begins the message."""
+    """The text of the attribute `name` of an `element`."""
     value = element.get(name)
     if not value:
         refuse(element, f"{where}: <{element.tag}> needs the attribute {name}")
@@ -140,9 +129,7 @@ def attribute(element: Element, name: str, where: str) -> str:
 
 
 def number(element: Element, name: str, where: str, largest: float = LARGEST) -> float:
-    """The finite number in the attribute `name` of an `element`, in the unit of the file. Raises `ElementError`, with
-    the element's line, where it is missing, not one finite number, or above `largest` in size, 1e30 by default; `where`
-    begins the message."""
+    """The finite number in the attribute `name` of an `element`, in the unit of the file."""
     return numbers(element, name, 1, where, largest)[0]
 
 
@@ -166,8 +153,7 @@ def numbers(element: Element, name: str, count: int | range, where: str, largest
 
 
 def required(element: Element, tag: str, where: str) -> Element:
-    """The one child of an `element` that has the given `tag`. Raises `ElementError`, with a line, where there is none,
-    or more than one; `where` begins the message."""
+    """The one child of an `element` that has the given `tag`."""
     found = only(element, tag, where)
     if found is None:
         refuse(element, f"{where}: <{element.tag}> needs an element <{tag}>")
@@ -175,8 +161,7 @@ def required(element: Element, tag: str, where: str) -> Element:
 
 
 def only(element: Element, tag: str, where: str) -> Element | None:
-    """The one child of an `element` that has the given `tag`, None where there is none. Raises `ElementError`, with a
-    line, where there is more than one; `where` begins the message."""
+    """The one child of an `element` that has the given `tag`, None where there is none."""
     found = element.findall(tag)
     if len(found) > 1:
         refuse(found[1], f"{where}: <{element.tag}> has {len(found)} elements <{tag}>, expected one")

@@ -25,15 +25,7 @@ FAR = 1e10
 
 
 def to_mujoco(description: Description) -> mujoco.MjModel:
-    """The MuJoCo model of the mechanism of a `description`, which has no loops: a body at each joint, a torque motor
-    for each joint, limited to the joint's effort limit, and a time step of 1 ms. Bodies have no shapes and so no
-    collisions. A joint with a single position limit has the other at 1e10 rad (m if prismatic), which `from_mujoco`
-    reads as none.
-
-    Rotor inertia, viscous and Coulomb friction become MuJoCo's armature, damping and frictionloss. Raises `InputError`
-    for loops, motor shafts that turn with several joints, other friction terms, inertias that no rigid body has, and
-    whatever else MuJoCo refuses; `ImportError` where the package mujoco is not installed.
-    """
+    """The MuJoCo model of the mechanism of a `description`, which has no loops."""
     import mujoco
 
     _validate_plain_joints(description)
@@ -139,12 +131,7 @@ def _body_of(arm: MujocoArm, i: int, link: Link) -> tuple[float, Array, Array, A
 
 
 def principal_axes(ten: Array, name: str) -> tuple[float, Array, Array, Array]:
-    """The mass, centre of mass, principal axes and principal moments of inertia of a rigid body, a tuple: the mass
-    (kg), the centre (3,), m, the axes' attitude as a quaternion w, x, y, z (4,), and the moments about the centre (3,),
-    kg m^2, in ascending order, negative ones made 0. `ten` (10,) has its inertial parameters in the order m, mc_x,
-    mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2). For ten zeros all are zero, and the quaternion is
-    (1, 0, 0, 0). Raises `InputError` for other inertias without a positive mass; `name` is the link's, in the message.
-    """
+    """The mass, centre of mass, principal axes and principal moments of inertia of a rigid body, a tuple."""
     mass = float(ten[0])
     if mass == 0.0 and not np.any(ten):
         return 0.0, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)

@@ -46,15 +46,7 @@ def write_robot(path: str | Path, original: str | Path, after: Description, root
 
 
 def write_urdf(path: str | Path, original: str | Path, before: Description, after: Description) -> None:
-    """Write to `path` a copy of the URDF file `original` with the links' inertias of the description `after`; all else
-    stays, byte for byte. `before` is the description read from `original`.
-
-    A moving link's inertia includes that of all links fixed to it. These keep theirs, and it gets the rest, as long as
-    a rigid body can have the rest; where none can, it gets all, and they lose theirs. Raises `FileError` for a file
-    that cannot be read or written or is not UTF-8, and for a first moment or an inertia without mass, which URDF cannot
-    hold; `KeyError` for a link that the file does not have, `ValueError` for descriptions with different numbers of
-    links.
-    """
+    """Write to `path` a copy of the URDF file `original` with the links' inertias of the description `after`."""
     data = read_bytes(original)
     text = decoded(original, data)
     try:
@@ -77,10 +69,7 @@ def write_urdf(path: str | Path, original: str | Path, before: Description, afte
 
 
 def with_inertials(data: bytes, inertias: Mapping[str, Array | None]) -> bytes:
-    """A copy of the bytes `data` of a URDF file with the <inertial> elements of some links replaced; all else stays,
-    byte for byte. `inertias` has, by link name, the ten inertial parameters (10,) m, mc_x, mc_y, mc_z, I_xx, I_xy,
-    I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin), or None to take the element out. Raises
-    `KeyError` for a link that the file does not have."""
+    """A copy of the bytes `data` of a URDF file with the <inertial> elements of some links replaced."""
     spans = _Finder.spans_of(data, "link", nested=False)
     edits = []
     for name, ten in inertias.items():
@@ -110,8 +99,7 @@ def _all_below(fixed: Mapping[str, list[str]], name: str) -> list[str]:
 def _write_mjcf(
     path: str | Path, original: str | Path, before: Description, after: Description, root: str | None
 ) -> None:
-    """The same for MJCF. The body at a link's joint gets the whole change of its inertia, bodies fixed to it keep
-    theirs; it gets an <inertial> where it had geoms only, which MuJoCo prefers to them."""
+    """The same for MJCF."""
     data = read_bytes(original)
     try:
         bodies, spans = mjcf_bodies(original, root), _Finder.spans_of(data, "body", nested=True)
@@ -149,8 +137,7 @@ class _Span:
 
 @dataclass
 class _Finder:
-    """Parser target that finds the spans of a file's elements of one tag: nested, by their number, or right below the
-    root, by their name."""
+    """Parser target that finds the spans of a file's elements of one tag."""
 
     data: bytes
     tag: str

@@ -122,10 +122,7 @@ def _closed(
 
 
 def _nearby(name: str, every: Closing, links: Sequence[Segment], q: Array) -> Array:
-    """A closed configuration a little way along a generic motion; q itself where the constraints allow none.
-
-    Raises `LoopError` where they allow one only to first order: the loops close in this one configuration.
-    """
+    """A closed configuration a little way along a generic motion; q itself where the constraints allow none."""
     jacobian = _jacobian(every, links, q)
     free = np.eye(len(q)) - np.linalg.pinv(jacobian, rcond=_RANK) @ jacobian
     way = free @ np.random.default_rng(0).normal(size=len(q))
@@ -200,8 +197,7 @@ def _validate_regular(description: Description, every: Closing, links: Sequence[
 
 
 def _dependent_rank(block: Array) -> int:
-    """The rank of the dependent joints' columns, each of length 1. Where a loop stretches out, closing it to 1e-13
-    leaves the joints 3e-7 from there, so what is that small counts as nothing."""
+    """The rank of the dependent joints' columns, each of length 1."""
     values = np.linalg.svd(block / np.maximum(np.linalg.norm(block, axis=0), 1e-300), compute_uv=False)
     return int((values > _REGULAR).sum())
 

@@ -16,13 +16,7 @@ _AXES = Mat.of(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
 @dataclass(frozen=True)
 class ClosureSide:
-    """One side of a loop closure: the chain of links from a common link (or the ground) to the closing frame, which the
-    closure makes coincide with that of the other side.
-
-    `links` are the chain's zero-based link indices outward, without the common link, empty where the closing frame is
-    on that. `rotation` (3, 3), whose columns are the closing frame's axes, and `origin` (3,), m, give that frame's pose
-    in the chain's last link, in the common one where the chain is empty. Nothing is checked.
-    """
+    """One side of a loop closure."""
 
     links: tuple[int, ...]
     rotation: Mat
@@ -31,9 +25,7 @@ class ClosureSide:
 
 @dataclass(frozen=True)
 class Loop:
-    """A closed kinematic loop of a tree of links: a closure between two sides, `first` and `second`, that part at a
-    common link or the ground. `kind` says what coincides of their closing frames: the origins (POINT), origins and z
-    axes (AXIS) or whole poses (WELD). Nothing is checked."""
+    """A closed kinematic loop of a tree of links."""
 
     first: ClosureSide
     second: ClosureSide
@@ -79,14 +71,7 @@ def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSi
 
 
 class Constraint:
-    """A loop closure at one configuration: its residual, and how that changes with the loop's joints. Made of `places`,
-    the links' `Placement` objects in their parents by link index, and `loop`, the `Loop` that the closure closes.
-
-    It has 3 scalar conditions (of kind POINT: the sides' closing frames have the same origin), 5 (AXIS: the same z
-    axis, too) or 6 (WELD: the same pose), those of position, in m, before those of direction, in rad. They are in the
-    axes of the first side's closing frame, so that they do not change when the loop turns as a whole. A missing
-    placement raises `IndexError`.
-    """
+    """A loop closure at one configuration: its residual, and how that changes with the loop's joints."""
 
     def __init__(self, places: Sequence[Placement], loop: Loop) -> None:
         self.kind = loop.kind
@@ -112,10 +97,7 @@ class Constraint:
         return [*gap, *attitude]
 
     def rates(self) -> dict[int, list[Scalar]]:
-        """Derivatives of the closure residual with respect to the loop's joint positions, at a closed configuration:
-        columns of the closure Jacobian by joint index. Each is a list of 3 (frames with the same origin, POINT), 5
-        (with the same z axis, too, AXIS) or 6 (with the same pose, WELD) scalars, m or rad per rad (or per m of a
-        prismatic joint), in the order and the axes of the method `residual`."""
+        """Derivatives of the closure residual with respect to the loop's joint positions, at a closed configuration."""
         outward = {h.link: self._seen_rows(*self._unit(h)) for h in self.second.hinges}
         inward = {h.link: [-x for x in self._seen_rows(*self._unit(h))] for h in self.first.hinges}
         return outward | inward
@@ -181,12 +163,7 @@ def _carried(reached: Reach, u: Column, w: Column) -> Carried:
 
 @dataclass(frozen=True)
 class Follower:
-    """A joint that follows another through gears or a mimic joint: q[follower] = ratio * q[leader] + offset, in rad (m
-    if prismatic).
-
-    `follower` and `leader` are zero-based joint indices in the tree, `ratio` is without unit (or in m/rad, rad/m),
-    `offset` in the follower's unit. Nothing is checked.
-    """
+    """A joint that follows another through gears or a mimic joint: q[follower] = ratio * q[leader] + offset, in."""
 
     follower: int
     leader: int
@@ -207,14 +184,7 @@ class Follower:
 
 @dataclass(frozen=True)
 class Closing:
-    """Loop closure conditions of a tree of n joints: its loops and couplings, and which joints depend on which.
-
-    `loops` and `followers` (couplings) give scalar conditions, in this order: 3 for a loop whose two closing frames
-    have one origin (POINT), 5 where they have one z axis, too (AXIS), 6 where they have one pose (WELD), and 1 for a
-    coupling. `rows` are the zero-based indices, in ascending order, of those that are used, the independent ones.
-    `primary` (r,) are the indices of the joints whose positions are given, `dependent` (n - r,) those of the others,
-    which the conditions determine. Nothing is checked.
-    """
+    """Loop closure conditions of a tree of n joints: its loops and couplings, and which joints depend on which."""
 
     loops: tuple[Loop, ...]
     followers: tuple[Follower, ...]
@@ -224,8 +194,7 @@ class Closing:
 
     @property
     def looped(self) -> tuple[bool, ...]:
-        """Flags of the r primary (independent) joints, in their order: True for one that moves a loop, being part of it
-        or leading a joint that is; False for one whose motion moves no loop."""
+        """Flags of the primary joints: True for one that moves a loop, being part of it or leading a joint that is."""
         links = {link for loop in self.loops for side in (loop.first, loop.second) for link in side.links}
         links |= {c.leader for c in self.followers if c.follower in links}
         return tuple(joint in links for joint in self.primary)
@@ -266,9 +235,7 @@ class Closing:
 
 
 def common_ancestor(parents: Sequence[int], first: int, second: int) -> int:
-    """Index of the last link that is on both branches from the ground to two links, or -1 for the ground. `parents` has
-    each link's parent index, -1 for the ground; `first` and `second` are the two links' zero-based indices, -1 for the
-    ground. Arguments are not checked: an index beyond the links raises `IndexError`."""
+    """Index of the last link that is on both branches from the ground to two links, or -1 for the ground."""
     above = {GROUND, *ancestry(parents, first)}
     while second not in above:
         second = parents[second]
@@ -276,9 +243,7 @@ def common_ancestor(parents: Sequence[int], first: int, second: int) -> int:
 
 
 def ancestry(parents: Sequence[int], link: int) -> list[int]:
-    """Zero-based indices of the links on the branch from the ground to a `link`, that one included and last; empty for
-    the ground, -1. `parents` has each link's parent index, -1 for the ground. Arguments are not checked: an index
-    beyond the links raises `IndexError`."""
+    """Zero-based indices of the links on the branch from the ground to a `link`, that one included and last."""
     chain: list[int] = []
     while link != GROUND:
         chain.append(link)

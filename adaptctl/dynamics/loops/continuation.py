@@ -33,13 +33,7 @@ NEAREST = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """The assembly branch of a mechanism's reference configuration: the closed configurations that can be reached from
-    it without passing a singularity of the loops, at which the primary joints no longer determine the others. It is
-    followed by Newton steps; closed forms could pass to another branch unnoticed.
-
-    `equations` are the mechanism's `LoopEquations`, closed by Newton steps; `reference` (n,) is a closed configuration
-    of the spanning tree's n joints, rad (m if prismatic). Nothing is checked.
-    """
+    """The assembly branch of a mechanism's reference configuration."""
 
     equations: LoopEquations
     reference: Array
@@ -51,16 +45,7 @@ class Continuation:
         return list(self.equations.closing.primary)
 
     def follow(self, p: Array, start: Array | None = None) -> Array:
-        """Closed configurations (..., n) of the spanning tree's n joints, rad (m if prismatic), at positions `p` (...,
-        r) of the r primary (independent) joints, rad (m). They are reached from the closed configurations `start` (...,
-        n), or one `start` (n,) for all samples, along straight lines in p, in steps of at most 0.05 rad (m); None
-        starts at the reference configuration.
-
-        Raises `SingularityError` where the way comes near a singularity of the loops, the smallest singular value of
-        the closure Jacobian with respect to the dependent joints being below 0.05 of that at the reference
-        configuration, or where the loops cannot be closed, and `InputError` where `start` does not broadcast to the
-        samples of p. Other shapes are not checked.
-        """
+        """Closed configurations (..., n) of the tree's joints, at positions `p` (..., r) of the primary joints."""
         samples = p.shape[:-1]
         if start is not None and same_samples(p=p, start=start) != samples:
             raise InputError(f"start: expected one configuration or one for each of {samples}, got {start.shape[:-1]}")
@@ -78,11 +63,7 @@ class Continuation:
         return q.reshape(*samples, q.shape[-1])
 
     def follow_alone(self, p: object) -> Array | None:
-        """The closed configuration (n,) of the spanning tree's n joints, rad (m if prismatic), at positions `p` (r,) of
-        the r primary (independent) joints: what the method `follow` returns from the reference configuration for one
-        sample, by native code alone. None where `follow` has to decide: for anything but a float64 array (r,) of finite
-        numbers, for more than 10,000 steps, where the test `surely_regular` fails at a step, and as long as native code
-        is not worth making (until calls/50 + steps/5,000, counted by `follow`, is 1). Raises nothing."""
+        """The closed configuration (n,) of the tree's joints, at positions `p` (r,) of the primary joints."""
         if not self._ways.ready or type(p) is not np.ndarray or p.shape != self._start.shape or p.dtype != np.float64:
             return None
         start: list[float] = self._start.tolist()
@@ -93,10 +74,7 @@ class Continuation:
         return self._ways.followed_alone(self.reference, start, way, max(math.ceil(steps), 1))
 
     def reachable(self, p: Array) -> NDArray[np.bool_]:
-        """Boolean mask (N,) of N positions `p` (N, r) of the r primary (independent) joints, rad (m if prismatic): True
-        for those that `follow` reaches from the reference configuration along a straight line in p. On that line the
-        closure Jacobian's smallest singular value, with respect to the dependent joints, must be at least 0.05 of that
-        at the reference configuration. Positions out of reach raise no error; shapes are not checked."""
+        """Boolean mask (N,) of N positions `p` (N, r) of the primary joints."""
         return self.progress(p) >= 1.0
 
     def progress(self, p: Array, least: float = NEAREST) -> Array:
@@ -130,16 +108,7 @@ class Continuation:
         return np.where((sign == side) & (gap < LOST), smallest / reference, 0.0)
 
     def surely_regular(self, q: Column, lost: float = LOST) -> Scalar:
-        """Indicator of a regular configuration `q` (n,) of the spanning tree's n joints, rad (m if prismatic), a scalar
-        of the kind of q: 1.0 where the loops are closed and their regularity is proved to be at least 0.05, else 0.0.
-        The regularity is the smallest singular value of the closure Jacobian A (d, d) with respect to the d dependent
-        joints over that at the reference configuration.
-
-        Loops count as closed where no entry of the closure residual reaches `lost`, m or rad: 1e-9 by default, more is
-        needed in single precision. The singular value is judged by a lower bound on it, 1/|A^-1| with Frobenius' norm.
-        The bound is at least 1/sqrt(d) of the value, so that 0.0 may be given to a regularity up to 0.05 sqrt(d).
-        Beyond a singularity of the loops the result is 0.0. An exactly singular A raises `ZeroDivisionError` in floats.
-        """
+        """Indicator of a regular configuration `q` (n,) of the tree's joints, a scalar of the kind of q."""
         block = self.equations.dependent_block(q)
         factor, units = factored(block), range(len(block))
         inverse = [factor.solve(Column(float(i == j) for j in units)) for i in units]
@@ -153,11 +122,7 @@ class Continuation:
         return where(gap < lost, regular, 0.0)
 
     def is_regular(self, q: Array) -> NDArray[np.bool_]:
-        """Mask (...) of configurations `q` (..., n) of the spanning tree's n joints, rad (m if prismatic): True where
-        the loops' `regularity` is at least 0.05. It is the relative smallest singular value of the closure Jacobian
-        with respect to the dependent joints, 1 at the reference configuration and 0 at a singularity or where loops are
-        open. It is computed only where the test `surely_regular`, which takes a hundredth of the time, does not show
-        that. Raises `InputError` for another number of joints."""
+        """Mask (...) of configurations `q` (..., n) of the tree's joints."""
         if q.ndim == 1:
             return np.asarray(self._native_sure(q) > 0.0 or bool(self.regularity(q) >= NEAREST))
         regular = self._native_sure.map(q.reshape(-1, q.shape[-1])).reshape(q.shape[:-1]) > 0.0
@@ -183,15 +148,13 @@ class Continuation:
             )
 
     def _steps(self, way: Array) -> NDArray[np.int64]:
-        """Number of steps that ways (m, r) need, 1 where they are not finite. A joint that moves no closure needs
-        none, and couplings are linear."""
+        """Number of steps that ways (m, r) need, 1 where they are not finite."""
         longest = np.abs(way[:, self._looped]).max(axis=1, initial=0.0)
         finite = np.where(np.isfinite(longest), longest, 0.0)
         return np.maximum(np.ceil(finite / LARGEST_STEP).astype(np.int64), 1)
 
     def _closed(self, p: Array, q: Array, halvings: int = HALVINGS) -> Array:
-        """The closed configurations (m, n) at p (m, r), from closed ones nearby; by way of the middle where Newton's
-        steps leave the loops open."""
+        """The closed configurations (m, n) at p (m, r), from closed ones nearby."""
         found = self._mapped(self._native_closed, p, q)[0]
         left = np.flatnonzero(~(self._gap(found) < OPEN))
         if halvings and len(left):
@@ -317,8 +280,7 @@ class BatchContinuation:
 
     @property
     def ready(self) -> bool:
-        """True if native code is worth making by now: if the number of calls over 50 plus that of steps over 5,000,
-        which the method `pays` has counted, is at least 1."""
+        """True if native code is worth making by now."""
         return self.work >= 1.0
 
     def pays(self, steps: NDArray[np.int64]) -> bool:

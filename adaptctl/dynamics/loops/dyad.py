@@ -19,39 +19,30 @@ PARALLEL = 1e-12
 
 
 class Flat(NamedTuple):
-    """A vector (2,) in the plane of a planar loop, in m: its components `x` and `y` are scalars of any kind (floats,
-    arrays, symbolic ones). Nothing is checked."""
+    """A vector (2,) in the plane of a planar loop, in m."""
 
     x: Any
     y: Any
 
     def minus(self, other: Flat) -> Flat:
-        """The difference of this vector less the `other`, both in the same plane and unit. Nothing is checked."""
+        """The difference of this vector less the `other`, both in the same plane and unit."""
         return Flat(self.x - other.x, self.y - other.y)
 
     def turned(self, cosine: Any, sine: Any) -> Flat:
-        """This vector turned to the left (from x to y) by the angle of the given `cosine` and `sine`; where both are
-        multiplied by a factor, so is its length. Nothing is checked."""
+        """This vector turned to the left (from x to y) by the angle of the given `cosine` and `sine`."""
         return Flat(cosine * self.x - sine * self.y, cosine * self.y + sine * self.x)
 
     def dot(self, other: Flat) -> Any:
-        """The inner product of this vector and the `other` in the plane, m^2: the product of their lengths times the
-        cosine of the angle between them. Nothing is checked."""
+        """The inner product of this vector and the `other` in the plane, m^2."""
         return self.x * other.x + self.y * other.y
 
     def cross(self, other: Flat) -> Any:
-        """The cross product of this vector and the `other` in the plane, m^2, a scalar: the product of their lengths
-        times the sine of the angle from this one to the other, positive to the left. Nothing is checked."""
+        """The cross product of this vector and the `other` in the plane, m^2, a scalar."""
         return self.x * other.y - self.y * other.x
 
 
 class Links(NamedTuple):
-    """Geometry of a dyad (two links joined by a middle pivot, between two outer pivots) in its plane, vectors in m.
-
-    `pivot` and `other_pivot` are the outer pivots; `over` leads from the first pivot over the first link to the middle
-    pivot; `other_over` leads over the second link: from `other_pivot` to the middle pivot if the loop is cut there,
-    else from the middle pivot to the second link's outer end. Made by `Links.of`; nothing is checked.
-    """
+    """Geometry of a dyad (two links joined by a middle pivot, between two outer pivots) in its plane, vectors in m."""
 
     pivot: Flat
     over: Flat
@@ -177,8 +168,7 @@ def _rule(item: Loop | Follower, known: set[int], places: Mapping[int, Placement
 def _dyad(
     sides: tuple[ClosureSide, ClosureSide], joints: tuple[int, int], places: Mapping[int, Placement]
 ) -> Dyad | None:
-    """The dyad of two joints, placed; None where they or joints that turn before them are not parallel, or what slides
-    leaves their plane."""
+    """The dyad of two joints, placed."""
     reached = reach(places, sides[0]), reach(places, sides[1])
     hinges = {hinge.link: hinge for one in reached for hinge in one.hinges}
     axes = {link: np.array([*hinge.axis], dtype=np.float64) for link, hinge in hinges.items()}

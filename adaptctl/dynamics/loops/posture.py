@@ -11,8 +11,7 @@ from adaptctl.scalars import Column, Scalar
 
 
 class System(Protocol):
-    """Protocol of a linear system A x = b whose matrix A (m, n), m >= n, is ready to be solved for any right side b: an
-    implementation gives `solve`."""
+    """Protocol of a linear system A x = b whose matrix A (m, n), m >= n, is ready to be solved for any right side b."""
 
     def solve(self, right: Column) -> Column:
         """The solution x (n,) of A x = b, A (m, n) having m rows and n columns, for a right side b (m,), `right`, in
@@ -31,9 +30,7 @@ def factored(columns: Sequence[Column]) -> System:
 
 
 class TwoByTwo:
-    """A linear system A x = b of a matrix A (2, 2), solved by Cramer's rule with one division. Made of the two
-    `columns` (2,) of A. A matrix of determinant zero raises `ZeroDivisionError` in floats and gives infinity or NaN in
-    arrays; another number of columns or entries raises `ValueError`."""
+    """A linear system A x = b of a matrix A (2, 2), solved by Cramer's rule with one division."""
 
     def __init__(self, columns: Sequence[Column]) -> None:
         (a, c), (b, d) = columns
@@ -41,8 +38,7 @@ class TwoByTwo:
         self.rows = Column((inverse * d, -(inverse * b))), Column((-(inverse * c), inverse * a))
 
     def solve(self, right: Column) -> Column:
-        """The solution x (2,) of A x = b for a right side b (2,), `right`, in the unit of b over that of A. Raises
-        `ValueError` for a b of another length."""
+        """The solution x (2,) of A x = b for a right side b (2,), `right`, in the unit of b over that of A."""
         return Column(row @ right for row in self.rows)
 
 
@@ -95,9 +91,7 @@ class Following:
         self.closing, self.slopes = closing, slopes
 
     def tree(self, v: Column) -> Column:
-        """Velocities J v (n,) of the spanning tree's n joints, rad/s (m/s if prismatic), from those of the r primary
-        (independent) ones, v (r,); J (n, r) is the Jacobian of the joints' positions with respect to the primary ones.
-        Raises `ValueError` for v of a wrong length."""
+        """Velocities J v (n,) of the tree's joints, from those of the r primary ones, v (r,)."""
         follow = v[0] * self.slopes[0]
         for rate, slope in zip(v.of[1:], self.slopes[1:], strict=True):
             follow = follow + rate * slope
@@ -136,13 +130,6 @@ class Posture(Following):
         super().__init__(closing, [self.factor.solve(-columns[i]) for i in closing.primary])
 
     def bias(self, u: Column, w: Column) -> Column:
-        """The velocity terms J_dot v_r (n,) of the accelerations of the spanning tree's n joints, rad/s^2 (m/s^2 if
-        prismatic), zero for the r primary (independent) ones.
-
-        Let these have velocities v and, in a reference motion, velocities v_r and accelerations a_r; then all n have
-        velocities `u` = J v, `w` = J v_r (n,), rad/s (m/s), and accelerations J a_r + J_dot v_r, J (n, r) being their
-        Jacobian with respect to the primary ones and J_dot its rate under u. The result is symmetric in u and w, which
-        keep the loops closed. Arguments are not checked: too short a u or w raises `IndexError`.
-        """
+        """The velocity terms J_dot v_r (n,) of the accelerations of the tree's joints, zero for the r primary ones."""
         follow = -self.factor.solve(self.closing.bias(self.places, u, w))
         return self.joined(Column.zeros(len(self.closing.primary)), follow)

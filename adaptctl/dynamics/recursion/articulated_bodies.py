@@ -1,9 +1,4 @@
-"""Forward dynamics by articulated bodies (Featherstone 1983; 2008, chapter 7): in time linear in the number of links.
-
-A link's articulated inertia is its inertia as its parent has to move it, the joints beyond free: symmetric, 6 by 6,
-about the link's origin, in blocks. Loads and accelerations are differences from the motion with all joints
-unaccelerated.
-"""
+"""Forward dynamics by articulated bodies (Featherstone 1983; 2008, chapter 7)."""
 
 from __future__ import annotations
 
@@ -43,10 +38,7 @@ class ArticulatedBody(NamedTuple):
         return Wrench(self.coupling.T @ alpha + self.mass @ acc, self.inertia @ alpha + self.coupling @ acc)
 
     def without(self, load: Wrench, inverse: Scalar) -> ArticulatedBody:
-        """Articulated-body inertia that remains when the link's joint, too, is free: I - U U'/D, I (6, 6) being this
-        one, U' the transpose of U (Featherstone 2008, chapter 7). `load` is U, the wrench of a unit acceleration of the
-        joint, N and N m per rad/s^2 (or m/s^2); `inverse` is 1/D, D being the joint's inertia, kg m^2 (kg if
-        prismatic). Nothing is checked."""
+        """Articulated-body inertia that remains when the link's joint, too, is free."""
         moment, force = inverse * load.moment, inverse * load.force
         return ArticulatedBody(
             _symmetric(self.inertia - _outer(moment, load.moment)),

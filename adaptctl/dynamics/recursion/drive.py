@@ -14,12 +14,7 @@ STRIBECK_SPEED = 0.1
 
 
 def friction(kind: DriveParameter, s: Scalar, stribeck_speed: float = STRIBECK_SPEED) -> Scalar:
-    """Friction torque, N m (N if prismatic), of one kind and per unit of its parameter at a speed s, rad/s (m/s). This
-    is the one model of friction: of drives, whose parameters it is linear in, and of the effect `Friction`.
-
-    With |s| = sqrt(s^2 + 0.01^2), which smooths the sign, it is s for viscous friction, s/|s| for Coulomb's, s/sqrt|s|
-    for the square root, s/|s| / (1 + (s/s_s)^2) for Stribeck's, s_s being `stribeck_speed`, and 1 for a constant offset
-    (Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2). Nothing is checked."""
+    """Friction torque, N m (N if prismatic), of one kind and per unit of its parameter at a speed s, rad/s (m/s)."""
     match kind:
         case DriveParameter.VISCOUS:
             return s
@@ -57,16 +52,12 @@ class DriveTerm(NamedTuple):
         return self.arms[0][0]
 
     def speed(self, v: Column) -> Scalar:
-        """Speed of the drive's shaft, rad/s (m/s if prismatic), at velocities v (n,) of the spanning tree's n joints;
-        for accelerations (n,) in place of v its acceleration, rad/s^2 (m/s^2). Arguments are not checked: too short a v
-        raises `IndexError`."""
+        """Speed of the drive's shaft, at velocities v (n,) of the tree's joints."""
         (own, _), *others = self.arms
         return sum((ratio * v[joint] for joint, ratio in others), v[own])
 
     def energy(self, v: Column) -> Scalar:
-        """Kinetic energy in J per unit of the term's parameter at velocities `v` (n,) of the spanning tree's n joints,
-        rad/s (m/s if prismatic): s^2/2 for a rotor's inertia, s being the shaft's speed; 0 for friction. Arguments are
-        not checked: too short a v raises `IndexError`."""
+        """Kinetic energy in J per unit of the term's parameter at velocities `v` (n,) of the tree's joints."""
         s = self.speed(v)
         return 0.0 if self.kind.is_friction else 0.5 * s * s
 
@@ -81,10 +72,7 @@ class DriveTerm(NamedTuple):
         return friction(self.kind, self.speed(v)) if self.kind.is_friction else self.speed(a)
 
     def damping(self, v: Column) -> Scalar:
-        """Secant of the term's friction curve per unit of its parameter: friction torque about the drive's shaft over
-        the shaft's speed, N m s/rad (N s/m if prismatic), 0 for a rotor's inertia and for a constant offset. It is at
-        velocities `v` (n,) of the spanning tree's n joints, rad/s (m/s). Arguments are not checked: too short a v
-        raises `IndexError` where it is read."""
+        """Secant of the term's friction curve per unit of its parameter."""
         match self.kind:
             case DriveParameter.VISCOUS:
                 return 1.0

@@ -13,9 +13,7 @@ from adaptctl.scalars import ZERO, Column, Dual, Scalar, Vec, cross, dot
 
 
 class Weight:
-    """Gravity's acceleration and potential at one link: `gravity` (3,), the gravitational acceleration in the link's
-    axes, m/s^2, and `potential`, the potential energy per mass at the link's origin, J/kg, 0 at the ground frame's
-    origin. Nothing is checked."""
+    """Gravity's acceleration and potential at one link."""
 
     __slots__ = ("gravity", "potential")
 
@@ -44,14 +42,7 @@ def carried_weight(place: Placement, base: Weight) -> Weight:
 
 
 def link_energy(twist: Twist, weight: Weight) -> Column:
-    """Energy regressor (10,) of one link: kinetic plus potential energy, in J per unit of each of its ten inertial
-    parameters m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
-    origin).
-
-    It is [v.v/2 - g.x, v x w - g, w_x^2/2, w_x w_y, w_y^2/2, w_x w_z, w_y w_z, w_z^2/2] (Sheu and Walker 1991, section
-    2.2). `twist` has the link's angular velocity w, rad/s, and its origin's velocity v, m/s; `weight` the gravitational
-    acceleration g, m/s^2, and the potential -g.x at the origin x, J/kg; all in the link's axes. Nothing is checked.
-    """
+    """Energy regressor (10,) of one link: kinetic plus potential energy, in J of its ten inertial parameters."""
     w, v = twist.w, twist.v
     moment = cross(v, w) - weight.gravity
     mass = 0.5 * dot(v, v) + weight.potential
@@ -60,53 +51,25 @@ def link_energy(twist: Twist, weight: Weight) -> Column:
 
 
 def energy_regressor(links: Sequence[Segment], q: Column, v: Column, gravity: Vec) -> Column:
-    """Energy regressor E (10 n,) of a tree of n links, one joint each, J per unit of each link's ten inertial
-    parameters; its inner product with them is kinetic plus potential energy, the latter 0 at the ground frame's origin.
-
-    The ten are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
-    origin). `links` has the links' geometry; `q` and `v` (n,) are joint positions and velocities, rad and rad/s (m and
-    m/s if prismatic); `gravity` (3,) is the gravitational acceleration in the ground frame, m/s^2. Arguments are not
-    checked: too short a q or v raises `IndexError`.
-    """
+    """Energy regressor E (10 n,) of a tree of n links, J link's ten inertial parameters."""
     return placed_energy_regressor(placements(tuple(links), q), v, gravity)
 
 
 def placed_energy_regressor(places: Sequence[Placement], v: Column, gravity: Vec) -> Column:
-    """Energy regressor (10 n,) of a tree of n links, one joint each, from the links' placements, J per unit of each
-    link's ten inertial parameters; its inner product with them is kinetic plus potential energy, the latter 0 at the
-    ground frame's origin.
-
-    The ten are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
-    origin). `places` has the links' placements in their parents, parents before children; `v` (n,) are the joint
-    velocities, rad/s (m/s if prismatic); `gravity` (3,) is the gravitational acceleration in the ground frame, m/s^2.
-    Arguments are not checked: too short a v raises `IndexError`.
-    """
+    """Energy regressor (10 n,) of a tree of n links, from the links' placements, J link's ten inertial parameters."""
     pairs = zip(twists(places, v), weights(places, gravity), strict=True)
     return Column(entry for twist, weight in pairs for entry in link_energy(twist, weight))
 
 
 def potential_regressor(links: Sequence[Segment], q: Column, gravity: Vec) -> Column:
-    """Potential part (10 n,) of the energy regressor of a tree of n links, one joint each: potential energy, 0 at the
-    ground frame's origin, in J per unit of each link's ten inertial parameters.
-
-    The ten are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
-    origin). `links` has the links' geometry, `q` (n,) the joint positions, rad (m if prismatic); `gravity` (3,) is the
-    gravitational acceleration in the ground frame, m/s^2. Arguments are not checked: too short a q raises `IndexError`.
-    """
+    """Potential part (10 n,) of the energy regressor of a tree of n links."""
     places = placements(tuple(links), q)
     still = Twist(ZERO, ZERO)
     return Column(entry for weight in weights(places, gravity) for entry in link_energy(still, weight))
 
 
 class MomentumTerms(NamedTuple):
-    """Regressors of the equations of motion in momenta, which need no accelerations: tau = d/dt (momentum D) - forces
-    D. Here tau (r,) are the torques of r primary (independent) joints, N m (N if prismatic), and D (k,) k of their
-    inertial and friction parameters.
-
-    Both have r rows, a `Column` (k,) for each joint: `momentum` D is the generalised momentum M v, N m s (N s), and
-    `forces` D the generalised forces C' v - g - friction, N m (N), with the mass matrix M, the transpose C' of the
-    Christoffel (Coriolis) matrix, gravity's torque g and the joints' velocities v. Nothing is checked.
-    """
+    """Regressors of the equations of motion in momenta, which need no accelerations."""
 
     momentum: list[Column]
     forces: list[Column]

@@ -1,9 +1,4 @@
-"""Axes in which the recursions hold a link's vectors: the link's own, or such as its joint does not turn.
-
-A vector may be held in any axes, also in such as do not turn with its link. Where every joint on a link is parallel to
-the link's own (or none is on it), axes before the joint's turn cost less: motions and wrenches pass this joint without
-being turned, the next joint turns them by the sum of both angles, and of the link only the parameters are turned.
-"""
+"""Axes in which the recursions hold a link's vectors: the link's own, or such as its joint does not turn."""
 
 from __future__ import annotations
 
@@ -16,14 +11,7 @@ from adaptctl.scalars import Column, Mat, Scalar, Vec, cos, sin
 
 
 class FrameChoice(NamedTuple):
-    """Choice of the axes in which the vectors of a tree's n links are held, made by `FrameChoice.of`. Nothing is
-    checked.
-
-    `links` has the links' geometry, parents before children. `senses` (n,) is 1.0 for a link whose joint is parallel to
-    its parent's joint, -1.0 where it is antiparallel, else 0.0. `unturned` (n,) is True for a link whose vectors are
-    held in axes that its joint does not turn: those that the link has with this joint at zero, and with the parallel
-    ones before it that do not turn theirs either; False for a link whose vectors are held in its own axes.
-    """
+    """Choice of the axes in which the vectors of a tree's n links are held, made by `FrameChoice.of`."""
 
     links: tuple[Segment, ...]
     senses: tuple[float, ...]

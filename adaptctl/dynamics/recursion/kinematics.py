@@ -17,8 +17,7 @@ _WORLD_AXES = Mat.of(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
 
 class Frame:
-    """Pose of a link's frame in the world: `rotation` (3, 3) turns coordinates in the link's axes into the world's, and
-    `origin` (3,) is the frame's origin in the world, m. Nothing is checked."""
+    """Pose of a link's frame in the world."""
 
     __slots__ = ("origin", "rotation")
 
@@ -27,18 +26,14 @@ class Frame:
 
 
 class LinkPoses(NamedTuple):
-    """Poses of the frames of N links in the world, in the order of `Mechanism.links`, the ground not among them:
-    `rotations` (..., N, 3, 3) and `translations` (..., N, 3), m. A point x_i (3,) of link i is at x = rotations[..., i,
-    :, :] @ x_i + translations[..., i, :] in the world. Leading axes are samples. Nothing is checked."""
+    """Poses of the frames of N links in the world, in the order of `Mechanism.links`, the ground not among them."""
 
     rotations: Array
     translations: Array
 
 
 class JointAxes(NamedTuple):
-    """Axes of the joints of N links in the world, one a link in the order of `Mechanism.links`. `positions` (..., N,
-    3), m, are those of a point on each, the joint frame's origin before its own motion, and `directions` (..., N, 3)
-    unit vectors. Leading axes are samples. Nothing is checked."""
+    """Axes of the joints of N links in the world, one a link in the order of `Mechanism.links`."""
 
     positions: Array
     directions: Array
@@ -57,13 +52,7 @@ def frames(links: Sequence[Segment], q: Column) -> list[Frame]:
 
 
 def link_poses(mechanism: Mechanism, p: ArrayLike) -> LinkPoses:
-    """Poses in the world of the frames of a mechanism's N links, as `LinkPoses`: rotations (..., N, 3, 3) and
-    translations (..., N, 3), m, at positions `p` (..., r) of its r primary (independent) joints, rad (m if prismatic).
-    They are in the order of `Mechanism.links`, the ground not among them.
-
-    Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed,
-    and `SingularityError` near a singularity of the loops.
-    """
+    """Poses in the world of the frames of a mechanism's N links, as `LinkPoses`."""
     placed, samples = _placed(mechanism, p)
     n = len(placed)
     rotations = stacked([entry for frame in placed for row in _rows(frame.rotation) for entry in row], samples)
@@ -72,13 +61,7 @@ def link_poses(mechanism: Mechanism, p: ArrayLike) -> LinkPoses:
 
 
 def joint_axes(mechanism: Mechanism, p: ArrayLike) -> JointAxes:
-    """Axes in the world of the joints of a mechanism's N links, as `JointAxes`: points on them (..., N, 3), m, and
-    their directions (..., N, 3), unit vectors, at positions `p` (..., r) of its r primary (independent) joints, rad (m
-    if prismatic). They are one a link in the order of `Mechanism.links`.
-
-    Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed,
-    and `SingularityError` near a singularity of the loops.
-    """
+    """Axes in the world of the joints of a mechanism's N links, as `JointAxes`."""
     placed, samples = _placed(mechanism, p)
     links = mechanism.equations.links
     points = [_joint_position(link, _base(link, placed)) for link in links]
@@ -113,9 +96,7 @@ def _rows(matrix: Mat) -> tuple[Vec, Vec, Vec]:
 
 
 class MovingPoint:
-    """A point of a link of a tree of n joints at one configuration, with its Jacobian. `position` (3,) is in the world
-    frame, m; `columns` are n vectors (3,), each the point's velocity in the world frame under unit velocity of one
-    joint, m/rad (no unit for a prismatic joint). Nothing is checked."""
+    """A point of a link of a tree of n joints at one configuration, with its Jacobian."""
 
     __slots__ = ("columns", "position")
 
@@ -123,8 +104,7 @@ class MovingPoint:
         self.position, self.columns = position, tuple(columns)
 
     def velocity(self, rates: Column) -> Vec:
-        """The point's velocity (3,) in the world frame, m/s, under velocities `rates` (n,) of the spanning tree's n
-        joints, rad/s (m/s if prismatic). Raises `ValueError` for another number of them."""
+        """The point's velocity (3,) in the world frame, under velocities `rates` (n,) of the tree's joints."""
         total = ZERO
         for rate, velocity in zip(rates, self.columns, strict=True):
             total = total + rate * velocity

@@ -44,9 +44,7 @@ def raised(place: Placement, link: Body) -> Body:
 
 
 def moved_origin(link: Body, offset: Vec) -> Body:
-    """A rigid body about another point, in the same axes, as a `Body` (mass, kg, first moment, kg m, inertia tensor, kg
-    m^2). `link` is the body about its present origin, to which `offset` (3,), m, leads from that other point. Nothing
-    is checked."""
+    """A rigid body about another point, in the same axes, as a `Body` (mass, first moment, inertia tensor)."""
     half = link.moment + (0.5 * link.mass) * offset
     twice = 2.0 * half
     spread = Vec(offset.x * twice.x, offset.y * twice.y, offset.z * twice.z)

@@ -12,9 +12,7 @@ GROUND = -1
 
 
 class Twist:
-    """A link's twist in its axes: its angular velocity `w` (3,), rad/s, and the velocity `v` (3,) of its origin,
-    m/s. An object of this class may have the accelerations in their stead, rad/s^2 and m/s^2, or either per unit of a
-    joint's velocity or acceleration. Nothing is checked."""
+    """A link's twist in its axes: its angular velocity `w` (3,), and the velocity `v` (3,) of its origin."""
 
     __slots__ = ("v", "w")
 
@@ -23,18 +21,14 @@ class Twist:
 
 
 def carried(place: Placement, parent: Twist) -> Twist:
-    """The twist that a link has from its parent's twist, `parent`, while its own joint does not move: a `Twist` of
-    angular velocity, rad/s, and velocity of the link's origin, m/s, in the link's axes. `place` is the link's placement
-    in its parent. Nothing is checked."""
+    """The twist that a link has from its parent's twist, `parent`, while its own joint does not move."""
     w = place.down(parent.w)
     v = place.down(parent.v + cross(parent.w, place.near))
     return Twist(w, v + cross(w, place.shift))
 
 
 def moved(place: Placement, rate: Scalar) -> Twist:
-    """The twist of a link whose own joint alone moves, at velocity `rate`, rad/s (m/s if prismatic): a `Twist` of
-    angular velocity, rad/s, and velocity of the link's origin, m/s, in the link's axes. `place` is the link's placement
-    in its parent. Nothing is checked."""
+    """The twist of a link whose own joint alone moves, at velocity `rate`."""
     axis = place.segment.axis
     if place.segment.turns:
         w = rate * axis
@@ -43,10 +37,7 @@ def moved(place: Placement, rate: Scalar) -> Twist:
 
 
 def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
-    """Twists of all n links of a tree, one joint each, a `Twist` each: angular velocity, rad/s, and velocity of the
-    link's origin, m/s, in the link's axes. `places` has the links' placements in their parents, parents before
-    children; `rate` (n,) the joint velocities, rad/s (m/s if prismatic). Arguments are not checked: too short a `rate`
-    raises `IndexError`."""
+    """Twists of all n links of a tree, a `Twist` each."""
     out: list[Twist] = []
     for i, place in enumerate(places):
         parent = place.segment.parent
@@ -59,8 +50,7 @@ def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
 
 
 class Products(NamedTuple):
-    """The symmetric products (w_i r_j + w_j r_i)/2 of two angular velocities w and r (3,) of a link, in its axes,
-    rad^2/s^2: six scalars for the index pairs xx, xy, yy, xz, yz, zz. Nothing is checked."""
+    """The symmetric products (w_i r_j + w_j r_i)/2 of two angular velocities w and r (3,) of a link, in its axes."""
 
     xx: Scalar
     xy: Scalar
@@ -84,14 +74,7 @@ def products(w: Vec, r: Vec) -> Products:
 
 
 class LinkMotion:
-    """The motion of a link in its axes, by the acceleration of its points less gravity's: acc + lever u, m/s^2, for
-    the point at u (3,), m, from the link's origin. Its velocity terms are bilinear in two angular velocities w and r of
-    the link, the actual one and one of a reference motion; for an ordinary motion r is w.
-
-    Made of `products`, the symmetric products of w and r, rad^2/s^2; `alpha` (3,), the angular acceleration, rad/s^2;
-    and `acc` (3,), the acceleration of the link's origin less gravity's, m/s^2. The matrix `lever` (3, 3), 1/s^2,
-    follows from the first two. Nothing is checked.
-    """
+    """The motion of a link in its axes, by the acceleration of its points less gravity's."""
 
     __slots__ = ("acc", "alpha", "lever", "products")
 
@@ -101,28 +84,17 @@ class LinkMotion:
 
     @property
     def numbers(self) -> tuple[Scalar, ...]:
-        """The twelve scalars from which the motion can be rebuilt, all in the link's axes: the six symmetric products
-        of its actual and its reference angular velocity (xx, xy, yy, xz, yz, zz), rad^2/s^2, then x, y, z of the
-        angular acceleration, rad/s^2, and of the origin's acceleration less gravity's, m/s^2."""
+        """The twelve scalars from which the motion can be rebuilt, all in the link's axes."""
         return (*self.products, *self.alpha, *self.acc)
 
     @classmethod
     def of(cls, numbers: Sequence[Scalar]) -> LinkMotion:
-        """The motion of a link rebuilt from its twelve `numbers`, all in the link's axes: the symmetric products xx,
-        xy, yy, xz, yz, zz of its actual and its reference angular velocity (`Products`), rad^2/s^2, then x, y, z of the
-        angular acceleration, rad/s^2, and of the origin's acceleration less gravity's, m/s^2. Raises `TypeError` for
-        fewer or more."""
+        """The motion of a link rebuilt from its twelve `numbers`, all in the link's axes."""
         return cls(Products(*numbers[:6]), Vec(*numbers[6:9]), Vec(*numbers[9:]))
 
 
 def lever(p: Products, a: Vec) -> Mat:
-    """The matrix L (3, 3), 1/s^2, of the accelerations that a link's rotation gives its points: L u, m/s^2, for the
-    point at u (3,), m, from the link's origin, all in the link's axes.
-
-    L u = a x u + (w x (r x u) + r x (w x u))/2, with x the cross product, `a` (3,) the link's angular acceleration,
-    rad/s^2, and two angular velocities w and r of the link, such as its actual and its reference one, rad/s, of which
-    `p` has the symmetric products (w_i r_j + w_j r_i)/2, rad^2/s^2. Nothing is checked.
-    """
+    """The matrix L (3, 3), 1/s^2, of the accelerations that a link's rotation gives its points."""
     return Mat(
         Vec(-(p.yy + p.zz), p.xy - a.z, p.xz + a.y),
         Vec(p.xy + a.z, -(p.xx + p.zz), p.yz - a.x),
@@ -159,9 +131,7 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
 
 
 def angular_velocities(places: Sequence[Placement], rate: Column) -> list[Vec]:
-    """Angular velocities (3,), rad/s, of all n links of a tree, each in the link's axes. `places` has the links'
-    placements in their parents, parents before children; `rate` (n,) the joint velocities, rad/s (m/s if prismatic).
-    Arguments are not checked: too short a `rate` raises `IndexError` where it is read."""
+    """Angular velocities (3,), rad/s, of all n links of a tree, each in the link's axes."""
     out: list[Vec] = []
     for i, place in enumerate(places):
         segment = place.segment

@@ -11,8 +11,7 @@ from adaptctl.scalars import Column, Scalar, Vec, cross, dot
 
 
 class Wrench:
-    """A wrench on a link: `force` (3,), N, and `moment` (3,) about the link's origin, N m, both in the link's axes. `+`
-    adds two wrenches on the same link. Nothing is checked."""
+    """A wrench on a link: `force` (3,), N, and `moment` (3,) about the link's origin, N m, both in the link's axes."""
 
     __slots__ = ("force", "moment")
 
@@ -56,15 +55,7 @@ def inertia_moments(motion: LinkMotion) -> tuple[Vec, ...]:
 
 
 def power(motion: LinkMotion, twist: Twist, keep: Sequence[int]) -> list[Scalar]:
-    """Powers, W per unit of an inertial parameter, of wrenches on a link that moves with a `twist`: a list of one
-    scalar for each index in `keep`, from 0 to 9. The wrench of an index is the one that gives the link its `motion`
-    where that parameter is 1 and the nine others are 0.
-
-    The parameters are m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
-    origin). `motion` is a `LinkMotion`; `twist` has the link's angular velocity, rad/s, and its origin's velocity, m/s,
-    in the link's axes. For the twist under unit velocity of a joint, powers are entries of the torque regressor, N m (N
-    if prismatic) per unit of each parameter. Indices are not checked.
-    """
+    """Powers, W per unit of an inertial parameter, of wrenches on a link that moves with a `twist`."""
     moments = inertia_moments(motion) if any(k >= 4 for k in keep) else ()
     levered = motion.lever.T @ twist.v + cross(motion.acc, twist.w) if any(1 <= k <= 3 for k in keep) else None
     first = tuple(levered) if levered is not None else ()
@@ -74,14 +65,7 @@ def power(motion: LinkMotion, twist: Twist, keep: Sequence[int]) -> list[Scalar]
 
 
 def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], parameters: Column) -> Column:
-    """Joint torques (n,), N m (N if prismatic), that give the n links of a tree, one joint each, their motion against
-    inertia and gravity: Newton and Euler's backward recursion.
-
-    `places` has the links' placements in their parents, parents before children; `moving` their motions, a `LinkMotion`
-    each; `parameters` (10 n,) ten for each link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg
-    m^2, about the link frame's origin). Arguments are not checked: too few parameters raise `IndexError` or
-    `ValueError`.
-    """
+    """Joint torques (n,), that give the n links of a tree, their motion against inertia and gravity."""
     tens = (parameters.of[10 * i : 10 * i + 10] for i in range(len(places)))
     held = map(held_parameters, places, tens)
     loads = [wrench(motion, ten) for motion, ten in zip(moving, held, strict=True)]
@@ -95,9 +79,7 @@ def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], par
 
 
 def joint_power(place: Placement, load: Wrench) -> Scalar:
-    """The joint torque, N m (N if prismatic), that corresponds to a wrench on the joint's link: the wrench's power at
-    unit velocity of the joint. `place` is the link's placement in its parent, `load` the force, N, and its moment about
-    the link's origin, N m, in the link's axes. Nothing is checked."""
+    """The joint torque, that corresponds to a wrench on the joint's link."""
     z = place.segment.axis
     if not place.segment.turns:
         return dot(load.force, z)
@@ -114,16 +96,7 @@ def lifted(place: Placement, load: Wrench) -> Wrench:
 
 
 def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], columns: Sequence[int]) -> list[Column]:
-    """Torque regressor Y (n, k) of a tree of n links, one joint each, as n rows, one `Column` (k,) a joint, N m (N if
-    prismatic) per unit of each of k inertial parameters.
-
-    Over all 10 n of them, D (10 n,), ten a link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg
-    m^2, about the link frame's origin), Y D = M a_r + C v_r + g, M the mass matrix, C the Christoffel (Coriolis)
-    matrix, g gravity's torque. `places` has the links' placements in their parents, parents before children; `moving` a
-    `LinkMotion` of each link, made (by `motions`) under joint velocities v and the reference velocities v_r and
-    accelerations a_r; `columns` the k indices in D. An index of 10 n or more raises `IndexError`; negative ones are not
-    refused.
-    """
+    """Torque regressor Y (n, k) of a tree of n links, as n rows, one `Column` (k,) a joint of k inertial parameters."""
     kept = kept_by_link(columns, len(places))
     rows: list[dict[int, Scalar]] = [{} for _ in places]
     joints: list[dict[int, Twist]] = []
@@ -146,9 +119,7 @@ def joint_twists(place: Placement, i: int, done: Sequence[dict[int, Twist]]) -> 
 
 
 def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
-    """Parameter indices sorted by link: a list for each of `links` links, of indices from 0 to 9 among the link's ten
-    inertial parameters. `columns` are the indices among the ten parameters of all links, from 0 to 10 `links` - 1. An
-    index beyond these raises `IndexError`; negative ones are not refused."""
+    """Parameter indices sorted by link."""
     kept: list[list[int]] = [[] for _ in range(links)]
     for column in columns:
         kept[column // 10].append(column % 10)

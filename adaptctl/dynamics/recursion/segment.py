@@ -15,16 +15,7 @@ from adaptctl.scalars import Column, Mat, Scalar, Vec, cos, dot, product, sin
 
 
 class Segment(NamedTuple):
-    """Geometry of one link and of the joint that moves it against its parent, lengths in m. `parent` is the parent
-    link's zero-based index, -1 for the ground; `turns` is True for a revolute joint, False for a prismatic one;
-    `joint_axis` and `axis` (3,) are the joint's unit axis in the joint's frame and in the link's.
-
-    `inward` (3, 3) turns coordinates in the parent's axes into the joint frame's, `outward` those in the moved joint
-    frame's axes into the link's; None is the identity. `near` (3,) leads from the parent's origin to the joint's, in
-    the parent's axes, `far` (3,) from the joint's origin to the link's, in the link's axes. `whole` has three matrices
-    (3, 3), K_0, K_c and K_s, where the turn from the parent's axes to the link's as one, K_0 + K_c cos q + K_s sin q at
-    the joint angle q, costs less than one by one; else None. Made by `Segment.of`; nothing is checked.
-    """
+    """Geometry of one link and of the joint that moves it against its parent, lengths in m."""
 
     parent: int
     turns: bool
@@ -38,8 +29,7 @@ class Segment(NamedTuple):
 
     @classmethod
     def of(cls, link: Link) -> Segment:
-        """The geometry, lengths in m, of a `link` of a description and of the joint that moves it. Nothing is
-        checked."""
+        """The geometry, lengths in m, of a `link` of a description and of the joint that moves it."""
         outward = link.joint_to_link.rotation.T
         return cls(
             parent=link.parent,
@@ -57,8 +47,7 @@ class Segment(NamedTuple):
 
     @property
     def coordinates(self) -> int:
-        """Number of scalars that determine the link's pose in its parent: 2, cosine and sine of the angle, for a
-        revolute joint, 1, the displacement, for a prismatic one."""
+        """Number of scalars that determine the link's pose in its parent."""
         return 2 if self.turns else 1
 
     @property
@@ -68,13 +57,11 @@ class Segment(NamedTuple):
         return tuple(step for step in (self.inward, self.outward) if step is not None)
 
     def at(self, q: Scalar) -> Placement:
-        """The link's pose in its parent, a `Placement`, where its joint is at position `q`, rad (m if prismatic).
-        Nothing is checked."""
+        """The link's pose in its parent, a `Placement`, where its joint is at position `q`, rad (m if prismatic)."""
         return self.placed((cos(q), sin(q)) if self.turns else (q,))
 
     def placed(self, coordinates: Sequence[Scalar]) -> Placement:
-        """The link's pose in its parent, a `Placement`, from the `coordinates` of its joint: the cosine and sine of the
-        angle, or the displacement, m, of a prismatic joint. Nothing is checked."""
+        """The link's pose in its parent, a `Placement`, from the `coordinates` of its joint."""
         if self.whole is not None:
             return Placement(self, coordinates, (_sum(self.whole, *coordinates),), self.joint_to_link)
         turn = about(self.joint_axis, *coordinates) if self.turns else None
@@ -88,18 +75,7 @@ class Segment(NamedTuple):
 
 
 class Placement:
-    """The pose of a link in its parent at one configuration, as the equations use it.
-
-    `segment` is the link's geometry; `coordinates` are the cosine and sine of its joint angle, or its joint's
-    displacement, m; `turns` are the rotations (3, 3) that one after the other turn coordinates in the parent's axes
-    into the link's; and `shift` (3,) leads from the joint's origin before its own motion to the link's origin, in the
-    link's axes, m. The attribute `near` (3,), the geometry's unless it is set, leads from the parent's origin to the
-    joint's, in the parent's axes, m. Nothing is checked.
-
-    In all functions on placements, a link's axes are those in which its vectors are held: its own or, in placements
-    that `FrameChoice` makes, others. `turn` is then the rotation (3, 3) that turns coordinates in the axes held into
-    those in the link's own; None, the default, where these are the same.
-    """
+    """The pose of a link in its parent at one configuration, as the equations use it."""
 
     __slots__ = ("coordinates", "near", "segment", "shift", "turn", "turns")
 
@@ -115,15 +91,13 @@ class Placement:
         self.near = segment.parent_to_joint
 
     def down(self, u: Vec) -> Vec:
-        """The components (3,) of a vector u in the link's axes, from those in the parent link's axes, `u` (3,); in the
-        same unit. Nothing is checked."""
+        """The components (3,) of a vector u in the link's axes, from those in the parent link's axes, `u` (3,)."""
         for turn in self.turns:
             u = turn @ u
         return u
 
     def up(self, u: Vec) -> Vec:
-        """The components (3,) of a vector u in the parent link's axes, from those in the link's axes, `u` (3,); in the
-        same unit. Nothing is checked."""
+        """The components (3,) of a vector u in the parent link's axes, from those in the link's axes, `u` (3,)."""
         for turn in reversed(self.turns):
             u = turn.T @ u
         return u
@@ -195,8 +169,7 @@ TURNED = 8
 
 
 def _whole(outward: Array, axis: Array, inward: Array) -> tuple[Mat, Mat, Mat] | None:
-    """The three turns of a link as one, by Rodrigues' formula; None where they cost less one by one, as they do at
-    right angles."""
+    """The three turns of a link as one, by Rodrigues' formula."""
     along, cross = np.outer(axis, axis), np.cross(axis, np.eye(3))
     parts = [outward @ part @ inward for part in (along, np.eye(3) - along, cross)]
     turn = (along != 0.0) | np.eye(3, dtype=np.bool_) | (cross != 0.0)
