@@ -9,21 +9,29 @@ LONGEST_MESSAGE = 2_000
 
 
 class AdaptctlError(Exception):
-    """Base class of every error that this package raises on purpose, made of its `message`, empty by default: the
-    control characters in it are written out, so that no terminal obeys them, and a message that then has more than
-    LONGEST_MESSAGE (2000) characters is cut in its middle to that many."""
+    """
+    Base class of the errors that this package raises on purpose.
+
+    Parameters
+    ----------
+    message : object, optional
+        Text of the error. Control characters are written out, and its middle is cut above 2000 characters.
+
+    Examples
+    --------
+    >>> try:
+    ...     adaptctl.load("puma56")
+    ... except adaptctl.AdaptctlError as error:
+    ...     print(type(error).__name__)
+    NotFoundError
+    """
 
     def __init__(self, message: object = "") -> None:
         super().__init__(printable(str(message), LONGEST_MESSAGE))
 
 
 def printable(text: str, most: int = 80) -> str:
-    """The `text` with each character that does not print, such as a control character, replaced by its escape sequence,
-    such as \\x1b; spaces and line breaks stay. What is then longer than `most` characters (a whole number of at least
-    0, 80 by default) is cut in its middle to `most`, with "..." in place of what is left out.
-
-    Names come from files of strangers, and a terminal would obey what is in them. Nothing is checked.
-    """
+    """Text with control characters written out and its middle cut above `most` characters."""
     if len(text) > 2 * most:
         text = text[:most] + text[len(text) - most :]  # what lies between is cut below, and need not be written out
     text = "".join(c if c.isprintable() or c in " \n" else c.encode("unicode_escape").decode() for c in text)
@@ -40,18 +48,15 @@ def validate_kind(given: object, kind: type, what: str, made: str) -> None:
 
 
 class InputError(AdaptctlError, ValueError):
-    """Error of a caller's input, such as one of a wrong shape, kind or range: the message names the element, what it
-    was, and what would be right. It is a `ValueError` too."""
+    """Error of a wrong argument, also a `ValueError`: the message says what was given and what is right."""
 
 
 class FileError(InputError):
-    """Error of a file or folder that cannot be read, written or used: the message names the file, the element in it
-    that is wrong, if one is, and what would be right."""
+    """Error of a file or folder that cannot be used: the message names it and the wrong element."""
 
 
 class NotFoundError(InputError, LookupError):
-    """Error of an unknown name, such as of a robot, link, parameter or run: the message lists the names that exist, or
-    the nearest of them. It is a `LookupError` too."""
+    """Error of an unknown name, also a `LookupError`: the message lists names that exist."""
 
 
 class NonFiniteError(InputError):
@@ -63,15 +68,21 @@ class VerdictError(InputError):
 
 
 class RankError(AdaptctlError):
-    """Error raised where the rank k of a mechanism's energy regressor, the number of its independent (identifiable)
-    inertial parameters, cannot be certified; `message` says why.
+    """
+    Error of a rank, the number of identifiable inertial parameters, that cannot be certified.
 
-    `singular_values`, a tuple of floats in descending order, no unit, are those of the matrix of energy differences
-    whose rows are for pairs of successive random states and whose columns, scaled, are for the P inertial parameters.
-    It has P values, or where a tree's rank was found joint by joint the 11 of the joint with the smallest gap between
-    them, for its link's ten parameters and its rotor inertia. It is empty, the default, where the cause is another,
-    such as a fundamental (base parameter) basis of another rank, or angles between joint axes that are nearly, but not
-    exactly, right angles.
+    Parameters
+    ----------
+    message : str
+        Cause.
+    singular_values : tuple of float, optional
+        Singular values, in descending order, of the matrix that decides the rank: P of the whole mechanism, or the 11
+        of one joint. Empty where the cause is another.
+
+    Examples
+    --------
+    >>> adaptctl.RankError("no gap").singular_values
+    ()
     """
 
     def __init__(self, message: str, singular_values: tuple[float, ...] = ()) -> None:
@@ -84,16 +95,11 @@ class GainError(InputError):
 
 
 class PhysicalConsistencyWarning(UserWarning):
-    """Warning, on loading a robot, of links whose ten inertial parameters (mass, first moments, inertia) no rigid body
-    can have: their pseudo-inertia matrix (4, 4) has a negative eigenvalue, beyond 1e-12 of the largest. The message
-    names the links."""
+    """Warning of links whose inertial parameters no rigid body can have, on loading a robot."""
 
 
 class StabilityWarning(UserWarning):
-    """Warning that parameter estimates, while they adapt, may make an adaptive control loop ring (oscillate) whose
-    gains alone would not. Laws such as `SlotineLi` give it at construction where estimates within the law's `prior`
-    (their greatest distances from the initial estimate) could bring the sampling ratio to 2 or more: the control period
-    times the largest eigenvalue of M^-1 K, no unit, with the mass matrix M and the velocity feedback K."""
+    """Warning that an adaptive loop may oscillate as its estimates change."""
 
 
 class ReferenceWarning(UserWarning):
@@ -105,20 +111,15 @@ class TraceError(AdaptctlError, TypeError):
 
 
 class NotCompiledWarning(UserWarning):
-    """Warning of `simulate` that a run which could have been one call of native code goes step by step in Python, which
-    is slower: the message says why."""
+    """Warning that a simulation runs step by step in Python instead of native code, and why."""
 
 
 class SimplificationWarning(UserWarning):
-    """Warning that a part of a robot's file or model is left out or simplified on reading it, such as springs of
-    joints, or that self-collision is not checked; the message says what and of which elements."""
+    """Warning that a part of a robot's file or model is left out or simplified."""
 
 
 class LoopError(InputError):
-    """Error of a mechanism's closed kinematic loops that do not close at the reference configuration, are redundant,
-    are singular there or leave the mechanism no motion, or of primary (independent) joints that do not determine the
-    others. It is raised on loading, or when the mechanism first computes; the message names the closure or the
-    joints."""
+    """Error of kinematic loops that cannot be closed, or whose primary joints do not determine the others."""
 
 
 class SingularityError(AdaptctlError):
@@ -138,9 +139,7 @@ class LiveViewWarning(UserWarning):
 
 
 def suggested_name(name: str, known: Iterable[str], least: float = 0.6) -> str:
-    """Hint for an error message, such as " (did you mean 'puma560'?)", with the one of the `known` names that is
-    nearest to the unknown `name`; the empty text where none is near. A name is near from a similarity of `least` on,
-    0.6 by default, as `difflib` measures it, from 0 to 1. Nothing is checked."""
+    """Hint with the known name nearest to an unknown one, such as " (did you mean 'puma560'?)", or ""."""
     from difflib import get_close_matches  # here, since only errors need it
 
     from adaptctl.renamed import new_name

@@ -76,7 +76,7 @@ def test_accelerations_are_those_of_the_shared_definition(mechanism: Mechanism) 
 def test_weightless_equations_are_those_without_gravity(mechanism: Mechanism) -> None:
     e, arguments = mechanism.equations, list(map(column, states(mechanism)))
     D, everything = Column(mechanism.inertial_parameters.tolist()), range(e.parameters)
-    floating = e.massless_joints()
+    floating = e.without_gravity()
     whole = Mechanism(replace(mechanism.description, gravity=np.zeros(3)))
     expected = whole.equations.inverse_dynamics(*arguments, Column(whole.inertial_parameters.tolist()))
     np.testing.assert_allclose(floating.inverse_dynamics(*arguments, D).of, expected.of, rtol=1e-12, atol=1e-12)

@@ -94,6 +94,13 @@ class Operations(Counter[Op]):
     """
     Counts of scalar operations by kind, called routines included.
 
+    Parameters
+    ----------
+    iterable : mapping or iterable of Op, optional
+        Counts, or operations to count.
+    **kwds : int
+        Counts by name, as for any ``collections.Counter``.
+
     Examples
     --------
     >>> from adaptctl.compilation import trace

@@ -158,9 +158,9 @@ class ConstrainedEquations(Equations):
         """Accelerations (r,), of the primary joints under a torque (r,), gravity and friction."""
         return self.whole.forward_dynamics(q, v, torque, self.expanded(parameters))
 
-    def massless_joints(self) -> ConstrainedEquations:
+    def without_gravity(self) -> ConstrainedEquations:
         """A copy of these equations without gravity."""
-        return replace(self, whole=self.whole.massless_joints())
+        return replace(self, whole=self.whole.without_gravity())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
         """Mass matrix (r, r) of the primary joints, as r rows of r scalars."""

@@ -12,15 +12,24 @@ from adaptctl.scalars import Column, spread
 
 
 class EquationCosts(NamedTuple):
-    """Counts of floating-point operations of one evaluation of a mechanism's equations with k of its inertial
-    parameters, for r primary (independent) joints: additions, subtractions, multiplications, divisions and negations,
-    without sines, cosines, roots and comparisons. Made by `equation_costs`; nothing is checked at construction.
+    """
+    Floating-point operations of one evaluation of a mechanism's equations, as `equation_costs` counts them.
 
-    `regressor` counts the Slotine-Li regressor Y (r, k). `tick` counts what an adaptive law needs in a control period,
-    without forming Y: the torque Y beta (r,) of the parameters beta (k,) and the powers Y' s (k,), with the transpose
-    Y', at joint rates s (r,). `forward_dynamics` counts the accelerations (r,) under torques (r,); it is None where a
-    pivot of the mass matrix is zero for every motion, as of a joint without inertia, and a count is no proof that the
-    matrix is invertible.
+    Parameters
+    ----------
+    regressor : int
+        Operations of the Slotine-Li regressor.
+    tick : int
+        Operations of an adaptive law in a control period: torque and powers, without the regressor.
+    forward_dynamics : int or None
+        Operations of the accelerations; None where the mass matrix has a pivot that is always zero.
+
+    Examples
+    --------
+    >>> from adaptctl.dynamics import equation_costs
+    >>> costs = equation_costs(arm)
+    >>> costs.tick < costs.regressor + costs.forward_dynamics
+    True
     """
 
     regressor: int
@@ -29,13 +38,37 @@ class EquationCosts(NamedTuple):
 
 
 def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -> EquationCosts:
-    """Counts of floating-point operations of a mechanism's equations, as `EquationCosts`: of its Slotine-Li regressor,
-    of the torque and powers of a control period (`tick`), and of its forward dynamics.
+    """
+    Count the floating-point operations of a mechanism's equations.
 
-    `columns` are the indices, from 0 to P - 1 in any order, of the k of its P inertial and friction parameters that are
-    counted, all others being zero; None for all P. With loops, the closed configuration is given: closing it is not
-    counted. Sheu and Walker (1991, section 5.3) compare such counts. A repeated index counts once. Raises `InputError`
-    for an entry that is not a whole number from 0 to P - 1, `LoopError` where loops cannot be closed.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Robot; with loops, closing the configuration is not counted.
+    columns : sequence of int, optional
+        Indices of the parameters that are not zero; all P by default.
+
+    Returns
+    -------
+    EquationCosts
+        Additions, subtractions, multiplications, divisions and negations; sines, roots and comparisons do not count.
+
+    Raises
+    ------
+    InputError
+        If an index is not a whole number from 0 to P - 1.
+    LoopError
+        If the loops cannot be closed.
+
+    Notes
+    -----
+    Sheu and Walker (1991, section 5.3) compare such counts.
+
+    Examples
+    --------
+    >>> from adaptctl.dynamics import equation_costs
+    >>> equation_costs(arm, basis.columns).regressor < equation_costs(arm).regressor
+    True
     """
     equations, r, P = mechanism.equations, mechanism.dof, len(mechanism.parameter_names)
     kept = sorted(set(range(P) if columns is None else required_columns(columns, P, mechanism.name)))

@@ -199,9 +199,9 @@ class LoopEquations(Equations):
         bias = self._motion(posture, q, v, v, Column.zeros(self.dof)).torque(parameters)
         return inertia.solved(torque - bias)
 
-    def massless_joints(self) -> LoopEquations:
+    def without_gravity(self) -> LoopEquations:
         """A copy of these equations without gravity."""
-        return replace(self, tree=self.tree.massless_joints())
+        return replace(self, tree=self.tree.without_gravity())
 
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
         """Mass matrix J' M J (r, r) of the primary joints, as r rows of r scalars."""

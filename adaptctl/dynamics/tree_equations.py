@@ -219,6 +219,6 @@ class TreeEquations(Equations):
         coupled = any(len(term.arms) > 1 for term in self.layout.drives if not term.kind.is_friction)
         return sum(deep) >= ARTICULATED * len(deep) and not coupled
 
-    def massless_joints(self) -> TreeEquations:
+    def without_gravity(self) -> TreeEquations:
         """A copy of these equations without gravity."""
         return replace(self, gravity=ZERO)

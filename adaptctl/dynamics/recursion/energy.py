@@ -91,7 +91,7 @@ def momentum_terms(equations: Equations, q: Column, v: Column, columns: Sequence
         raise InputError("learning from filtered torques needs relations without known values other than zero")
     still = Column.zeros(equations.dof)
     moving = Column(map(Dual, q, equations.rates(q, v)))
-    rows = equations.massless_joints().torque_regressor(moving, still, still, v, columns)
+    rows = equations.without_gravity().torque_regressor(moving, still, still, v, columns)
     momentum = [Column(_value(x) for x in row) for row in rows]
     change = [Column(_slope(x) for x in row) for row in rows]
     bias = equations.torque_regressor(q, v, v, still, columns)
