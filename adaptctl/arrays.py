@@ -152,10 +152,7 @@ def _is_number(value: object) -> TypeGuard[int | float | np.integer[Any] | np.fl
 
 
 def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callable[Concatenate[Named, Given], Array]:
-    """The `method`, which returns an array of any shape, wrapped to raise `NonFiniteError` where a number in that array
-    is NaN or infinite, as where a mass matrix is singular or numbers are too large. For use as a decorator in a class
-    whose objects have a `name`; the message has this and the method's name. NumPy's warnings of such numbers are
-    silenced during the call."""
+    """Method wrapped to raise `NonFiniteError` where a number of its result is NaN or infinite."""
 
     @wraps(method)
     def required(self: Named, /, *args: Given.args, **kwargs: Given.kwargs) -> Array:

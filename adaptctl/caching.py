@@ -30,14 +30,7 @@ def sent_as_made(owner: type[Owner]) -> type[Owner]:
 
 
 class cached_property(functools.cached_property[Value]):  # noqa: N801  # stands for functools' own
-    """A property computed when it is first asked for and then kept on the instance, as by `functools.cached_property`,
-    but left out of copies and pickles, and without a lock. It decorates a method `func` without further arguments.
-
-    A process that forks while a thread computes, such as a compilation, would inherit a held lock and wait for ever
-    (Python 3.12 has done away with it too). Values are not copied or pickled because native code cannot be, and because
-    they can be computed again. The class it is used in gets a `__getstate__` and a `__setstate__` for this, unless it
-    has its own; its instances need a `__dict__`. Two threads that ask at once may both compute.
-    """
+    """Property computed once and kept on the instance, but left out of copies and pickles, without a lock."""
 
     def __set_name__(self, owner: type[Any], name: str) -> None:
         super().__set_name__(owner, name)
@@ -96,9 +89,7 @@ def without_caches(instance: object) -> State:
 
 
 def restored(instance: object, state: State) -> None:
-    """Set the attributes of an object, `instance`, that was made without a call of its `__init__`, from a `state` as
-    `without_caches` returns it: a pair of a dict of attributes by name and the paths of the arrays that become
-    read-only. The object is changed in place. Nothing is checked."""
+    """Set the attributes of an object from a state as `without_caches` returns it."""
     kept, paths = state
     vars(instance).update(_protected(kept, paths))
 

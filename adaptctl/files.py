@@ -87,9 +87,7 @@ def name_beside(target: Path) -> Path:
 
 
 def remove_stale_temporaries(folder: Path, name: str) -> list[Path]:
-    """Delete the temporary files and folders of ended processes of this computer, and return the paths of those whose
-    writers may still be at work: of the entries of `folder` that `name_beside` named for the file name `name`. A folder
-    that cannot be read, or a file that cannot be deleted, ends the cleaning without an error."""
+    """Delete temporaries of ended processes in a folder; return those whose writers may still be at work."""
     stem, suffix = Path(name).stem, Path(name).suffix
     pattern = re.compile(rf"\.{re.escape(stem)}\.[\w-]+-\d+-[0-9a-f]{{8}}{re.escape(suffix)}")
     alive: list[Path] = []
@@ -107,9 +105,7 @@ def remove_stale_temporaries(folder: Path, name: str) -> list[Path]:
 
 
 def is_stale_temporary(name: str) -> bool:
-    """True where `name` is a temporary file's name, as `name_beside` makes it of this computer's name, a process's
-    number and random digits, and that process has ended. False for other names, for other computers' and where the
-    process still runs. Nothing is raised."""
+    """True for a temporary file's name of an ended process of this computer."""
     owner = re.search(rf"\.{re.escape(_HERE)}-(\d+)-[0-9a-f]{{8}}(?:\.\w+)?$", name)
     if owner is None:
         return False
@@ -154,8 +150,7 @@ def toml_string(text: str) -> str:
 
 
 def hashed(content: Any) -> str:
-    """The SHA-256 hash of `content` in JSON's types (dicts, lists, texts, numbers, booleans, None), as 64 hexadecimal
-    digits; the order of keys does not matter. Raises `TypeError` for other types."""
+    """SHA-256 hash of content in JSON's types, whatever the order of keys."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
@@ -188,10 +183,7 @@ def decoded(path: str | Path, data: bytes) -> str:
 
 
 def read_json(path: str | Path, kind: type[Content], limit: int = MAX_BYTES) -> Content:
-    """The contents of the JSON file at `path` as an object of `kind`, such as a dataclass, a msgspec Struct or a list
-    of them. Raises `FileError` where it cannot be read, is larger than `limit` bytes, by default 16 MiB (16 * 2**20),
-    or is not JSON, and, naming the element, where contents do not fit `kind`, a key is given twice, or a number is NaN
-    or infinite."""
+    """Contents of a JSON file as an object of `kind`, such as a dataclass."""
     text = read_text(path, limit)
     try:
         plain = json.loads(text, object_pairs_hook=_unrepeated)
@@ -219,18 +211,14 @@ def read_toml(path: str | Path, kind: type[Content]) -> Content:
 
 
 def with_line(message: str, text: str) -> str:
-    """The error `message` with " (line N)" at its end, N being the line, from 1, in the TOML `text` of the element that
-    the message names, such as ``$.links[2].mass``; unchanged where it names none or the element is not found. Nothing
-    is raised."""
+    """Error message with the line in a TOML text of the element that it names, such as ``$.links[2].mass``."""
     element = re.search(r"\$((?:\.[\w-]+|\[\d+\])+)", message)
     line = toml_line(text, element.group(1)) if element else 0
     return f"{message} (line {line})" if line else message
 
 
 def toml_line(text: str, element: str) -> int:
-    """The line number, from 1, in a TOML `text` where an `element` such as ``.links[2].mass`` begins, or else the table
-    that it is in; 0 where neither is found. Indices count from 0; only the first two names of the `element` and the
-    index between them are looked at. Nothing is raised."""
+    """Line in a TOML text where an element such as ``.links[2].mass`` begins; 0 where it is not found."""
     table = re.match(r"\.([\w-]+)(?:\[(\d+)\])?(?:\.([\w-]+))?", element)
     if table is None:
         return 0

@@ -14,9 +14,7 @@ def titled(title: str, text: str = "") -> str:
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """The HTML of a table with the column headings `heads` and the `rows`, sequences of cells, one for each heading,
-    which is not checked; cells are shown by `str`, and all texts are escaped. At most 60 rows are shown; a last row
-    then says how many more there are."""
+    """HTML of a table with column headings and rows; all texts are escaped."""
     given = list(rows)
     head = "".join(f"<th>{_escaped(text)}</th>" if text else "<td></td>" for text in heads)
     body = "".join(f"<tr>{''.join(f'<td>{_escaped(str(x))}</td>' for x in row)}</tr>" for row in given[:MOST_ROWS])

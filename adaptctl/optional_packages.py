@@ -36,12 +36,7 @@ OF_RESULTS = ("jinja2", "matplotlib", "pyarrow", "rerun")
 
 @contextmanager
 def needed(what: str) -> Iterator[None]:
-    """Context manager, or decorator, in which an import of a package that is not installed raises `MissingExtraError`,
-    whose message has the command that installs it.
-
-    `what` names the function or task that needs the package, and begins the message. Missing modules of `adaptctl`
-    itself pass as `ModuleNotFoundError`.
-    """
+    """Context or decorator in which a missing package raises `MissingExtraError` with the command to install it."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -80,14 +75,7 @@ def homes(stub: Path) -> dict[str, str]:
 
 
 def imported_lazily(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
-    """The `__all__`, `__getattr__` and `__dir__` of a package that imports its public names when they are first used: a
-    sorted list of names, a function from a name to its value, and a function that lists all names.
-
-    `package` is the full name of the package, whose ``__init__.py`` calls this; its stub ``__init__.pyi`` says which
-    names there are, and in which modules. A name that is called as its module is imported at once: importing the module
-    later would put the module in the name's place. The `__getattr__` raises `AttributeError` for a name that the stub
-    does not have, and `MissingExtraError` where a package that the name needs is not installed.
-    """
+    """The `__all__`, `__getattr__` and `__dir__` of a package that imports public names at first use."""
     home_of = homes(Path(str(modules[package].__file__)).with_suffix(".pyi"))
 
     def found(name: str) -> Any:

@@ -41,8 +41,7 @@ class Form(NamedTuple):
 
     @classmethod
     def plain(cls, count: int) -> Form:
-        """Calling convention, a `Form`, of a function of `count` arguments, each an array that is one column (vector)
-        of the native code. Nothing is checked."""
+        """Calling convention of a function of `count` arrays, one for each column of the native code."""
         return cls(tuple(Place(k) for k in range(count)))
 
     @property
@@ -52,16 +51,11 @@ class Form(NamedTuple):
 
     @property
     def types(self) -> dict[int, int]:
-        """Dict from the index of each argument that is a tuple to the index of that tuple's type among the objects that
-        the built-in function keeps. They are kept in a tuple: first the fallback that it calls for unusual arguments,
-        at 0, then the types, then the bound arrays."""
+        """Index of each tuple argument's type among the objects that the built-in function keeps."""
         return {argument: 1 + k for k, argument in enumerate(self.tuples)}
 
     def bound(self, column: int) -> int:
-        """Index of a bound array, one that is fixed when the built-in function is made and not passed at a call, from
-        which the native code reads the column of index `column`, in the tuple of objects that the function keeps. That
-        tuple has first the fallback that the function calls for unusual arguments, at 0, then the types of tuples, then
-        the bound arrays. Not checked: for a column that comes from an argument the index means nothing."""
+        """Index of a column's bound array in the tuple of objects that the built-in function keeps."""
         return 1 + len(self.tuples) + sum(place.argument is None for place in self.places[:column])
 
     @property
@@ -100,9 +94,7 @@ class _Definition(ctypes.Structure):
 
 @functools.cache
 def has_builtins() -> bool:
-    """True if this Python is CPython with tuples and NumPy arrays laid out in memory as native code here reads and
-    makes them; False otherwise. If so, the addresses of the functions of Python and NumPy that native code calls are
-    registered. It is found out once in a process. Nothing is raised."""
+    """True if this is CPython with tuples and NumPy arrays laid out as native code here reads them."""
     if sys.implementation.name != "cpython" or object.__basicsize__ != _Array.data.offset:
         return False
     if sys.byteorder != "little" or np.ndarray.__weakrefoffset__ != _Array.weak_references.offset:
@@ -127,15 +119,7 @@ def has_builtins() -> bool:
 def builtin(
     code: NativeCode, name: str, instead: Callable[..., Any], *bound: Any, results: int = 0
 ) -> Callable[..., Any]:
-    """Built-in function of Python that runs native `code`, and on unusual arguments calls the fallback `instead` with
-    them. Usual ones are as many as expected, contiguous float64 arrays of the expected lengths (in tuples of the
-    expected types), finite where that is checked. The code's LLVM IR must contain the text of `builtin_source`.
-
-    `name` is the new function's. `bound` are the objects that it is bound to, in the order of the code's `Form`: the
-    types of tuples, then arrays. `results` is the number of its results that are arrays, 0 by default: of each it keeps
-    the last two, to return them again once nothing else refers to them. `has_builtins` must have been True. Errors are
-    those of `instead`; nothing is checked here.
-    """
+    """Built-in function that runs native code, and calls `instead` on unusual arguments."""
     definition = _Definition(name.encode(), code.address(_ENTRY), _FASTCALL, None)
     kept = (instead, *bound, *[None] * (2 * results), code, definition)
     new = _api("PyCFunction_NewEx", ctypes.py_object, ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p)
@@ -147,15 +131,7 @@ def _api(name: str, *types: Any) -> Callable[..., Any]:
 
 
 def builtin_source(routine: Routine, symbol: str, *, finite: Finite, form: Form) -> str:
-    """LLVM IR (text) of a built-in function of Python that runs a `routine` (traced function) on the data of NumPy
-    arrays and returns new arrays and floats, or a tuple of them. `builtin` makes the function of it. `symbol` is the
-    name of the routine's own native function; `form`, a `Form`, says which of the built-in function's arguments the
-    routine's columns (vectors) come from.
-
-    `finite` says where NaN and infinity make a call unusual, so that the fallback is called: True in arguments and
-    results, "results" in results alone, False nowhere. Not checked: the form must be one of as many columns as the
-    routine's arguments.
-    """
+    """LLVM IR of a built-in function that runs a routine on NumPy arrays and returns new ones."""
     shapes, inputs = dict(enumerate(routine.layout.shapes)), dict(enumerate(routine.inputs))
     arrays, numbers = ([k for k, shape in shapes.items() if bool(shape) is wanted] for wanted in (True, False))
     sizes = {f"%in{k}": n for k, n in inputs.items()} | {f"%out{k}": math.prod(shape) for k, shape in shapes.items()}

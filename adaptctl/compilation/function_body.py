@@ -64,17 +64,13 @@ class FunctionBody:
             self._latest[expression.index] = f"%x{expression.index}", self._now
 
     def store(self, pointer: str, k: int, value: Expression | float) -> None:
-        """Append the instructions that write `value`, an expression that has been computed or a constant, into memory
-        at index `k` after the LLVM pointer of the name `pointer`, such as "%out0". The index counts values of one
-        number for each SIMD lane (arms computed at once). Nothing is checked."""
+        """Append instructions that write a value into memory at index `k` after a pointer such as "%out0"."""
         self._text.store(pointer, k, self._operand(value))
         if isinstance(value, Expression):
             self._stored.setdefault(value.index, (pointer, k))
 
     def constants(self, layout: Layout, values: Sequence[Any]) -> None:
-        """Append the instructions that write the constants among a routine's results, `values` in the order of the
-        `layout`, into memory at the pointers "%out0" and so on. Parts of which more than half, and more than MANY (64),
-        are zeros are cleared at once. Nothing is checked."""
+        """Append instructions that write the constants among a routine's results into memory."""
         for part, place in enumerate(layout.places):
             known = {k: x for k, x in enumerate(values[place]) if isinstance(x, float)}
             if sum(x == 0.0 for x in known.values()) > max(MANY, layout.sizes[part] // 2):

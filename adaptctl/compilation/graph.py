@@ -80,17 +80,7 @@ class Expression:
 
 
 class Graph:
-    """Expression graph of one trace, one run of a function on symbolic scalars, in which equal expressions are one
-    object. The indices of operands are below those of what uses them, so that expressions can be computed in the order
-    of their indices. Nothing is checked at construction.
-
-    `routines` maps what has been called in the trace (a function, its arguments' layout and constants) to its traced
-    `Routine`; the graph of a called function is given its caller's; None, the default, stands for an empty one. The
-    attribute `sines` maps angles, expressions in rad, to the sine and cosine that are known of them. `passed`, None by
-    default, is for the graph of a called function: the index, from 0, of the extra argument in which its caller passes
-    sines and cosines, in pairs; the attribute `turned` lists the angles, inputs of the graph, whose sines and cosines
-    these are, in the same order.
-    """
+    """Expression graph of one trace, in which equal expressions are one object."""
 
     def __init__(self, routines: dict[Any, Any] | None = None, passed: int | None = None) -> None:
         self._expressions: dict[Any, Expression] = {}
@@ -99,9 +89,7 @@ class Graph:
         self.passed, self.turned = passed, list[Expression]()
 
     def make(self, kind: type[E], op: Op, *operands: Any, detail: Any = None) -> E:
-        """The one expression of this graph with the operation `op`, these `operands` (expressions and floats) and this
-        `detail` (what operands cannot say, None by default): an earlier one where there is one, else a new one of the
-        class `kind`. Raises `TraceError` where an operand is of another graph."""
+        """Expression of an operation on operands: an earlier one where there is one, else a new one."""
         key = (op, operands, detail)
         found = self._expressions.get(key)
         if found is None:
@@ -110,10 +98,7 @@ class Graph:
         return cast(E, found)
 
     def known_sine(self, angle: Expression) -> tuple[Any, Any] | None:
-        """Sine and cosine, two expressions or floats, of `angle`, an expression of this graph in rad, where they are
-        known; None where they are to be computed. For an unknown one that is an input of a called function (whose graph
-        has `passed`) two inputs are added to the graph, its sine and cosine, which the caller will pass. Nothing is
-        checked."""
+        """Sine and cosine of an angle where they are known, else None."""
         if angle not in self.sines and self.passed is not None and self._is_argument(angle):
             first = 2 * len(self.turned)
             self.turned.append(angle)
@@ -222,8 +207,7 @@ def maximum(x: Any, y: Any) -> Any:
 
 
 def unary(op: Op) -> Callable[[Any], Any]:
-    """A function that makes of an expression (a symbolic scalar) that of one operation `op` on it, an `Op` with one
-    operand, such as the square root or rounding; it is never simplified. Nothing is checked."""
+    """Function that makes the expression of an operation with one operand, never simplified."""
     return lambda x: _make(op, x)
 
 

@@ -419,18 +419,7 @@ def native_or_floats(
     finite: Finite = False,
     form: Form | None = None,
 ) -> Kernel | OnFloats:
-    """A `Kernel`, native code for a `function` of vectors, where a mechanism has up to 100 `links` (LARGEST_COMPILED);
-    else an `OnFloats`, which runs the function in Python. Both are called with array-likes (n,) by position.
-
-    The function is called by keyword with a `Column` (vector of scalars) for each argument, `arguments` has their names
-    and lengths n, and it returns a tuple of Columns and scalars. `name` is the function's name in messages; where it is
-    empty, a `Kernel` has the function's own, an `OnFloats` none; `finite` says where NaN and infinity raise
-    `NonFiniteError` in calls: True in arguments and results, "results" in results alone, False, the default, nowhere;
-    `form`, a `Form`, says which argument of a built-in function made with `Kernel.otherwise` each column comes from,
-    None where each is one. Up to 100 links it raises `InputError` for no arguments at all and for lengths that are no
-    whole numbers of at least 0, `TraceError` for a function that cannot be traced, and what the function raises;
-    beyond, nothing is checked.
-    """
+    """Compiled function for mechanisms of up to 100 links, else the function in Python."""
     if links > LARGEST_COMPILED:
         return OnFloats(function, arguments, name=name, finite=finite)
     return compile_function(function, arguments, name=name, finite=finite, form=form)

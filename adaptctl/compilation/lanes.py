@@ -52,8 +52,7 @@ class Lanes:
 
     @cached_property
     def value(self) -> str:
-        """The LLVM type of the numbers in all SIMD lanes, such as "<4 x double>", or of one number where there is one
-        lane."""
+        """LLVM type of the numbers in all lanes, such as "<4 x double>"."""
         return self._of(self.scalar)
 
     @cached_property
@@ -68,8 +67,7 @@ class Lanes:
 
     @cached_property
     def suffix(self) -> str:
-        """Ending of the names of LLVM's intrinsic functions for numbers in these SIMD lanes, such as "v4f64", or "f64"
-        for one."""
+        """Ending of the names of LLVM's intrinsic functions for these lanes, such as "v4f64"."""
         bits = f"f{8 * self.size}"
         return bits if self.count == 1 else f"v{self.count}{bits}"
 
@@ -84,8 +82,7 @@ class Lanes:
         return "nounwind" if self.count == 1 else f'nounwind "stackrealign" alignstack({self.alignment})'
 
     def constant(self, x: float) -> str:
-        """The LLVM text of the constant `x`, a float, in every SIMD lane, rounded to the precision and written as the
-        digits of its bits, NaN and infinity too. Nothing is raised."""
+        """LLVM text of a float in every lane, as the digits of its bits, NaN and infinity too."""
         digits = f"0x{struct.pack('>d', self.rounded(x)).hex()}"  # of a double in either precision
         return digits if self.count == 1 else "<" + ", ".join([f"{self.scalar} {digits}"] * self.count) + ">"
 
@@ -94,15 +91,11 @@ class Lanes:
         return x if self.precision == "double" else single(x)
 
     def whole(self, k: int) -> str:
-        """The LLVM text of the whole number `k` in every SIMD lane, as an integer as long as the floating-point
-        numbers. Its range is not checked."""
+        """LLVM text of a whole number in every lane."""
         return str(k) if self.count == 1 else "<" + ", ".join([f"{self._whole} {k}"] * self.count) + ">"
 
     def filled(self, name: str, **values: object) -> str:
-        """The text of the LLVM template `name`.ll beside this module, with the lanes' types, sizes and attributes
-        (`scalar`, `value`, `integer`, `condition`, `suffix`, `count`, `alignment`, `attributes`) and further `values`
-        by name in place of its $names. Raises `FileNotFoundError` for an unknown template, `KeyError` for a $name
-        without a value."""
+        """Text of the LLVM template `name`.ll with the lanes' types and further `values` in place of $names."""
         types = ("scalar", "value", "integer", "condition", "suffix", "count", "alignment", "attributes")
         template = Template(Path(__file__).with_name(f"{name}.ll").read_text(encoding="utf-8"))
         return template.substitute({of: getattr(self, of) for of in types}, **values)
@@ -305,9 +298,7 @@ def _validate_sizes(columns: Mapping[str, int], members: int, lanes: int, steps:
 
 
 def aligned(shape: tuple[int, ...], dtype: np.dtype[Any] = _DOUBLE, made: Callable[..., Any] = np.zeros) -> Array:
-    """A new C-contiguous array of a `shape` and `dtype`, float64 by default, whose memory begins on a cache line (an
-    address divisible by 64). `made`, `np.zeros` by default or `np.empty`, allocates the memory; its errors pass, such
-    as `MemoryError`, or `ValueError` for negative sizes."""
+    """New C-contiguous array whose memory begins on a cache line."""
     size = dtype.itemsize * math.prod(shape)
     memory = made(size + CACHE_LINE, dtype=np.uint8)
     skip = -memory.ctypes.data % CACHE_LINE
@@ -328,24 +319,18 @@ class Instructions:
         self.lines.append(line)
 
     def reserve(self, name: str, size: int) -> str:
-        """Append, to the attribute `memory`, the instruction that sets aside memory for `size` values, each of one
-        number for each SIMD lane (arms computed at once). `name` is the LLVM pointer to it, such as "%spare", and is
-        returned. Nothing is checked."""
+        """Append the instruction that sets aside memory for `size` values in every lane."""
         self.memory.append(f"{name} = alloca [{size} x {self.lanes.value}], align {max(self.lanes.alignment, 64)}")
         return name
 
     def load(self, name: str, pointer: str, k: int) -> str:
-        """Append the instructions that load a value, one number for each SIMD lane (arms computed at once), into the
-        LLVM register of the given `name`, such as "%x3". It is read at index `k`, counted in such values, after a
-        `pointer`, a register's name. Returns `name`. Nothing is checked."""
+        """Append instructions that load a value in every lane into a register such as "%x3"."""
         self.add(f"{name}.at = getelementptr {self.lanes.value}, ptr {pointer}, i64 {k}")
         self.add(f"{name} = load {self.lanes.value}, ptr {name}.at, align {self.lanes.size}")
         return name
 
     def broadcast(self, name: str, pointer: str, k: int) -> str:
-        """Append the instructions that load one number into every SIMD lane (arms computed at once) of the LLVM
-        register of the given `name`. It is read at index `k`, counted in single numbers, after a `pointer`, a
-        register's name. Returns `name`. Nothing is checked."""
+        """Append instructions that load one number into every lane of a register."""
         value, scalar, n = self.lanes.value, self.lanes.scalar, self.lanes.count
         self.add(f"{name}.at = getelementptr {scalar}, ptr {pointer}, i64 {k}")
         self.add(f"{name}.one = load {scalar}, ptr {name}.at, align {self.lanes.size}")
@@ -354,9 +339,7 @@ class Instructions:
         return name
 
     def store(self, pointer: str, k: int, value: str) -> None:
-        """Append the instructions that write a `value`, one number for each SIMD lane (arms computed at once), given by
-        a register's name or a constant's text, into memory. It is written at index `k`, counted in such values, after a
-        `pointer`, another register's name. Nothing is checked."""
+        """Append instructions that write a value in every lane into memory."""
         self.add(f"{pointer}.{k} = getelementptr {self.lanes.value}, ptr {pointer}, i64 {k}")
         self.add(f"store {self.lanes.value} {value}, ptr {pointer}.{k}, align {self.lanes.size}")
 

@@ -17,16 +17,7 @@ BEFORE = ".before"
 
 
 def program(routine: Routine, lanes: Lanes, same: Invariants = NONE, uniform: Container[int] = ()) -> tuple[str, str]:
-    """The LLVM IR (text) of a `routine`, a traced function, and of all that it calls, and the name of its function in
-    that text. The function takes a pointer to each argument, then to each part of the result, where the scalars lie in
-    order, each as one number for every lane. `lanes`, a `Lanes`, says how many numbers are computed at once by SIMD
-    instructions and in what precision.
-
-    `same`, for a step of a loop, are the `Invariants`, which do not change from step to step, none by default: the
-    function then takes a last pointer, to memory that has them, and another function, its name followed by ".before",
-    computes them. `uniform` has the indices of arguments that have one number in memory for all lanes, none by default.
-    Nothing is checked.
-    """
+    """LLVM IR of a routine and of all that it calls, and the name of its function."""
     symbols = _symbols(routine)
     parts = {r: pieces(r.body) for r in symbols}
     functions = [_function(r, parts[r], symbols, lanes) for r in symbols if r is not routine]

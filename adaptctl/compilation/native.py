@@ -34,10 +34,7 @@ class Processor(NamedTuple):
 
     @classmethod
     def host(cls) -> Processor:
-        """The processor of this machine, a `Processor`, with all its instruction sets, or with those of one level alone
-        where the environment variable ADAPTCTL_PROCESSOR is "sse2", "avx2" or "avx512". They are all where the variable
-        is "native", empty or not set. Raises `InputError` for another value, and for a level that the processor
-        lacks."""
+        """This machine's processor, limited to a level where ADAPTCTL_PROCESSOR is "sse2", "avx2" or "avx512"."""
         level = os.environ.get("ADAPTCTL_PROCESSOR", "")
         return _whole() if level in ("", "native") else _whole().limited(level)
 
@@ -64,8 +61,7 @@ class Processor(NamedTuple):
         return self.lanes if precision == "double" or self.lanes == 1 else 2 * self.lanes
 
     def machine(self) -> llvm.TargetMachine:
-        """A new LLVM target machine, llvmlite's object that compiles, for this processor, with code to be run in this
-        process. Raises `RuntimeError` where LLVM's native target has not been initialised."""
+        """New LLVM target machine for this processor, for code that runs in this process."""
         target = llvm.Target.from_default_triple()
         return target.create_target_machine(cpu=self.name, features=self.features, opt=2, jit=True)
 
@@ -103,8 +99,7 @@ def load(text: str, processor: Processor | None = None) -> NativeCode:
 
 
 def define(addresses: Mapping[str, int]) -> None:
-    """Register the `addresses` in memory of functions and objects, by the names under which native code that is loaded
-    later refers to them. They hold for the whole process; nothing is checked."""
+    """Register addresses of functions and objects under names that native code loaded later refers to."""
     with _compiler():
         for name, address in addresses.items():
             llvm.add_symbol(name, address)

@@ -109,9 +109,7 @@ class Node(_Traced):
         return absolute(self)
 
     def with_sine(self, sine: Value, cosine: Value) -> Node:
-        """This angle, rad, itself, once its `sine` and `cosine` (symbolic scalars or floats) are noted in its
-        expression graph, so that they are not computed when they are asked for later. Not checked: the numbers must be
-        right."""
+        """This angle, once its sine and cosine are noted in its graph, so that they are not computed again."""
         self.graph.sines[self] = sine, cosine
         return self
 

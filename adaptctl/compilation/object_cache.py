@@ -53,9 +53,7 @@ class ObjectCache(NamedTuple):
     limit: int = LIMIT
 
     def get(self, key: bytes) -> bytes | None:
-        """The bytes kept under `key`, 32 bytes, or None where there are none, they are damaged, or the folder or file
-        belongs to another user or could be written by one. A file that is read is marked as used now. The log tells the
-        reason for None; no `OSError` is raised."""
+        """Bytes kept under a key; None where there are none, or where damaged or another user's."""
         try:
             _validate_own(self.folder.stat())
             content = _read(self._path(key))
@@ -69,9 +67,7 @@ class ObjectCache(NamedTuple):
         return data
 
     def put(self, key: bytes, data: bytes) -> None:
-        """Keep `data`, the bytes of a compiled object, under `key`, 32 bytes, for later processes, and delete what was
-        used longest ago where the cache is full. Where the folder cannot be made or written, or others could write to
-        it, nothing is kept and the log tells the reason; no `OSError` is raised."""
+        """Keep bytes under a key, and delete what was used longest ago where the cache is full."""
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             _validate_own(self.folder.stat())
@@ -146,14 +142,7 @@ _left = iter(range(MOST))
 
 
 def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Result]) -> Result:
-    """The result of `compute()`, or what an earlier process kept of it, computed under the same name `what` from equal
-    `inputs`, by equal source code of this library and on equal hardware and settings.
-
-    `inputs`, in JSON's types, are all that the result depends on; `kind` is the result's type, made of numbers and
-    text, which come back to the last bit. A process keeps at most 16 results. Nothing is kept where the cache is off
-    (ADAPTCTL_CACHE is "off"), or where the library has no source files on disk. What `compute` raises goes through;
-    `TypeError` is raised for inputs that JSON does not have.
-    """
+    """Result of `compute()`, or the kept one of equal inputs, source code, hardware and settings."""
     folder, source = cache_folder(), source_state()
     if folder is None or not source:
         return compute()
@@ -186,9 +175,7 @@ def _here() -> tuple[str, ...]:
 
 @functools.cache
 def source_state() -> str:
-    """SHA-256 hash (hexadecimal) of paths, sizes and times of change of the library's source files, which changes with
-    them; empty where there are none, as where the library is in an archive. It is computed once in a process; nothing
-    is raised."""
+    """SHA-256 hash of paths, sizes and times of the library's source files; empty where there are none."""
     found = sorted(source_files(str(Path(__file__).parent.parent)))
     return hashed(found) if found else ""
 

@@ -28,8 +28,7 @@ class Layout(NamedTuple):
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Numbers of scalars in the parts (scalars, vectors or matrices) of this layout, one integer a part, in order:
-        the product of each shape in its field `shapes`."""
+        """Numbers of scalars in the parts of this layout."""
         return tuple(math.prod(shape) for shape in self.shapes)
 
     @property
@@ -39,28 +38,22 @@ class Layout(NamedTuple):
 
     @property
     def contain(self) -> Callable[[Iterator[Any]], Any]:
-        """Function that puts an iterator of parts (scalars, vectors, matrices) into the tuple or NamedTuple that this
-        layout is of; for a layout of one part without a tuple, it returns the first part. Nothing is checked here."""
+        """Function that puts parts into the tuple or NamedTuple of this layout, or returns the first part."""
         return next if self.container is None else getattr(self.container, "_make", tuple)
 
     def restored(self, scalars: Sequence[Any]) -> Any:
-        """The value of this layout, a scalar, a `Column`, a list of Columns, or a tuple or NamedTuple of these, made of
-        the sequence of all its `scalars` in order. Not checked: too few may raise `IndexError`, too many are
-        ignored."""
+        """Value of this layout, made of the sequence of all its scalars."""
         parts = (scalars[place] for place in self.places)
         return self.contain(_restored(part, shape) for part, shape in zip(parts, self.shapes, strict=True))
 
 
 def numbered(sizes: Iterable[int]) -> list[tuple[int, int]]:
-    """List of pairs (index of the part, index within it), both from 0, one for each scalar in order, for parts such as
-    vectors that have these `sizes`, numbers of scalars. Nothing is checked."""
+    """Pairs (index of the part, index within it), one for each scalar of parts of these sizes."""
     return [(part, k) for part, size in enumerate(sizes) for k in range(size)]
 
 
 def flatten(value: Any) -> tuple[Layout, list[Any]]:
-    """The `Layout` of a `value` (a function's result or its tuple of arguments) and the list of all its scalars in
-    order. Parts are Columns (vectors), lists of Columns of one length (the rows of a matrix), and anything else, which
-    counts as one scalar, whatever it is; a tuple or NamedTuple holds several. Nothing is raised."""
+    """Layout of a value, and the list of all its scalars in order."""
     container = type(value) if isinstance(value, tuple) else None
     parts = [_flat(part) for part in (value if isinstance(value, tuple) else (value,))]
     return Layout(container, tuple(shape for shape, _ in parts)), [x for _, scalars in parts for x in scalars]
@@ -147,8 +140,7 @@ class Routine:
 
     @cached_property
     def body(self) -> list[Expression]:
-        """The routine's Expressions (nodes of its graph) that its outputs need, in a list in an order to compute
-        them: operands before what uses them."""
+        """Expressions that the outputs need, operands before what uses them."""
         return reachable(self.outputs)
 
     @cached_property
@@ -315,9 +307,7 @@ class Invariants(NamedTuple):
 
     @classmethod
     def of(cls, routine: Routine, held: Collection[int]) -> Invariants:
-        """Loop invariants, an `Invariants`, of a step's `routine` (its traced function), whose arguments of the indices
-        `held`, from 0, are the same in all steps. They are the expressions that depend on these arguments alone, except
-        calls, comparisons and all that needs these, which is computed in each step. Nothing is raised."""
+        """Loop invariants of a step's routine whose arguments of indices `held` are the same in all steps."""
         same = _same(routine.body, held)
         found = cls(frozenset(x for x in same if x.op is not Op.INPUT), [], {}, {})
         later = [x for x in routine.body if x not in found.computed]
@@ -337,9 +327,7 @@ class Invariants(NamedTuple):
         return Routine(f"{routine.name} before", routine.inputs, values, Layout(None, ((len(values),),)))
 
     def left(self, routine: Routine) -> list[Expression]:
-        """Expressions of the step's `routine` (its traced function) that are still computed in each step, operands
-        before what uses them. They are all but the invariants; of these only such as are results of the step remain, to
-        be copied. Nothing is checked."""
+        """Expressions that are still computed in each step, operands before what uses them."""
         results = {x for x in routine.outputs if isinstance(x, Expression)}
         return [x for x in routine.body if x not in self.computed or x in results]
 

@@ -26,14 +26,7 @@ class Sine(NamedTuple):
     """(cos r - 1 + r^2/2) / r^4 in powers of r^2"""
 
     def reduced(self, x: Any) -> tuple[Any, Any, Any]:
-        """Sine and cosine of r, and k + `shift`, for an angle `x` = k pi/2 + r, rad, with k whole and r from -pi/4 to
-        pi/4: three scalars. `shift` is the constant of that name (1.5 * 2^52 in double precision, 1.5 * 2^23 in
-        single), so large that a sum with it is rounded to a whole number: the last bits of k + `shift` are those of k,
-        and tell sign and exchange of sine and cosine of `x` itself. `x`, a scalar of any kind (float, array or symbol),
-        is at most the constant `farthest` in size (2^20 rad in double, 2^13 rad in single), which is not checked.
-
-        r is found by subtracting k pi/2 in three parts (Cody and Waite 1980).
-        """
+        """Sine and cosine of r, and k + `shift`, for an angle k pi/2 + r with r from -pi/4 to pi/4."""
         first, second, third = self.quarter
         shifted = x * (2.0 / math.pi) + self.shift
         k = shifted - self.shift
@@ -94,13 +87,7 @@ _WIDE = (2, 4, 8)
 
 
 class SinesAtOnce:
-    """Sines and cosines of groups of angles, rad, as LLVM instructions appended to a function's `text`
-    (`Instructions`), which leave them in memory, pair (sine, cosine) after pair.
-
-    Angles that are too large for the fast formula are left to the C library. The branch to it is costly, since
-    registers are written to memory for it, so each group of angles has only one. `operand` is a function that returns
-    the name of an expression's value, and `has` one that says whether this function has the value. Nothing is checked.
-    """
+    """Sines and cosines of groups of angles as LLVM instructions, which leave them in memory in pairs."""
 
     def __init__(self, text: Instructions, operand: Callable[[Any], str], has: Callable[[Expression], bool]) -> None:
         self._text, self._operand, self._has = text, operand, has
@@ -113,10 +100,7 @@ class SinesAtOnce:
         return None if found is None else (found[0], found[1] + ANGLES[x.op])
 
     def turn(self, angles: Sequence[Expression]) -> None:
-        """Append the instructions of sines and cosines of `angles`, expressions whose values have been computed, but
-        for those whose sines were written before. An angle that is the sum of an earlier one and a short step, a
-        product with a constant of at most 1/16 in size, is computed from that one's sine and cosine by addition
-        formulas, unless the step turns out above 1/16 rad. Nothing is checked."""
+        """Append instructions of sines and cosines of angles, but for those written before."""
         most, group = _WIDE[-1] if self._text.lanes.count == 1 else len(angles), list[_Turn]()
         for x in (x for x in angles if x not in self._pairs):
             turn = self._turn(x)
@@ -226,8 +210,7 @@ class SinesAtOnce:
 
 
 class _Turn(NamedTuple):
-    """An angle whose sine is asked for and, where it is one of known sine and a short step in time, the `step`, a
-    velocity times a small number, and the place of the known pair."""
+    """Angle whose sine is asked for and, where it is a short step from a known one, the step and its place."""
 
     angle: Expression
     step: Any = None
@@ -248,11 +231,7 @@ class _Group(NamedTuple):
 
 
 def asked_at_once(expressions: Sequence[Expression]) -> dict[int, list[Expression]]:
-    """Groups of angles, expressions in rad, whose sines and cosines can be computed together, among a routine's
-    `expressions` in order. They are a dict from the index of an expression to the angles whose sines and cosines are
-    computed just before it. Angles that are arguments of the routine make one group before the first expression; each
-    other group is of the angles of sines and cosines that follow each other directly in `expressions`. Nothing is
-    checked."""
+    """Groups of angles whose sines and cosines can be computed together."""
     asked = [x.operands[0] for x in expressions if x.op in ANGLES]
     given = [x for x in dict.fromkeys(asked) if x.op is Op.INPUT]
     groups = {expressions[0].index: given} if given else {}

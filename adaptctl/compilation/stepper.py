@@ -34,9 +34,7 @@ steps.
 
 
 class Source(StrEnum):
-    """Source of a step's argument, for a step that is taken by many members (copies of its state). "state" is of each
-    member and is replaced by each step; "held" is of each member and the same in all steps; "shared" is the same for
-    all members and new in each step; "driven" is of each member and new in each step."""
+    """Source of a step's argument: of each member or shared, the same in all steps or new in each."""
 
     STATE = "state"
     """one a lane, replaced in each step by the first results"""
@@ -49,18 +47,7 @@ class Source(StrEnum):
 
 
 def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, Sequence[int]], same: int = 0) -> str:
-    """LLVM IR (text) of the function `run`, one native call of which takes many steps of a `routine` (traced function)
-    for many members (copies of its state). It works on a block of members, as many as `lanes`, at a time. `run` takes
-    the index of the first block and of the one after the last, the number of steps, the strides from step to step,
-    counted in numbers, of the arrays of shared and driven arguments and of outputs (0 for an array without steps), and
-    the addresses of state, held, shared, driven and outputs.
-
-    `symbol` is the name of the routine's own function; `columns` has the lengths of its arguments by `Source` (state,
-    held, shared, driven), in that order; its first results are the new state, the others outputs. `same` is the number
-    of scalars that are computed before the steps of each block, by a function whose name is `symbol` followed by
-    ".before"; 0, the default, where there is none. Not checked: `columns` must have all four sources, with no lengths
-    where there are no arguments.
-    """
+    """LLVM IR of the function `run`, one call of which takes many steps for many members."""
     results, states = routine.layout.sizes, len(columns[Source.STATE])
     count = {str(source): sum(lengths) for source, lengths in columns.items()}
     inputs = {f"%{source}.at": lengths for source, lengths in columns.items()}
@@ -285,7 +272,7 @@ class Stepper:
 
 
 class Signals(NamedTuple):
-    """Buffers for the signals of some steps of an ensemble of members, made by `Ensemble.signals`."""
+    """Buffers for the inputs of some steps of an ensemble."""
 
     shared: LaneArray
     driven: LaneArray

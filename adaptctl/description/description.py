@@ -358,9 +358,7 @@ class Description:
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """The P inertial and friction parameters (P,), read-only, SI units: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy,
-        I_xz, I_yz, I_zz of each link not massless (about its frame's origin), then the drives': rotor inertias,
-        viscous, Coulomb, square-root and Stribeck friction and offsets; in the order of `parameter_names`."""
+        """Inertial and friction parameters (P,) in SI units, in the order of `parameter_names`, read-only."""
         driven = [self.links[i].joint.drive.value(kind) for i, kind in self.drive_parameters]
         tens = [self.links[i].inertia for i in self.bodies]
         stacked = np.concatenate([*tens, np.array(driven, dtype=np.float64)])
@@ -517,8 +515,7 @@ def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
 
 
 def weightless_ends(links: Sequence[Link]) -> tuple[str, ...]:
-    """Names of those `links`, a tree with parents first, that have no inertia and no rotor, nor any descendant with
-    either, so that their joints' accelerations are not determined. Nothing is checked."""
+    """Names of end links without inertia and rotor, whose joints' accelerations are not determined."""
     heavy: set[int] = set()
     for i, link in reversed(list(enumerate(links))):
         if i in heavy or np.any(link.inertia) or link.joint.drive.rotor_inertia:

@@ -13,11 +13,7 @@ from adaptctl.errors import InputError
 
 
 class DriveParameter(Enum):
-    """A parameter of a joint's drive, an enumeration in the order in which drive parameters follow the links' inertial
-    ones: rotor inertia, viscous, Coulomb, square-root and Stribeck friction, and an offset, a constant torque.
-
-    The rotor inertia enters the kinetic energy. The others, friction terms, do not: they are found from torques alone.
-    """
+    """Parameter of a joint's drive, in the order in which drive parameters follow the links' ones."""
 
     ROTOR_INERTIA = "rotor_inertia"
     VISCOUS = "viscous"
@@ -28,8 +24,7 @@ class DriveParameter(Enum):
 
     @property
     def is_friction(self) -> bool:
-        """True for a friction term (every parameter but the rotor inertia), which adds a torque of its own and no
-        energy."""
+        """True for all but the rotor inertia: a torque of its own and no energy."""
         return self is not DriveParameter.ROTOR_INERTIA
 
 

@@ -17,13 +17,7 @@ LARGEST_LENGTH = 1e9
 
 
 def rotation_about(axis: ArrayLike, angle: float) -> Array:
-    """The rotation matrix (3, 3) of a right-handed turn by `angle` (rad) about the unit vector `axis` (3,), by
-    Rodrigues' formula.
-
-    Entries within 1e-15 of 0 and of +-1 are made exact, so that a right angle stays one in every product; an angle that
-    is off by more (3.1416 / 2, say) is kept as it is. The length of `axis` is not checked; raises `ValueError` for an
-    axis that is not three numbers.
-    """
+    """Rotation matrix (3, 3) of a right-handed turn by `angle` (rad) about a unit vector (Rodrigues)."""
     x, y, z = np.asarray(axis, dtype=np.float64)
     hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     rotation = np.eye(3) + np.sin(angle) * hat + (1.0 - np.cos(angle)) * (hat @ hat)
@@ -31,8 +25,7 @@ def rotation_about(axis: ArrayLike, angle: float) -> Array:
 
 
 def exact_right_angles(rotation: Array, tolerance: float = 1e-15) -> Array:
-    """A copy of the `rotation` matrix (3, 3) in which entries within `tolerance`, by default 1e-15, of -1, 0 and 1 are
-    made exactly that. Nothing is checked."""
+    """Copy of a rotation matrix with entries near -1, 0 and 1 made exactly that."""
     rounded = np.round(rotation)
     return np.where(np.abs(rotation - rounded) <= tolerance, rounded + 0.0, rotation)
 
@@ -145,9 +138,7 @@ class FrameKind(Enum):
 
 @dataclass(frozen=True)
 class NamedFrame:
-    """A frame with a `name`, such as a tool's, fixed to the link of zero-based index `link`, or to the ground, -1, at
-    `pose` in that link's frame (m). `kind` is operational by default; no motion depends on it. Nothing is checked at
-    construction."""
+    """Named frame, such as a tool's, fixed to a link (by index; -1 is the ground) at a pose in m."""
 
     name: str
     link: int

@@ -16,8 +16,7 @@ SHORTEST = 1e-6
 
 
 def joint_line(link: Link) -> tuple[Array, Array]:
-    """The axis of the joint before a `link`, as a pair of a point (3,) on it, m, and its direction (3,), a unit vector,
-    both in the link's frame. Nothing is checked."""
+    """Point (3,) on the axis of the joint before a link and its direction (3,), in the link's frame."""
     return link.joint_to_link.inverse.translation, link.joint_to_link.rotation.T @ link.joint.axis
 
 
@@ -53,8 +52,7 @@ def _with_end(points: list[Array], link: Link) -> list[Array]:
 
 
 def depths(parents: Iterable[int]) -> list[int]:
-    """Numbers of joints from the ground to each of a tree's n links, integers of at least 1, from the zero-based
-    indices of the links' `parents`, -1 the ground, parents before children. Nothing is checked."""
+    """Numbers of joints from the ground to each of a tree's n links."""
     found: list[int] = []
     for parent in parents:
         found.append(1 if parent == GROUND else 1 + found[parent])
@@ -71,10 +69,7 @@ def chain_reach(links: Sequence[Link], index: int) -> float:
 
 
 def reach_behind(links: Sequence[Link]) -> Array:
-    """The greatest distances (n,), m, from each joint of n `links` to the far end of any chain of links that it moves,
-    summed from joint to joint, a prismatic joint's travel not included. A link ends at its frame's origin or, where
-    that is within 1e-6 m of its joint, at its centre of mass. The links are a tree in depth-first order (parents
-    first), which is not checked."""
+    """Greatest distances (n,) in m from each joint to the end of any chain of links that it moves."""
     longest = np.array([_length(link) for link in links])
     for i in reversed(range(len(links))):
         if (parent := links[i].parent) != GROUND:

@@ -149,9 +149,7 @@ def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link
 
 
 def above_base(visuals: Sequence[Visual]) -> tuple[Visual, ...]:
-    """The shapes to draw of a mechanism, `visuals`, renumbered for six links of a floating base that come before its
-    own: each link index is 6 higher, so that shapes on the ground, -1, are on the floating body, 5. Nothing is
-    checked."""
+    """Shapes renumbered for the six links of a floating base; those on the ground are on the floating body."""
     return tuple(replace(visual, link=visual.link + len(JOINTS)) for visual in visuals)
 
 
@@ -210,8 +208,7 @@ def meeting_axes(description: Description) -> Iterator[tuple[Link, str, tuple[Ar
 
 
 def _carrier(description: Description, links: Sequence[Link], link: Link) -> tuple[str, Array] | None:
-    """Name of the axis that a joint's angle is measured from (the parent's joint, or gravity), and its direction in the
-    frame that carries the joint; None without either."""
+    """Name and direction of the axis that a joint's angle is measured from (parent's joint or gravity), or None."""
     if link.parent != GROUND:
         parent = links[link.parent]
         return parent.joint.name, parent.joint_to_link.rotation.T @ parent.joint.axis
@@ -268,10 +265,7 @@ def _shortest_turn(start: Array, end: Array) -> Array:
 
 
 def with_joint_frames(description: Description) -> Description:
-    """A copy of a mechanism's `description` with the frame of each link at its joint, as in URDF, where equations of
-    motion take fewest operations. Inertial parameters and loop closures are given in the new frames; shapes to draw and
-    named frames are left out. Raises `InputError` where a length becomes greater than 1e9 m or an inertial parameter
-    than 1e20."""
+    """Copy of a description with link frames at the joints, where equations take fewest operations."""
     far = {link.name: link.joint_to_link for link in description.links}
     links = tuple(_link(link, description) for link in description.links)
     loops = None if description.loops is None else _loops(description.loops, far)
@@ -279,10 +273,7 @@ def with_joint_frames(description: Description) -> Description:
 
 
 def joint_frame_parameters(description: Description) -> Array:
-    """The matrix (P, P) that maps the P inertial parameters of a mechanism to those of the same mechanism with link
-    frames at the joints (`with_joint_frames`), SI units, in the order of the description's property `parameter_names`.
-    They are then about the joint frame's origin and along its axes. Drive parameters, rotor inertia and friction, are
-    the same in both. Nothing is raised."""
+    """Matrix (P, P) that maps inertial parameters to those with link frames at the joints."""
     matrix, size = np.eye(len(description.parameter_names)), len(PARAMETERS)
     for k, i in enumerate(description.bodies):
         moved = [transformed(one, description.links[i].joint_to_link) for one in np.eye(size)]

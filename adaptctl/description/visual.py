@@ -27,7 +27,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Box:
-    """A box for drawing, centred at its frame's origin, its edges of lengths `size` (3,), along the x, y and z axes."""
+    """Box for drawing, centred at its frame's origin, of edge lengths `size` (3,) in m."""
 
     size: tuple[float, float, float]
 
@@ -61,12 +61,7 @@ Solid = Mesh | Box | Cylinder | Sphere
 
 @dataclass(frozen=True)
 class Visual:
-    """A shape for drawing, `solid`, fixed to the link of zero-based index `link`, or to the ground, -1, at `pose` in
-    that link's frame (m).
-
-    `color` is red, green, blue and opacity, from 0 to 1; None, the default, leaves the mesh's own colour, or a viewer's
-    default for links. Nothing is checked at construction.
-    """
+    """Shape for drawing, fixed to a link (by index; -1 is the ground) at a pose in m."""
 
     link: int
     pose: Pose

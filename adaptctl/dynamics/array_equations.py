@@ -41,22 +41,7 @@ class OnArrays(Protocol):
 
 
 class ArrayEquation:
-    """An equation of a mechanism, such as its inverse dynamics, evaluated on NumPy arrays in Python or in native code.
-    Its attribute `call` takes one array (..., size) in SI units for each argument, whose leading axes are samples and
-    broadcast, and returns vectors (..., s) of length s or matrices (..., s, k) of s rows and k columns.
-
-    Made of the mechanism's `name`, for messages; `function`, called by position with one `Column` (size,) for each
-    argument, which returns one `Column` (s,) or a list of s of them, the rows (k,);
-    `sizes`, a callable without arguments that returns the arguments' sizes by name, first that of the positions p (r,)
-    of the r primary (independent) joints, rad (m if prismatic); `configured`, a callable that makes of p the
-    configuration (..., n) of the spanning tree's n joints, which `function` then takes for p, None where that is p
-    itself; `links`, the number n of links; and `compiled`, False for an equation that is never compiled.
-
-    It runs in Python at first. Once calls/50 + samples/25000, summed over all calls, is 1 it is compiled and runs as
-    native code, with several samples at once in SIMD registers. Both agree to round-off. `call` raises `InputError` on
-    a wrong shape, `NonFiniteError` on NaN or infinity, in its arguments or the result, `ValueError` for another number
-    of arguments, and what `configured` and `function` raise.
-    """
+    """Equation of a mechanism, such as its inverse dynamics, on NumPy arrays."""
 
     __slots__ = (
         "__weakref__",
@@ -97,17 +82,13 @@ class ArrayEquation:
         return self._kernel is not None or self._compiled(states) is not None
 
     def arrays_of(self, *arguments: ArrayLike) -> tuple[list[Array], tuple[int, ...]]:
-        """The `arguments` as arrays of floats (..., size), size an argument's own, and the shape of their samples, to
-        which their leading axes broadcast. Raises as `call` does."""
+        """Arguments as arrays of floats (..., size), and the common shape of their samples."""
         pairs = zip(self._lengths().items(), arguments, strict=True)
         arrays = {what: checked(values, size, f"{self._name}: {what}") for (what, size), values in pairs}
         return list(arrays.values()), same_samples(**arrays)
 
     def on_rows(self, *arrays: Array) -> Array:
-        """The vectors (k, m) that an equation of a vector of length m has at k arguments at once, in native code if the
-        method `is_native` is True. `arrays` are the arguments in order, float64 and finite: (k, size) each, or (size,)
-        for all k alike, size an argument's own; the first, the positions (r,) of r joints, is the same for all k. In
-        native code shapes and values are not checked here. Raises as `call` does."""
+        """Vectors (k, m) of an equation at k arguments, in native code where it is ready."""
         if self._kernel is None:
             return self._generally(*arrays)
         first, *rest = arrays
@@ -200,16 +181,7 @@ TOGETHER = 64
 
 
 class RowByRow:
-    """Regressor (r, k) of a mechanism of r primary (independent) joints, evaluated on NumPy arrays row by row, by
-    native code of a single row, which compiles where that of the whole matrix would take too long. `call`
-    is that of an `ArrayEquation`.
-
-    Made of `whole`, the `ArrayEquation` of the matrix, which is used for several states at once until the row's native
-    code is compiled; `powers`, the `ArrayEquation` of the powers (P,) of all P parameters at positions, velocities,
-    reference velocities and accelerations and joint rates, (r,) each; `rows`, the number r; and `columns`, the
-    zero-based indices of the k parameters, None, the default, for all P. Construction checks nothing, and `call` raises
-    what that of an `ArrayEquation` does.
-    """
+    """Regressor evaluated row by row, as native code of the whole matrix would take too long to compile."""
 
     def __init__(
         self, whole: ArrayEquation, powers: ArrayEquation, rows: int, columns: Sequence[int] | None = None
@@ -322,9 +294,7 @@ class ArrayEquations:
         self.torque_regressor, self.slotine_li_regressor = (self._regressor(name, None) for name in REGRESSORS)
 
     def on_columns(self, regressor: str, columns: tuple[int, ...]) -> OnArrays:
-        """The equation on arrays of a `regressor`, "torque_regressor" or "slotine_li_regressor", of the k parameters of
-        indices `columns` alone, each from 0 to P - 1: its `call` returns (..., r, k), N m (N) per unit of each. The
-        same request returns the same object. Raises `InputError` for another name; indices are not checked."""
+        """Regressor's equation for the k parameters of indices `columns` alone, which returns (..., r, k)."""
         if regressor not in REGRESSORS:
             raise InputError(f"regressor: expected {' or '.join(REGRESSORS)}, got {regressor!r}")
         key = regressor, columns

@@ -25,13 +25,7 @@ if TYPE_CHECKING:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Parametrisation:
-    """Affine map D = D0 + N z from the Z parameters z that linear constraints leave free to all P inertial and friction
-    parameters D of a mechanism, SI units.
-
-    `left` are the indices, in ascending order, of the free parameters among the P, so that z = D[left]; `matrix` is N
-    (P, Z), each entry in the unit of its D per unit of its z, whose rows `left` are the identity; `known` is D0 (P,),
-    zero at `left`. Nothing is checked at construction.
-    """
+    """Affine map D = D0 + N z from the free parameters z to all parameters D of a mechanism."""
 
     left: tuple[int, ...]
     matrix: Array
@@ -70,9 +64,7 @@ class ConstrainedMechanism(Mechanism):
 
     @cached_property
     def equations(self) -> ConstrainedEquations:
-        """The equations of motion in the Z free inertial and friction parameters z, a `ConstrainedEquations`, over
-        scalars of any kind (floats, arrays, dual numbers, symbolic ones), to trace or to differentiate; they check
-        nothing. Raises `LoopError` where loops cannot be closed."""
+        """Equations of motion in the free parameters z, over scalars of any kind."""
         N = self.parametrisation.matrix
         columns = (np.flatnonzero(column) for column in N.T)
         spread = tuple(tuple((int(i), float(N[i, j])) for i in places.tolist()) for j, places in enumerate(columns))
@@ -90,27 +82,22 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def free_directions(self) -> Array:
-        """Derivatives N (P, Z) of all P inertial and friction parameters D with respect to the Z ones z that linear
-        constraints leave free, D = D0 + N z: each entry in the unit of its D per unit of its z."""
+        """Matrix N (P, Z) of D = D0 + N z."""
         return self.parametrisation.matrix
 
     @property
     def continuation(self) -> Continuation | None:
-        """The `Continuation` that follows closed loops from the reference configuration to others on its assembly
-        branch, the same as without constraints on parameters; None for a tree. Raises `LoopError` where loops cannot be
-        closed."""
+        """Assembly branch of the reference configuration, as without constraints on parameters."""
         return self.whole.continuation
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the Z free inertial and friction parameters, such as `link3.I_xx` or `joint2.viscous`, in their
-        order among all P."""
+        """Names of the Z free parameters, such as `link3.I_xx`, in their order among all P."""
         return tuple(self.whole.parameter_names[i] for i in self.parametrisation.left)
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """Values (Z,) of the Z free inertial and friction parameters, in the order of this object's `parameter_names`,
-        in SI units (masses kg, first moments kg m, inertias kg m^2); read-only."""
+        """Values (Z,) of the free parameters in SI units, read-only."""
         values = self.description.inertial_parameters[list(self.parametrisation.left)]
         return frozen_array(values, values.shape, "parameters")
 
@@ -128,10 +115,7 @@ class ConstrainedMechanism(Mechanism):
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     def with_parameters(self, parameters: ArrayLike) -> ConstrainedMechanism:
-        """A copy of this mechanism, under the same constraints, with other values (Z,) of its Z free `parameters`, SI
-        units, in the order of its property `parameter_names`. Raises `InputError` for another number of them, values
-        not finite, and where any of all P parameters is above 1e20 in size or a rotor inertia, viscous or Coulomb
-        friction below 0."""
+        """Copy, under the same constraints, with other values (Z,) of the free parameters."""
         whole = self.whole.with_parameters(self.parametrisation.expanded(parameters))
         return ConstrainedMechanism(whole, self.parametrisation)
 
@@ -143,19 +127,10 @@ class ConstrainedMechanism(Mechanism):
         )
 
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
-        """Kinetic plus potential energy (...), in J, the latter 0 at the ground frame's origin, at positions p, rad (m
-        if prismatic), and velocities v, rad/s (m/s), both (..., r), of the r primary (independent) joints. The
-        contribution of parameters that the constraints fix is included. Raises `InputError` on a wrong shape,
-        `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, `SingularityError` near a
-        singularity of the loops."""
+        """Kinetic plus potential energy (...) in J, the constant part of fixed parameters included."""
         return Mechanism(self.description).energy(p, v)
 
     def constraint_bias_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """Torque (..., r), N m (N if prismatic), of the r primary (independent) joints due to the constant term D0 of
-        all parameters D = D0 + N z, which regressors times the free parameters z leave out. It is at positions p,
-        velocities v and accelerations a, all (..., r), rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic). Raises
-        `InputError` on a wrong shape and where D0 has a rotor's inertia, viscous or Coulomb friction below 0,
-        `NonFiniteError` on NaN or infinity, `LoopError` where loops cannot be closed, `SingularityError` near a
-        singularity of the loops."""
+        """Torque (..., r) of the constant term D0 of all parameters D = D0 + N z."""
         known = self.whole.with_parameters(self.parametrisation.known)
         return known.inverse_dynamics(p, v, a)

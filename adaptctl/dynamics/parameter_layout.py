@@ -26,8 +26,7 @@ class ParameterLayout(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number P of parameters: ten for each link that is not massless, and one for each rotor or friction term of a
-        drive."""
+        """Number P of parameters: ten for each body and one for each term of a drive."""
         return self.driven + len(self.drives)
 
     def sorted_out(self, columns: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:

@@ -27,7 +27,7 @@ of a chain of 12. In shorter trees the mass matrix costs less, for its entries a
 
 
 class TreeMotion(Motion):
-    """The motion of a tree of n links, at one instant, from which joint torques, regressors and powers follow."""
+    """Motion of a tree of n links at one instant."""
 
     __slots__ = ("drives", "layout", "links", "places")
 
@@ -41,11 +41,7 @@ class TreeMotion(Motion):
         self.layout, self.places, self.links, self.drives = layout, places, links, drives
 
     def torque(self, parameters: Column) -> Column:
-        """The joint torques M a_r + C v_r + g + friction at v_r (n,), N m (N if prismatic), of a tree's n joints under
-        reference velocities v_r and accelerations a_r. It is for values (P,) of the P inertial and friction
-        `parameters` in SI units, in the order of `Mechanism.parameter_names`. M is the mass matrix, C the Christoffel
-        (Coriolis) matrix, g gravity's torque. Arguments are not checked: too few parameters raise `IndexError` or
-        `ValueError`."""
+        """Torque (r,) under the reference velocities and accelerations."""
         total = list(joint_torques(self.places, self.links, self.layout.tens(parameters)))
         shares = zip(self.layout.drives, self.drives, self.layout.of_drives(parameters), strict=True)
         for term, share, value in shares:
@@ -54,10 +50,7 @@ class TreeMotion(Motion):
         return Column(total)
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """The Slotine-Li regressor Y (n, k) of a tree's n joints, as n rows, one `Column` (k,) each, for the k of the P
-        inertial and friction parameters whose indices `columns` are, in their order: N m (N if prismatic) per unit of
-        each. Over all P columns Y D is the torque of parameters D (P,). Raises `IndexError` for an index of P or more;
-        negative ones are not refused."""
+        """Slotine-Li regressor (r, k), as r rows."""
         of_bodies, of_drives = self.layout.sorted_out(columns)
         rows = torque_regressor(self.places, self.links, list(of_bodies.values()))
         by_column = [dict(zip(of_bodies, row, strict=True)) for row in rows]
@@ -67,10 +60,7 @@ class TreeMotion(Motion):
         return [Column(row.get(column, 0.0) for column in columns) for row in by_column]
 
     def regressor_transpose_product(self, s: Column, columns: Sequence[int]) -> Column:
-        """The powers Y' s (k,), W per unit of each parameter, for the k of the P inertial and friction parameters whose
-        indices `columns` are, at rates `s` (n,) of the tree's n joints, rad/s (m/s if prismatic). Y' is the transpose
-        of the Slotine-Li regressor Y (n, k), which is not formed. Raises `IndexError` for an index of P or more, or for
-        s too short; negative indices are not refused."""
+        """Powers Y' s (k,) of the parameters."""
         of_bodies, of_drives = self.layout.sorted_out(columns)
         found = dict(zip(of_bodies, powers(self.places, self.links, s, list(of_bodies.values())), strict=True))
         found |= {column: self.layout.drives[k].speed(s) * self.drives[k] for column, k in of_drives.items()}
@@ -78,7 +68,7 @@ class TreeMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """The scalars from which `TreeEquations.remembered` rebuilds this motion, a `Column`."""
+        """Scalars from which `remembered` rebuilds this motion."""
         placed = (x for place in self.places for x in place.coordinates)
         return Column((*placed, *(x for link in self.links for x in link.numbers), *self.drives))
 
@@ -107,56 +97,47 @@ class TreeEquations(Equations):
 
     @property
     def dof(self) -> int:
-        """Number n of joints, which for a tree is the number r of degrees of freedom."""
+        """Number r of primary joints."""
         return len(self.segments)
 
     @property
     def parameters(self) -> int:
-        """Number P of inertial and friction parameters."""
+        """Number of parameters."""
         return self.layout.size
 
     def closed(self, p: Column, guess: Column) -> Column:
-        """The configuration (n,) of a tree's n joints at positions p (n,): p itself, there being no loop to close."""
+        """Closed configuration (n,) at primary positions (r,)."""
         return p
 
     def projected(self, q: Column) -> Column:
-        """The configuration q (n,) of a tree's n joints, rad (m if prismatic), itself: there is no loop to close."""
+        """Configuration (n,) with the loops closed."""
         return q
 
     def rates(self, q: Column, v: Column) -> Column:
-        """The velocities v (n,) of a tree's n joints, themselves, all joints being primary."""
+        """Velocities (n,) of the tree's joints."""
         return v
 
     def energy_regressor(self, p: Column, v: Column) -> Column:
-        """Energy regressor E (P,), J per unit of each of the P inertial and friction parameters D (P,), at positions
-        `p`, rad (m if prismatic), and velocities `v`, rad/s (m/s), both (n,), of a tree's n joints. The inner product
-        of E and D is kinetic plus potential energy in J, the latter 0 at the ground frame's origin (Sheu and Walker
-        1991, section 2.2). E is 0 for friction. Arguments are not checked: vectors too short raise `IndexError`."""
+        """Energy regressor (P,)."""
         return self.energies(energy.energy_regressor(self.segments, p, v, self.gravity), v)
 
     def energies(self, tens: Column, v: Column) -> Column:
-        """Energy regressor (P,), J per unit of each of all P parameters, the drives' too, from that of the links'
-        inertial parameters. `tens` (10 n,) is the latter, ten entries for each of the n links, massless ones too, and
-        `v` (n,) are the joints' velocities, rad/s (m/s if prismatic). The entry of a rotor inertia is s^2/2 at its
-        shaft's speed s, that of friction 0. Nothing is checked."""
+        """Energy regressor (P,) with the drives' parameters, from that of the links' (10 N,)."""
         return Column((*self.layout.owned(tens), *(term.energy(v) for term in self.layout.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
-        """Potential part (P,) of the energy regressor, J per unit of each of the P inertial and friction parameters D
-        (P,), at positions `p` (n,) of a tree's n joints, rad (m if prismatic). Its inner product with D is the
-        potential energy in J, 0 at the ground frame's origin. Arguments are not checked: too short a p raises
-        `IndexError`."""
+        """Potential part (P,) of the energy regressor."""
         links = energy.potential_regressor(self.segments, p, self.gravity)
         return Column((*self.layout.owned(links), *(0.0 for _ in self.layout.drives)))
 
     def motion(self, p: Column, v: Column, v_r: Column, a_r: Column) -> TreeMotion:
-        """The motion at one instant, from which torques, regressors and powers follow, a `TreeMotion`."""
+        """Motion at one instant."""
         places = self._placements(p)
         drives = [term.torque(v_r, a_r) for term in self.layout.drives]
         return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
 
     def remembered(self, numbers: Column) -> TreeMotion:
-        """The motion at one instant, a `TreeMotion`, rebuilt from its property `numbers`, scalars in SI units."""
+        """Motion rebuilt from its `numbers`."""
         rest = iter(numbers)
         coordinates = [tuple(islice(rest, link.coordinates)) for link in self.segments]
         places = self._held.placements(coordinates)
@@ -164,7 +145,7 @@ class TreeEquations(Equations):
         return TreeMotion(self.layout, places, links, tuple(rest))
 
     def mass_matrix(self, p: Column, parameters: Column) -> list[list[Scalar]]:
-        """Mass matrix (n, n) of a tree's n joints, as n rows of n scalars."""
+        """Mass matrix (r, r), as r rows."""
         rows = mass_matrix(self._placements(p), self.layout.tens(parameters))
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             for joint, share in [] if term.kind.is_friction else term.on_joints(value):
@@ -173,7 +154,7 @@ class TreeEquations(Equations):
         return rows
 
     def damping(self, p: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
-        """Damping matrix B (n, n) of a tree's n joints, as n rows of n scalars."""
+        """Damping matrix (r, r), as r rows."""
         rows: list[list[Scalar]] = [[0.0] * self.dof for _ in range(self.dof)]
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
             if not term.kind.is_friction:
@@ -184,15 +165,7 @@ class TreeEquations(Equations):
         return rows
 
     def forward_dynamics(self, p: Column, v: Column, torque: Column, parameters: Column) -> Column:
-        """Accelerations (n,), rad/s^2 (m/s^2 if prismatic), of a tree's n joints under a `torque` (n,), N m (N),
-        gravity and friction, at positions `p`, rad (m), and velocities `v`, rad/s (m/s), both (n,). They are for values
-        (P,) of the P inertial and friction `parameters` in SI units, in the order of `Mechanism.parameter_names`.
-
-        They are found by the articulated-body algorithm (Featherstone 2008, chapter 7) where 6.5 joints or more are
-        between a link and the ground on average and each rotor turns with one joint, else from the mass matrix.
-        Arguments are not checked: vectors too short raise `IndexError` or `ValueError`, a joint without inertia raises
-        `ZeroDivisionError` in floats and gives infinity or NaN in arrays.
-        """
+        """Accelerations (r,) under a torque (r,)."""
         if not self._is_long:
             return super().forward_dynamics(p, v, torque, parameters)
         motion, own, rotors = self.motion(p, v, v, Column.zeros(self.dof)), list(torque), [0.0] * self.dof
@@ -220,5 +193,5 @@ class TreeEquations(Equations):
         return sum(deep) >= ARTICULATED * len(deep) and not coupled
 
     def without_gravity(self) -> TreeEquations:
-        """A copy of these equations without gravity."""
+        """Copy of these equations without gravity."""
         return replace(self, gravity=ZERO)

@@ -452,10 +452,7 @@ _ATAN_BELOW = (
 
 
 def exponential(x: Any) -> Any:
-    """The exponential e^x of a scalar `x` without unit, by arithmetic and comparisons alone, so that it compiles to
-    SIMD instructions. x is a float, an array (elementwise), a dual number or a node of an expression graph. The result
-    is right to a few units in the last place: infinity where it exceeds the largest double, 0 below about -745, and NaN
-    for NaN. Nothing is raised."""
+    """Exponential e^x by arithmetic and comparisons alone, which compile to SIMD instructions."""
     x = clip(x, -746.0, 710.0)
     k = (x * (1.0 / math.log(2.0)) + _SHIFT) - _SHIFT
     r = (x - k * _LN2[0]) - k * _LN2[1]
@@ -469,10 +466,7 @@ def exponential(x: Any) -> Any:
 
 
 def logarithm(x: Any) -> Any:
-    """The natural logarithm ln x of a scalar `x` without unit, by arithmetic and comparisons alone, so that it compiles
-    to SIMD instructions. x is a float, an array (elementwise), a dual number or a node of an expression graph. The
-    result is right to a few units in the last place: minus infinity at 0, infinity at infinity, and NaN for negative
-    numbers and NaN. Nothing is raised."""
+    """Natural logarithm by arithmetic and comparisons alone, which compile to SIMD instructions."""
     m, k = x, 0.0 * x
     for bit in _HALVINGS:
         small, large = m < 2.0 ** (1 - bit), m >= 2.0**bit
@@ -489,10 +483,7 @@ def logarithm(x: Any) -> Any:
 
 
 def hyperbolic_tangent(x: Any) -> Any:
-    """The hyperbolic tangent tanh x of a scalar `x` without unit, by arithmetic and comparisons alone, so that it
-    compiles to SIMD instructions. x is a float, an array (elementwise), a dual number or a node of an expression graph.
-    The result is right to a few units in the last place: a rational function of x for |x| below 0.625, and made of
-    exponentials elsewhere; NaN for NaN. Nothing is raised."""
+    """Hyperbolic tangent by arithmetic and comparisons alone, which compile to SIMD instructions."""
     near = clip(x, -0.625, 0.625)
     z = near * near
     close = near + near * z * (polynomial(_TANH, z) / polynomial(_TANH_BELOW, z))
@@ -501,10 +492,7 @@ def hyperbolic_tangent(x: Any) -> Any:
 
 
 def arc_tangent(y: Any, x: Any) -> Any:
-    """The angle of the point (x, y) from the x axis, in rad, from -pi to pi, by arithmetic and comparisons alone, so
-    that it compiles to SIMD instructions. The coordinates `y` and `x`, in one unit, are each a float, an array
-    (elementwise), a dual number or a node of an expression graph. The result is right to a few units in the last place:
-    0 at the origin, and pi for negative x where y is 0 or -0. Nothing is raised."""
+    """Angle of the point (x, y) from -pi to pi by arithmetic and comparisons alone, for SIMD instructions."""
     high, low = maximum(absolute(x), absolute(y)), minimum(absolute(x), absolute(y))
     upper = low > math.tan(math.pi / 8.0) * high
     t = where(upper, low - high, low) / where(upper, low + high, where(high > 0.0, high, 1.0))
@@ -516,7 +504,5 @@ def arc_tangent(y: Any, x: Any) -> Any:
 
 
 def polynomial(coefficients: Sequence[float], z: Any) -> Any:
-    """The polynomial c_0 + c_1 z + c_2 z^2 + ... of a scalar z (a float, an array, a dual number or a node of an
-    expression graph) by Horner's scheme. `coefficients` has the numbers c_0, c_1, ..., from the zeroth power of z on.
-    Raises `TypeError` where there are no coefficients."""
+    """Polynomial c_0 + c_1 z + c_2 z^2 + ... by Horner's scheme."""
     return reduce(lambda higher, c: c + z * higher, reversed(coefficients))

@@ -29,10 +29,7 @@ Triple = tuple[float, float, float]
 
 
 class Tensor(msgspec.Struct, forbid_unknown_fields=True):
-    """An entry of a TOML file: an inertia tensor (kg m^2) by its six independent components `xx`, `xy`, `yy`, `xz`,
-    `yz` and `zz`, those left out being zero; off-diagonal ones are -integral xy dm. It is along the link frame's axes,
-    about that frame's origin in the field `inertia` of a link's entry, about the centre of mass in the field
-    `inertia_at_center`. Nothing is checked at construction."""
+    """Inertia tensor of a TOML file in kg m^2 by six components; off-diagonal ones are -integral xy dm."""
 
     xx: float = 0.0
     xy: float = 0.0
@@ -54,9 +51,7 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     rpy_deg: Triple | None = None
 
     def pose(self) -> Pose:
-        """The pose (m) of a frame in the frame of the link or joint on which a TOML file places it, from this entry's
-        properties `position` and `rpy` or `rpy_deg`. Raises `InputError` where both `rpy` and `rpy_deg` are given, for
-        values that are not finite, and for lengths above 1e9 m."""
+        """Pose in m from the properties `position` and `rpy` or `rpy_deg`."""
         if self.rpy is not None and self.rpy_deg is not None:
             raise InputError("rpy is given twice: keep rpy (rad) or rpy_deg")
         degrees = [math.radians(angle) for angle in self.rpy_deg or (0.0, 0.0, 0.0)]
@@ -75,11 +70,7 @@ class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     turns_with: dict[Name, float] = {}
 
     def drive(self) -> Drive:
-        """The rotor inertia and friction of a joint as a `Drive`, built from the terms that a TOML file's entry gives
-        (SI units), with the other joints that its motor shaft turns with, `turns_with`, by name and ratio of shaft to
-        joint speed; terms left out are None, not modelled. Raises `InputError` for a term that is not finite or above
-        1e20 in size, for rotor inertia, viscous or Coulomb friction below 0, and for a ratio of `turns_with` that is 0
-        or not finite."""
+        """Rotor inertia and friction of a joint; terms left out are None, not modelled."""
         terms = (self.rotor_inertia, self.viscous, self.coulomb, self.square_root, self.stribeck, self.offset)
         return Drive(*terms, turns_with=tuple(self.turns_with.items()))
 
@@ -104,11 +95,7 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     drive: DriveEntry = msgspec.field(default_factory=DriveEntry)
 
     def moving(self, name: str, axis: Triple) -> Joint:
-        """The joint before the link of a TOML file's entry, called `name`, about or along `axis` (3,) in the joint's
-        frame, of any length, with the type, limits and drive that the entry gives. Raises `InputError` for an axis that
-        is shorter than 1e-9 or not finite, a range that is given twice, does not rise or does not fit the joint's type,
-        a velocity or effort that is not positive, and drive terms that `Drive` refuses (not finite, above 1e20 in size,
-        rotor inertia, viscous or Coulomb friction below 0)."""
+        """Joint of this entry, with the given name and axis (3,)."""
         return Joint(name, JointKind(self.type), np.array(axis), self.limits(), self.drive.drive())
 
     def limits(self) -> Limits:
@@ -117,7 +104,7 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         return Limits(lower, upper, _or_unlimited(self.velocity), _or_unlimited(self.effort))
 
     def ten(self) -> Array:
-        """The ten inertial parameters (10,) of the link of a TOML file's entry,, about its frame's origin."""
+        """Ten inertial parameters (10,) of the link about its frame's origin; zero where nothing is given."""
         about_origin = (self.first_moment, self.inertia)
         about_center = (self.center_of_mass, self.inertia_at_center)
         self._validate_mass()
@@ -175,8 +162,7 @@ A_TURN = 2.02 * math.pi
 
 
 def validate_at_most(count: int, most: int, what: str) -> None:
-    """Raise `InputError` if `count` is above `most`, the greatest number of parts of one kind that a robot's file may
-    have; `what` names the parts in the message, as in "links that move"."""
+    """Raise `InputError` if a file has more parts of one kind than a robot's file may have."""
     if count > most:
         raise InputError(f"{count} {what}: at most {most} are read")
 
@@ -189,9 +175,7 @@ def validate_mass_of_inertia(link: Link) -> Link:
 
 
 def warn_of_weightless(path: Any, links: Sequence[Link], loops: Loops | None, stacklevel: int = 3) -> None:
-    """Warn, by a `SimplificationWarning` that names them, of links of a file at `path` that move without inertia or
-    rotor and whose descendants have neither. There is no warning where the mechanism has `loops`, or where no link of
-    the file has inertia. `stacklevel` is that of `warnings.warn`, 3 by default, the caller's caller."""
+    """Warn of end links of a file that move without inertia or rotor."""
     if loops is None and any(np.any(link.inertia) for link in links) and (names := weightless_ends(links)):
         text = "links move without mass and carry none, so that no torque says how they accelerate"
         warnings.warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
@@ -205,17 +189,13 @@ def unknown_body(name: str, known: Sequence[str]) -> str:
 
 
 def is_more_than_a_turn(angles: Iterable[float] | float | None) -> bool:
-    """True where one of the `angles` of a frame, one or several numbers in rad, is above 2.02 pi in size, so that
-    degrees may be meant; False for no angles, None. Nothing is raised."""
+    """True where an angle is above 2.02 pi in size, so that degrees may be meant."""
     given = (angles,) if isinstance(angles, int | float) else angles or ()
     return any(abs(angle) > A_TURN for angle in given)
 
 
 def warn_of_degrees(path: Any, links: Sequence[Link], frames: Sequence[str], stacklevel: int = 3) -> None:
-    """Warn, by a `SimplificationWarning` that names them, of angles in a file at `path` that are read as rad but look
-    like degrees. These are position limits of `links`' turning joints above 6 pi and up to 3600 rad in size, and angles
-    of `frames`, names of elements in which the caller found such angles. `stacklevel` is that of `warnings.warn`, 3 by
-    default, the caller's caller."""
+    """Warn of angles of a file that are read as rad but look like degrees."""
     joints = [f"limits of {link.joint.name}" for link in links if _may_be_degrees(link)]
     if names := [*joints, *frames]:
         text = "angles are read as radians, and these look like degrees"

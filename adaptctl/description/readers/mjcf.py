@@ -110,13 +110,7 @@ class MjcfBody:
 
 
 def mjcf_bodies(path: str | Path, root: str | None = None) -> dict[int, MjcfBody]:
-    """The bodies of the MJCF file at `path` that sit at the joints of the links that `read_mjcf` makes of it, with
-    their own inertias, by the zero-based index of each link with mass.
-
-    `root` is the name of the mechanism's first body, None the one root body that moves. Raises `FileError` for a file
-    that cannot be read, `InputError` for what `read_mjcf` refuses, and where the compiler setting inertiafromgeom is
-    true, by which <inertial> elements are ignored. Nothing is warned of.
-    """
+    """Bodies of an MJCF file with their own inertias, by the index of the link in `read_mjcf`."""
     scanned = ScannedFile.of(path, whole=root is None)
     if any(compiler.get("inertiafromgeom") == "true" for compiler in scanned.root.findall("compiler")):
         raise InputError("<compiler>: inertiafromgeom='true' ignores inertials: make it 'auto'")

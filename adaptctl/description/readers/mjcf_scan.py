@@ -131,8 +131,7 @@ class ScannedFile:
         return cls(root, Path(path).parent, meshes, numbers_of, tendons)
 
     def text(self, meshes: Collection[str] = ()) -> tuple[str, list[Element]]:
-        """The pair of the file's text for MuJoCo with these `meshes`, by default none, and the list of its elements, of
-        which each begins on a line of its own. Nothing is raised."""
+        """Text of the file for MuJoCo, and its elements, each on a line of its own."""
         assets = Element("asset")
         assets.extend(self.meshes[name] for name in meshes)
         root = like(self.root, self.root.attrib)

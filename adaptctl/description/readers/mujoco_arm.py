@@ -80,8 +80,7 @@ class MujocoArm:
         return found
 
     def at_line(self, key: object) -> AbstractContextManager[None]:
-        """Context manager in which an `InputError` names the line of the element of that `key`, a body's name or an
-        equality's index, where the model is of a file."""
+        """Context in which an `InputError` names the line of an element, where the model is of a file."""
         return located(self.elements.get(key, LineElement("")))
 
     def _validate_plain(self, i: int) -> None:
@@ -94,10 +93,7 @@ class MujocoArm:
             raise InputError(f"{where}: a mocap body is moved by hand: leave it out")
 
     def links(self) -> list[Link]:
-        """The links of the arm in depth-first order, one for each joint, with the summed inertia of all bodies fixed to
-        them. The call also fills this object's `carriers` and `places`, the links that bodies are part of and the
-        bodies' poses there. Raises `InputError` for a range that does not rise, lengths above 1e9 m, inertias above
-        1e20, values that are not finite, drive terms below 0, and nonlinear damping."""
+        """Links of the arm in depth-first order, with the summed inertia of all bodies fixed to them."""
         links: list[Link] = []
         tens: list[Array] = []
         for i in self.bodies:
@@ -171,26 +167,21 @@ class MujocoArm:
 
     @property
     def actuators(self) -> list[int]:
-        """Zero-based indices in the model of the actuators that act on the arm's joints directly, not by tendons or
-        sites."""
+        """Indices of the actuators that act on the arm's joints directly, not by tendons or sites."""
         joints = set(self.joints)
         return [i for i in range(self.model.nu) if self.model.actuator_trntype[i] in (0, 1)
                 and int(self.model.actuator_trnid[i, 0]) in joints]  # fmt: skip
 
     @property
     def servos(self) -> list[str]:
-        """Names of the arm's actuators whose force is not a multiple of their control, each with its kind, as in
-        "'elbow' (a position servo)"; empty where all actuators are torque motors."""
+        """Names and kinds of actuators that are not torque motors, as in "'elbow' (a position servo)"."""
         return [
             f"{_name_of_actuator(self.model, i)} ({kind})" for i in self.actuators if (kind := servo(self.model, i))
         ]
 
 
 def body_ten(model: mujoco.MjModel, i: int) -> Array:
-    """The ten inertial parameters (10,) of the body of zero-based index `i` in a MuJoCo model, about its frame's
-    origin, without the bodies on it: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (mass in kg, first moment
-    in kg m, inertia tensor in kg m^2). Raises `InputError` for a negative mass or inertia, and for a centre of mass
-    above 1e9 m or not finite; nothing else is checked."""
+    """Ten inertial parameters (10,) of body `i` of a MuJoCo model, without the bodies on it."""
     at = pose(model.body_ipos[i], model.body_iquat[i])
     if model.body_mass[i] < 0.0 or np.any(model.body_inertia[i] < 0.0):
         raise InputError(f"body {model.body(i).name!r}: mass and inertia must not be negative")
@@ -198,15 +189,12 @@ def body_ten(model: mujoco.MjModel, i: int) -> Array:
 
 
 def pose(position: Array, quaternion: Array) -> Pose:
-    """The pose of a frame at `position` (3,), m, with the attitude of a `quaternion` (4,), w, x, y, z, of any length
-    from 1e-12. Raises `InputError` for a shorter quaternion, and for positions above 1e9 m or not finite."""
+    """Pose of a frame at `position` (3,) in m and a quaternion (4,) w, x, y, z of any length from 1e-12."""
     return Pose(quaternion_rotation(quaternion), np.array(position))
 
 
 def servo(model: mujoco.MjModel, i: int) -> str:
-    """The kind, in words such as "a position servo", of the actuator of zero-based index `i` in a MuJoCo model whose
-    force is not a multiple of its control; the empty text for one whose force is, a torque motor. Nothing is
-    checked."""
+    """Kind of an actuator, such as "a position servo"; empty for a torque motor."""
     gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
     if model.actuator_dyntype[i]:
         return "it has dynamics of its own"
@@ -310,7 +298,7 @@ def _is_sprung(model: mujoco.MjModel, j: int) -> bool:
 
 
 def position_limits(lower: float, upper: float) -> tuple[float, float]:
-    """The pair of a joint's lower and upper position limit for a range `lower` to `upper` of MuJoCo's."""
+    """Position limits for a range of MuJoCo's, infinite from 1e9 on."""
     return (-math.inf if lower <= -NO_LIMIT else lower, math.inf if upper >= NO_LIMIT else upper)
 
 

@@ -26,19 +26,7 @@ NO_EQUALITY = "mjDSBL_EQUALITY"
 
 
 def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
-    """The description of the mechanism that is a `body` of a MuJoCo `model`, by name, with all bodies on it, and the
-    loops that the model's equalities close. What it stands on must not move. None stands for the one root body on which
-    joints turn or slide; bodies that only float are objects of the scene.
-
-    Link frames stand at the joints, turned as their bodies; a link is named after its body, and a body with several
-    joints becomes as many links, massless but the last. Armature, damping and frictionloss become the joint's drive,
-    where they are not zero; effort limits are those of the actuators, and position limits of at least 1e9 rad (m if
-    prismatic) in size count as none. Raises `InputError` for ball and free joints, no joint, a body that stands on one
-    that moves, several root bodies that move (for None), nonlinear damping, more than 256 links, negative masses, and
-    active equalities of other kinds than connect, weld and linear ones of joints, `NotFoundError` for an unknown body.
-    Warns (`SimplificationWarning`) of actuators that command no torque, and of springs and gravity compensation, which
-    are left out.
-    """
+    """Description of a body of a MuJoCo model with all bodies on it, and the loops of its equalities."""
     arm = MujocoArm.of(model, body)
     links = tuple(arm.links())
     validate_at_most(len(links), MOST_LINKS, "links that move")

@@ -152,11 +152,7 @@ _KINDS = {
 
 
 def with_inertias(model: pinocchio.Model, description: Description) -> pinocchio.Model:
-    """A copy of a Pinocchio `model` with the inertias and drives of a `description` of the same joints, matched by
-    name: rotor inertia as armature, viscous friction as damping, Coulomb friction as dry friction. Raises `InputError`
-    for another number of joints, for a drive whose shaft turns with other joints, and for a first moment without mass,
-    `NotFoundError` for a joint that the model does not have. Warns (`SimplificationWarning`) of friction other than
-    viscous and Coulomb's, left out."""
+    """Copy of a Pinocchio model with the inertias and drives of a description, matched by joint name."""
     _validate_own_shafts(description)
     names = {str(name): i for i, name in enumerate(model.names)}
     changed = model.copy()

@@ -90,23 +90,20 @@ def line_of(element: Element) -> int:
 
 
 def like(element: Element, attributes: Mapping[str, str], tag: str = "") -> Element:
-    """A new XML element with the given `attributes`, no children, the line of `element` and, unless `tag` is given, its
-    tag. Nothing is checked."""
+    """New XML element with the given attributes, the line of `element` and by default its tag."""
     copy = LineElement(tag or element.tag, dict(attributes))
     copy.line = line_of(element)
     return copy
 
 
 def refuse(element: Element, message: str) -> NoReturn:
-    """Raise an `ElementError` with the given `message`, and at its end the line at which `element` begins in its file,
-    where that is known. It never returns."""
+    """Raise an `ElementError` that names the line of an element, where known."""
     raise ElementError(f"{message} (line {line})" if (line := line_of(element)) else message)
 
 
 @contextmanager
 def located(element: Element) -> Iterator[None]:
-    """Context manager in which an `InputError` becomes an `ElementError` with the line at which `element` begins, where
-    that is known. Errors that are an `ElementError` already, and all others, pass as they are."""
+    """Context in which an `InputError` becomes an `ElementError` with the line of an element."""
     try:
         yield
     except ElementError:
@@ -134,10 +131,7 @@ def number(element: Element, name: str, where: str, largest: float = LARGEST) ->
 
 
 def numbers(element: Element, name: str, count: int | range, where: str, largest: float = LARGEST) -> list[float]:
-    """The finite numbers in the attribute `name` of an `element`, separated by spaces there, in the unit of the file.
-    `count` is how many there must be, or the range of counts allowed. Raises `ElementError`, with the element's line,
-    where the attribute is missing, holds something else or another count, or a number above `largest` in size, 1e30 by
-    default; `where` begins the message."""
+    """Finite numbers in an attribute of an element, separated by spaces."""
     text = attribute(element, name, where)
     counts = range(count, count + 1) if isinstance(count, int) else count
     readable = len(text) <= LONGEST_NUMBERS and text.isascii() and "_" not in text

@@ -19,20 +19,12 @@ from adaptctl.files import toml_string, write_text
 
 
 def write_mechanism(path: str | Path, description: Description) -> None:
-    """Write a mechanism's `description` to `path` as a TOML file that `read_mechanism_file` and `load` read, whole or
-    not at all. Numbers are read back the same, rotations to round-off, since they are written as roll, pitch and yaw;
-    shapes to draw are not kept. A link with a negative mass, or with inertia but no mass, is written, but refused on
-    reading. Raises `FileError` where the file cannot be written, `InputError` for position limits of a continuous
-    joint, which the format does not have."""
+    """Write a description as a TOML file that `load` reads, whole or not at all."""
     write_text(path, mechanism_toml(description))
 
 
 def mechanism_toml(description: Description) -> str:
-    """The text of the TOML file of a mechanism's `description`, in the schema ``adaptctl/mechanism/1`` that
-    `read_mechanism_file` reads: SI units and rad, numbers with all digits. Numbers are read back the same, rotations to
-    round-off, since they are written as roll, pitch and yaw; shapes to draw are not kept. A link with a negative mass,
-    or with inertia but no mass, is written, but refused on reading. Raises `InputError` for position limits of a
-    continuous joint, which the format does not have."""
+    """Text of a description's TOML file, schema ``adaptctl/mechanism/1``, numbers with all digits."""
     _validate_sayable(description)
     parts = [
         'schema = "adaptctl/mechanism/1"',

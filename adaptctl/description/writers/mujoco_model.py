@@ -91,14 +91,7 @@ def _motor(spec: mujoco.MjSpec, link: Link) -> None:
 
 
 def set_parameters(arm: MujocoArm, before: Description, after: Description) -> None:
-    """Change the MuJoCo model of `arm` in place to the inertias, rotor inertias, viscous and Coulomb friction of the
-    description `after`. `before` describes the model as it is; a link whose inertia is the same in both keeps it.
-
-    The body at a link's last joint gets the link's inertia less that of the other bodies fixed to it, which stay.
-    Before anything is changed, raises `InputError` where that difference has no positive mass, for loops, motor shafts
-    that turn with several joints and other friction terms in `after`, and for what the method `links` of `arm`, which
-    is called unless it was before, refuses; `ValueError` for descriptions with other numbers of links than the model's.
-    """
+    """Change a MuJoCo model in place to the inertias and friction of a description."""
     import mujoco
 
     _validate_plain_joints(after)

@@ -23,14 +23,7 @@ from adaptctl.files import decoded, read_bytes, write_bytes
 
 
 def write_robot(path: str | Path, original: str | Path, after: Description, root: str | None = None) -> None:
-    """Write to `path` a copy of the URDF or MJCF file `original` with the links' inertias of the description `after`;
-    all else stays, byte for byte. `root` names the body of an MJCF scene that the mechanism begins with, None for the
-    one root body that moves.
-
-    Raises `InputError` for a file of another suffix than .urdf, .xml and .mjcf, and for a `root` of a URDF file,
-    `FileError` where a file cannot be read or written, where the original holds another mechanism than `after`
-    describes (joints, frames or names differ), and where its format cannot hold an inertia.
-    """
+    """Write a copy of a URDF or MJCF file with other inertias; all else stays, byte for byte."""
     suffix = Path(original).suffix.lower()
     if suffix not in (".urdf", ".xml", ".mjcf"):
         raise InputError(f"{original}: inertias are written into URDF and MJCF files, got {suffix!r}")

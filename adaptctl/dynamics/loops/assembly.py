@@ -26,15 +26,7 @@ _LITTLE = 1e-3
 
 
 def assembled(description: Description, loops: Loops, links: Sequence[Segment]) -> tuple[Closing, Array]:
-    """The independent closure conditions of a mechanism with loops, a `Closing`, and its closed reference configuration
-    (n,) of the spanning tree's n joints, rad (m if prismatic), as a pair. `description` describes the mechanism,
-    `loops` its closures, couplings and primary joints, whose property `reference` gives the primary joints' positions
-    in that configuration, and `links` is the geometry of the tree's n links.
-
-    Raises `LoopError` naming the element: a closure that cannot be closed at the reference configuration or adds no
-    condition, a mechanism whose loops leave no joint free to move, primary joints that are too many, too few or not
-    independent, a singular reference. Raises `MissingExtraError` where SciPy is not installed.
-    """
+    """Independent closure conditions of a mechanism with loops, and its closed reference configuration (n,)."""
     every = _everything(description, loops)
     elements = _element_names(loops, every)
     guess = np.array([loops.reference.get(name, 0.0) for name in description.joint_names])

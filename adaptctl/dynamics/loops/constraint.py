@@ -33,10 +33,7 @@ class Loop:
 
 
 class Hinge(NamedTuple):
-    """A joint of a loop at one configuration, in the axes and from the origin of the link at which the loop's two sides
-    part. `link` is the index of the joint's link; `turns` is True if it is revolute, False if prismatic; `axis` (3,) is
-    its unit vector, and `origin` (3,), m, the origin of its frame before its own motion, a point on the axis. Nothing
-    is checked."""
+    """Joint of a loop at one configuration, in the axes of the link at which the loop's two sides part."""
 
     link: int
     turns: bool
@@ -45,10 +42,7 @@ class Hinge(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """One side of a loop closure at one configuration, in the axes and from the origin of the link (or the ground) at
-    which the two sides part. `hinges` are its joints from there outward; `rotation` (3, 3), whose columns are the
-    frame's axes, and `origin` (3,), m, give the pose of its closing frame, which the closure makes coincide with the
-    other side's. Nothing is checked."""
+    """One side of a loop closure at one configuration, in the axes of the link at which the sides part."""
 
     hinges: list[Hinge]
     rotation: Mat
@@ -56,10 +50,7 @@ class Reach(NamedTuple):
 
 
 def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSide) -> Reach:
-    """The joints and the closing frame of one side of a loop closure at one configuration, as a `Reach`, in the axes of
-    the link at which the closure's two sides part. The closure makes the closing frame coincide with the other side's.
-    `places` has the links' `Placement` objects in their parents by link index, those of `side.links` at least. A
-    placement that is missing raises `IndexError`, or `KeyError` in a mapping."""
+    """Joints and closing frame of one side of a loop closure at one configuration."""
     rotation, origin, hinges = _AXES, ZERO, []
     for i in side.links:
         place = places[i]
@@ -79,10 +70,7 @@ class Constraint:
         self._seen = self.first.rotation.T
 
     def residual(self) -> list[Scalar]:
-        """The closure residual, a list of 3 (kind POINT), 5 (AXIS) or 6 (WELD) scalars, zero when the loop is closed,
-        in the axes of the first side's closing frame. It has x, y, z of the second closing frame's origin from the
-        first's, in m, then, to first order, the second frame's rotation against the first in rad: about x and y for
-        AXIS, x, y and z for WELD."""
+        """Closure residual of 3 (POINT), 5 (AXIS) or 6 (WELD) scalars, zero when the loop is closed."""
         gap = self._seen @ (self.second.origin - self.first.origin)
         turn = product(self._seen, self.second.rotation)
         attitude = {
@@ -103,14 +91,7 @@ class Constraint:
         return outward | inward
 
     def bias(self, u: Column, w: Column) -> list[Scalar]:
-        """The second derivative of the closure residual along two joint velocities `u` and `w` (n,) of the spanning
-        tree's n joints, rad/s (m/s if prismatic), a list of scalars, m/s^2, then rad/s^2, in the order and the axes of
-        the method `residual`.
-
-        There are 3 (frames with the same origin, POINT), 5 (with the same z axis, too, AXIS) or 6 (with the same pose,
-        WELD). For u = w it is the residual's acceleration while no joint accelerates; it is bilinear and symmetric in
-        both. u and w must keep the loop closed, which is not checked; too short a u or w raises `IndexError`.
-        """
+        """Second derivative of the closure residual along two joint velocities u and w (n,)."""
         one, other = _carried(self.first, u, w), _carried(self.second, u, w)
         turning = other.alpha - one.alpha
         if self.kind is ClosureKind.AXIS:
@@ -132,10 +113,7 @@ class Constraint:
 
 
 class Carried(NamedTuple):
-    """Motion of a loop side's closing frame, by which it is joined to the other side, under two joint velocities u and
-    w, no joint accelerating. In the axes of the link at which the sides part it has the angular velocities `omega`
-    under u and `rho` under w (3,), rad/s, the angular acceleration `alpha` (3,), rad/s^2, and the acceleration `acc` of
-    the frame's origin (3,), m/s^2, both bilinear and symmetric in u and w. Nothing is checked."""
+    """Motion of a closing frame under two joint velocities u and w, no joint accelerating."""
 
     omega: Vec
     rho: Vec
@@ -176,9 +154,7 @@ class Follower:
         return (self.follower,)
 
     def followed(self, _places: object, _links: object, q: Sequence[Scalar]) -> tuple[Scalar, ...]:
-        """Position of the following joint, rad (m if prismatic), as a tuple of one, for that of the leading joint in
-        the configuration q (n,) of the spanning tree's n joints. The first two arguments, links' placements and
-        geometry, are not used. Too short a q raises `IndexError`."""
+        """Position of the following joint, as a tuple of one, at a configuration (n,)."""
         return (self.ratio * q[self.leader] + self.offset,)
 
 
@@ -200,19 +176,13 @@ class Closing:
         return tuple(joint in links for joint in self.primary)
 
     def residual(self, places: Sequence[Placement], q: Column) -> Column:
-        """Closure residual (c,), the amounts by which the c independent conditions of loops, then of couplings, are
-        violated, zero at a closed configuration: in m for positions and rad for directions (a coupling's in its joint's
-        unit). `places` has the n links' placements at the configuration q (n,) of the spanning tree's n joints, rad (m
-        if prismatic). Arguments are not checked: too few placements raise `IndexError`."""
+        """Closure residual (c,) of loops, then of couplings, in m and rad; zero at a closed configuration."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).residual()]
         rows += [q[c.follower] - c.ratio * q[c.leader] - c.offset for c in self.followers]
         return Column(rows[i] for i in self.rows)
 
     def jacobian(self, places: Sequence[Placement]) -> list[Column]:
-        """Closure Jacobian (c, n) of the c independent closure conditions with respect to the positions of the spanning
-        tree's n joints, as n columns, each a `Column` (c,), m or rad per rad (or per m of a prismatic joint). Rows are
-        in the order of the method `residual`. `places` has the n links' placements at a closed configuration. Arguments
-        are not checked: too few placements raise `IndexError`."""
+        """Jacobian (c, n) of the closure residual by the positions of the tree's joints, as n columns."""
         n, columns, above = len(places), [dict[int, Scalar]() for _ in places], 0
         for loop in self.loops:
             for joint, rates in Constraint(places, loop).rates().items():
@@ -224,11 +194,7 @@ class Closing:
         return [Column(columns[j].get(i, 0.0) for i in self.rows) for j in range(n)]
 
     def bias(self, places: Sequence[Placement], u: Column, w: Column) -> Column:
-        """The second derivative (c,) of the closure residual's c independent conditions along two velocities `u` and
-        `w` (n,) of the spanning tree's n joints, rad/s (m/s if prismatic), that keep the loops closed. It is in m/s^2
-        or rad/s^2, in the order of the method `residual`, bilinear and symmetric in u and w. `places` has the n links'
-        placements at a closed configuration. Arguments are not checked: too few placements, u or w too short raise
-        `IndexError`."""
+        """Second derivative (c,) of the closure residual along two velocities u and w (n,) that keep loops closed."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).bias(u, w)]
         rows += [0.0] * len(self.followers)
         return Column(rows[i] for i in self.rows)

@@ -40,12 +40,11 @@ class Continuation:
 
     @property
     def primary(self) -> list[int]:
-        """Zero-based indices, among the spanning tree's n joints, of the r primary (independent) ones, in the order of
-        their positions p (r,)."""
+        """Zero-based indices of the r primary joints among the tree's n joints."""
         return list(self.equations.closing.primary)
 
     def follow(self, p: Array, start: Array | None = None) -> Array:
-        """Closed configurations (..., n) of the tree's joints, at positions `p` (..., r) of the primary joints."""
+        """Closed configurations (..., n) at primary positions (..., r), followed along straight lines."""
         samples = p.shape[:-1]
         if start is not None and same_samples(p=p, start=start) != samples:
             raise InputError(f"start: expected one configuration or one for each of {samples}, got {start.shape[:-1]}")
@@ -63,7 +62,7 @@ class Continuation:
         return q.reshape(*samples, q.shape[-1])
 
     def follow_alone(self, p: object) -> Array | None:
-        """The closed configuration (n,) of the tree's joints, at positions `p` (r,) of the primary joints."""
+        """Closed configuration (n,) of one sample from the reference configuration by native code, or None."""
         if not self._ways.ready or type(p) is not np.ndarray or p.shape != self._start.shape or p.dtype != np.float64:
             return None
         start: list[float] = self._start.tolist()
@@ -78,11 +77,7 @@ class Continuation:
         return self.progress(p) >= 1.0
 
     def progress(self, p: Array, least: float = NEAREST) -> Array:
-        """The fraction (N,), from 0 to 1, of straight lines from the reference configuration to N positions `p` (N, r)
-        of the r primary (independent) joints, rad (m if prismatic), along which the method `regularity` gives at least
-        `least` (no unit, 0.05 by default). Regularity is 1 at the reference configuration and 0 at a singularity of the
-        loops. The fraction is counted in steps of at most 0.05 rad (m) and is 1 for the whole line; NaN gives 0. Shapes
-        are not checked."""
+        """Fractions (N,) of straight lines to positions (N, r) along which the regularity is at least `least`."""
         q = np.tile(self.reference, (len(p), 1))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
         way = p - self._start
@@ -95,20 +90,13 @@ class Continuation:
         return gone
 
     def regularity(self, q: Array) -> Array:
-        """Relative smallest singular value (...), no unit, of the closure Jacobian with respect to the dependent joints
-        at configurations `q` (..., n) of the spanning tree's n joints, rad (m if prismatic). It is divided by that at
-        the reference configuration, so 1 there and 0 at a singularity of the loops.
-
-        It is 0, too, beyond a singularity (where the Jacobian's determinant has the other sign), where a closure
-        residual is 1e-9 m or rad or more, and for NaN. Near a singularity it goes as the square root of the joint-space
-        distance to it, so that values below 0.05 are near. Raises `InputError` for another number of joints.
-        """
+        """Smallest singular value (...) of the closure Jacobian, relative to that at the reference configuration."""
         gap, smallest, sign = self._look(q)
         _, reference, side = self._at_reference
         return np.where((sign == side) & (gap < LOST), smallest / reference, 0.0)
 
     def surely_regular(self, q: Column, lost: float = LOST) -> Scalar:
-        """Indicator of a regular configuration `q` (n,) of the tree's joints, a scalar of the kind of q."""
+        """Scalar that is 1.0 where loops are closed and a regularity of at least 0.05 is proved, else 0.0."""
         block = self.equations.dependent_block(q)
         factor, units = factored(block), range(len(block))
         inverse = [factor.solve(Column(float(i == j) for j in units)) for i in units]
@@ -132,10 +120,7 @@ class Continuation:
         return np.asarray(regular)
 
     def validate_regular(self, q: Array) -> None:
-        """Raise `SingularityError`, with the worst one's primary positions, unless the method `regularity` gives at
-        least 0.05 at all configurations `q` (..., n) of the spanning tree's n joints, rad (m if prismatic). It is 1 at
-        the reference configuration, 0 at or beyond a singularity of the loops or where they are open. Nothing is
-        returned. Raises `InputError` for another number of joints."""
+        """Raise `SingularityError`, naming the worst, unless all configurations (..., n) have a regularity of 0.05."""
         regularity = np.ravel(self.regularity(q))
         if regularity.size == 0:
             return
@@ -227,13 +212,7 @@ class Continuation:
 
 
 def determinant(rows: Iterable[Column]) -> Scalar:
-    """Determinant of a square matrix (n, n), given by its n `rows`, each a `Column` (n,), over scalars of any kind
-    (floats, arrays, symbolic ones), by elimination with partial pivoting that does not branch on a value. It is in the
-    product of the entries' units.
-
-    Rows are exchanged with a change of sign of one, which keeps the determinant. Where a pivot but the last is zero,
-    the result is NaN in arrays, and floats raise `ZeroDivisionError`. Rows of different lengths raise `ValueError`.
-    """
+    """Determinant of a matrix (n, n) of scalars of any kind, by elimination that does not branch."""
     left, product = [list(row) for row in rows], 1.0
     while left:
         pivot, *others = left
@@ -262,15 +241,7 @@ MOST = 10_000
 
 @dataclass(eq=False)
 class BatchContinuation:
-    """Native code that follows the n joints of the spanning tree of a mechanism with closed loops while its r primary
-    (independent) joints move along straight lines, in steps, each of which a cheap test must show to be regular.
-
-    `following(p, q)` is the equation of one step, from Columns (vectors of scalars of any kind): the configuration (n,)
-    at positions p (r,), rad (m if prismatic), near a closed one q (n,). `sure(q)`, the test, is 1.0 where the
-    configuration found is closed and away from singularities of the loops, 0.0 where it is not or the test cannot tell.
-    `joints` and `primary` are the numbers n and r. `work` is the number of calls so far over 50 plus that of steps over
-    5,000, 0 at first; native code is made once it is 1. Nothing is checked.
-    """
+    """Native code that follows closed loops along straight lines of primary positions, step by step."""
 
     following: Callable[[Column, Column], Column]
     sure: Callable[[Column], Scalar]
@@ -284,18 +255,12 @@ class BatchContinuation:
         return self.work >= 1.0
 
     def pays(self, steps: NDArray[np.int64]) -> bool:
-        """Count one call more, for N straight lines of `steps` (N,) steps each, and return True if native code is worth
-        making by now and may follow them: if the number of calls over 50 plus that of steps over 5,000 is at least 1,
-        and no line has more than 10,000 steps. Nothing is checked."""
+        """Count a call for N straight lines; True if native code is worth making by now and may follow them."""
         self.work += 1.0 / CALLS + float(steps.sum()) / STEPS
         return self.ready and int(steps.max(initial=0)) <= MOST
 
     def followed(self, q: Array, begin: Array, way: Array, steps: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
-        """The configurations (N, n) of n joints at the ends of N straight lines, rad (m if prismatic), and a mask (N,),
-        True where every step passed the test `sure`; where it is False, the configuration is undefined. The lines begin
-        at closed configurations `q` (N, n), whose r primary joints are at `begin` (N, r), and displace these by `way`
-        (N, r), rad (m), in as many equal steps as `steps` (N,), whole numbers of at least 1, says. N is at least 1.
-        Nothing is checked."""
+        """Configurations (N, n) at the ends of N straight lines, and a mask (N,), True where every step was regular."""
         arms = self._many.ensemble(len(q))
         arms.state["q"], arms.state["sure"] = q, 1.0
         arms.held["begin"], arms.held["way"], arms.held["steps"] = begin, way, steps[:, None]
@@ -303,10 +268,7 @@ class BatchContinuation:
         return arms.state["q"], arms.state["sure"][:, 0] > 0.0
 
     def followed_alone(self, q: Array, begin: list[float], way: list[float], steps: int) -> Array | None:
-        """The configuration (n,) of n joints at the end of one straight line, rad (m if prismatic), or None where a
-        step failed the test `sure`. The line begins at the closed configuration `q` (n,), whose r primary joints are at
-        `begin` (r,), and displaces these by `way` (r,), rad (m), in `steps` equal steps, a whole number of at least 1.
-        Nothing is checked."""
+        """Configuration (n,) at the end of one straight line, or None where a step was not surely regular."""
         state, held = np.array([*q, 0.0, 1.0]), np.array([*begin, *way, steps])
         end = self._single.run_single(steps, state, held)
         return end[: self.joints] if end[-1] > 0.0 else None

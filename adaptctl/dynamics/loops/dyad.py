@@ -51,10 +51,7 @@ class Links(NamedTuple):
 
     @classmethod
     def of(cls, one: Reach, other: Reach, plane: tuple[Vec, Vec], is_cut_in_the_middle: bool) -> Links:
-        """The geometry of a dyad (two links joined by a middle pivot) in its plane, m, from the loop's two sides at one
-        configuration. `one` and `other` are the sides' joints and closing frames, `plane` two orthogonal unit vectors
-        (3,) that span the plane, in the axes of the link at which the sides part. `is_cut_in_the_middle` is True where
-        each side ends with one link of the dyad, False where `one` ends with both. Nothing is checked."""
+        """Geometry of a dyad in its plane, from the loop's two sides at one configuration."""
         if is_cut_in_the_middle:
             points = one.hinges[-1].origin, one.origin, other.hinges[-1].origin, other.origin
         else:
@@ -66,16 +63,7 @@ class Links(NamedTuple):
 
 @dataclass(frozen=True)
 class Dyad:
-    """A closed-form solution of a planar loop by a dyad, two links joined by a middle pivot between two outer ones, of
-    three revolute joints (RRR) with parallel axes.
-
-    The loop was cut at one of these pivots; the joints at the other two depend on all others of the loop. Where these
-    put the outer pivots, the links' lengths leave two positions for the middle one, on either side of the line between
-    the outer pivots, and that of a nearby configuration is taken. `sides` are the loop's: each ends with a link of the
-    dyad, or the first with both; `joints` the indices of the two dependent joints; `plane` two orthogonal unit vectors
-    (3,) across the axes, in the axes of the link at which the sides part; `squares` the two links' squared lengths,
-    m^2; `sense` is 1 where positive angles of both joints turn the same way in the plane, else -1. Nothing is checked.
-    """
+    """Closed-form solution of a planar loop of two links joined by a middle pivot (RRR, parallel axes)."""
 
     sides: tuple[ClosureSide, ClosureSide]
     joints: tuple[int, int]
@@ -85,22 +73,13 @@ class Dyad:
 
     @property
     def is_cut_in_the_middle(self) -> bool:
-        """True if the loop is cut at the middle pivot, which joins the dyad's two links, False if at an outer pivot of
-        one of them."""
+        """True if the loop is cut at the middle pivot, which joins the dyad's two links."""
         return self.joints[1] not in self.sides[0].links
 
     def followed(
         self, places: Mapping[int, Placement], links: Sequence[Segment], q: Sequence[Scalar]
     ) -> tuple[Scalar, ...]:
-        """The angles, rad, of the two dependent joints that close the loop by the dyad (two links joined by a middle
-        pivot, between two outer pivots), in the order of this object's `joints`. They are within half a turn of those
-        of a configuration `q` (n,) of the spanning tree's n joints, rad (m if prismatic), with the middle pivot on the
-        same side of the line between the outer ones.
-
-        `places` has the placements of the loop's other links in their parents by link index, `links` the geometry of
-        all n links. Where the loop cannot close, the angles leave it open and nothing is raised; outer pivots that
-        coincide raise `ZeroDivisionError` in floats.
-        """
+        """Angles of the two dependent joints that close the loop, in the order of `joints`."""
         zero = {**places, **{joint: links[joint].placed((1.0, 0.0)) for joint in self.joints}}
         one, other = (reach(zero, side) for side in self.sides)
         at_zero = Links.of(one, other, self.plane, self.is_cut_in_the_middle)
@@ -130,14 +109,7 @@ Rule: TypeAlias = Dyad | Follower
 
 
 def rules(closing: Closing, links: Sequence[Segment], reference: Array) -> tuple[Rule, ...]:
-    """The closed-form rules, `Dyad` and `Follower` (coupling) objects, by which all dependent joints of a mechanism
-    follow from its primary ones, each after those that it needs. The tuple is empty where any dependent joint has no
-    such rule.
-
-    `closing` has the loops, couplings and primary joints; `links` the geometry of the spanning tree's n links;
-    `reference` (n,) is a configuration of its joints, rad (m if prismatic), that closes all loops. A `reference` of
-    another length raises `ValueError`.
-    """
+    """Closed-form rules by which all dependent joints follow from the primary ones, in the order of need."""
     places = {i: link.at(x) for i, (link, x) in enumerate(zip(links, reference.tolist(), strict=True))}
     known, found = set(closing.primary), list[Rule]()
     left: list[Loop | Follower] = [*closing.loops, *closing.followers]

@@ -14,14 +14,7 @@ from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, dot, product
 
 
 class ArticulatedBody(NamedTuple):
-    """Articulated-body inertia (6, 6) of a link with all its descendants, whose joints are free (Featherstone 2008,
-    chapter 7), about a point, in the axes of one frame, in blocks (3, 3).
-
-    The moment (3,), N m, and force (3,), N, that give the link the angular acceleration alpha, rad/s^2, and its point
-    the acceleration acc, m/s^2, are moment = inertia alpha + coupling acc, force = coupling' alpha + mass acc.
-    `inertia` (kg m^2) and `mass` (kg) are symmetric, `coupling` (kg m) is not; coupling' is its transpose. `+` adds two
-    of the same point and axes. Nothing is checked.
-    """
+    """Articulated-body inertia (6, 6) of a link with its descendants, in blocks (3, 3)."""
 
     inertia: Mat
     coupling: Mat
@@ -31,9 +24,7 @@ class ArticulatedBody(NamedTuple):
         return ArticulatedBody(*(a + b for a, b in zip(self, other, strict=True)))
 
     def load(self, acceleration: Twist) -> Wrench:
-        """The force, N, and moment about the body's point, N m, as a `Wrench`, that give an articulated body (a link
-        with its descendants on free joints) an `acceleration`. This has an angular part `w` (3,), rad/s^2, and a linear
-        part `v` (3,), m/s^2, in the body's axes. Nothing is checked."""
+        """Wrench about the body's point that gives it an acceleration."""
         alpha, acc = acceleration.w, acceleration.v
         return Wrench(self.coupling.T @ alpha + self.mass @ acc, self.inertia @ alpha + self.coupling @ acc)
 
@@ -47,18 +38,14 @@ class ArticulatedBody(NamedTuple):
         )
 
     def moved_origin(self, offset: Vec) -> ArticulatedBody:
-        """This articulated-body inertia (6, 6) of a link with its descendants on free joints about another point, in
-        the same axes; `offset` (3,), m, leads from that other point to its present one. Nothing is checked."""
+        """This inertia about another point, from which `offset` (3,) in m leads to the present one."""
         arm = _crossing(offset)
         coupling = self.coupling + product(arm, self.mass)
         spread = product(arm, self.coupling.T) + product(coupling, arm.T)
         return ArticulatedBody(_symmetric(self.inertia + spread), coupling, self.mass)
 
     def raised(self, place: Placement, rotor: Scalar) -> ArticulatedBody:
-        """This articulated-body inertia (6, 6) of a link, about the link's origin and in its axes, moved to the parent
-        link's origin and axes. The link's own joint must be free too: it is what `without` gives. `place` is the link's
-        placement in its parent, `rotor` the inertia of the joint itself, kg m^2 (kg if prismatic); if that is the float
-        0.0, entries that are zero but for round-off may be made exact zeros. Nothing is checked."""
+        """This inertia at the parent link's origin, in its axes."""
         if place.segment.whole is not None and any(place.segment.joint_to_link):  # then one way costs less than two
             return self.turned_up(place).moved_origin(place.near + place.up(place.shift))
         at_joint = self.moved_origin(place.shift)
@@ -67,11 +54,7 @@ class ArticulatedBody(NamedTuple):
         return at_joint.turned_up(place).moved_origin(place.near)
 
     def free_along(self, place: Placement) -> ArticulatedBody:
-        """This articulated-body inertia (6, 6) of a link whose joint is free and has no rotor, with round-off made
-        exact zeros: such a body takes no load along the joint's axis, so that the matrix's row and column of that
-        motion are zero. It is about the joint's origin, in the link's axes; `place` is the link's placement in its
-        parent. Where the joint's axis is no coordinate axis of the link it is returned unchanged. Nothing is
-        checked."""
+        """This inertia of a link whose joint is free, with round-off along its axis made exact zeros."""
         still = [abs(x) != 1.0 for x in place.segment.axis]
         if all(still):
             return self
@@ -80,8 +63,7 @@ class ArticulatedBody(NamedTuple):
         return ArticulatedBody(self.inertia, _kept(self.coupling, _ALL, still), _kept(self.mass, still, still))
 
     def turned_up(self, place: Placement) -> ArticulatedBody:
-        """This articulated-body inertia (6, 6) of a link with its descendants on free joints in the parent link's axes,
-        about the same point; `place` is the link's placement in its parent. Nothing is checked."""
+        """This inertia in the parent link's axes, about the same point."""
         inertia, mass = symmetric_up(place, self.inertia), symmetric_up(place, self.mass)
         return ArticulatedBody(inertia, tensor_up(place, self.coupling), mass)
 
@@ -101,16 +83,7 @@ def accelerations(
     rotors: Sequence[Scalar],
     torque: Column,
 ) -> Column:
-    """Joint accelerations (n,), rad/s^2 (m/s^2 if prismatic), of a tree of n links, one joint each, under joint torques
-    by the articulated-body algorithm (Featherstone 2008, chapter 7), in time linear in n.
-
-    `places` are the links' placements in their parents, parents before children; `unaccelerated` their motions, a
-    `LinkMotion` each, gravity included, at the given velocities with all joint accelerations zero; `parameters` (10 n,)
-    ten for each link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's
-    origin); `rotors` (n,) inertias of the joints themselves, kg m^2 (kg); `torque` (n,) the joint torques less
-    friction, N m (N). Arguments are not checked: a joint without inertia raises `ZeroDivisionError` in floats and gives
-    infinity or NaN in arrays, vectors too short raise `IndexError` or `ValueError`.
-    """
+    """Joint accelerations (n,) of a tree by the articulated-body algorithm, in time linear in n."""
     joints = _freed(places, unaccelerated, parameters, rotors, torque)
     found: list[Scalar] = []
     links: list[Twist] = []

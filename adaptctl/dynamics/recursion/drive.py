@@ -35,13 +35,7 @@ def _smoothed(kind: DriveParameter, s: Scalar, stribeck_speed: float = STRIBECK_
 
 
 class DriveTerm(NamedTuple):
-    """One term (rotor inertia or a kind of friction) of a joint's drive, whose energy and torque are linear in its
-    parameter.
-
-    `arms` has pairs (zero-based joint index, ratio) of the joints that the drive's shaft turns with, its own first with
-    ratio 1: the shaft's speed is the sum of their velocities times the ratios. `kind` is a `DriveParameter`: the
-    rotor's inertia, or viscous, Coulomb, square-root, Stribeck or constant (offset) friction. Nothing is checked.
-    """
+    """Rotor inertia or a kind of friction of a joint's drive: energy and torque are linear in its parameter."""
 
     arms: tuple[tuple[int, float], ...]
     kind: DriveParameter
@@ -52,23 +46,17 @@ class DriveTerm(NamedTuple):
         return self.arms[0][0]
 
     def speed(self, v: Column) -> Scalar:
-        """Speed of the drive's shaft, at velocities v (n,) of the tree's joints."""
+        """Speed of the drive's shaft at velocities (n,) of the tree's joints; for accelerations its acceleration."""
         (own, _), *others = self.arms
         return sum((ratio * v[joint] for joint, ratio in others), v[own])
 
     def energy(self, v: Column) -> Scalar:
-        """Kinetic energy in J per unit of the term's parameter at velocities `v` (n,) of the tree's joints."""
+        """Kinetic energy in J per unit of the parameter: s^2/2 for a rotor at shaft speed s; 0 for friction."""
         s = self.speed(v)
         return 0.0 if self.kind.is_friction else 0.5 * s * s
 
     def torque(self, v: Column, a: Column) -> Scalar:
-        """Torque about its shaft that the drive must exert against the term, N m (N if prismatic), per unit of the
-        term's parameter, at velocities `v`, rad/s (m/s), and accelerations `a`, rad/s^2 (m/s^2), both (n,), of the
-        spanning tree's n joints.
-
-        It is the shaft's acceleration for a rotor's inertia, else `friction` at the shaft's speed. Arguments are not
-        checked: too short a v or a raises `IndexError` where it is read.
-        """
+        """Torque about the shaft that the drive exerts against the term, per unit of its parameter."""
         return friction(self.kind, self.speed(v)) if self.kind.is_friction else self.speed(a)
 
     def damping(self, v: Column) -> Scalar:
@@ -81,8 +69,5 @@ class DriveTerm(NamedTuple):
         return 1.0 / _smoothed(self.kind, self.speed(v))
 
     def on_joints(self, share: Scalar) -> list[tuple[int, Scalar]]:
-        """Torques on the joints that a drive's shaft turns with, as pairs (zero-based joint index, torque), for a
-        torque about the shaft, `share`, N m (N if prismatic). Each is that torque times the joint's ratio, shaft speed
-        over joint speed. Inertias and other quantities about the shaft are distributed by the same ratios, in the unit
-        of `share`. Nothing is checked."""
+        """Pairs (joint index, torque) of a torque about the shaft, for the joints that it turns with."""
         return [(joint, share if ratio == 1.0 else ratio * share) for joint, ratio in self.arms]

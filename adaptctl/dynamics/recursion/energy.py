@@ -22,10 +22,7 @@ class Weight:
 
 
 def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
-    """Gravity's acceleration in the axes of each of n links, m/s^2, and the potential energy per mass at its origin,
-    J/kg, 0 at the ground frame's origin, as one `Weight` for each link. `places` has the links' placements in their
-    parents, parents before children; `gravity` (3,) is the acceleration in the ground frame, m/s^2. Nothing is
-    checked."""
+    """Gravity's acceleration in each link's axes, and the potential energy per mass at its origin."""
     out: list[Weight] = []
     for place in places:
         parent = place.segment.parent
@@ -34,8 +31,7 @@ def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
 
 
 def carried_weight(place: Placement, base: Weight) -> Weight:
-    """Gravity's acceleration in one link's axes, m/s^2, and the potential energy per mass at its origin, J/kg, as a
-    `Weight`, from those of its parent, `base`. `place` is the link's placement in its parent. Nothing is checked."""
+    """Gravity's acceleration and potential at one link, from those of its parent."""
     own = place.down(base.gravity)
     fall = dot(base.gravity, place.near) + dot(own, place.shift)
     return Weight(own, base.potential - fall)
@@ -51,12 +47,12 @@ def link_energy(twist: Twist, weight: Weight) -> Column:
 
 
 def energy_regressor(links: Sequence[Segment], q: Column, v: Column, gravity: Vec) -> Column:
-    """Energy regressor E (10 n,) of a tree of n links, J link's ten inertial parameters."""
+    """Energy regressor (10 n,) of a tree of n links, in J per unit of each link's ten inertial parameters."""
     return placed_energy_regressor(placements(tuple(links), q), v, gravity)
 
 
 def placed_energy_regressor(places: Sequence[Placement], v: Column, gravity: Vec) -> Column:
-    """Energy regressor (10 n,) of a tree of n links, from the links' placements, J link's ten inertial parameters."""
+    """Energy regressor (10 n,) of a tree of n links, from the links' placements."""
     pairs = zip(twists(places, v), weights(places, gravity), strict=True)
     return Column(entry for twist, weight in pairs for entry in link_energy(twist, weight))
 
@@ -76,17 +72,7 @@ class MomentumTerms(NamedTuple):
 
 
 def momentum_terms(equations: Equations, q: Column, v: Column, columns: Sequence[int]) -> MomentumTerms:
-    """Regressors, as `MomentumTerms`, of the momenta M v of r primary (independent) joints and of all generalised
-    forces but the torque that change these momenta. They have r rows (k,) each, N m s and N m (N s and N if prismatic)
-    per unit of each of the k of the P inertial and friction parameters whose indices `columns` are, from 0 to P - 1.
-
-    `equations` are the mechanism's, with mass matrix M and Christoffel (Coriolis) matrix C; `q` (n,) is a configuration
-    of the spanning tree's n joints, rad (m), and `v` (r,) the velocities of the primary ones, rad/s (m/s). Of the
-    forces C' v - g - friction, g being gravity's torque, C' v is M_dot v - C v, since the rate M_dot of M along v is C
-    + C'; M_dot v comes from dual numbers along the motion. Raises `InputError` for equations whose linear constraints
-    fix parameters at values other than zero, for which regressors have no columns, `IndexError` for an index of P or
-    more, and `IndexError` or `ValueError` for vectors too short.
-    """
+    """Regressors of the momenta M v, and of all generalised forces but the torque that change them."""
     if equations.has_known_share:
         raise InputError("learning from filtered torques needs relations without known values other than zero")
     still = Column.zeros(equations.dof)

@@ -19,11 +19,7 @@ class FrameChoice(NamedTuple):
 
     @classmethod
     def of(cls, links: Sequence[Segment]) -> FrameChoice:
-        """The choice that takes fewer operations, as `FrameChoice`, for a tree of n `links` (geometry, parents before
-        children). Vectors of a link are held before its joint's turn where the joint turns about a coordinate axis of
-        the link, all joints on the link are parallel to it, and one before it, which turns the link too, is not: links
-        that move in a plane of the ground are turned by one angle already. Links whose three turns are one (`whole`)
-        stay as they are, and joints that are parallel but for round-off do not count. Nothing is checked."""
+        """Choice that takes fewer operations for a tree of n links."""
         senses = tuple(_sense(link, links) for link in links)
         turned, tilted = list[bool](), list[bool]()  # by any joint; by one before the link's that is not parallel to it
         for link, sense in zip(links, senses, strict=True):
@@ -40,10 +36,7 @@ class FrameChoice(NamedTuple):
         return cls(tuple(links), senses, tuple(unturned))
 
     def coordinates(self, q: Column) -> list[tuple[Scalar, ...]]:
-        """Coordinates of the n links at a configuration `q` (n,) of their joints, rad (m if prismatic), of which the
-        method `placements` makes their poses, a list of n tuples. They are cosine and sine of the angle by which the
-        link is turned from the axes in which its parent's vectors are held, its joint's own or a sum with those of
-        parallel joints before it; or its joint's displacement, m. Too short a q raises `IndexError`."""
+        """Coordinates of the n links at a configuration (n,), of which `placements` makes their poses."""
         found: list[tuple[Scalar, ...]] = []
         for i, (link, sense) in enumerate(zip(self.links, self.senses, strict=True)):
             if not link.turns:
@@ -57,8 +50,7 @@ class FrameChoice(NamedTuple):
         return found
 
     def placements(self, coordinates: Sequence[Sequence[Scalar]]) -> list[Placement]:
-        """Poses of the n links in their parents, a `Placement` each, in the axes in which their vectors are held, from
-        the links' `coordinates`, n tuples as the method of this name gives them. Nothing is checked."""
+        """Poses of the n links in their parents, in the axes in which their vectors are held."""
         found: list[Placement] = []
         for link, own, unturned in zip(self.links, coordinates, self.unturned, strict=True):
             before = found[link.parent].turn if link.parent != GROUND else None
@@ -82,9 +74,7 @@ def _sense(link: Segment, links: Sequence[Segment]) -> float:
 
 
 def held_parameters(place: Placement, ten: Sequence[Scalar]) -> Sequence[Scalar]:
-    """The ten inertial parameters of a link in the axes in which its vectors are held, from those in its own, `ten`
-    (10,): m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin).
-    `place` is the link's placement. Nothing is checked."""
+    """Ten inertial parameters of a link in the axes in which its vectors are held."""
     if place.turn is None:
         return ten
     m, x, y, z, xx, xy, yy, xz, yz, zz = ten
@@ -93,9 +83,7 @@ def held_parameters(place: Placement, ten: Sequence[Scalar]) -> Sequence[Scalar]
 
 
 def per_own_parameter(turn: AxisRotation, held: Sequence[Scalar]) -> Sequence[Scalar]:
-    """Coefficients (10,) of a link's ten inertial parameters in its own axes, such as powers or torques per unit of
-    each, from those of its parameters in the axes in which its vectors are held, `held` (10,), in the order of
-    `held_parameters`. `turn` turns coordinates in the axes held into the link's own. Nothing is checked."""
+    """Coefficients (10,) of a link's parameters in its own axes, from those in the held axes."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = held
     # Any tensor will do whose opposite entries add up to the coefficients of products of inertia.
     a = turned_back(turn.T, Mat(Vec(xx, xy, xz), Vec(0.0, yy, yz), Vec(0.0, 0.0, zz)))

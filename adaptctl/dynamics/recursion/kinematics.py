@@ -40,9 +40,7 @@ class JointAxes(NamedTuple):
 
 
 def frames(links: Sequence[Segment], q: Column) -> list[Frame]:
-    """Poses in the world of the frames of a tree's n links, a `Frame` each (rotation (3, 3), origin (3,) in m), in the
-    links' order, at a configuration `q` (n,) of the spanning tree's n joints, rad (m if prismatic). `links` has the
-    links' geometry, parents before children. Arguments are not checked: too short a q raises `IndexError`."""
+    """Poses in the world of the frames of a tree's n links at a configuration (n,)."""
     out: list[Frame] = []
     for place in placements(tuple(links), q):
         base = _base(place.segment, out)
@@ -104,7 +102,7 @@ class MovingPoint:
         self.position, self.columns = position, tuple(columns)
 
     def velocity(self, rates: Column) -> Vec:
-        """The point's velocity (3,) in the world frame, under velocities `rates` (n,) of the tree's joints."""
+        """Velocity (3,) of the point in the world frame in m/s, under joint velocities (n,)."""
         total = ZERO
         for rate, velocity in zip(rates, self.columns, strict=True):
             total = total + rate * velocity
@@ -112,10 +110,7 @@ class MovingPoint:
 
 
 def moving_point(links: Sequence[Segment], q: Column, link: int, offset: Vec) -> MovingPoint:
-    """The position in the world frame, m, and the Jacobian of a point fixed to a link, as a `MovingPoint`, at a
-    configuration `q` (n,) of the spanning tree's n joints, rad (m if prismatic). `links` has the geometry of the tree's
-    n links, `link` is the zero-based index of the point's link, and `offset` (3,) the point's coordinates in that
-    link's frame, m. Arguments are not checked: too short a q, or a `link` of n or more, raises `IndexError`."""
+    """Position and Jacobian in the world frame of a point fixed to a link, at a configuration (n,)."""
     placed = frames(links, q)
     position = placed[link].origin + placed[link].rotation @ offset
     columns, i = [ZERO] * len(links), link

@@ -13,9 +13,7 @@ from adaptctl.scalars import Column, Mat, Scalar, Vec, cross
 
 
 class Body:
-    """A rigid body, such as several links whose joints do not move, by its `mass`, kg, first `moment` (3,), kg m, and
-    `inertia` tensor (3, 3), kg m^2, about the origin and in the axes of one frame. `+` adds two bodies of the same
-    frame. Nothing is checked."""
+    """Rigid body by its mass, first moment (3,) and inertia tensor (3, 3) in one frame."""
 
     __slots__ = ("inertia", "mass", "moment")
 
@@ -27,24 +25,20 @@ class Body:
 
 
 def body(ten: Sequence[Scalar]) -> Body:
-    """The mass, first moment and inertia tensor of one link, as a `Body`, from its ten inertial parameters `ten` (10,):
-    m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin). Raises
-    `ValueError` for another number of them."""
+    """Rigid body of one link, from its ten inertial parameters."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = ten
     return Body(m, Vec(x, y, z), Mat(Vec(xx, xy, xz), Vec(xy, yy, yz), Vec(xz, yz, zz)))
 
 
 def raised(place: Placement, link: Body) -> Body:
-    """A link's rigid `Body` (mass, kg, first moment, kg m, inertia tensor, kg m^2) about the origin and in the axes of
-    its parent link. `link` is that body about the origin and in the link's axes, and `place` the link's
-    placement in its parent. Nothing is checked."""
+    """Rigid body of a link at the origin and in the axes of its parent link."""
     at_joint = moved_origin(link, place.shift)
     turned = Body(link.mass, place.up(at_joint.moment), symmetric_up(place, at_joint.inertia))
     return moved_origin(turned, place.near)
 
 
 def moved_origin(link: Body, offset: Vec) -> Body:
-    """A rigid body about another point, in the same axes, as a `Body` (mass, first moment, inertia tensor)."""
+    """Rigid body about another point, in the same axes."""
     half = link.moment + (0.5 * link.mass) * offset
     twice = 2.0 * half
     spread = Vec(offset.x * twice.x, offset.y * twice.y, offset.z * twice.z)
@@ -63,14 +57,7 @@ def moved_origin(link: Body, offset: Vec) -> Body:
 
 
 def mass_matrix(places: Sequence[Placement], parameters: Column) -> list[list[Scalar]]:
-    """Mass matrix (n, n) of a tree of n links, one joint each, as n rows of n scalars, by composite rigid bodies
-    (Walker and Orin 1982). It is symmetric, in kg m^2 (kg between prismatic joints, kg m between one of each), zero
-    between joints on different branches; rotors are not included.
-
-    `places` has the links' placements in their parents, parents before children; `parameters` (10 n,) ten for each
-    link, m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg m^2, about the link frame's origin).
-    Arguments are not checked: too few parameters raise `ValueError`.
-    """
+    """Mass matrix (n, n) of a tree by composite rigid bodies (Walker and Orin 1982)."""
     n = len(places)
     composite = [body(held_parameters(places[i], parameters.of[10 * i : 10 * i + 10])) for i in range(n)]
     rows: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
@@ -104,30 +91,18 @@ def _unit_load(place: Placement, outboard: Body) -> Wrench:
 
 
 def solve_symmetric(rows: Sequence[Sequence[Scalar]], right: Column) -> Column:
-    """The solution x (n,) of M x = b for a symmetric positive definite matrix M (n, n), given by its n `rows`, and a
-    right side b (n,), `right`, in the unit of b over that of M.
-
-    It is found by the factorisation M = L' D L (Featherstone 2008, section 6.5) with L lower triangular, D diagonal and
-    L' the transpose of L, from the last row to the first, so that zeros of a tree's mass matrix between branches stay
-    zeros and cost nothing in compiled equations. Arguments are not checked: a pivot that is exactly zero raises
-    `ZeroDivisionError` in floats and gives infinity or NaN in arrays; too short a b raises `ValueError`, too long a one
-    `IndexError`.
-    """
+    """Solution x (n,) of M x = b for a symmetric positive definite matrix given by its rows."""
     return factorised(rows).solved(right)
 
 
 class Factors(NamedTuple):
-    """The factors L and D of a symmetric positive definite matrix M = L' D L (n, n), L lower triangular, L' its
-    transpose, D diagonal. `lower` has the n rows of L, of which the entries below the diagonal of ones are used, and
-    `inverse` (n,) the inverses of D's diagonal. Nothing is checked."""
+    """Factors of a symmetric positive definite matrix M = L' D L, L lower triangular, D diagonal."""
 
     lower: Sequence[Sequence[Scalar]]
     inverse: Sequence[Scalar]
 
     def solved(self, right: Column) -> Column:
-        """The solution x (n,) of M x = b for the factorised matrix M (n, n) of size n and a right side b (n,), `right`,
-        in the unit of b over that of M. Arguments are not checked: too short a b raises `ValueError`, too long a one
-        `IndexError`."""
+        """Solution x (n,) of M x = b."""
         n, x, lower = len(right), list(right), self.lower
         for k in reversed(range(n)):
             for i in range(k):
@@ -140,9 +115,7 @@ class Factors(NamedTuple):
 
 
 def factorised(rows: Sequence[Sequence[Scalar]]) -> Factors:
-    """The factors L and D, as `Factors`, of a symmetric positive definite matrix M = L' D L (n, n), given by its n
-    `rows`: L is lower triangular with ones on its diagonal, L' its transpose, D diagonal. Arguments are not checked: a
-    pivot that is exactly zero raises `ZeroDivisionError` in floats and gives infinity or NaN in arrays."""
+    """Factors L and D of a symmetric positive definite matrix M = L' D L, given by its rows."""
     n = len(rows)
     m = [list(row) for row in rows]
     inverse: list[Scalar] = [0.0] * n

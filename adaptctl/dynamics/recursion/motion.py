@@ -50,7 +50,7 @@ def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
 
 
 class Products(NamedTuple):
-    """The symmetric products (w_i r_j + w_j r_i)/2 of two angular velocities w and r (3,) of a link, in its axes."""
+    """Symmetric products (w_i r_j + w_j r_i)/2 of two angular velocities w and r of a link."""
 
     xx: Scalar
     xy: Scalar
@@ -64,8 +64,7 @@ STILL = Products(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def products(w: Vec, r: Vec) -> Products:
-    """The six symmetric products (w_i r_j + w_j r_i)/2, rad^2/s^2, of two angular velocities `w` and `r` (3,), rad/s,
-    of one link in its axes, as `Products`; w and r may be the same object. Nothing is checked."""
+    """Symmetric products of two angular velocities (3,) of one link, which may be the same object."""
     if w is r:
         return Products(w.x * w.x, w.x * w.y, w.y * w.y, w.x * w.z, w.y * w.z, w.z * w.z)
     h = 0.5 * w
@@ -103,15 +102,7 @@ def lever(p: Products, a: Vec) -> Mat:
 
 
 def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gravity: Vec) -> list[LinkMotion]:
-    """The motion of every link of a tree of n links, a `LinkMotion` each, under joint velocities `v`, reference
-    velocities `v_r` (n,), rad/s (m/s if prismatic), and reference accelerations `a_r` (n,), rad/s^2 (m/s^2). It is
-    Newton and Euler's forward recursion, its velocity terms made a symmetric bilinear form of v and v_r.
-
-    With v_r = v it is the ordinary recursion; otherwise torques have the term C v_r with the Christoffel matrix C at v
-    that Slotine and Li (1987) need. `places` has the links' placements in their parents, parents before children;
-    `gravity` (3,) is the gravitational acceleration in the ground frame, m/s^2. Arguments are not checked: vectors too
-    short raise `IndexError`.
-    """
+    """Motions of all links of a tree under joint velocities, reference velocities and accelerations (n,)."""
     w = angular_velocities(places, v)
     r = w if v is v_r else angular_velocities(places, v_r)
     ground, out = LinkMotion(STILL, ZERO, -gravity), list[LinkMotion]()

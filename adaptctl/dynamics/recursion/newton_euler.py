@@ -23,13 +23,7 @@ class Wrench:
 
 
 def wrench(motion: LinkMotion, ten: Sequence[Scalar]) -> Wrench:
-    """The force, N, and moment about the link's origin, N m, in the link's axes, as a `Wrench`, that give a link its
-    `motion` against inertia and gravity.
-
-    The force is m acc + lever mc, the moment mc x acc plus that of the inertia (`inertia_moments`), acc and lever being
-    those of `motion`. `ten` (10,) are the link's inertial parameters m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz,
-    I_zz (kg, kg m, kg m^2, about the link frame's origin); another number of them raises `ValueError` or `IndexError`.
-    """
+    """Wrench about a link's origin that gives the link its motion against inertia and gravity."""
     m, mc = ten[0], Vec(ten[1], ten[2], ten[3])
     force = m * motion.acc + motion.lever @ mc
     moment = cross(mc, motion.acc)
@@ -39,10 +33,7 @@ def wrench(motion: LinkMotion, ten: Sequence[Scalar]) -> Wrench:
 
 
 def inertia_moments(motion: LinkMotion) -> tuple[Vec, ...]:
-    """Moments (3,) about a link's origin, in its axes, that give the link its `motion`, for each of its inertias I_xx,
-    I_xy, I_yy, I_xz, I_yz, I_zz: six vectors, N m per kg m^2. The sum of each times its inertia is I alpha + (w x I r +
-    r x I w)/2 for the inertia tensor I, the angular acceleration alpha, and the actual and the reference angular
-    velocities w and r of the motion. Nothing is checked."""
+    """Moments (3,) that give a link its motion, for each of its six inertias, per kg m^2."""
     a, b, p = motion.alpha, motion.lever, motion.products
     return (
         Vec(a.x, p.xz, -p.xy),
@@ -65,7 +56,7 @@ def power(motion: LinkMotion, twist: Twist, keep: Sequence[int]) -> list[Scalar]
 
 
 def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], parameters: Column) -> Column:
-    """Joint torques (n,), that give the n links of a tree, their motion against inertia and gravity."""
+    """Joint torques (n,) against inertia and gravity by Newton and Euler's backward recursion."""
     tens = (parameters.of[10 * i : 10 * i + 10] for i in range(len(places)))
     held = map(held_parameters, places, tens)
     loads = [wrench(motion, ten) for motion, ten in zip(moving, held, strict=True)]
@@ -87,16 +78,14 @@ def joint_power(place: Placement, load: Wrench) -> Scalar:
 
 
 def lifted(place: Placement, load: Wrench) -> Wrench:
-    """A wrench about the parent link's origin and in the parent's axes, from the same wrench about the link's origin in
-    its axes, `load`: a `Wrench` of force, N, and moment, N m. `place` is the link's placement in its parent. Nothing is
-    checked."""
+    """Wrench about the parent link's origin, from that about the link's origin."""
     force = place.up(load.force)
     moment = place.up(load.moment + cross(place.shift, load.force))
     return Wrench(force, moment + cross(place.near, force))
 
 
 def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], columns: Sequence[int]) -> list[Column]:
-    """Torque regressor Y (n, k) of a tree of n links, as n rows, one `Column` (k,) a joint of k inertial parameters."""
+    """Torque regressor (n, k) of a tree of n links, as n rows, for k inertial parameters."""
     kept = kept_by_link(columns, len(places))
     rows: list[dict[int, Scalar]] = [{} for _ in places]
     joints: list[dict[int, Twist]] = []
@@ -109,10 +98,7 @@ def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], 
 
 
 def joint_twists(place: Placement, i: int, done: Sequence[dict[int, Twist]]) -> dict[int, Twist]:
-    """Twists of the link of zero-based index `i` under unit velocity of each joint that moves it, a `Twist` by joint
-    index: the columns of the link's Jacobian in its axes, rad/rad and m/rad (m/m for a prismatic joint's velocity).
-    `place` is the link's placement in its parent. `done` has what this function returned for the links of lower index,
-    in order, the parent among them; for a link on the ground it may be empty. Nothing is checked."""
+    """Twists of link `i` under unit velocity of each joint that moves it, by joint index."""
     parent = place.segment.parent
     above = done[parent] if parent != GROUND else {}
     return {j: carried(place, twist) for j, twist in above.items()} | {i: moved(place, 1.0)}
@@ -127,15 +113,7 @@ def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
 
 
 def powers(places: Sequence[Placement], moving: Sequence[LinkMotion], s: Column, columns: Sequence[int]) -> Column:
-    """The powers Y' s (k,), W per unit of each of k inertial parameters, with the transpose Y' of the torque regressor
-    Y (n, k) of a tree of n links, one joint each. Y is not formed, and the time is linear in n.
-
-    `places` has the links' placements in their parents, parents before children; `moving` the motion of each for which
-    Y is the regressor, a `LinkMotion`; `s` (n,) are joint velocities, rad/s (m/s if prismatic); `columns` the k indices
-    among the ten parameters of all links (10 n,), m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz (kg, kg m, kg
-    m^2, about the link frame's origin) of each. An index of 10 n or more, or too short an s, raises `IndexError`;
-    negative indices are not refused.
-    """
+    """Powers Y' s (k,) of k inertial parameters, without the torque regressor Y (n, k) of a tree."""
     kept = kept_by_link(columns, len(places))
     of_links = map(_kept_powers, places, moving, twists(places, s), kept)
     found = [dict(zip(keep, powers, strict=True)) for keep, powers in zip(kept, of_links, strict=True)]

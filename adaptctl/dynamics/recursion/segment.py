@@ -52,8 +52,7 @@ class Segment(NamedTuple):
 
     @property
     def fixed(self) -> tuple[Mat, ...]:
-        """The rotations (3, 3), up to two, that one after the other turn coordinates in the parent's axes into those in
-        the axes that the link has with its joint at zero."""
+        """Rotations (3, 3), up to two, from the parent's axes to the link's with its joint at zero."""
         return tuple(step for step in (self.inward, self.outward) if step is not None)
 
     def at(self, q: Scalar) -> Placement:
@@ -104,21 +103,17 @@ class Placement:
 
 
 def segments(description: Description) -> tuple[Segment, ...]:
-    """Geometry of every link of the mechanism that a `description` gives, a `Segment` each, lengths in m, in the links'
-    order, parents before children. Nothing is checked."""
+    """Geometry of every link of a description, parents before children."""
     return tuple(Segment.of(link) for link in description.links)
 
 
 def placements(links: tuple[Segment, ...], q: Column) -> list[Placement]:
-    """Poses of a tree's n links in their parents, a `Placement` each, at a configuration `q` (n,) of the spanning
-    tree's n joints, rad (m if prismatic). `links` has the links' geometry. Too short a q raises `IndexError`."""
+    """Poses of a tree's n links in their parents at a configuration (n,)."""
     return [link.at(q[i]) for i, link in enumerate(links)]
 
 
 class AxisRotation(Mat):
-    """Rotation matrix (3, 3) about a coordinate axis, which turns coordinates of a vector into those in the axes turned
-    by an angle. `axis` is the axis' index, 0 for x, 1 for y, 2 for z, and `cosine` and `sine` are those of the angle.
-    Nothing is checked."""
+    """Rotation (3, 3) of coordinates into axes turned about a coordinate axis."""
 
     __slots__ = ("axis", "cosine", "sine")
 
@@ -137,9 +132,7 @@ class AxisRotation(Mat):
 
 
 def axis_rotation(a: Vec, c: Scalar, s: Scalar) -> AxisRotation | None:
-    """The rotation (3, 3) that turns coordinates of a vector into those in axes turned about the unit axis `a` (3,) by
-    an angle of cosine `c` and sine `s`, as an `AxisRotation`; None where `a` is neither a coordinate axis nor the
-    opposite of one. Nothing is checked."""
+    """Rotation about the unit axis `a` by cosine c and sine s; None where `a` is not a coordinate axis."""
     if not (all(isinstance(x, float) for x in a) and sorted(map(abs, a)) == [0.0, 0.0, 1.0]):
         return None
     axis, sign = next((k, x) for k, x in enumerate(a) if x != 0.0)
@@ -147,9 +140,7 @@ def axis_rotation(a: Vec, c: Scalar, s: Scalar) -> AxisRotation | None:
 
 
 def about(a: Vec, c: Scalar, s: Scalar) -> Mat:
-    """The rotation matrix (3, 3) that turns coordinates of a vector into those in axes turned about the unit axis `a`
-    (3,) by an angle of cosine `c` and sine `s`: the transpose of Rodrigues' formula. About a coordinate axis, or its
-    opposite, it is an `AxisRotation`. Nothing is checked."""
+    """Rotation (3, 3) of coordinates into axes turned about the unit axis `a`: Rodrigues' formula, transposed."""
     along = axis_rotation(a, c, s)
     if along is not None:
         return along
@@ -201,29 +192,21 @@ def _matrix(rotation: Array) -> Mat | None:
 
 
 def symmetric_up(place: Placement, tensor: Mat) -> Mat:
-    """A symmetric tensor (3, 3), such as a link's inertia, in the parent link's axes, from the `tensor` in the link's
-    axes, in the same unit. `place` is the link's placement in its parent. Nothing is checked."""
+    """Symmetric tensor (3, 3) in the parent link's axes, from the one in the link's axes."""
     for turn in reversed(place.turns):
         tensor = turned_back(turn, tensor) if isinstance(turn, AxisRotation) else congruent(turn.T, tensor)
     return tensor
 
 
 def tensor_up(place: Placement, tensor: Mat) -> Mat:
-    """A tensor (3, 3), symmetric or not, in the parent link's axes, from the `tensor` in the link's axes, in the same
-    unit. `place` is the link's placement in its parent. Nothing is checked."""
+    """Tensor (3, 3) in the parent link's axes, from the one in the link's axes."""
     for turn in reversed(place.turns):
         tensor = turned_back(turn, tensor) if isinstance(turn, AxisRotation) else product(product(turn.T, tensor), turn)
     return tensor
 
 
 def turned_back(turn: AxisRotation, tensor: Mat) -> Mat:
-    """The product R' T R (3, 3) of a rotation R about a coordinate axis, `turn`, its transpose R' and a `tensor` T (3,
-    3) in any unit: if T is in the axes after the turn, the product is in those before it.
-
-    Let c and s be the cosine and sine of the turn, [[a, b], [e, d]] the entries of T of the two other axes, in cyclic
-    order (z, x for y), and t = s (a - d) + c (b + e). Then those entries of the product are [[a - s t, c t - e], [c t -
-    b, d + s t]]: four multiplications, where two products of matrices take twelve. Nothing is checked.
-    """
+    """Product R' T R (3, 3) of a rotation R about a coordinate axis and a tensor T."""
     k, c, s = turn.axis, turn.cosine, turn.sine
     i, j = (k + 1) % 3, (k + 2) % 3
     old = [list(row) for row in tensor]
@@ -237,8 +220,7 @@ def turned_back(turn: AxisRotation, tensor: Mat) -> Mat:
 
 
 def congruent(rotation: Mat, s: Mat) -> Mat:
-    """The product R S R' (3, 3) of a `rotation` R (3, 3), a symmetric tensor S (3, 3), `s`, in any unit, and the
-    transpose R': symmetric, each entry computed once. Nothing is checked."""
+    """Product R S R' (3, 3) of a rotation R and a symmetric tensor S, each entry computed once."""
     half_x, half_y, half_z = s @ rotation.x, s @ rotation.y, s @ rotation.z
     xy, xz, yz = dot(rotation.x, half_y), dot(rotation.x, half_z), dot(rotation.y, half_z)
     return Mat(
