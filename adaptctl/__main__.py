@@ -45,7 +45,7 @@ def _exit_at_once() -> NoReturn:
 
 
 def _main() -> Callable[[], int]:
-    """The command line, which needs packages that a robot's computer may not have."""
+    """Command line, which needs packages that a robot's computer may not have."""
     from adaptctl.errors import MissingExtraError
     from adaptctl.optional_packages import needed
 

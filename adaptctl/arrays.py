@@ -34,7 +34,7 @@ def frozen(array: Array) -> Array:
 
 
 def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
-    """A read-only float64 copy of `values`, of the given `shape`."""
+    """Read-only float64 copy of `values`, of the given `shape`."""
     array = numbers(values, what, f"of shape {shape}").copy()
     if array.shape != shape:
         raise InputError(f"{what}: expected shape {shape}, got {array.shape}")
@@ -70,7 +70,7 @@ def vectors(values: ArrayLike, size: int, what: str) -> Array:
 
 
 def writable(out: Array, shape: tuple[int, ...], what: str) -> Array:
-    """The array `out` itself, into which a result of the given `shape` can be written."""
+    """Array `out` itself, into which a result of the given `shape` can be written."""
     if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != np.float64 or not out.flags.writeable:
         kind = f"{out.dtype} of shape {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
         raise InputError(f"{what}: out: expected an array of float64 to write to, of shape {shape}, got {kind}")
@@ -78,7 +78,7 @@ def writable(out: Array, shape: tuple[int, ...], what: str) -> Array:
 
 
 def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
-    """A read-only float64 array (dof,) of one number for each of `dof` joints."""
+    """Read-only float64 array (dof,) of one number for each of `dof` joints."""
     array = numbers(values, what)
     if np.asarray(values).dtype == np.bool_:
         raise InputError(f"{what}: expected numbers, got {values!r}")
@@ -105,7 +105,7 @@ def positive_numbers(values: ArrayLike, what: str) -> Array:
 
 
 def positive_number(value: object, what: str) -> float:
-    """The float of a positive finite number, `value`, given as a Python or NumPy number or an array of shape ()."""
+    """Float of a positive finite number, `value`, given as a Python or NumPy number or an array of shape ()."""
     value = _alone(value)
     try:
         number = float(value) if _is_number(value) else math.nan
@@ -117,7 +117,7 @@ def positive_number(value: object, what: str) -> float:
 
 
 def real_number(value: object, what: str) -> float:
-    """The float of a number, `value`, given as a Python or NumPy real number or an array of shape ()."""
+    """Float of a number, `value`, given as a Python or NumPy real number or an array of shape ()."""
     value = _alone(value)
     if _is_number(value):
         return float(numbers(value, what))
@@ -125,21 +125,20 @@ def real_number(value: object, what: str) -> float:
 
 
 def whole_number(value: object, what: str, least: int, most: int) -> int:
-    """The int of a whole number, `value`, from `least` to `most`, both included, given as a Python or NumPy integer."""
+    """Int of a whole number, `value`, from `least` to `most`, both included, given as a Python or NumPy integer."""
     if _is_whole(value) and least <= value <= most:
         return int(value)
     raise InputError(f"{what}: expected a whole number from {least} to {most}, got {printable(repr(value))}")
 
 
 def whole_count(value: object, what: str, least: int = 0) -> int:
-    """The int of a whole number, `value`, of at least `least`, 0 by default, passed as a Python or NumPy integer."""
+    """Int of a whole number, `value`, of at least `least`, 0 by default, passed as a Python or NumPy integer."""
     if _is_whole(value) and value >= least:
         return int(value)
     raise InputError(f"{what}: expected a whole number of at least {least}, got {printable(repr(value))}")
 
 
 def _alone(value: object) -> object:
-    """The content of an array of shape (); any other value itself."""
     return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
 
 
@@ -170,7 +169,7 @@ def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callab
 
 
 def same_samples(**arrays: Array) -> tuple[int, ...]:
-    """The common shape of the sample axes of `arrays` (..., n), all axes but the last, broadcast by NumPy's rules."""
+    """Common shape of the sample axes of `arrays` (..., n), all axes but the last, broadcast by NumPy's rules."""
     try:
         return np.broadcast_shapes(*(array.shape[:-1] for array in arrays.values()))
     except ValueError as error:
@@ -179,7 +178,7 @@ def same_samples(**arrays: Array) -> tuple[int, ...]:
 
 
 def stacked(entries: Sequence[Any], samples: tuple[int, ...]) -> Array:
-    """The float64 array (*samples, n) of n scalars, `entries`, gathered along a new last axis."""
+    """Float64 array (*samples, n) of n scalars, `entries`, gathered along a new last axis."""
     out = np.empty((*samples, len(entries)))
     for i, entry in enumerate(entries):
         out[..., i] = entry
@@ -187,7 +186,7 @@ def stacked(entries: Sequence[Any], samples: tuple[int, ...]) -> Array:
 
 
 def stacked_rows(rows: Sequence[Iterable[Any]], samples: tuple[int, ...]) -> Array:
-    """The float64 array (*samples, m, n) of m rows of n scalars each."""
+    """Float64 array (*samples, m, n) of m rows of n scalars each."""
     given = [list(row) for row in rows]
     widths = [len(row) for row in given]
     if len(set(widths)) > 1:

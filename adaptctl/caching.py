@@ -53,7 +53,7 @@ class cached_property(functools.cached_property[Value]):  # noqa: N801  # stands
 
 
 class _Replaced:
-    """A method that instances replace by one of their properties."""
+    """Method that instances replace by one of their properties."""
 
     def __init__(self, method: Callable[..., Any], by: str) -> None:
         self.method, self.by = method, by
@@ -71,7 +71,7 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 def replaced_by(name: str) -> Callable[[Method], Method]:
-    """A decorator that sends calls of a method to the callable that the instance holds as its property `name`."""
+    """Decorator that sends calls of a method to the callable that the instance holds as its property `name`."""
 
     def replaced(method: Method) -> Method:
         stands: Any = _Replaced(method, name)
@@ -81,7 +81,7 @@ def replaced_by(name: str) -> Callable[[Method], Method]:
 
 
 def without_caches(instance: object) -> State:
-    """The state of an object, `instance`, for copying and pickling."""
+    """State of an object, `instance`, for copying and pickling."""
     kind = type(instance)
     caches = cached_property, _Replaced
     kept = {k: v for k, v in vars(instance).items() if not isinstance(inspect.getattr_static(kind, k, None), caches)}
@@ -95,14 +95,12 @@ def restored(instance: object, state: State) -> None:
 
 
 def _read_only(content: Mapping[Any, Any]) -> tuple[Path, ...]:
-    """Places of the arrays that are not to be written to: names, or names and places in a tuple."""
     within = {(k, i): part for k, v in content.items() if type(v) is tuple for i, part in enumerate(v)}
     stands: dict[Path, Any] = {(k,): v for k, v in content.items()} | within
     return tuple(path for path, v in stands.items() if isinstance(v, np.ndarray) and not v.flags.writeable)
 
 
 def _protected(content: Content, paths: tuple[Path, ...]) -> Content:
-    """The same content, arrays there read-only."""
     for path in paths:
         array: Any = functools.reduce(operator.getitem, path, content)
         array.flags.writeable = False
@@ -110,7 +108,6 @@ def _protected(content: Content, paths: tuple[Path, ...]) -> Content:
 
 
 def _record(instance: Any) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-    """Parts of a named tuple to send."""
     content = instance._asdict()
     return _recorded, (type(instance), content, _read_only(content))
 

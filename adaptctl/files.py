@@ -58,7 +58,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def validate_place(path: str | Path, overwrite: bool = True) -> Path:
-    """The real path, symbolic links followed, of the file at `path` that is to be written."""
+    """Real path, symbolic links followed, of the file at `path` to be written."""
     target = real_place(path)
     if not target.parent.is_dir():
         raise FileError(f"{path}: the folder {target.parent} does not exist; create it or choose another place")
@@ -74,7 +74,7 @@ def validate_place(path: str | Path, overwrite: bool = True) -> Path:
 
 
 def real_place(path: str | Path) -> Path:
-    """The real path of what is to be written at `path`, symbolic links followed."""
+    """Real path of what is to be written at `path`, symbolic links followed."""
     target = Path(os.path.realpath(path))
     if Path(path).is_symlink() and not target.is_relative_to(os.path.realpath(Path(path).parent)):
         raise FileError(f"{path}: is a link to {target}, outside its folder; give that path itself")
@@ -82,7 +82,7 @@ def real_place(path: str | Path) -> Path:
 
 
 def name_beside(target: Path) -> Path:
-    """A hidden path in the folder of the path `target`, for temporary files, of the same suffix."""
+    """Hidden path in the folder of the path `target`, for temporary files, of the same suffix."""
     return target.with_name(f".{target.stem}.{_HERE}-{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
 
 
@@ -140,12 +140,12 @@ def write_json(path: str | Path, value: object) -> None:
 
 
 def finite_or_none(value: float | None) -> float | None:
-    """A number as JSON can hold it, which has neither NaN nor infinity."""
+    """Number as JSON can hold it, which has neither NaN nor infinity."""
     return float(value) if value is not None and math.isfinite(value) else None
 
 
 def toml_string(text: str) -> str:
-    """The basic string of TOML, in its quotation marks, that is read as the `text`: escapes are those of JSON."""
+    """Basic string of TOML, in its quotation marks, that is read as the `text`: escapes are those of JSON."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
@@ -155,7 +155,7 @@ def hashed(content: Any) -> str:
 
 
 def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
-    """The bytes of the file at `path`."""
+    """Bytes of the file at `path`."""
     try:
         with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
             # Opened without waiting: a pipe would hold us until somebody writes into it.
@@ -170,12 +170,12 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
 
 
 def read_text(path: str | Path, limit: int = MAX_BYTES) -> str:
-    """The text of the file at `path`, in UTF-8, without a byte order mark."""
+    """Text of the file at `path`, in UTF-8, without a byte order mark."""
     return decoded(path, read_bytes(path, limit))
 
 
 def decoded(path: str | Path, data: bytes) -> str:
-    """The text of the bytes `data`, read from the file at `path`, in UTF-8, without a byte order mark."""
+    """Text of the bytes `data`, read from the file at `path`, in UTF-8, without a byte order mark."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -193,7 +193,7 @@ def read_json(path: str | Path, kind: type[Content], limit: int = MAX_BYTES) -> 
 
 
 def read_toml(path: str | Path, kind: type[Content]) -> Content:
-    """The contents of the TOML file at `path` as an object of `kind`, such as a dataclass or a msgspec Struct."""
+    """Contents of the TOML file at `path` as an object of `kind`, such as a dataclass or a msgspec Struct."""
     text = read_text(path, MAX_TOML_BYTES)
     if found := _LONG_KEY.search(text):
         line = text.count("\n", 0, found.start()) + 1
@@ -243,7 +243,6 @@ def _typed(path: str | Path, plain: object, kind: type[Content], largest: float 
 
 
 def _validate_finite(path: str | Path, content: object, largest: float = math.inf) -> None:
-    """Refuse numbers that are not finite."""
     pending = [("$", content)]
     while pending:
         element, value = pending.pop()
@@ -260,7 +259,7 @@ def _validate_finite(path: str | Path, content: object, largest: float = math.in
 
 
 def _unrepeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """JSON's own rule, the last of equal keys wins, would hide a slip."""
+    """Refuse equal keys, of which JSON keeps the last."""
     content = dict(pairs)
     if len(content) < len(pairs):
         keys = [key for key, _ in pairs]
@@ -275,7 +274,6 @@ def earlier_schema(told: str, expected: str) -> str:
 
 
 def _remedy(kind: Any, message: str) -> str:
-    """The choices allowed at the element that msgspec's message names, which the message does not list."""
     if "unknown field" not in message and "enum value" not in message:
         return ""
     place = re.search(r" - at `\$(.*)`$", message)
@@ -316,6 +314,6 @@ def flush(path: Path) -> None:
 
 
 def reason(error: Exception) -> str:
-    """The text of an `error` as a part of a sentence."""
+    """Text of an `error` as a part of a sentence."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return text[:1].lower() + text[1:]

@@ -69,14 +69,13 @@ def _validate_place(path: str | Path, target: Path, overwrite: bool) -> None:
 
 
 def _of_no_run(folder: Path) -> list[str]:
-    """Names of what a run would replace in a folder that no run has written, or been killed in while it wrote."""
+    """Names in a folder that a run would replace and no run has written."""
     if any((folder / mark).is_file() for mark in MARKS) or any(is_stale_temporary(e.name) for e in folder.iterdir()):
         return []
     return [entry.name for entry in _files(folder) if _is_result(entry, folder)]
 
 
 def _files(folder: Path) -> list[Path]:
-    """All that a folder holds at any depth but folders; links are not followed."""
     return sorted(inner for inner in folder.rglob("*") if inner.is_symlink() or not inner.is_dir())
 
 
@@ -90,7 +89,7 @@ def _validate_alone(path: str | Path, target: Path) -> None:
 
 
 def _staged(path: str | Path, target: Path) -> Path:
-    """An empty folder beside the target; within it, where the target cannot be moved."""
+    """Empty folder beside the target; within it, where the target cannot be moved."""
     fixed = target == Path.cwd() or target.is_mount() or not os.access(target.parent, os.W_OK)
     beside = name_beside(target / target.name if fixed and target.is_dir() else target)
     try:
@@ -117,7 +116,7 @@ def _swap(path: str | Path, beside: Path, target: Path, overwrite: bool) -> None
 
 
 def _exchange(beside: Path, target: Path) -> None:
-    """Exchange two folders: at one stroke where Linux can, else with a moment in which neither is there."""
+    """Exchange two folders, at one stroke where Linux can."""
     if sys.platform == "linux":
         done = ctypes.CDLL(None, use_errno=True).renameat2
         if done(AT_FDCWD, os.fsencode(beside), AT_FDCWD, os.fsencode(target), RENAME_EXCHANGE) == 0:
@@ -129,7 +128,7 @@ def _exchange(beside: Path, target: Path) -> None:
 
 
 def _keep_others(old: Path, target: Path) -> None:
-    """Take into the new folder what no run has written, at its place in the old one."""
+    """Move what no run has written into the new folder."""
     for entry in _files(old):
         place = target / entry.relative_to(old)
         if not _is_result(entry, old) and not place.exists():
@@ -138,14 +137,14 @@ def _keep_others(old: Path, target: Path) -> None:
 
 
 def _is_result(entry: Path, folder: Path) -> bool:
-    """True where a run in this folder may have left this entry: a file of its own, or one of a killed run."""
+    """True where a run in this folder may have left this entry."""
     *above, _ = parts = entry.relative_to(folder).parts
     regular = entry.is_symlink() or entry.is_file()
     return regular and (any(map(is_stale_temporary, parts)) or (above in ([], [FIGURES]) and entry.suffix in RESULTS))
 
 
 def _move_in(beside: Path, target: Path) -> None:
-    """File by file, the summary away first and there last: what is half done does not say that it is complete."""
+    """Move file by file, the summary last: half a result does not look complete."""
     new = sorted(_files(beside), key=lambda entry: entry.name == "summary.json")
     old = [entry for entry in _files(target) if not entry.is_relative_to(beside) and _is_result(entry, target)]
     for entry in sorted(old, key=lambda entry: entry.name != "summary.json"):

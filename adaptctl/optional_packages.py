@@ -54,7 +54,7 @@ def validate_for_results() -> None:
 
 
 def viewer_program() -> str | None:
-    """The path, as text, of the viewer program of the package rerun-sdk, which shows recorded runs."""
+    """Path of the viewer program of the package rerun-sdk, which shows recorded runs."""
     import shutil
 
     return shutil.which("rerun", path=str(Path(sys.executable).parent)) or shutil.which("rerun")
@@ -64,7 +64,7 @@ _OFFER = re.compile(r"^from (?P<home>[\w.]+) import (?:(?P<name>\w+) as (?P=name
 
 
 def homes(stub: Path) -> dict[str, str]:
-    """The modules of all names that a package's stub file (``__init__.pyi``) offers: module names by offered name."""
+    """Modules of all names that a package's stub file (``__init__.pyi``) offers: module names by offered name."""
     offered: dict[str, str] = {}
     for offer in _OFFER.finditer(stub.read_text(encoding="utf-8")):
         if offer["name"]:

@@ -69,5 +69,5 @@ RENAMED: Mapping[str, tuple[str, ...]] = {
 
 
 def new_name(former: str, known: Mapping[str, object] | set[str] | frozenset[str]) -> str | None:
-    """The one of the `known` names that replaces a `former` one; None where none does."""
+    """One of the `known` names that replaces a `former` one; None where none does."""
     return next((name for name in RENAMED.get(former, ()) if name in known), None)

@@ -21,7 +21,7 @@ each, and addresses of the results' rows."""
 
 
 def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, bool]) -> str:
-    """LLVM IR (text) of the function `batch`, one native call of which evaluates a `routine` at many samples."""
+    """LLVM IR of the function `batch`, one native call of which evaluates a `routine` at many samples."""
     inputs = {f"in{k}": n for k, n in enumerate(routine.inputs)}
     outputs = {f"out{k}": math.prod(shape) for k, shape in enumerate(routine.layout.shapes)}
     both = inputs | outputs
@@ -57,12 +57,10 @@ def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, boo
 
 
 def _entry(name: str, kind: str, table: str, k: int) -> str:
-    """The k-th entry of a table."""
     return f"%{name}.at = getelementptr {kind}, ptr %{table}, i64 {k}\n  %{name} = load {kind}, ptr %{name}.at"
 
 
 def _check(sizes: Mapping[str, int], lanes: Lanes) -> list[str]:
-    """LLVM lines that set `%still.sound`: true while every number so far is finite."""
     lines, sound = [], "%sound"
     for name, n in sizes.items():
         lines.append(f"%{name}.finite = call i1 @finite(ptr %{name}, i64 {n * lanes.count})")
@@ -72,7 +70,6 @@ def _check(sizes: Mapping[str, int], lanes: Lanes) -> list[str]:
 
 
 def _square(lanes: Lanes) -> dict[str, list[str]]:
-    """LLVM lines, by the names they have in the template."""
     n, kind, lines = lanes.count, lanes.value, []
     for k in range(n):
         lines += [
@@ -97,7 +94,6 @@ def _square(lanes: Lanes) -> dict[str, list[str]]:
 
 
 def _rows(lanes: Lanes) -> dict[str, list[str]]:
-    """The row of each lane, and a number of each row read into its lane or written from it."""
     rows, loads, stores = [], [], []
     for lane in range(lanes.count):
         rows += [

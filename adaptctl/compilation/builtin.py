@@ -33,7 +33,7 @@ class Place(NamedTuple):
 
 
 class Form(NamedTuple):
-    """The calling convention of a built-in function of Python around native code."""
+    """Calling convention of a built-in function of Python around native code."""
 
     places: tuple[Place, ...]
     tuples: Mapping[int, int] = MappingProxyType({})
@@ -65,7 +65,7 @@ class Form(NamedTuple):
 
 
 class _Array(ctypes.Structure):
-    """The first fields of NumPy's array object (numpy/ndarraytypes.h)."""
+    """First fields of NumPy's array object (numpy/ndarraytypes.h)."""
 
     _fields_ = (
         ("references", ctypes.c_ssize_t),
@@ -158,7 +158,6 @@ def builtin_source(routine: Routine, symbol: str, *, finite: Finite, form: Form)
 
 
 def _found(form: Form, inputs: Mapping[int, int]) -> list[str]:
-    """The numbers of each column, wherever it comes from."""
     lines = [_ARGUMENT.format(i) for i in form.arguments]
     lines += [_TUPLE.format(i, form.types[i], size) for i, size in form.tuples.items()]
     for k, n in inputs.items():
@@ -173,7 +172,6 @@ def _found(form: Form, inputs: Mapping[int, int]) -> list[str]:
 
 
 def _packed(form: Form, numbers: Sequence[int], count: int, *, in_tuple: bool) -> list[str]:
-    """LLVM lines that return the only result, or a tuple of all."""
     boxed = [_BOXED.format(k) for k in numbers]
     if not in_tuple:
         return [*boxed, "ret ptr %result0"]
@@ -195,7 +193,6 @@ def _packed(form: Form, numbers: Sequence[int], count: int, *, in_tuple: bool) -
 
 
 def _branch(conditions: Iterable[str], then: str, otherwise: str) -> str:
-    """A branch to `then` if all conditions hold."""
     lines, all_so_far = [], "true"
     for k, condition in enumerate(conditions):
         lines += [f"%{then}.{k} = {condition}", f"%{then}.to.{k} = and i1 {all_so_far}, %{then}.{k}"]

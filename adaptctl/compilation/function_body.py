@@ -95,7 +95,7 @@ class FunctionBody:
             self._text.add(f"{x} = call nsz {value} @llvm.{_INTRINSICS[op]}.{self._lanes.suffix}({arguments})")
 
     def _operand(self, x: Expression | float) -> str:
-        """The name of a value."""
+        """Name of a value."""
         if not isinstance(x, Expression):
             return self._lanes.constant(x)
         name, when = self._latest.get(x.index, ("", 0))
@@ -114,7 +114,7 @@ class FunctionBody:
         return x.index in self._latest or self._place(x) is not None
 
     def _is_cheap(self, x: Expression) -> bool:
-        """True for a sum of values in memory: to compute it again costs no more than to keep it there too."""
+        """True for a sum of values in memory, which is as cheap to compute again as to keep."""
         homes = (not isinstance(y, Expression) or self._place(y) or y.index in self._stored for y in x.operands)
         return self._lanes.count > 1 and x.op in (Op.ADD, Op.SUBTRACT, Op.NEGATE) and all(homes)
 
@@ -131,7 +131,6 @@ class FunctionBody:
         self._text.add(f"call void @{self._symbols[routine]}({', '.join(f'ptr {pointer}' for pointer in pointers)})")
 
     def _gathered(self, name: str, group: Sequence[Expression | float], needed: Sequence[int]) -> str:
-        """A pointer to these numbers side by side, of which some are needed: where they already are so, or a copy."""
         key = tuple(x.index if isinstance(x, Expression) else repr(x) for x in group), tuple(needed)
         if key not in self._together:
             first = self._side_by_side(key[0], group, needed)
@@ -147,7 +146,6 @@ class FunctionBody:
     def _side_by_side(
         self, key: tuple[Any, ...], group: Sequence[Expression | float], needed: Sequence[int]
     ) -> tuple[str, int] | None:
-        """The place of the first of numbers that are in memory one after the other, where they are needed."""
         if key in self._same.groups:
             return "%same", self._same.groups[key]
         places = [self._place(x) if isinstance(x := group[k], Expression) else None for k in needed]
@@ -157,7 +155,6 @@ class FunctionBody:
         return firsts.pop() if len(firsts) == 1 else None
 
     def _place(self, x: Expression) -> tuple[str, int] | None:
-        """The place of an expression that is in memory already: a pointer and a number of places after it."""
         if x.index in self._found:
             return "%passed", self._found[x.index]
         if x.index in self._same.places:

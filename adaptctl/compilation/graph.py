@@ -107,7 +107,6 @@ class Graph:
         return self.sines.get(angle)
 
     def _is_argument(self, x: Expression) -> bool:
-        """True for an input of a called function that is no sine which its caller passes."""
         return x.op is Op.INPUT and x.detail[0] != self.passed
 
     def validate_own(self, values: Iterable[Any]) -> None:
@@ -118,7 +117,7 @@ class Graph:
 
 
 def reachable(outputs: Iterable[Any]) -> list[Expression]:
-    """The expressions that `outputs` need, these among them, in a list in which operands come before what uses them."""
+    """Expressions that `outputs` need, these among them, in a list in which operands come before what uses them."""
     needed: set[Expression] = set()
     pending = [x for x in outputs if isinstance(x, Expression)]
     while pending:
@@ -130,7 +129,7 @@ def reachable(outputs: Iterable[Any]) -> list[Expression]:
 
 
 def add(x: Any, y: Any) -> Any:
-    """The sum `x + y` of expressions (symbolic scalars of one graph) and floats, at least one an expression."""
+    """Sum `x + y`."""
     if _is(x, 0.0) or _is(y, 0.0):
         return y if _is(x, 0.0) else x
     if _does(y, Op.NEGATE):
@@ -141,7 +140,7 @@ def add(x: Any, y: Any) -> Any:
 
 
 def subtract(x: Any, y: Any) -> Any:
-    """The difference `x - y` of expressions (symbolic scalars of one graph) and floats, at least one an expression."""
+    """Difference `x - y`."""
     if x is y:
         return 0.0
     if _is(x, 0.0):
@@ -154,7 +153,7 @@ def subtract(x: Any, y: Any) -> Any:
 
 
 def negate(x: Any) -> Any:
-    """The expression `-x` of an expression `x` (a symbolic scalar)."""
+    """Expression `-x`."""
     if _does(x, Op.NEGATE):
         return x.operands[0]
     if _does(x, Op.SUBTRACT):
@@ -165,7 +164,7 @@ def negate(x: Any) -> Any:
 
 
 def multiply(x: Any, y: Any) -> Any:
-    """The product `x * y` of expressions (symbolic scalars of one graph) and floats, at least one an expression."""
+    """Product `x * y`."""
     x, y = _ordered(x, y)
     if isinstance(x, float) and abs(x) in (0.0, 1.0):
         return 0.0 if x == 0.0 else y if x > 0.0 else negate(y)
@@ -177,7 +176,7 @@ def multiply(x: Any, y: Any) -> Any:
 
 
 def divide(x: Any, y: Any) -> Any:
-    """The quotient `x / y` of expressions (symbolic scalars of one graph) and floats, at least one an expression."""
+    """Quotient `x / y`."""
     if _is(x, 0.0):
         return 0.0
     if _is(y, 1.0) or _is(y, -1.0):
@@ -190,19 +189,19 @@ def divide(x: Any, y: Any) -> Any:
 
 
 def absolute(x: Any) -> Any:
-    """The absolute value `|x|` of an expression `x`, as an expression; `x` itself where it is an absolute value."""
+    """Absolute value `|x|`, as an expression; `x` itself where it is an absolute value."""
     if _does(x, Op.NEGATE):
         return absolute(x.operands[0])
     return x if _does(x, Op.ABSOLUTE) else _make(Op.ABSOLUTE, x)
 
 
 def minimum(x: Any, y: Any) -> Any:
-    """The smaller of `x` and `y`, expressions (symbolic scalars of one graph) or floats, at least one an expression."""
+    """Smaller of `x` and `y`."""
     return x if x is y else _make(Op.MINIMUM, *_ordered(x, y))
 
 
 def maximum(x: Any, y: Any) -> Any:
-    """The larger of `x` and `y`, expressions (symbolic scalars of one graph) or floats, at least one an expression."""
+    """Larger of `x` and `y`."""
     return x if x is y else _make(Op.MAXIMUM, *_ordered(x, y))
 
 
@@ -212,13 +211,13 @@ def unary(op: Op) -> Callable[[Any], Any]:
 
 
 def sine(x: Any) -> Any:
-    """The sine of `x`, an expression in rad."""
+    """Sine of `x`."""
     known = x.graph.known_sine(x)
     return known[0] if known else _make(Op.SIN, x)
 
 
 def cosine(x: Any) -> Any:
-    """The cosine of `x`, an expression in rad."""
+    """Cosine of `x`."""
     known = x.graph.known_sine(x)
     return known[1] if known else _make(Op.COS, x)
 
@@ -237,7 +236,6 @@ def _does(x: Any, op: Op) -> bool:
 
 
 def _ordered(x: Any, y: Any) -> tuple[Any, Any]:
-    """One order for what commutes, constants first, so that `x + y` and `y + x` are one expression."""
     return (x, y) if _rank(x) <= _rank(y) else (y, x)
 
 

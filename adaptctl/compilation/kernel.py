@@ -178,7 +178,7 @@ class Kernel:
 
     @property
     def _code(self) -> NativeCode:
-        """The code for one sample."""
+        """Code for one sample."""
         if self._single is None and has_builtins():
             routine = self._routine()
             text, symbol = program(routine, Lanes())
@@ -186,7 +186,7 @@ class Kernel:
         return self._single
 
     def _routine(self) -> Routine:
-        """The equation, traced; not kept any longer, for its graph is many times as large as code."""
+        """Traced equation, not kept, since its graph is many times as large as code."""
         routine, self._latest = self._latest or self._traced(), None
         return routine
 
@@ -236,7 +236,6 @@ class Kernel:
         )
 
     def _taking(self, given: Sequence[Array], shapes: Sequence[tuple[int, ...]]) -> list[Array]:
-        """Arrays that native code may write the results to."""
         if len(given) != len(shapes):
             raise InputError(f"{self.name}: out: expected an array for each of {len(shapes)} results")
         for out, shape in zip(given, shapes, strict=True):
@@ -279,7 +278,7 @@ class Kernel:
 
     @property
     def _batch(self) -> Callable[..., bool]:
-        """The code for many samples."""
+        """Code for many samples."""
         if self._many is None:
             processor, routine = Processor.host(), self._routine()
             lanes = Lanes(processor.lanes)
@@ -290,7 +289,6 @@ class Kernel:
         return self._many[1]
 
     def _blame(self, arrays: Sequence[Array], results: Sequence[Array]) -> NoReturn:
-        """Raise for the first sample that has something not finite."""
         rows = [np.atleast_2d(array) for array in arrays]
         sound = np.ones(len(results[0]), dtype=np.bool_)
         for array in (*(rows if self._finite is True else ()), *results):
@@ -299,7 +297,6 @@ class Kernel:
         self._given.refuse(*(array[worst] if array.ndim > 1 else array for array in arrays))
 
     def _as_builtin(self) -> Callable[..., Any]:
-        """A built-in function; what it finds unusual is made usual for another, which then only refuses."""
         given, contain = self._given, self._layout.contain
         strict = self._builtin(given.refuse)
         usual = self._builtin(lambda *arguments: strict(*given.arrays(arguments)))
@@ -308,7 +305,6 @@ class Kernel:
         return lambda *arguments: contain(usual(*arguments))
 
     def _one_sample(self, *arguments: ArrayLike) -> Any:
-        """The result for one sample where built-in functions are not available: a map of one sample."""
         results = self.map(*(array[None] for array in self._given.arrays(arguments)))
         parts = results if self._layout.container else (results,)
         return self._layout.contain(
@@ -355,7 +351,7 @@ class Given(NamedTuple):
 
 
 def _address(array: NDArray[Any]) -> int:
-    """The address of an array's numbers: by its buffer, if it has one to write to, which takes a third of the time."""
+    """Address of an array's numbers, by its buffer where it can, in a third of the time."""
     if not (array.flags.carray and array.size):
         return array.ctypes.data
     buffer: Any = array
@@ -363,12 +359,10 @@ def _address(array: NDArray[Any]) -> int:
 
 
 def _room(shape: tuple[int, ...]) -> Array:
-    """Room for a result; a large one begins on a cache line, since it is written past the caches."""
     return np.empty(shape) if math.prod(shape) * _DOUBLE.itemsize < STREAMED else aligned(shape, made=np.empty)
 
 
 def _in_rows(array: Array, sample_axes: int) -> bool:
-    """True if the numbers of each row lie side by side."""
     apart = sample_axes == 1 == array.ndim - 1 and array.strides[1] == array.itemsize
     beside = array.flags.c_contiguous or (apart and array.strides[0] % array.itemsize == 0)
     return bool(beside and array.flags.aligned)
@@ -391,7 +385,7 @@ class OnFloats:
         self._function, self._given, self._finite = function, Given(name, self.arguments), finite
 
     def __call__(self, *arguments: ArrayLike) -> tuple[Any, ...]:
-        """The function's results at array-likes of shape (n,), n each argument's length, by position."""
+        """Function's results at array-likes of shape (n,), n each argument's length, by position."""
         arrays = self._given.arrays(arguments)
         columns = {name: Column(array.tolist()) for name, array in zip(self.arguments, arrays, strict=True)}
         results = tuple(_plain(result) for result in self._function(**columns))
@@ -402,7 +396,7 @@ class OnFloats:
 
     @property
     def call(self) -> OnFloats:
-        """The object itself, a function of array-likes (n,), n each argument's length, by position."""
+        """Object itself, a function of array-likes (n,), n each argument's length, by position."""
         return self
 
 

@@ -78,7 +78,7 @@ class Lanes:
 
     @cached_property
     def attributes(self) -> str:
-        """LLVM attributes, as text, for every function on SIMD lanes."""
+        """LLVM attributes for every function on SIMD lanes."""
         return "nounwind" if self.count == 1 else f'nounwind "stackrealign" alignstack({self.alignment})'
 
     def constant(self, x: float) -> str:
@@ -87,7 +87,7 @@ class Lanes:
         return digits if self.count == 1 else "<" + ", ".join([f"{self.scalar} {digits}"] * self.count) + ">"
 
     def rounded(self, x: float) -> float:
-        """The float that stands for `x` in the precision of these lanes: `x` itself in double."""
+        """Float that stands for `x` in the precision of these lanes: `x` itself in double."""
         return x if self.precision == "double" else single(x)
 
     def whole(self, k: int) -> str:
@@ -115,7 +115,7 @@ def validate_precision(precision: object) -> None:
 
 
 def single(x: float) -> float:
-    """The float that stands for `x` in single precision (binary32)."""
+    """Float that stands for `x` in single precision (binary32)."""
     if not math.isfinite(x) or x == 0.0:
         return x
     limits = np.finfo(np.float32)
@@ -288,7 +288,6 @@ class LaneArray:
 
 
 def _validate_sizes(columns: Mapping[str, int], members: int, lanes: int, steps: tuple[int, ...]) -> None:
-    """Raise `InputError` that names the size which is no count."""
     whole_count(members, "members")
     whole_count(lanes, "lanes", 1)
     for size in steps:

@@ -32,7 +32,6 @@ def program(routine: Routine, lanes: Lanes, same: Invariants = NONE, uniform: Co
 
 
 def _symbols(routine: Routine) -> dict[Routine, str]:
-    """Names for the routine and all it calls, at any depth."""
     found: dict[Routine, str] = {}
     pending = [routine]
     while pending:
@@ -51,7 +50,6 @@ def _function(
     same: Invariants = NONE,
     uniform: Container[int] = (),
 ) -> str:
-    """A routine's function; where it has several pieces, it calls one after the other."""
     symbol = symbols[routine]
     if len(parts) == 1:
         return _piece(routine, parts[0], symbol, symbols, lanes, same, uniform)
@@ -81,7 +79,6 @@ def _piece(
     shared: bool = False,
     inlining: str = "noinline",
 ) -> str:
-    """The function of a piece, which shares memory with others, or of a whole routine, which writes constants too."""
     body = FunctionBody(piece.expressions, symbols, lanes, piece.found, same, uniform)
     if not shared:
         body.constants(routine.layout, routine.outputs)
@@ -99,7 +96,6 @@ def _piece(
 
 
 def _pointers(routine: Routine, same: Invariants, promise: str = "") -> list[str]:
-    """The arguments of a routine's function, with what is promised of them."""
     read = f"{promise} readonly" if promise else ""
     inputs = [f"ptr{read} %in{part}" for part in range(len(routine.inputs))]
     outputs = [f"ptr{promise} %out{part}" for part in range(len(routine.layout.sizes))]
@@ -107,7 +103,6 @@ def _pointers(routine: Routine, same: Invariants, promise: str = "") -> list[str
 
 
 def _sines(text: str, lanes: Lanes) -> str:
-    """The functions that compute sines and cosines for a text which calls them, in so many lanes each."""
     counts = {int(count) for count in re.findall(r"@sines\.\w+\.(\d+)\(", text)}
     if not counts:
         return ""
@@ -117,7 +112,6 @@ def _sines(text: str, lanes: Lanes) -> str:
 
 
 def _near_sines(lanes: Lanes) -> str:
-    """The functions for angles that are not far, and for steps."""
     sine, tag, last = sine_for(lanes.precision), f".{lanes.count}", 8 * lanes.size - 1
     near = trace(lambda x: sine.reduced(x[0]), {"x": 1})
     step = trace(lambda x: sine.turned(*x), {"x": 3})
@@ -137,7 +131,7 @@ _TRUTHS = (Op.LESS, Op.LESS_EQUAL)
 
 
 class Piece(NamedTuple):
-    """Piece of a long routine (traced function), compiled as a function of its own."""
+    """Piece of a long routine, compiled as a function of its own."""
 
     expressions: Sequence[Expression]
     kept: dict[int, int]
@@ -162,7 +156,6 @@ def pieces(body: Sequence[Expression], given: Container[int] = ()) -> list[Piece
 
 
 def _parts(body: Sequence[Expression]) -> Iterator[Sequence[Expression]]:
-    """Runs of expressions; the results of a call stay with it."""
     first, length = 0, LONGEST if len(body) <= LONGEST else PIECE
     while first == 0 or first < len(body):
         last = first + length
@@ -179,13 +172,11 @@ def _with_truths(part: Sequence[Expression]) -> Sequence[Expression]:
 
 
 def _operands(part: Iterable[Expression]) -> set[Expression]:
-    """Operands of a piece that are computed anywhere: neither inputs nor calls."""
     used = (y for x in part for y in x.operands if isinstance(y, Expression))
     return {y for y in used if y.op not in (Op.INPUT, Op.CALL, *_TRUTHS)}
 
 
 def _places(homes: dict[int, int], needed: Sequence[set[int]]) -> dict[int, int]:
-    """Index in memory of every value that passes between pieces; an index is used again after its value's last use."""
     last = {i: k for k, wanted in enumerate(needed) for i in sorted(wanted)}
     places: dict[int, int] = {}
     free: list[int] = []

@@ -85,7 +85,7 @@ class NativeCode:
         weakref.finalize(self, _release, self.engine).atexit = False
 
     def address(self, symbol: str) -> int:
-        """The address in memory, an integer, of the function of the name `symbol` in this code."""
+        """Address in memory, an integer, of the function of the name `symbol` in this code."""
         with _compiler():
             return int(self.engine.get_function_address(symbol))
 
@@ -111,7 +111,6 @@ def _release(engine: Any) -> None:
 
 
 def _object(text: str, processor: Processor, machine: llvm.TargetMachine) -> bytes:
-    """The compiled object: a kept one, or a new one, which is kept."""
     folder = cache_folder()
     if folder is None:
         return _compiled(text, machine)
@@ -124,13 +123,12 @@ def _object(text: str, processor: Processor, machine: llvm.TargetMachine) -> byt
 
 
 def _key(text: str, processor: Processor, triple: str) -> bytes:
-    """A digest of all that the code depends on."""
+    """Key of a setting: its value, or the object itself where values cannot be compared."""
     versions = _RECIPE, llvmlite.__version__, llvm.llvm_version_info
     return hashlib.sha256(repr((versions, triple, processor, text)).encode()).digest()
 
 
 def _compiled(text: str, machine: llvm.TargetMachine) -> bytes:
-    """The object that LLVM makes of a module."""
     module = llvm.parse_assembly(text, llvm.create_context())
     module.verify()
     passes = llvm.create_new_module_pass_manager()
@@ -142,7 +140,6 @@ def _compiled(text: str, machine: llvm.TargetMachine) -> bytes:
 
 @functools.cache
 def _compiler() -> threading.RLock:
-    """LLVM, made ready, for one thread at a time."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     # LLVM joins the loads of a block in lists of up to 2048, and compares each with each: 1,296 gains took seconds.

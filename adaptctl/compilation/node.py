@@ -27,7 +27,7 @@ from adaptctl.scalars.scalar import arc_tangent, exponential, hyperbolic_tangent
 
 
 class _Traced(Expression):
-    """A traced value, number or truth: it refuses to give away a value that it does not have yet."""
+    """Traced value, number or truth: it refuses to give away a value that it does not have yet."""
 
     __slots__ = ()
     __hash__ = Expression.__hash__
@@ -130,7 +130,7 @@ Value: TypeAlias = Node | float
 
 
 def lift(x: Any) -> Value | None:
-    """A scalar of a traced function made of `x`."""
+    """Scalar of a traced function made of `x`."""
     if isinstance(x, Node):
         return x
     if isinstance(x, float | int | np.floating | np.integer) or (isinstance(x, np.ndarray) and x.ndim == 0):

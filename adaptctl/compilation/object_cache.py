@@ -81,14 +81,12 @@ class ObjectCache(NamedTuple):
         return self.folder / f"{key.hex()}{SUFFIX}"
 
     def _may_be_full(self, size: int) -> bool:
-        """Sign to look how full the folder is, after so many bytes more."""
         written = _written.get(self.folder, self.limit) + size
         due = 64 * written > self.limit
         _written[self.folder] = 0 if due else written
         return due
 
     def _shrink(self) -> None:
-        """Forget what was used longest ago; another process may be doing the same."""
         total = 0
         with os.scandir(self.folder) as entries:
             files = [
@@ -111,7 +109,6 @@ def _validate_own(status: os.stat_result) -> None:
 
 
 def _read(path: Path) -> bytes:
-    """A file's bytes; it is marked as used just now."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     with os.fdopen(descriptor, "rb") as file:
         _validate_own(os.fstat(descriptor))
@@ -121,7 +118,6 @@ def _read(path: Path) -> bytes:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write a file beside its place and then move it there, so that no other process reads half of it."""
     beside = path.with_name(f".{os.urandom(8).hex()}{SUFFIX}")
     try:
         with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
@@ -165,7 +161,6 @@ def arithmetic() -> list[str]:
 
 @functools.cache
 def _here() -> tuple[str, ...]:
-    """The part of `arithmetic` that is the same for all of a process."""
     features = getattr(np._core._multiarray_umath, "__cpu_features__", {})  # type: ignore[attr-defined]  # not public
     able = sorted(name for name, has in features.items() if has)
     blas = np.show_config(mode="dicts")["Build Dependencies"]["blas"]

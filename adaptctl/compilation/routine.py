@@ -150,7 +150,7 @@ class Routine:
 
     @property
     def calls(self) -> list[Routine]:
-        """The routines (traced functions) that this routine calls, one entry for each call, in order."""
+        """Routines (traced functions) that this routine calls, one entry for each call, in order."""
         return [x.detail for x in self.body if x.op is Op.CALL]
 
     @cached_property
@@ -241,7 +241,7 @@ def outlined(function: F) -> F:
 
 
 def _shared(function: Callable[..., Any], layout: Layout, values: Sequence[Any], graph: Graph) -> Routine:
-    """The body for this pattern of nodes (None in the key) and constants, traced at its first use."""
+    """Body for a pattern of nodes and constants, traced at its first use."""
     key = function, layout, tuple(None if isinstance(x, Node) else x for x in values)
     if key not in graph.routines:
         rest = iter(values)
@@ -256,7 +256,7 @@ def _shared(function: Callable[..., Any], layout: Layout, values: Sequence[Any],
 
 
 def _results(routine: Routine, nodes: Sequence[Node]) -> list[Value]:
-    """The outputs of a call; one that does not depend on the arguments is known already."""
+    """Outputs of a call; those that depend on no argument are known already."""
     graph, of = nodes[0].graph, (sine, cosine)
     pairs = [(f, nodes[place]) for place in routine.sines for f in of]
     passed = len(routine.inputs) - 1
@@ -284,7 +284,7 @@ def _output(name: str, scalar: Any) -> Value:
 
 
 def _inputs(graph: Graph, sizes: Sequence[int]) -> list[list[Node]]:
-    """The nodes of each argument."""
+    """Nodes of each argument."""
     parts = enumerate(sizes)
     return [[graph.make(Node, Op.INPUT, detail=(part, k)) for k in range(size)] for part, size in parts]
 
@@ -298,7 +298,7 @@ _IN_EACH_STEP = (Op.CALL, Op.RESULT, Op.LESS, Op.LESS_EQUAL)
 
 
 class Invariants(NamedTuple):
-    """Loop invariants of a step's routine (its traced function)."""
+    """Loop invariants of a step's routine."""
 
     computed: frozenset[Expression]
     stored: list[Expression]
@@ -358,7 +358,7 @@ def arguments(call: Expression) -> Iterator[list[Any]]:
 
 
 def _same(body: Sequence[Expression], held: Collection[int]) -> set[Expression]:
-    """The expressions that depend on arguments of these numbers alone, the arguments' own among them."""
+    """Expressions that depend on arguments of these indices alone."""
     same: set[Expression] = set()
     for x in body:
         if x.op is Op.INPUT:

@@ -95,7 +95,7 @@ class SinesAtOnce:
         self._size: dict[str, int] = {}
 
     def place(self, x: Expression) -> tuple[str, int] | None:
-        """The position in memory of an expression `x`, a sine or cosine that was computed."""
+        """Position in memory, a sine or cosine that was computed."""
         found = self._pairs.get(x.operands[0]) if x.op in ANGLES else None
         return None if found is None else (found[0], found[1] + ANGLES[x.op])
 
@@ -118,7 +118,6 @@ class SinesAtOnce:
         return _Turn(angle)
 
     def _write(self, turns: Sequence[_Turn]) -> None:
-        """Append the instructions of a group: all its angles are steps from pairs of one memory, or none is a step."""
         text, pairs = self._text, f"%sines{turns[0].angle.index}"
         text.reserve(pairs, 2 * len(turns))
         angles, steps = (
@@ -133,7 +132,6 @@ class SinesAtOnce:
         self._pairs |= {x.angle: (pairs, 2 * k) for k, x in enumerate(turns)}
 
     def _one_by_one(self, group: _Group) -> tuple[str, Lanes]:
-        """The lanes in which any number is far, where each fills a register."""
         text, lanes, any_far = self._text, self._text.lanes, ""
         for k, x in enumerate(group.numbers):
             name = f"{group.pairs}.of{k}"
@@ -148,7 +146,6 @@ class SinesAtOnce:
         return any_far, lanes
 
     def _in_one_register(self, group: _Group) -> tuple[str, Lanes]:
-        """The lanes that are far of a register in which single numbers are put side by side."""
         text, name, n = self._text, group.pairs, len(group.numbers)
         wide = Lanes(next(w for w in _WIDE if w >= n), text.lanes.precision)
         together = "zeroinitializer"
@@ -162,7 +159,6 @@ class SinesAtOnce:
         return self._beyond(name, together, wide, bool(group.known)), wide
 
     def _taken(self, group: _Group, wide: Lanes) -> list[str]:
-        """The known sines, and the known cosines, each in one register."""
         if not group.known:
             return []
         pointer, size = group.known[0][0], self._size[group.known[0][0]]
@@ -174,7 +170,6 @@ class SinesAtOnce:
         return [f"{all_known}0", f"{all_known}1"]
 
     def _computed(self, name: str, given: Sequence[str], lanes: Lanes) -> list[str]:
-        """Sine and cosine of an angle, or, after a step from known ones, which are given after it."""
         both, function = f"{{{lanes.value}, {lanes.value}}}", "turned" if len(given) > 1 else "near"
         arguments = ", ".join(f"{lanes.value} {x}" for x in given)
         self._text.add(f"{name}.sines = call {both} @sines.{function}.{lanes.count}({arguments})")
@@ -183,7 +178,6 @@ class SinesAtOnce:
         return [f"{name}.sine", f"{name}.cosine"]
 
     def _beyond(self, name: str, x: str, lanes: Lanes, stepped: bool, before: str = "") -> str:
-        """The lanes in which a number is too far to be reduced, or to be a step, or was `before`."""
         limit = lanes.constant(STEP if stepped else sine_for(lanes.precision).farthest)
         called = f"call {lanes.condition} @sines.beyond.{lanes.count}({lanes.value} {x}, {lanes.value} {limit})"
         self._text.add(f"{name}.far = {called}")
@@ -192,7 +186,6 @@ class SinesAtOnce:
         return f"{name}.any" if before else f"{name}.far"
 
     def _correct(self, pairs: str, columns: Sequence[Sequence[str]], far: str, wide: Lanes) -> None:
-        """Write the branch to corrections."""
         text, n, bits = self._text, len(columns[0]), f"i{wide.count}"
         text.add(f"{pairs}.bits = bitcast {wide.condition} {far} to {bits}")
         text.add(f"{pairs}.branch = icmp ne {bits} {pairs}.bits, 0")
@@ -218,7 +211,6 @@ class _Turn(NamedTuple):
 
     @property
     def memory(self) -> str | None:
-        """The pointer to the pairs from one of which the angle is a step; None where it is no step."""
         return self.known[0] if self.known else None
 
 
@@ -247,7 +239,6 @@ def asked_at_once(expressions: Sequence[Expression]) -> dict[int, list[Expressio
 
 
 def _short(x: Any) -> bool:
-    """True for a multiple of a number that is so small that it will hardly be a long turn."""
     return (
         isinstance(x, Expression)
         and x.op is Op.MULTIPLY
@@ -257,6 +248,5 @@ def _short(x: Any) -> bool:
 
 
 def _mask(places: Iterable[int]) -> str:
-    """The places from which a shuffle takes its numbers."""
     numbers = [f"i32 {k}" for k in places]
     return f"<{len(numbers)} x i32> <{', '.join(numbers)}>"

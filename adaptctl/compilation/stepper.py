@@ -76,12 +76,10 @@ _HELD, _SHARED = f"%{Source.HELD}.at", f"%{Source.SHARED}.at"
 
 
 def _pointers(parts: Mapping[str, Sequence[int]]) -> list[str]:
-    """Arguments that point to each column after the pointers given."""
     return [f"ptr {base}.{k}" for base, lengths in parts.items() for k in range(len(lengths))]
 
 
 def _places(base: str, lengths: Sequence[int], lanes: Lanes) -> str:
-    """The instructions that make the pointers to each column after one."""
     starts = zip(accumulate(lengths), lengths, strict=True)
     return "\n".join(
         f"  {base}.{k} = getelementptr {lanes.value}, ptr {base}, i64 {end - length}"
@@ -434,13 +432,12 @@ class Ensemble:
         self._run(1, work)
 
     def _record(self, steps: int) -> LaneArray:
-        """Room for the outputs of all steps, that of the last run if it fits: memory is slow when it is new."""
+        """Memory for all outputs, that of the last run if it fits, since new memory is slow."""
         if len(self._recorded.blocks) != steps:
             self._recorded = self._array(self._outputs, steps)
         return self._recorded
 
     def _run(self, threads: int, work: _Work) -> None:
-        """Run all blocks, the first share of them in this thread."""
         blocks = len(self.state.blocks)
         count = min(threads, blocks)
         shares = [(blocks * k // count, blocks * (k + 1) // count) for k in range(count)]
@@ -453,7 +450,6 @@ class Ensemble:
             _wait_for(others)
 
     def _signals(self, steps: int, signals: Mapping[str, ArrayLike]) -> Signals:
-        """The shared ones (steps, n) and the driven ones."""
         columns = self.stepper.columns
         expected = [*columns[Source.SHARED], *columns[Source.DRIVEN]]
         if set(signals) != set(expected):
@@ -485,7 +481,6 @@ class _Work(NamedTuple):
     """index of the first step among the outputs"""
 
     def take(self, first: int, last: int) -> None:
-        """Take the steps of the blocks of members from the `first` on, before the `last`."""
         members = self.ensemble
         strides = *(part.stride for part in self.signals), self.stride
         signals = (part.address_of(self.read) for part in self.signals)
@@ -494,7 +489,6 @@ class _Work(NamedTuple):
 
 
 def _require(given: LaneArray, own: LaneArray, first: int, steps: int, name: str) -> None:
-    """Raise `InputError` unless a memory has the form of the ensemble's own, and these steps."""
     if not isinstance(given, LaneArray) or _form(given) != _form(own):
         raise InputError(f"record: expected {name} that this ensemble made")
     if first + steps > len(given.blocks):
@@ -504,12 +498,11 @@ def _require(given: LaneArray, own: LaneArray, first: int, steps: int, name: str
 
 
 def _form(room: LaneArray) -> tuple[Any, ...]:
-    """Columns, members, shape (blocks, width, lanes) and type of the memory of steps."""
     return room.columns, room.members, room.blocks.shape[1:], room.blocks.dtype
 
 
 def _wait_for(threads: Sequence[Thread]) -> None:
-    """Wait for threads to end before an interruption is raised: what they write to is read afterwards."""
+    """Wait for threads to end before an interruption is raised, since they still write."""
     interrupt: KeyboardInterrupt | None = None
     for thread in threads:
         while thread.is_alive():

@@ -259,18 +259,18 @@ class Description:
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the tree's joints, one for each link, in the links' order."""
+        """Names of the tree's joints, one for each link."""
         return tuple(link.joint.name for link in self.links)
 
     @cached_property
     def primary(self) -> tuple[int, ...]:
-        """Zero-based indices, among all joints, of the r primary (independent) joints, in the order of positions p."""
+        """Zero-based indices, among all joints, of the r primary joints, in the order of positions p."""
         names = self.joint_names if self.loops is None else self.loops.primary
         return tuple(self.joint_names.index(name) for name in names)
 
     @property
     def parents(self) -> tuple[int, ...]:
-        """Zero-based index of each link's parent; -1 for the ground."""
+        """Index of each link's parent; -1 for the ground."""
         return tuple(link.parent for link in self.links)
 
     def within_conditions(self, p: ArrayLike) -> NDArray[np.bool_]:
@@ -311,7 +311,7 @@ class Description:
 
     @cached_property
     def drive_parameters(self) -> tuple[tuple[int, DriveParameter], ...]:
-        """Pairs (zero-based link index, `DriveParameter` of its joint) of all modelled drive parameters."""
+        """Pairs (link index, `DriveParameter` of its joint) of all modelled drive parameters."""
         drives = [link.joint.drive for link in self.links]
         return tuple((i, kind) for kind in DriveParameter for i, d in enumerate(drives) if d.value(kind) is not None)
 

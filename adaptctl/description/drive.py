@@ -36,7 +36,7 @@ LARGEST_TERM = 1e20
 
 @dataclass(frozen=True)
 class Drive:
-    """A joint's drive: rotor inertia, and friction at the speed s of its motor shaft or, for a prismatic joint."""
+    """Joint's drive: rotor inertia, and friction at the speed s of its motor shaft or, for a prismatic joint."""
 
     rotor_inertia: float | None = None
     viscous: float | None = None
@@ -60,18 +60,17 @@ class Drive:
                 raise InputError(f"turns_with: {name}: expected a finite ratio other than 0, got {ratio}")
 
     def with_terms(self, terms: Mapping[DriveParameter, float | None]) -> Drive:
-        """A copy of this drive with some of its terms changed."""
+        """Copy of this drive with some of its terms changed."""
         values: dict[str, Any] = {kind.value: value for kind, value in terms.items()}
         return replace(self, **values)
 
     def value(self, kind: DriveParameter) -> float | None:
-        """The value,, of this drive's term `kind`, such as its rotor inertia; None where the term is not modelled."""
+        """Value,, of this drive's term `kind`, such as its rotor inertia; None where the term is not modelled."""
         value: float | None = getattr(self, kind.value)
         return value
 
 
 def _pair(given: object) -> tuple[str, float]:
-    """The name of a joint and the ratio in which a shaft turns with it."""
     name, ratio = given if isinstance(given, tuple | list) and len(given) == 2 else (None, None)
     if not isinstance(name, str):
         raise InputError(f"turns_with: expected pairs of a joint's name and a ratio, got {given!r}")

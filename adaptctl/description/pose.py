@@ -31,14 +31,14 @@ def exact_right_angles(rotation: Array, tolerance: float = 1e-15) -> Array:
 
 
 def roll_pitch_yaw(angles: ArrayLike) -> Array:
-    """The rotation matrix (3, 3) of URDF's roll, pitch and yaw (3,), rad."""
+    """Rotation matrix (3, 3) of URDF's roll, pitch and yaw (3,), rad."""
     roll, pitch, yaw = np.asarray(angles, dtype=np.float64)
     product = rotation_about((0, 0, 1), yaw) @ rotation_about((0, 1, 0), pitch) @ rotation_about((1, 0, 0), roll)
     return exact_right_angles(product)
 
 
 def quaternion_rotation(quaternion: ArrayLike) -> Array:
-    """The rotation matrix (3, 3) of a `quaternion` (4,), w, x, y, z, of any length from 1e-12."""
+    """Rotation matrix (3, 3) of a `quaternion` (4,), w, x, y, z, of any length from 1e-12."""
     given = np.asarray(quaternion, dtype=np.float64)
     length = float(np.linalg.norm(given))
     if length < 1e-12:
@@ -108,13 +108,13 @@ class Pose:
         return cls(np.eye(3), np.zeros(3))
 
     def __matmul__(self, inner: Pose) -> Pose:
-        """The pose of `inner`'s child in this pose's parent."""
+        """Pose of `inner`'s child in this pose's parent."""
         rotation = exact_right_angles(self.rotation @ inner.rotation)
         return Pose(rotation, self.rotation @ inner.translation + self.translation)
 
     @property
     def inverse(self) -> Pose:
-        """The inverse pose: that of the parent frame in the child frame."""
+        """Inverse pose: that of the parent frame in the child frame."""
         return Pose(self.rotation.T, -self.rotation.T @ self.translation + 0.0)
 
     def __eq__(self, other: object) -> bool:
@@ -128,7 +128,7 @@ class Pose:
 
 
 class FrameKind(Enum):
-    """The kind of a named frame, as Pinocchio's frame types are."""
+    """Kind of a named frame, as Pinocchio's frame types are."""
 
     OPERATIONAL = "operational"
     FIXED_JOINT = "fixed joint"

@@ -21,7 +21,7 @@ def joint_line(link: Link) -> tuple[Array, Array]:
 
 
 def link_end(link: Link) -> Array:
-    """The point (3,) where a `link` ends, in its frame, m."""
+    """Point (3,) where a `link` ends, in its frame, m."""
     start, _ = joint_line(link)
     if np.linalg.norm(start) > AT_JOINT or link.inertia[0] <= 0.0:
         return np.zeros(3)
@@ -29,7 +29,7 @@ def link_end(link: Link) -> Array:
 
 
 def attachments(description: Description) -> list[list[Array]]:
-    """The attachment points of every link of the mechanism of a `description`, in the links' order."""
+    """Attachment points of every link of the mechanism of a `description`."""
     points: list[list[Array]] = [[] for _ in description.links]
     for link in description.links:
         if link.parent != GROUND:
@@ -43,7 +43,7 @@ def attachments(description: Description) -> list[list[Array]]:
 
 
 def _with_end(points: list[Array], link: Link) -> list[Array]:
-    """Points of a link, its end among them where it reaches beyond the others: a forearm past its elbow."""
+    """Points of a link, with its end where it reaches beyond the others."""
     (joint, _), end = joint_line(link), link_end(link)
     farthest = max((float(np.linalg.norm(point - joint)) for point in points), default=0.0)
     part_of_joint = bool(points) and farthest <= SHORTEST
@@ -60,7 +60,7 @@ def depths(parents: Iterable[int]) -> list[int]:
 
 
 def chain_reach(links: Sequence[Link], index: int) -> float:
-    """The length (m) of the chain from the first joint, on the ground, to the end of the link of zero-based `index`."""
+    """Length (m) of the chain from the first joint, on the ground, to the end of the link of `index`."""
     length = _length(links[index])
     while (parent := links[index].parent) != GROUND:
         length += _step(links, index)
@@ -82,5 +82,4 @@ def _length(link: Link) -> float:
 
 
 def _step(links: Sequence[Link], index: int) -> float:
-    """Distance from the parent's joint to a link's own, m."""
     return float(np.linalg.norm(links[index].parent_to_joint.translation - joint_line(links[links[index].parent])[0]))

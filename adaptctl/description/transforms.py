@@ -27,7 +27,7 @@ def joined(
     loops: Loops | None = None,
     gravity: ArrayLike | None = None,
 ) -> Description:
-    """The description, called `name`, of one mechanism that consists of several trees."""
+    """Description, called `name`, of one mechanism that consists of several trees."""
     if not parts:
         raise InputError(f"{name}: at least one part is needed")
     common = _gravity(name, parts) if gravity is None else frozen_array(gravity, (3,), f"{name}: gravity")
@@ -45,7 +45,6 @@ def joined(
 
 
 def _gravity(name: str, parts: Mapping[str, tuple[Description, Pose]]) -> Array:
-    """The one vector that all parts have, turned by their poses or not."""
     first, (leading, _) = next(iter(parts.items()))
     common, asked = leading.gravity, "give `gravity` in the common one, such as (0, 0, -9.81)"
     for label, (part, stand) in parts.items():
@@ -141,7 +140,7 @@ def with_floating_base(description: Description, name: str, inertia: ArrayLike) 
 
 
 def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link, ...]:
-    """The links of a mechanism on a floating base."""
+    """Links of a mechanism on a floating base."""
     base = tuple(_base_link(i, name, inertia) for i in range(len(JOINTS)))
     above = len(base)
     carried = (replace(link, parent=above - 1 if link.parent == GROUND else link.parent + above) for link in links)
@@ -208,7 +207,7 @@ def meeting_axes(description: Description) -> Iterator[tuple[Link, str, tuple[Ar
 
 
 def _carrier(description: Description, links: Sequence[Link], link: Link) -> tuple[str, Array] | None:
-    """Name and direction of the axis that a joint's angle is measured from (parent's joint or gravity), or None."""
+    """Axis that a joint's angle is measured from (parent's joint or gravity), with its name, or None."""
     if link.parent != GROUND:
         parent = links[link.parent]
         return parent.joint.name, parent.joint_to_link.rotation.T @ parent.joint.axis
@@ -217,7 +216,7 @@ def _carrier(description: Description, links: Sequence[Link], link: Link) -> tup
 
 
 def _straightened(link: Link, within: float) -> Link:
-    """A link whose frames and axis are turned onto the axes of what carries them, where they nearly are on them."""
+    """Link whose frames and axis are nearly on axes of what carries them, put onto these."""
     axis, unit = link.joint.axis, np.round(link.joint.axis)
     near_unit = np.abs(unit).sum() == 1.0 and np.linalg.norm(axis - unit) < within
     joint = replace(link.joint, axis=unit) if near_unit else link.joint
@@ -243,7 +242,6 @@ def _closure(closure: Closure, within: float) -> Closure:
 
 
 def _turned(first: Array, child: Link, within: float) -> Link:
-    """The child's joint turned until its axis makes the angle with a direction `first` that it nearly makes."""
     second = child.parent_to_joint.rotation @ child.joint.axis
     along = float(first @ second)
     across = second - along * first
@@ -258,7 +256,6 @@ def _turned(first: Array, child: Link, within: float) -> Link:
 
 
 def _shortest_turn(start: Array, end: Array) -> Array:
-    """The rotation by the least angle that takes one unit vector to another that is near it."""
     x, y, z = np.cross(start, end)
     hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + hat + hat @ hat / (1.0 + float(start @ end))

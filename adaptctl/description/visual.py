@@ -15,7 +15,7 @@ Color = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Mesh:
-    """A mesh of triangles for drawing, in the file at `path`."""
+    """Mesh of triangles for drawing, in the file at `path`."""
 
     path: Path
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -37,7 +37,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder for drawing, centred at its frame's origin, its axis along z, of a `radius` (m) and a `length` (m)."""
+    """Cylinder for drawing, centred at its frame's origin, its axis along z, of a `radius` (m) and a `length` (m)."""
 
     radius: float
     length: float
@@ -48,7 +48,7 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A sphere for drawing, centred at its frame's origin, of a `radius` (m)."""
+    """Sphere for drawing, centred at its frame's origin, of a `radius` (m)."""
 
     radius: float
 
@@ -69,7 +69,7 @@ class Visual:
     color: Color | None = None
 
     def on(self, link: int, pose: Pose) -> Visual:
-        """A copy of this shape fixed to another link, of zero-based index `link`, or to the ground, -1."""
+        """Copy of this shape fixed to another link, of index `link`, or to the ground, -1."""
         return replace(self, link=link, pose=pose @ self.pose)
 
 

@@ -33,11 +33,11 @@ class OnArrays(Protocol):
 
     @property
     def call(self) -> Callable[..., Array]:
-        """The equation as a function of one array (..., size) for each argument, size its own, in SI units."""
+        """Equation as a function of one array (..., size) for each argument, size its own, in SI units."""
 
     @property
     def into(self) -> Callable[..., Array]:
-        """The equation as a function of `out`, a float64 array, and these: it fills `out` and returns it."""
+        """Equation as a function of `out`, a float64 array, and these: it fills `out` and returns it."""
 
 
 class ArrayEquation:
@@ -96,11 +96,10 @@ class ArrayEquation:
         return found
 
     def into(self, out: Array, *arguments: ArrayLike) -> Array:
-        """The array `out`, filled with what a call returns."""
+        """Array `out`, filled with what a call returns."""
         return self._generally(*arguments, out=out)
 
     def _generally(self, *arguments: ArrayLike, out: Array | None = None) -> Array:
-        """Any arrays that fit together, by whatever way pays."""
         first: Any = arguments[0] if arguments else None
         if self._kernel is not None and self._configured is None and type(first) is np.ndarray and first.ndim == 2:
             with suppress(InputError):  # which is raised below, in this equation's words
@@ -120,7 +119,6 @@ class ArrayEquation:
         return out
 
     def _mapped(self, kernel: Kernel, given: Sequence[Array], samples: tuple[int, ...], out: Array | None) -> Array:
-        """Native code at many states."""
         rows, shape = [_rows(array, samples) for array in given], kernel.outputs[0]
         if out is None:
             made: Array = kernel.map(*rows)
@@ -144,7 +142,6 @@ class ArrayEquation:
         return found
 
     def _compiled(self, states: int) -> Kernel | None:
-        """Native code, if it pays by now."""
         self._work += 1.0 / CALLS + states / STATES
         if self._work < 1.0 or not self._compiles or self._links > LARGEST_COMPILED:
             return None
@@ -159,7 +156,6 @@ class ArrayEquation:
         return kernel
 
     def _closing(self, p: ArrayLike, *rest: ArrayLike) -> Array:
-        """The native code at one state whose loops are closed first; any other arrays as before."""
         if self._kernel is not None and self._configured is not None and type(p) is np.ndarray and p.ndim == 1:
             with suppress(InputError):  # which is raised below, in this equation's words
                 found: Array = self._kernel(self._configured(p), *rest)
@@ -168,7 +164,6 @@ class ArrayEquation:
 
 
 def _rows(array: Array, samples: tuple[int, ...]) -> Array:
-    """A row a sample (m, n), or one for all (n,)."""
     size = array.shape[-1]
     if array.ndim == 1:
         return array
@@ -207,7 +202,6 @@ class RowByRow:
         return found.reshape(*samples, self._rows, first.shape[1])
 
     def _rows_at(self, *states: Array) -> Array:
-        """The rows at one state (size,) or at several (c, size), one state's after another's."""
         units = unit_rows(self._rows)
         if states[0].ndim > 1:
             units = np.tile(units, (len(states[0]), 1))
@@ -217,7 +211,7 @@ class RowByRow:
         return rows if self._columns is None else rows[:, self._columns]
 
     def into(self, out: Array, *arguments: ArrayLike) -> Array:
-        """The array `out`, filled with what `call` returns."""
+        """Array `out`, filled with what `call` returns."""
         found = self.call(*arguments)
         writable(out, found.shape, self._whole.name)[...] = found
         return out
@@ -244,15 +238,15 @@ class ArrayMechanism(Protocol):
 
     @property
     def description(self) -> Description:
-        """The data that the mechanism is made of."""
+        """Data that the mechanism is made of."""
 
     @property
     def equations(self) -> Equations:
-        """The mechanism's equations of motion over scalars of any kind."""
+        """Mechanism's equations of motion over scalars of any kind."""
 
     @property
     def name(self) -> str:
-        """The mechanism's name, as error messages give it."""
+        """Mechanism's name, as error messages give it."""
 
     @property
     def dof(self) -> int:
@@ -260,17 +254,17 @@ class ArrayMechanism(Protocol):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P inertial and friction parameters, in the order of their values."""
+        """Names of the P parameters, in the order of their values."""
 
     def configuration(self, p: ArrayLike) -> Array:
-        """The closed configuration (..., n) of the spanning tree's n joints at positions `p` (..., r)."""
+        """Closed configuration (..., n) of the tree's joints at positions `p` (..., r)."""
 
     def validate_mass(self) -> None:
         """Raise `InputError` where torques do not determine the accelerations."""
 
 
 class ArrayEquations:
-    """The equations of motion of one mechanism on NumPy arrays."""
+    """Equations of motion of one mechanism on NumPy arrays."""
 
     def __init__(self, mechanism: ArrayMechanism) -> None:
         self._mechanism = mechanism
@@ -309,7 +303,7 @@ class ArrayEquations:
         compiled: bool = True,
         sizes: Mapping[str, int] | None = None,
     ) -> ArrayEquation:
-        """An equation of this mechanism on arrays, an `ArrayEquation`, from a `function` of `Column` objects."""
+        """Equation of this mechanism on arrays, from a `function` of `Column` objects."""
         mechanism = self._mechanism
         configured = None if mechanism.description.loops is None else mechanism.configuration
 
@@ -327,7 +321,6 @@ class ArrayEquations:
         )
 
     def _regressor(self, name: str, columns: tuple[int, ...] | None) -> OnArrays:
-        """A regressor of all parameters, or of some; a long mechanism's row by row."""
         mechanism = self._mechanism
         long = sum(depths(link.parent for link in mechanism.description.links)) > MOST_PAIRS
 

@@ -36,7 +36,7 @@ class Parametrisation:
         return self.known + self.matrix @ frozen_array(z, (len(self.left),), "parameters")
 
     def among(self, names: Sequence[str], others: Sequence[str]) -> Parametrisation:
-        """The map D = D0 + N z of the same linear constraints for a mechanism with other drives."""
+        """Map D = D0 + N z of the same linear constraints for a mechanism with other drives."""
         taken = [i for i in range(len(names)) if i not in self.left]
         bound = {*taken, *(i for i, column in zip(self.left, self.matrix.T, strict=True) if column[taken].any())}
         if missing := [names[i] for i in sorted(bound) if names[i] not in others]:
@@ -53,7 +53,7 @@ class Parametrisation:
 
 
 class ConstrainedMechanism(Mechanism):
-    """A mechanism under linear constraints on its inertial and friction parameters D (P,)."""
+    """Mechanism under linear constraints on its parameters D (P,)."""
 
     def __init__(self, whole: Mechanism, parametrisation: Parametrisation) -> None:
         if whole.parameter_names != whole.description.parameter_names:
@@ -77,7 +77,7 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def unconstrained(self) -> Mechanism:
-        """The same mechanism, a `Mechanism`, with no linear constraints on its P inertial and friction parameters."""
+        """Same mechanism, with no linear constraints on its P parameters."""
         return self.whole
 
     @property
@@ -120,7 +120,7 @@ class ConstrainedMechanism(Mechanism):
         return ConstrainedMechanism(whole, self.parametrisation)
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> ConstrainedMechanism:
-        """A copy of this mechanism, under the same constraints, with other rotors and friction."""
+        """Copy of this mechanism, under the same constraints, with other rotors and friction."""
         whole = self.whole.with_drives(drives)
         return ConstrainedMechanism(
             whole, self.parametrisation.among(self.whole.parameter_names, whole.parameter_names)

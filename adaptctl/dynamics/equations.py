@@ -33,7 +33,7 @@ class MotionMemory(NamedTuple):
         return cls(tuple(kept), tuple(sources))
 
     def chosen(self, numbers: Column) -> Column:
-        """The numbers to be remembered, a `Column`, of all m `numbers` (m,) of a motion."""
+        """Numbers to be remembered, of all m `numbers` (m,) of a motion."""
         return Column(numbers[i] for i in self.kept)
 
     def numbers(self, remembered: Column) -> Column:
@@ -170,12 +170,12 @@ class Equations(ABC):
 
     @property
     def has_known_share(self) -> bool:
-        """True where linear constraints fix parameters at values other than zero, False otherwise."""
+        """True where linear constraints fix parameters at values other than zero."""
         return False
 
     @property
     def closing_numbers(self) -> object:
-        """The numbers, texts and kinds that closing the loops depends on, nested tuples to be compared."""
+        """Numbers, texts and kinds that closing the loops depends on, nested tuples to be compared."""
         return None
 
     @abstractmethod
@@ -458,7 +458,7 @@ class Equations(ABC):
 
 
 def _damped(inertia: Scalar, damping: Scalar, dt: float) -> Scalar:
-    """m + dt b, where there is a b: zeros of a tree's matrices stay zeros."""
+    """Sum M + dt b, where there is a b, so that zeros of a tree's matrices stay zeros."""
     return inertia if isinstance(damping, float) and damping == 0.0 else inertia + dt * damping
 
 

@@ -137,7 +137,7 @@ class Tip:
         return p
 
     def _step(self, jacobian: Array, way: Array) -> Array:
-        """Newton's, no joint farther than LARGEST_TURN: beyond reach it would go anywhere."""
+        """Newton's step, bounded, since beyond reach it would go anywhere."""
         try:
             step = np.asarray(np.linalg.solve(jacobian, way[..., None])[..., 0], dtype=np.float64)
         except np.linalg.LinAlgError as error:
@@ -158,7 +158,7 @@ class Tip:
             raise InputError(f"{self.mechanism.name}: {self.link} cannot reach {goal} m from where it starts")
 
     def _moved(self, q: Array) -> tuple[Array, Array]:
-        """The point (..., 3) and its Jacobian (..., 3, r) at configurations q (..., n)."""
+        """Point (..., 3) and its Jacobian (..., 3, r) at configurations (..., n)."""
         equations, joints = self.mechanism.equations, column(q)
         moving = moving_point(equations.links, joints, self._link, Vec(*self.offset.tolist()))
         units = [Column(float(i == j) for j in range(self.mechanism.dof)) for i in range(self.mechanism.dof)]

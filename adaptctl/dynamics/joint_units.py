@@ -13,15 +13,15 @@ def position_units(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def position_unit(mechanism: Mechanism) -> str:
-    """Unit, as text, of a position error over all primary joints of a mechanism."""
+    """Unit of a position error over all primary joints of a mechanism."""
     return either(position_units(mechanism))
 
 
 def error_unit(mechanism: Mechanism) -> str:
-    """Unit, as text, in which position errors of a mechanism are shown, a thousandth of the positions' own."""
+    """Unit in which position errors of a mechanism are shown, a thousandth of the positions' own."""
     return either(f"m{unit}" for unit in position_units(mechanism))
 
 
 def either(units: Iterable[str]) -> str:
-    """Unit, as text, of a number that takes all of several joints together."""
+    """Unit of a number that takes all of several joints together."""
     return " or ".join(sorted(set(units), reverse=True))

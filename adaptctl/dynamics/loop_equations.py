@@ -92,7 +92,6 @@ class LoopEquations(Equations):
         return self._placed(q) if self.rules else self._stepped(q)
 
     def _placed(self, q: Column) -> Column:
-        """The configuration whose dependent joints follow from the primary ones, on the branch of q."""
         links, at, known = self.tree.segments, list(q), self.closing.primary
         places: dict[int, Placement] = {}
         for rule in self.rules:
@@ -103,7 +102,6 @@ class LoopEquations(Equations):
         return Column(at)
 
     def _stepped(self, q: Column) -> Column:
-        """The configuration after one Newton step of the dependent joints."""
         places = placements(self.tree.segments, q)
         columns = self.closing.jacobian(places)
         factor = factored([columns[d] for d in self.closing.dependent])
@@ -170,7 +168,6 @@ class LoopEquations(Equations):
         return [[way @ load for load in loads] for way in ways]
 
     def _ways(self, posture: Posture) -> list[Column]:
-        """Columns of J, each (n,)."""
         units = (Column(float(i == j) for j in range(self.dof)) for i in range(self.dof))
         return [posture.tree(unit) for unit in units]
 

@@ -73,7 +73,6 @@ class Mechanism:
         return f"<Mechanism {self.name!r}: {len(self.links)} links, {self.dof} degrees of freedom>"
 
     def _repr_html_(self) -> str:
-        """Table of the links, for notebooks."""
         heads = ("link", "parent", "joint", "kind", "limits", "effort", "mass [kg]")
         rows = [
             (
@@ -106,7 +105,7 @@ class Mechanism:
 
     @cached_property
     def _looped(self) -> tuple[LoopEquations, Array] | None:
-        """The equations with loops, closed by Newton's steps, and the closed reference (n,); None for a tree."""
+        """Equations with loops, and the closed reference (n,); None for a tree."""
         loops = self.description.loops
         if loops is None:
             return None
@@ -187,7 +186,7 @@ class Mechanism:
 
     @property
     def links(self) -> tuple[Link, ...]:
-        """The n links of the tree, parents before children, each with the joint that moves it."""
+        """Links of the tree, parents before children, each with the joint that moves it."""
         return self.description.links
 
     @cached_property
@@ -197,7 +196,7 @@ class Mechanism:
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """Values (P,) of all inertial and friction parameters, SI units, in the order of `parameter_names`."""
+        """Values (P,) of all parameters, SI units, in the order of `parameter_names`."""
         return self.description.inertial_parameters
 
     @property
@@ -207,7 +206,7 @@ class Mechanism:
 
     @property
     def unconstrained(self) -> Mechanism:
-        """The same mechanism without linear constraints on its parameters."""
+        """Same mechanism without linear constraints on its parameters."""
         return self
 
     @property
@@ -232,7 +231,7 @@ class Mechanism:
 
     @property
     def primary_joints(self) -> tuple[Joint, ...]:
-        """The r primary (independent) joints, in the order of their positions."""
+        """Primary (independent) joints, in the order of their positions."""
         return tuple(self.links[i].joint for i in self.description.primary)
 
     def with_parameters(self, parameters: ArrayLike) -> Mechanism:

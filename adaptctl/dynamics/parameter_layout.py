@@ -13,7 +13,7 @@ from adaptctl.scalars import Column, Scalar
 
 
 class ParameterLayout(NamedTuple):
-    """The order of a mechanism's P parameters."""
+    """Order of a mechanism's P parameters."""
 
     links: int
     bodies: tuple[int, ...]
@@ -21,7 +21,7 @@ class ParameterLayout(NamedTuple):
 
     @property
     def driven(self) -> int:
-        """Zero-based index of the drives' first parameter among all P."""
+        """Index of the drives' first parameter among all P."""
         return 10 * len(self.bodies)
 
     @property
@@ -30,12 +30,12 @@ class ParameterLayout(NamedTuple):
         return self.driven + len(self.drives)
 
     def sorted_out(self, columns: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:
-        """The parameters of indices `columns`, from 0 to P - 1, sorted into those of bodies and those of drives."""
+        """Parameters of indices `columns`, from 0 to P - 1, sorted into those of bodies and those of drives."""
         of_bodies = {c: 10 * self.bodies[c // 10] + c % 10 for c in columns if c < self.driven}
         return of_bodies, {c: c - self.driven for c in columns if c >= self.driven}
 
     def tens(self, parameters: Column) -> Column:
-        """The ten inertial parameters of each of the N links (10 N,), link by link."""
+        """Ten inertial parameters of each of the N links (10 N,), link by link."""
         if len(self.bodies) == self.links:
             return Column(parameters.of[: self.driven]) if self.drives else parameters
         tens: list[Scalar] = [0.0] * (10 * self.links)
@@ -44,16 +44,16 @@ class ParameterLayout(NamedTuple):
         return Column(tens)
 
     def owned(self, tens: Column) -> Sequence[Scalar]:
-        """The entries of `tens` (10 N,), ten for each of N links, that belong to links with inertial parameters."""
+        """Entries of `tens` (10 N,), ten for each of N links, that belong to links with inertial parameters."""
         return [x for i in self.bodies for x in tens.of[10 * i : 10 * i + 10]]
 
     def of_drives(self, parameters: Column) -> Sequence[Scalar]:
-        """The entries of all P `parameters` (P,) that are the drives', SI units."""
+        """Entries of all P `parameters` (P,) that are the drives', SI units."""
         return parameters.of[self.driven :]
 
 
 def required_columns(columns: Sequence[int], known: int, name: str) -> Sequence[int]:
-    """The parameter indices `columns`, unchanged, after a check of each."""
+    """Parameter indices `columns`, unchanged, after a check of each."""
     if not isinstance(columns, Iterable):
         raise InputError(f"{name}: columns: expected whole numbers from 0 to {known - 1}, got {columns!r}")
     for c in columns:

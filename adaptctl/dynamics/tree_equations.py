@@ -83,7 +83,7 @@ class TreeEquations(Equations):
 
     @classmethod
     def of(cls, description: Description) -> TreeEquations:
-        """The equations of motion of the tree of a `description`."""
+        """Equations of motion of the tree of a `description`."""
         drives = tuple(
             DriveTerm(description.drive_coupling(joint), kind) for joint, kind in description.drive_parameters
         )
@@ -182,12 +182,11 @@ class TreeEquations(Equations):
         return FrameChoice.of(self.segments)
 
     def _placements(self, p: Column) -> list[Placement]:
-        """The links' poses in the axes in which their vectors are held."""
         return self._held.placements(self._held.coordinates(p))
 
     @cached_property
     def _is_long(self) -> bool:
-        """True where articulated bodies cost less; a rotor that turns with several joints is no such body's."""
+        """True where articulated bodies cost less than the mass matrix."""
         deep = depths(link.parent for link in self.segments)
         coupled = any(len(term.arms) > 1 for term in self.layout.drives if not term.kind.is_friction)
         return sum(deep) >= ARTICULATED * len(deep) and not coupled

@@ -165,7 +165,7 @@ class Mat:
 
     @property
     def T(self) -> Mat:
-        """The transpose (3, 3) of this matrix, rows and columns exchanged."""
+        """Transpose (3, 3) of this matrix, rows and columns exchanged."""
         a, b, c = self.x, self.y, self.z
         return Mat(Vec(a.x, b.x, c.x), Vec(a.y, b.y, c.y), Vec(a.z, b.z, c.z))
 
@@ -278,7 +278,7 @@ class Column:
 
 
 def combined(columns: Sequence[Column], weights: Column) -> Column:
-    """The linear combination of m `columns` (n,)."""
+    """Linear combination of m `columns` (n,)."""
     total = weights[0] * columns[0]
     for weight, one in zip(weights.of[1:], columns[1:], strict=True):
         total = total + weight * one

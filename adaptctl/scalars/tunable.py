@@ -257,7 +257,6 @@ class Tunable:
 
     @property
     def _names(self) -> tuple[str, ...]:
-        """Names of all tunable numbers, those included that are None."""
         parts = self.tunable_parts.items()
         return *self.tunable, *(f"{part}.{name}" for part, of in parts for name in of._names)
 
@@ -277,11 +276,9 @@ class Tunable:
         return Structure(self, (type(self), shapes, rest, tuple((name, of.structure) for name, of in parts.items())))
 
     def _zeros(self, name: str, array: Array) -> bytes:
-        """The zeros of an array that are compiled in, if they are."""
         return (array == 0.0).tobytes() if name in self.sparse else b""
 
     def _settings(self) -> Iterator[tuple[str, Any]]:
-        """The attributes without those that are computed and kept."""
         kind = type(self)
         for name, value in vars(self).items():
             if not isinstance(getattr(kind, name, None), cached_property):
@@ -289,7 +286,7 @@ class Tunable:
 
 
 class _Same:
-    """An object that is equal to itself only."""
+    """Object that is equal to itself only."""
 
     __slots__ = ("of",)
 
@@ -304,7 +301,7 @@ class _Same:
 
 
 def _key(value: Any) -> Hashable:
-    """Key of a setting in a structure: its value, or, where values cannot be compared, the object itself."""
+    """Key of a setting: its value, or the object itself where values cannot be compared."""
     if isinstance(value, Tunable | Keyed):
         return value.structure
     if isinstance(value, np.ndarray):
@@ -319,12 +316,10 @@ def _key(value: Any) -> Hashable:
 
 
 def _fields_key(value: Any) -> Hashable:
-    """Key of a dataclass: its kind, and the keys of its fields."""
     return type(value), tuple(_key(getattr(value, entry.name)) for entry in fields(value))
 
 
 def _within(part: str, numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """The numbers of a part by their names in it."""
     return {name.removeprefix(f"{part}."): value for name, value in numbers.items() if name.startswith(f"{part}.")}
 
 

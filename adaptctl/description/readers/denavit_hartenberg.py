@@ -27,14 +27,14 @@ X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 
 class Base(msgspec.Struct, forbid_unknown_fields=True):
-    """The pose, in a Denavit-Hartenberg file, of the chain's first frame in the ground's frame."""
+    """Pose, in a Denavit-Hartenberg file, of the chain's first frame in the ground's frame."""
 
     xyz: Triple = (0.0, 0.0, 0.0)
     rpy: Triple = (0.0, 0.0, 0.0)
 
 
 class Step(LinkEntry, kw_only=True):
-    """An entry of a Denavit-Hartenberg file: one link with the joint before it."""
+    """Entry of a Denavit-Hartenberg file: one link with the joint before it."""
 
     a: float = 0.0
     d: float = 0.0
@@ -45,7 +45,7 @@ class Step(LinkEntry, kw_only=True):
 
 
 class Chain(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """The contents of a Denavit-Hartenberg file in TOML, as `read_denavit_hartenberg` reads them."""
+    """Contents of a Denavit-Hartenberg file in TOML, as `read_denavit_hartenberg` reads them."""
 
     schema: Literal["adaptctl/denavit-hartenberg/1"]
     convention: Literal["standard", "modified"]
@@ -136,7 +136,6 @@ def _link(index: int, step: Step, chain: Chain) -> Link:
 
 
 def _poses(step: Step, standard: bool) -> tuple[Pose, Pose]:
-    """The joint's frame in the link before, and the link's in the joint's."""
     alpha = _angle("alpha", step.alpha, step.alpha_deg)
     if alpha is None:
         raise InputError("the twist is missing: give alpha (rad) or alpha_deg")

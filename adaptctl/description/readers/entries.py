@@ -39,12 +39,12 @@ class Tensor(msgspec.Struct, forbid_unknown_fields=True):
     zz: float = 0.0
 
     def matrix(self) -> Array:
-        """The symmetric matrix (3, 3), kg m^2, of the inertia tensor whose six components this entry gives."""
+        """Symmetric matrix (3, 3), kg m^2, of the inertia tensor whose six components this entry gives."""
         return np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
 
 
 class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a TOML file: the pose of a frame in the frame of a link or joint."""
+    """Entry of a TOML file: the pose of a frame in the frame of a link or joint."""
 
     position: Triple = (0.0, 0.0, 0.0)
     rpy: Triple | None = None
@@ -59,7 +59,7 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """The data of a joint's drive in a TOML file, its rotor inertia and friction."""
+    """Data of a joint's drive in a TOML file, its rotor inertia and friction."""
 
     rotor_inertia: float | None = None
     viscous: float | None = None
@@ -76,7 +76,7 @@ class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a TOML file: one link with the joint before it."""
+    """Entry of a TOML file: one link with the joint before it."""
 
     name: Name | None = None
     joint: Name | None = None
@@ -99,7 +99,7 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         return Joint(name, JointKind(self.type), np.array(axis), self.limits(), self.drive.drive())
 
     def limits(self) -> Limits:
-        """The limits of the joint that a TOML file's entry gives."""
+        """Limits of the joint that a TOML file's entry gives."""
         lower, upper = self._range()
         return Limits(lower, upper, _or_unlimited(self.velocity), _or_unlimited(self.effort))
 
@@ -182,7 +182,7 @@ def warn_of_weightless(path: Any, links: Sequence[Link], loops: Loops | None, st
 
 
 def unknown_body(name: str, known: Sequence[str]) -> str:
-    """The text of a message that a scene has no body of this `name`."""
+    """Text of a message that a scene has no body of this `name`."""
     guess = suggested_name(name, known)
     listed = ", ".join(repr(other) for other in known[:MOST_NAMED] if other)
     return f"there is no body {printable(name)!r}{guess}; there are {listed}{', ...' * (len(known) > MOST_NAMED)}"

@@ -31,7 +31,7 @@ Part = TypeVar("Part")
 
 
 class TreeLink(LinkEntry, kw_only=True):
-    """An entry of a mechanism file in TOML: one link of a tree with the joint before it."""
+    """Entry of a mechanism file in TOML: one link of a tree with the joint before it."""
 
     parent: Name | None = None
     axis: Triple = (0.0, 0.0, 1.0)
@@ -43,20 +43,20 @@ class TreeLink(LinkEntry, kw_only=True):
 
 
 class LinkFrame(FrameEntry, kw_only=True):
-    """An entry of a mechanism file in TOML."""
+    """Entry of a mechanism file in TOML."""
 
     link: Name | None = None
 
 
 class NamedFrameEntry(LinkFrame, kw_only=True):
-    """An entry of a mechanism file in TOML."""
+    """Entry of a mechanism file in TOML."""
 
     name: Name
     kind: Literal["operational", "fixed joint", "body", "sensor"] = "operational"
 
 
 class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a mechanism file in TOML."""
+    """Entry of a mechanism file in TOML."""
 
     name: Name
     first: LinkFrame
@@ -65,7 +65,7 @@ class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a mechanism file in TOML: a coupling of two joints' positions, follower = ratio * leader + offset."""
+    """Entry of a mechanism file in TOML: a coupling of two joints' positions, follower = ratio * leader + offset."""
 
     follower: Name
     leader: Name
@@ -75,7 +75,7 @@ class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class ConditionEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """An entry of a mechanism file in TOML."""
+    """Entry of a mechanism file in TOML."""
 
     name: Name
     weights: dict[Name, float]
@@ -84,7 +84,7 @@ class ConditionEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class MechanismFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """The contents of a mechanism file in TOML, as `read_mechanism_file` reads them."""
+    """Contents of a mechanism file in TOML, as `read_mechanism_file` reads them."""
 
     schema: Literal["adaptctl/mechanism/1"]
     links: Annotated[list[TreeLink], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]

@@ -102,7 +102,7 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
 
 @dataclass(frozen=True, eq=False)
 class MjcfBody:
-    """A body of an MJCF file with its own inertia."""
+    """Body of an MJCF file with its own inertia."""
 
     number: int | None
     ten: Array
@@ -124,7 +124,6 @@ def mjcf_bodies(path: str | Path, root: str | None = None) -> dict[int, MjcfBody
 
 
 def _arm(scanned: ScannedFile, root: str | None) -> tuple[MujocoArm, list[str]]:
-    """The mechanism in MuJoCo's model of the file, and the names of joints that were free ones."""
     mj = mujoco_package("MJCF")
     text, elements = scanned.text()
     with _mujocos_errors(elements):
@@ -141,7 +140,7 @@ def _arm(scanned: ScannedFile, root: str | None) -> tuple[MujocoArm, list[str]]:
 
 @contextmanager
 def _mujocos_errors(elements: Sequence[Element]) -> Iterator[None]:
-    """Errors of MuJoCo, which name a line of the text that it was shown, name the element and its line in the file."""
+    """Context in which MuJoCo's errors name the element and its line in the file."""
     fatal = mujoco_package().FatalError
     try:
         yield
@@ -159,14 +158,12 @@ def _refuse(error: str, elements: Sequence[Element]) -> NoReturn:
 
 
 def _element(place: str, elements: Sequence[Element]) -> Element:
-    """The element that begins on a line of the text that MuJoCo was shown, in words such as "line 3"."""
     found = re.findall(r"line (\d+)", place)
     k = int(found[-1]) if found else 0
     return elements[k - 1] if 0 < k <= len(elements) else LineElement("")
 
 
 def _unfold(spec: mujoco.MjSpec, elements: Sequence[Element]) -> list[str]:
-    """Make three slides and three hinges of each free joint; returns their names."""
     mjtJoint, names = mujoco_package().mjtJoint, list[str]()
     for body in [body for body in spec.bodies if any(joint.type == FREE for joint in body.joints)]:
         joint, *others = body.joints
@@ -192,7 +189,7 @@ def _unfold(spec: mujoco.MjSpec, elements: Sequence[Element]) -> list[str]:
 
 
 def _need_meshes(spec: mujoco.MjSpec, kept: bool) -> dict[str, str]:
-    """The meshes that inertias are those of, each with where a shape of it stands in the text."""
+    """Meshes on which inertias depend."""
     mj, needed = mujoco_package(), dict[str, str]()
     ways, (first, last) = mj.mjtInertiaFromGeom, spec.compiler.inertiagrouprange
     way = spec.compiler.inertiafromgeom
@@ -211,7 +208,7 @@ def _need_meshes(spec: mujoco.MjSpec, kept: bool) -> dict[str, str]:
 
 
 def _add_mesh_inertias(model: mujoco.MjModel, scanned: ScannedFile, needed: Mapping[str, str]) -> None:
-    """Give the bodies of a model their inertias, of which meshes have a part, from a process that reads the meshes."""
+    """Give bodies the inertias of their meshes, from a process that reads these."""
     _, elements = scanned.text()
     for name, place in needed.items():
         geom = _element(place, elements)
@@ -245,7 +242,7 @@ def _add_mesh_inertias(model: mujoco.MjModel, scanned: ScannedFile, needed: Mapp
 
 
 def _serve() -> None:
-    """Answer an MJCF text on standard input with its bodies' inertias on standard output: a process of its own."""
+    """Answer an MJCF text on standard input with its bodies' inertias, as a process of its own."""
     import resource
 
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))

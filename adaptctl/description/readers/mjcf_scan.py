@@ -143,7 +143,6 @@ class ScannedFile:
 
 
 def _include(root: Element, path: str | Path) -> None:
-    """Replace every <include> by the elements of the file that it names, which may include others."""
     folder, seen = Path(path).parent, {Path(path).resolve()}
     pending = [root]
     while pending:
@@ -160,7 +159,6 @@ def _include(root: Element, path: str | Path) -> None:
 
 
 def _content(element: Element, folder: Path, seen: set[Path]) -> list[Element]:
-    """The elements of the file that an <include> names."""
     name = attribute(element, "file", "<include>")
     file = validate_within(folder, element)
     if file in seen:
@@ -174,7 +172,7 @@ def _content(element: Element, folder: Path, seen: set[Path]) -> list[Element]:
 
 
 def validate_within(folder: Path, element: Element) -> Path:
-    """The path of the file that the attribute `file` of an `element` names, found from the `folder`, links followed."""
+    """Path of the file that the attribute `file` of an `element` names, found from the `folder`, links followed."""
     name = element.get("file", "")
     try:
         file = (folder / name).resolve()
@@ -202,7 +200,6 @@ def _validate_read(root: Element) -> None:
 
 
 def _meshes(root: Element, folder: Path) -> dict[str, Element]:
-    """The file's meshes by name, with the whole paths of their files, which are not looked for; they are taken out."""
     settings: dict[str, str] = {}
     for compiler in root.findall("compiler"):
         settings |= compiler.attrib
@@ -225,7 +222,7 @@ def _strips(settings: Mapping[str, str]) -> bool:
 
 
 def _validate_equalities(root: Element, whole: bool) -> None:
-    """Equalities of kinds that are not read do not act, or are of the rest of a scene; they are taken out."""
+    """Take out equalities that do not act or are of the rest of a scene."""
     off = any(flag.get("equality") == "disable" for flag in root.iter("flag"))
     for section in root.findall("equality"):
         for k, element in enumerate(list(section)):
@@ -240,7 +237,7 @@ def _validate_equalities(root: Element, whole: bool) -> None:
 
 
 def _leave_out(element: Element) -> None:
-    """Take out the elements and attributes that MuJoCo is not shown."""
+    """Take out what MuJoCo is not shown."""
     shown, left_out = _SHOWN.get(element.tag, ()), _LEFT_OUT.get(element.tag)
     for child in [child for child in element if child.tag not in shown]:
         if left_out is not None and child.tag not in left_out:
@@ -261,7 +258,7 @@ def _leave_out(element: Element) -> None:
 
 
 def _check_numbers(element: Element) -> None:
-    """All numbers are finite and of a size that a robot's have, masses are not negative, and ranges rise."""
+    """Check that numbers have a robot's size, masses are not negative and ranges rise."""
     for name, text in element.attrib.items():
         if name in _TEXTS or (element.tag == "flag" and name == "gravity"):
             continue
@@ -278,12 +275,11 @@ def _check_numbers(element: Element) -> None:
 
 
 def _limited(name: str) -> str:
-    """The attribute that says whether a range acts."""
     return name.replace("range", "limited")
 
 
 def _validate_few(root: Element) -> None:
-    """Bound what MuJoCo's time and memory grow with: elements with all copies, and joints one after another."""
+    """Bound what MuJoCo's time and memory grow with."""
     most = {"body": MOST_BODIES, "joint": MOST_BODIES, "freejoint": MOST_BODIES, "geom": MOST_GEOMS, "site": MOST_GEOMS}
     counts = dict.fromkeys(most, 0)
     pending = [(world, 1, 0) for world in root.findall("worldbody")]
@@ -303,7 +299,6 @@ def _validate_few(root: Element) -> None:
 
 
 def _inside(body: Element) -> Iterator[Element]:
-    """The elements of a body, also those within frames."""
     pending = list(body)
     while pending:
         element = pending.pop()

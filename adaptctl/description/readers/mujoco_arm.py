@@ -41,7 +41,7 @@ NO_LIMIT = 1e9
 
 
 def mujoco_package(what: str = "a MuJoCo model") -> Any:
-    """The package mujoco."""
+    """Package mujoco."""
     with needed(what):
         import mujoco
     return mujoco
@@ -49,7 +49,7 @@ def mujoco_package(what: str = "a MuJoCo model") -> Any:
 
 @dataclass(frozen=True, eq=False)
 class MujocoArm:
-    """The part of a MuJoCo model that is one mechanism: its bodies and joints as zero-based indices in `model`."""
+    """Part of a MuJoCo model that is one mechanism: its bodies and joints as indices in `model`."""
 
     model: mujoco.MjModel
     root: int
@@ -63,7 +63,7 @@ class MujocoArm:
     def of(
         cls, model: mujoco.MjModel, body: str | None = None, elements: Mapping[object, Element] | None = None
     ) -> MujocoArm:
-        """The arm that consists of a `body` of a MuJoCo model, by name, and of all bodies on it."""
+        """Arm that consists of a `body` of a MuJoCo model, by name, and of all bodies on it."""
         root = _moving_root(model) if body is None else _root(model, body)
         below = {root}
         for i in range(root + 1, model.nbody):
@@ -112,7 +112,6 @@ class MujocoArm:
         return links
 
     def _stand(self, i: int) -> tuple[int, Pose]:
-        """The link that carries a body, and the body's frame there before its own joints move."""
         own = pose(self.model.body_pos[i], self.model.body_quat[i])
         if i == self.root:
             return GROUND, self.still(int(self.model.body_parentid[i])) @ own
@@ -120,7 +119,7 @@ class MujocoArm:
         return self.carriers[parent], self.places[parent] @ own
 
     def still(self, i: int) -> Pose:
-        """The place in the world of a body that does not move."""
+        """Place in the world of a body that does not move."""
         place = Pose.identity()
         while i != WORLD:
             place = pose(self.model.body_pos[i], self.model.body_quat[i]) @ place
@@ -128,7 +127,6 @@ class MujocoArm:
         return place
 
     def _add(self, links: list[Link], j: int, carrier: int, place: Pose, last: bool) -> tuple[int, Pose]:
-        """One more link; returns its index and the body's place on it."""
         model, body = self.model, self.body_name(int(self.model.jnt_bodyid[j]))
         name = model.joint(j).name or (body if last else f"{body}_{len(links)}")
         joint = _joint(model, j, name)
@@ -145,7 +143,7 @@ class MujocoArm:
 
     @property
     def gravity(self) -> Array:
-        """The acceleration of gravity (3,), m/s^2, in the model's world; zero where the model disables it."""
+        """Acceleration of gravity (3,), m/s^2, in the model's world; zero where the model disables it."""
         return np.zeros(3) if is_disabled(self.model, NO_GRAVITY) else np.array(self.model.opt.gravity)
 
     def warn(self, where: str, links: Sequence[Link], tendons: Sequence[str] = (), stacklevel: int = 3) -> None:
@@ -162,7 +160,7 @@ class MujocoArm:
                 warnings.warn(f"{where}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
 
     def body_name(self, i: int) -> str:
-        """The name of the model's body of zero-based index `i`, such as "body3" where it has none."""
+        """Name of the model's body of index `i`, such as "body3" where it has none."""
         return self.model.body(i).name or f"body{i}"
 
     @property
@@ -232,7 +230,6 @@ def _root(model: mujoco.MjModel, body: str) -> int:
 
 
 def _moving_root(model: mujoco.MjModel) -> int:
-    """The one root body on which joints turn or slide."""
     moved = {int(model.body_rootid[model.jnt_bodyid[j]]) for j in range(model.njnt) if model.jnt_type[j] != FREE}
     names = [model.body(i).name for i in sorted(moved)]
     if not moved:
@@ -264,7 +261,6 @@ def _joint(model: mujoco.MjModel, j: int, name: str) -> Joint:
 
 
 def _effort(model: mujoco.MjModel, j: int) -> float:
-    """The greatest effort of all actuators of a joint (N m or N); infinite without actuators."""
     on = [i for i in range(model.nu) if model.actuator_trntype[i] in (0, 1) and model.actuator_trnid[i, 0] == j]
     bound = sum(_actuator_effort(model, i) for i in on) if on else math.inf
     own = float(np.abs(model.jnt_actfrcrange[j]).max()) if model.jnt_actfrclimited[j] else math.inf
@@ -288,7 +284,7 @@ def is_disabled(model: mujoco.MjModel, flag: str) -> bool:
 
 
 def model_name(model: mujoco.MjModel) -> str:
-    """The name of a MuJoCo `model` itself, empty where it has none."""
+    """Name of a MuJoCo `model` itself, empty where it has none."""
     return bytes(model.names).split(b"\0", 1)[0].decode()
 
 
@@ -303,7 +299,7 @@ def position_limits(lower: float, upper: float) -> tuple[float, float]:
 
 
 def kind_within(limits: Limits, turns: bool) -> JointKind:
-    """The kind of a joint with the given `limits`: prismatic unless it `turns`, as a hinge does."""
+    """Kind of a joint with the given `limits`: prismatic unless it `turns`, as a hinge does."""
     if not turns:
         return JointKind.PRISMATIC
     free = (limits.lower, limits.upper) == (-math.inf, math.inf)

@@ -37,7 +37,7 @@ def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
 
 
 def loops_of(arm: MujocoArm, links: Sequence[Link], floating: Sequence[str] = ()) -> Loops | None:
-    """The loop constraints, a `Loops`, that the active equalities of MuJoCo's model make on an `arm`."""
+    """Loop constraints, that the active equalities of MuJoCo's model make on an `arm`."""
     return _Equalities(arm, [link.name for link in links], [link.joint.name for link in links]).loops(floating)
 
 
@@ -79,7 +79,6 @@ class _Equalities:
         return [name for j, name in self._named() if j in on or name in floating] if on else []
 
     def _ends(self, e: int) -> list[int]:
-        """The bodies, or the joints, that an equality is of."""
         model = self.arm.model
         ends = [int(model.eq_obj1id[e]), int(model.eq_obj2id[e])]
         sites = model.eq_type[e] != OF_JOINTS and model.eq_objtype[e] == SITE
@@ -99,7 +98,6 @@ class _Equalities:
         return driven or [name for name in self.joints if name not in followers]
 
     def _closure(self, e: int, name: str) -> Closure:
-        """A point of both bodies, or, welded, a frame."""
         model, data = self.arm.model, self.arm.model.eq_data[e]
         first, second = self._ends(e)
         weld = model.eq_type[e] == WELD
@@ -116,7 +114,6 @@ class _Equalities:
         return Closure(name, link, link2, at @ one, at2 @ other, ClosureKind.WELD if weld else ClosureKind.POINT)
 
     def _stand(self, i: int, name: str) -> tuple[str | None, Pose]:
-        """The link that a body is part of, None for the ground, and the body's place there."""
         arm = self.arm
         if i in arm.carriers:
             carrier = arm.carriers[i]
@@ -126,7 +123,7 @@ class _Equalities:
         raise NotFoundError(f"equality {name!r}: there is no body {arm.body_name(i)!r} in the mechanism")
 
     def _coupling(self, e: int, name: str, driven: Sequence[str]) -> Coupling:
-        """q1 - ref1 = c0 + c1 (q2 - ref2): the first joint follows, unless it alone is driven."""
+        """Coupling q1 - ref1 = c0 + c1 (q2 - ref2); the first joint follows, unless it alone is driven."""
         model, names, where = self.arm.model, dict(self._named()), f"equality {name!r}"
         first, second = self._ends(e)
         if second < 0:

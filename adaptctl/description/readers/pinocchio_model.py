@@ -82,7 +82,6 @@ def _validate_own_shafts(description: Description) -> None:
 
 
 def _bent(description: Description) -> list[str]:
-    """Names of the joints with friction that Pinocchio has no place for."""
     drives = {link.joint.name: link.joint.drive for link in description.links}
     return [name for name, drive in drives.items() if any((drive.square_root, drive.stribeck, drive.offset))]
 
@@ -131,7 +130,6 @@ def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Descripti
 
 
 def _frames(model: pinocchio.Model, joints: list[str]) -> Iterator[NamedFrame]:
-    """The frames that neither joints nor links stand for; links' own frames are the joints'."""
     own = {(int(frame.parentJoint), str(frame.name)) for frame in model.frames}
     own = {(i, name) for i, name in own if i and name == _body_name(model, i)}
     for frame in list(model.frames)[1:]:
@@ -201,7 +199,7 @@ def _placement(pose: Pose) -> pinocchio.SE3:
 
 
 def _inertia(link: Link) -> pinocchio.Inertia:
-    """Pinocchio's inertia in the joint's frame; it divides by the mass to store the centre."""
+    """Inertia in the joint's frame; Pinocchio divides by the mass to store the centre."""
     ten = transformed(link.inertia, link.joint_to_link)
     if ten[0] != 0.0:
         return pinocchio.Inertia.FromDynamicParameters(ten)
@@ -249,7 +247,6 @@ def _joint(model: pinocchio.Model, index: int) -> Joint:
 
 
 def _axis(model: pinocchio.Model, index: int) -> tuple[Array, bool]:
-    """The joint's axis, and whether it turns, from its motion subspace (linear part, then angular)."""
     joint = model.joints[index]
     data = joint.createData()
     joint.calc(data, pinocchio.neutral(model))
@@ -269,7 +266,7 @@ def _limits(model: pinocchio.Model, index: int) -> Limits:
 
 
 def _drive(model: pinocchio.Model, index: int) -> Drive:
-    """The joint's drive; Pinocchio has zeros where nothing is modelled."""
+    """Joint's drive; Pinocchio has zeros where nothing is modelled."""
     v = model.joints[index].idx_v
     own = (float(numbers[v]) or None for numbers in (model.armature, model.damping, model.friction))
     armature, damping, friction = own
@@ -280,7 +277,6 @@ def _drive(model: pinocchio.Model, index: int) -> Drive:
 
 
 def _bounds(model: pinocchio.Model, index: int) -> list[float]:
-    """Lower, upper, velocity and effort as the model has them, for the last two those of the positive direction."""
     v, q = model.joints[index].idx_v, model.joints[index].idx_q
     lower, upper = -math.inf, math.inf
     if model.joints[index].nq == 1:
@@ -357,7 +353,6 @@ def _models(description: Description, closure: Closure, model: pinocchio.Model) 
 
 
 def _at_joint(description: Description, link: str | None, frame: Pose) -> tuple[int, pinocchio.SE3]:
-    """A frame's joint in the model, 0 for the ground, and its place there."""
     index = next((i for i, known in enumerate(description.links) if known.name == link), -1)
     pose = frame if link is None else description.links[index].joint_to_link @ frame
     return index + 1, pinocchio.SE3(np.array(pose.rotation), np.array(pose.translation))

@@ -59,13 +59,13 @@ def builtin_names() -> tuple[str, ...]:
 
 
 class _Head(msgspec.Struct):
-    """The field that every TOML file of a mechanism has."""
+    """Field that every TOML file of a mechanism has."""
 
     schema: str
 
 
 def read_toml_mechanism(path: str | Path) -> Description:
-    """The description of the mechanism in the TOML file at `path`, read by the `schema` that it names."""
+    """Description of the mechanism in the TOML file at `path`, read by the `schema` that it names."""
     schema = read_toml(path, _Head).schema
     if schema not in SCHEMAS:
         known = ", ".join(map(repr, SCHEMAS))
@@ -154,7 +154,7 @@ def read_model(
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
 ) -> Description:
-    """The description of the mechanism in a loaded `model`, a `pinocchio.Model` or a `mujoco.MjModel`."""
+    """Description of the mechanism in a loaded `model`, a `pinocchio.Model` or a `mujoco.MjModel`."""
     library = type(model).__module__.partition(".")[0]
     if floating_base or mesh_folders:
         raise InputError("a model that is read already has its base and its meshes: give these options to its reader")
@@ -171,7 +171,6 @@ def read_model(
 
 
 def _reader(source: str | Path) -> Reader:
-    """The reader of a file by its suffix."""
     path = Path(source)
     if path.suffix.lower() in READERS:
         return _imported(READERS[path.suffix.lower()])
@@ -199,6 +198,6 @@ def _warn_of_inconsistency(description: Description, remark: str) -> None:
 
 
 def _is_impossible(ten: Array) -> bool:
-    """True where not even a body shrunk to rods, points or nothing, as real files hold them, has these ten."""
+    """True where not even a body shrunk to rods, points or nothing has these ten."""
     eigenvalues = np.linalg.eigvalsh(pseudo_inertia(ten))
     return bool(eigenvalues[0] < -1e-12 * eigenvalues[-1])

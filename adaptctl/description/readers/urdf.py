@@ -126,7 +126,7 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
 
 @dataclass(frozen=True)
 class _Edge:
-    """A joint of the file; a fixed one has no `joint`."""
+    """Joint of the file; a fixed one has no `joint`."""
 
     element: Element
     name: str
@@ -139,7 +139,7 @@ class _Edge:
 
     @classmethod
     def of(cls, element: Element) -> _Edge:
-        """The joint of an element."""
+        """Joint of an element."""
         with located(element):
             return cls._of(element)
 
@@ -182,7 +182,6 @@ def _by_name(robot: Element, tag: str) -> dict[str, Element]:
 
 
 def _root(bodies: dict[str, Element], edges: Sequence[_Edge]) -> str:
-    """The link that no joint carries, when the joints make a tree of all links."""
     carried: dict[str, str] = {}
     for edge in edges:
         for role, link in (("parent", edge.parent), ("child", edge.child)):
@@ -216,7 +215,6 @@ def _reached(roots: Sequence[str], edges: Sequence[_Edge]) -> set[str]:
 def _movable(
     root: str, inertias: dict[str, Array], edges: Sequence[_Edge]
 ) -> tuple[tuple[Link, ...], Array, dict[str, tuple[int, Pose]]]:
-    """Links behind joints that move, depth first; what is fixed to one is added to its inertia."""
     below: dict[str, list[_Edge]] = {}
     for edge in edges:
         below.setdefault(edge.parent, []).append(edge)
@@ -250,13 +248,12 @@ def _link(edge: _Edge, joint: Joint, parent: int, near: Pose, ten: Array) -> Lin
 def _shown(
     robot: Element, bodies: dict[str, Element], places: dict[str, tuple[int, Pose]], meshes: Meshes
 ) -> tuple[Visual, ...]:
-    """The shapes of every link of the file, on the link that carries it."""
     colors = materials(robot)
     return tuple(v.on(*places[name]) for name, body in bodies.items() for v in visuals(body, meshes, colors))
 
 
 def link_inertia(link: Element) -> Array:
-    """The ten inertial parameters (10,) of a URDF <link> element, `link`, about the origin of its frame."""
+    """Ten inertial parameters (10,) of a URDF <link> element, `link`, about the origin of its frame."""
     with located(link):
         return _inertia_of(link, named(link))
 
@@ -291,7 +288,6 @@ def _axis(joint: Element, where: str) -> Array:
 
 
 def _mimic(joint: Element, where: str) -> Coupling | None:
-    """The coupling by which the joint follows another."""
     mimic = only(joint, "mimic", where)
     if mimic is None:
         return None
@@ -307,7 +303,6 @@ def _mimic(joint: Element, where: str) -> Coupling | None:
 
 
 def _loops(edges: Sequence[_Edge], links: Sequence[Link]) -> Loops | None:
-    """Mimic joints as couplings; all joints that do not follow are primary."""
     moving = {edge.name for edge in edges if edge.joint is not None}
     couplings = [edge.mimic for edge in edges if edge.mimic is not None and edge.mimic.leader in moving]
     if not couplings:
@@ -323,7 +318,7 @@ def _leaderless(edges: Sequence[_Edge]) -> list[str]:
 
 
 def _drive(joint: Element, where: str) -> Drive:
-    """The joint's friction."""
+    """Joint's friction."""
     dynamics = only(joint, "dynamics", where)
     if dynamics is None:
         return Drive()
@@ -337,7 +332,6 @@ def _drive(joint: Element, where: str) -> Drive:
 
 
 def _limits(limit: Element | None, kind: JointKind, where: str) -> tuple[Limits, bool]:
-    """The limits, and whether some were zero; what is absent does not limit."""
     if limit is None:
         return Limits(), False
     lower, upper, velocity, effort = (
@@ -357,7 +351,6 @@ def _limits(limit: Element | None, kind: JointKind, where: str) -> tuple[Limits,
 
 
 def _turned(robot: Element) -> list[str]:
-    """The elements whose frames are turned by more than a turn."""
     placed = ((part, origin) for part in robot.iter() for origin in part.findall("origin") if "rpy" in origin.attrib)
     return [f"rpy of {named(part)}" for part, origin in placed if is_more_than_a_turn(_rpy(origin))]
 

@@ -25,13 +25,13 @@ SMALLEST, LARGEST = 200, 8_000_000
 
 
 def materials(robot: Element) -> dict[str, Color]:
-    """The colours of all named <material> elements of a URDF file, of root element `robot`, by name."""
+    """Colours of all named <material> elements of a URDF file, of root element `robot`, by name."""
     colors = ((element.get("name", ""), _own_color(element)) for element in robot.iter("material"))
     return {name: color for name, color in colors if name and color is not None}
 
 
 def visuals(body: Element, meshes: Meshes, colors: Mapping[str, Color]) -> Iterator[Visual]:
-    """The shapes to draw of a URDF <link> element, `body`, each at its pose in that link's frame (m)."""
+    """Shapes to draw of a URDF <link> element, `body`, each at its pose in that link's frame (m)."""
     for element in body.findall("visual"):
         try:
             solid = _solid(element, meshes)
@@ -43,7 +43,6 @@ def visuals(body: Element, meshes: Meshes, colors: Mapping[str, Color]) -> Itera
 
 
 def _solid(visual: Element, meshes: Meshes) -> Solid | None:
-    """The solid of a <visual>; none where a mesh cannot be shown."""
     geometry = required(visual, "geometry", "visual")
     for element in geometry:
         if element.tag == "mesh":
@@ -62,14 +61,14 @@ def _solid(visual: Element, meshes: Meshes) -> Solid | None:
 
 @dataclass
 class Meshes:
-    """The mesh files that the URDF file at `file` may show."""
+    """Mesh files that the URDF file at `file` may show."""
 
     file: Path
     folders: Sequence[str | Path] = ()
     outside: list[str] = field(default_factory=list)
 
     def found(self, name: str) -> Path | None:
-        """The path of the mesh file that a URDF file calls `name`, None where there is none that may be shown."""
+        """Path of the mesh file that a URDF file calls `name`, None where there is none that may be shown."""
         scheme, _, rest = name.rpartition("://")
         path = PurePosixPath(rest)
         if scheme not in ("", "file", "package") or path.suffix.lower() not in SUFFIXES:
@@ -83,7 +82,6 @@ class Meshes:
 
     @cached_property
     def _roots(self) -> list[Path]:
-        """Folders whose meshes may be shown."""
         folder = self.file.absolute().parent
         above = dict.fromkeys(path for file in (self.file.absolute(), self.file.resolve()) for path in file.parents)
         packages = [path for path in above if (path / "package.xml").is_file()]
@@ -91,13 +89,12 @@ class Meshes:
 
     @cached_property
     def _places(self) -> list[Path]:
-        """Folders from which names lead on: these and those between, and where packages stand."""
         between = (folder for folder in self.file.absolute().parents if _is_within(folder, self._roots))
         return list(dict.fromkeys([*between, *self._roots, *(root.parent for root in self._roots)]))
 
 
 def _is_within(path: Path, roots: Sequence[Path]) -> bool:
-    """True where a path, links followed, stands in one of the folders."""
+    """True where a path, links followed, is in one of the folders."""
     return any(path.resolve().is_relative_to(root.resolve()) for root in roots)
 
 

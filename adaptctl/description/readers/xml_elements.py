@@ -70,7 +70,7 @@ class _Parser:
 
 
 def parsed(text: str, tag: str, *others: str) -> Element:
-    """The root element of the XML document `text`; it must be a <`tag`> or have one of the `others` tags."""
+    """Root element of the XML document `text`; it must be a <`tag`> or have one of the `others` tags."""
     if "\0" in text:
         raise InputError("holds NUL characters, as UTF-16 text does: save the file as UTF-8 text")
     try:
@@ -85,7 +85,7 @@ def parsed(text: str, tag: str, *others: str) -> Element:
 
 
 def line_of(element: Element) -> int:
-    """The line number, from 1, at which an `element` begins in its XML file; 0 where that is not known."""
+    """Line number, from 1, at which an `element` begins in its XML file; 0 where that is not known."""
     return getattr(element, "line", 0)
 
 
@@ -113,12 +113,12 @@ def located(element: Element) -> Iterator[None]:
 
 
 def named(element: Element) -> str:
-    """The name of an `element` for messages."""
+    """Name of an `element` for messages."""
     return f"{element.tag} {element.attrib['name']!r}" if "name" in element.attrib else f"<{element.tag}>"
 
 
 def attribute(element: Element, name: str, where: str) -> str:
-    """The text of the attribute `name` of an `element`."""
+    """Text of the attribute `name` of an `element`."""
     value = element.get(name)
     if not value:
         refuse(element, f"{where}: <{element.tag}> needs the attribute {name}")
@@ -126,7 +126,7 @@ def attribute(element: Element, name: str, where: str) -> str:
 
 
 def number(element: Element, name: str, where: str, largest: float = LARGEST) -> float:
-    """The finite number in the attribute `name` of an `element`, in the unit of the file."""
+    """Finite number in the attribute `name` of an `element`, in the unit of the file."""
     return numbers(element, name, 1, where, largest)[0]
 
 
@@ -147,7 +147,7 @@ def numbers(element: Element, name: str, count: int | range, where: str, largest
 
 
 def required(element: Element, tag: str, where: str) -> Element:
-    """The one child of an `element` that has the given `tag`."""
+    """One child of an `element` that has the given `tag`."""
     found = only(element, tag, where)
     if found is None:
         refuse(element, f"{where}: <{element.tag}> needs an element <{tag}>")
@@ -155,7 +155,7 @@ def required(element: Element, tag: str, where: str) -> Element:
 
 
 def only(element: Element, tag: str, where: str) -> Element | None:
-    """The one child of an `element` that has the given `tag`, None where there is none."""
+    """One child of an `element` that has the given `tag`, None where there is none."""
     found = element.findall(tag)
     if len(found) > 1:
         refuse(found[1], f"{where}: <{element.tag}> has {len(found)} elements <{tag}>, expected one")
@@ -163,7 +163,6 @@ def only(element: Element, tag: str, where: str) -> Element | None:
 
 
 def _qualified(name: str) -> str:
-    """A name as ElementTree writes it, with its namespace in braces."""
     return "{" + name if "}" in name else name
 
 

@@ -83,7 +83,7 @@ def _frame(pose: Pose) -> Iterator[str]:
 
 
 def _rpy(rotation: Array) -> Array:
-    """Fixed-axis roll, pitch and yaw (rad); at a pitch of a right angle, yaw is zero."""
+    """Fixed-axis roll, pitch and yaw; at a pitch of a right angle, yaw is zero."""
     R = rotation
     across = math.hypot(R[0, 0], R[1, 0])
     pitch = math.atan2(-R[2, 0], across)

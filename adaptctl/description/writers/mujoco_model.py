@@ -114,7 +114,7 @@ def set_parameters(arm: MujocoArm, before: Description, after: Description) -> N
 
 
 def _body_of(arm: MujocoArm, i: int, link: Link) -> tuple[float, Array, Array, Array]:
-    """Mass, centre, axes and moments of the body at a link's joint: the link's less those of bodies fixed to it."""
+    """Inertia of the body at a link's joint: the link's less those of bodies fixed to it."""
     model, body = arm.model, int(arm.model.jnt_bodyid[arm.joints[i]])
     fixed = [b for b, carrier in arm.carriers.items() if carrier == i and b != body]
     rest = transformed(link.inertia, link.joint_to_link) - sum(
@@ -124,7 +124,7 @@ def _body_of(arm: MujocoArm, i: int, link: Link) -> tuple[float, Array, Array, A
 
 
 def principal_axes(ten: Array, name: str) -> tuple[float, Array, Array, Array]:
-    """The mass, centre of mass, principal axes and principal moments of inertia of a rigid body, a tuple."""
+    """Mass, centre of mass, principal axes and principal moments of inertia of a rigid body, a tuple."""
     mass = float(ten[0])
     if mass == 0.0 and not np.any(ten):
         return 0.0, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
@@ -138,7 +138,7 @@ def principal_axes(ten: Array, name: str) -> tuple[float, Array, Array, Array]:
 
 
 def _quaternion(rotation: Array) -> Array:
-    """The quaternion w, x, y, z of a rotation, its largest part found first (Shepperd 1978)."""
+    """Quaternion w, x, y, z of a rotation, its largest part found first (Shepperd 1978)."""
     r = rotation
     squares = np.array([1.0 + np.trace(r), *(1.0 - np.trace(r) + 2.0 * np.diag(r))])
     k = int(np.argmax(squares))

@@ -62,7 +62,7 @@ def write_urdf(path: str | Path, original: str | Path, before: Description, afte
 
 
 def with_inertials(data: bytes, inertias: Mapping[str, Array | None]) -> bytes:
-    """A copy of the bytes `data` of a URDF file with the <inertial> elements of some links replaced."""
+    """Copy of the bytes `data` of a URDF file with the <inertial> elements of some links replaced."""
     spans = _Finder.spans_of(data, "link", nested=False)
     edits = []
     for name, ten in inertias.items():
@@ -92,7 +92,7 @@ def _all_below(fixed: Mapping[str, list[str]], name: str) -> list[str]:
 def _write_mjcf(
     path: str | Path, original: str | Path, before: Description, after: Description, root: str | None
 ) -> None:
-    """The same for MJCF."""
+    """Same for MJCF."""
     data = read_bytes(original)
     try:
         bodies, spans = mjcf_bodies(original, root), _Finder.spans_of(data, "body", nested=True)
@@ -107,7 +107,6 @@ def _write_mjcf(
 
 
 def _changed(body: MjcfBody, name: str, difference: Array) -> tuple[int, Array]:
-    """The place in the file of a link's body, which takes a change of inertia (10,), and its new ten."""
     ten = body.ten + transformed(difference, body.place.inverse)
     if not is_physically_consistent(ten):
         raise InputError(
@@ -142,7 +141,6 @@ class _Finder:
 
     @classmethod
     def spans_of(cls, data: bytes, tag: str, nested: bool) -> dict[str | int, _Span]:
-        """The spans of the elements of that tag."""
         parser, finder = expat.ParserCreate(), cls(data, tag, nested)
         parser.StartElementHandler = lambda tag, attributes: finder.started(tag, attributes, parser.CurrentByteIndex)
         parser.EndElementHandler = lambda tag: finder.ended(tag, parser.CurrentByteIndex)
@@ -168,7 +166,7 @@ class _Finder:
             )
 
     def _end_of_tag(self, at: int) -> int:
-        """The place behind the ">" of the tag that begins there; a ">" within quotes does not count."""
+        """Place behind the tag's ">", not one within quotes."""
         quote = 0
         for i in range(at, len(self.data)):
             byte = self.data[i]
@@ -182,7 +180,6 @@ class _Finder:
 
 
 def _edited(data: bytes, edits: Iterable[tuple[int, int, bytes]]) -> bytes:
-    """A copy with pieces replaced, each from a start to an end, not included; they do not overlap."""
     for start, end, new in sorted(edits, reverse=True):
         data = data[:start] + new + data[end:]
     return data
@@ -195,7 +192,7 @@ def _mjcf_edit(span: _Span, new: bytes) -> tuple[int, int, bytes]:
 
 
 def _about_center(ten: Array) -> tuple[str, str, list[str]]:
-    """Mass, centre and the six xx, xy, yy, xz, yz, zz about it, as texts that are read back the same."""
+    """Mass, centre and inertia about it, as texts that are read back the same."""
     mass = float(ten[0])
     center = ten[1:4] / (mass or 1.0)
     shift = mass * (np.dot(center, center) * np.eye(3) - np.outer(center, center))

@@ -46,7 +46,6 @@ def assembled(description: Description, loops: Loops, links: Sequence[Segment]) 
 
 
 def _everything(description: Description, loops: Loops) -> Closing:
-    """Constraint set with all closures and couplings and all their rows."""
     index = {name: i for i, name in enumerate(description.joint_names)}
     closed = tuple(_loop(description, closure) for closure in loops.closures)
     followers = tuple(Follower(index[c.follower], index[c.leader], c.ratio, c.offset) for c in loops.couplings)
@@ -70,7 +69,6 @@ def _loop(description: Description, closure: Closure) -> Loop:
 
 
 def _element_names(loops: Loops, every: Closing) -> list[str]:
-    """For every row, the name of the closure or coupling it comes from."""
     pairs = zip(loops.closures, every.loops, strict=True)
     names = [f"closure {closure.name!r}" for closure, loop in pairs for _ in range(loop.kind.rows)]
     return names + [f"coupling {coupling.name!r}" for coupling in loops.couplings]
@@ -95,7 +93,6 @@ def _closed(
     elements: Sequence[str],
     hint: str = "",
 ) -> Array:
-    """The given joints moved by Gauss and Newton until every loop closes."""
     q, free = guess.copy(), list(joints)
     for _ in range(100):
         gap = _residual(every, links, q)
@@ -114,7 +111,7 @@ def _closed(
 
 
 def _nearby(name: str, every: Closing, links: Sequence[Segment], q: Array) -> Array:
-    """A closed configuration a little way along a generic motion; q itself where the constraints allow none."""
+    """Closed configuration a little way along a generic motion; q itself where the constraints allow none."""
     jacobian = _jacobian(every, links, q)
     free = np.eye(len(q)) - np.linalg.pinv(jacobian, rcond=_RANK) @ jacobian
     way = free @ np.random.default_rng(0).normal(size=len(q))
@@ -138,7 +135,6 @@ def _rank(matrix: Array) -> int:
 
 
 def _validate_no_redundancy(name: str, jacobian: Array, elements: Sequence[str]) -> None:
-    """Raise `LoopError` where a closure or coupling binds nothing that those before it do not."""
     before = 0
     for element in dict.fromkeys(elements):
         last = len(elements) - elements[::-1].index(element)
@@ -166,7 +162,7 @@ def _validate_fit(description: Description, every: Closing, jacobian: Array, ran
 
 
 def _blame(description: Description, primary: Array, block: Array, free: int) -> NoReturn:
-    """Too many primary joints: name those that the others already bind."""
+    """Name the primary joints that the others already bind."""
     unbound = np.linalg.svd(block)[0][:, _rank(block) :]
     shares = np.abs(unbound.T @ primary).max(0)
     names = [description.joint_names[i] for i in description.primary]
@@ -189,14 +185,13 @@ def _validate_regular(description: Description, every: Closing, links: Sequence[
 
 
 def _dependent_rank(block: Array) -> int:
-    """The rank of the dependent joints' columns, each of length 1."""
     values = np.linalg.svd(block / np.maximum(np.linalg.norm(block, axis=0), 1e-300), compute_uv=False)
     return int((values > _REGULAR).sum())
 
 
 @needed("a mechanism with loops")
 def _independent_rows(block: Array, rank: int) -> tuple[int, ...]:
-    """The rows that determine the dependent joints best, by pivoted QR."""
+    """Rows that determine the dependent joints best, by pivoted QR."""
     from scipy.linalg import qr  # loaded only where there are loops
 
     _, _, order = qr(block.T, mode="economic", pivoting=True)

@@ -25,7 +25,7 @@ class ClosureSide:
 
 @dataclass(frozen=True)
 class Loop:
-    """A closed kinematic loop of a tree of links."""
+    """Closed kinematic loop of a tree of links."""
 
     first: ClosureSide
     second: ClosureSide
@@ -62,7 +62,7 @@ def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSi
 
 
 class Constraint:
-    """A loop closure at one configuration: its residual, and how that changes with the loop's joints."""
+    """Loop closure at one configuration: its residual, and how that changes with the loop's joints."""
 
     def __init__(self, places: Sequence[Placement], loop: Loop) -> None:
         self.kind = loop.kind
@@ -122,7 +122,6 @@ class Carried(NamedTuple):
 
 
 def _carried(reached: Reach, u: Column, w: Column) -> Carried:
-    """The closing frame's motion in the common link's axes; `alpha` and `acc` are bilinear in u and w."""
     omega, rho, alpha, acc = ZERO, ZERO, ZERO, ZERO
     if not reached.hinges:  # The closing frame is on the common link, or on the ground.
         return Carried(ZERO, ZERO, ZERO, ZERO)
@@ -141,7 +140,7 @@ def _carried(reached: Reach, u: Column, w: Column) -> Carried:
 
 @dataclass(frozen=True)
 class Follower:
-    """A joint that follows another through gears or a mimic joint: q[follower] = ratio * q[leader] + offset, in."""
+    """Joint that follows another through gears or a mimic joint: q[follower] = ratio * q[leader] + offset, in."""
 
     follower: int
     leader: int

@@ -33,7 +33,7 @@ NEAREST = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """The assembly branch of a mechanism's reference configuration."""
+    """Assembly branch of a mechanism's reference configuration."""
 
     equations: LoopEquations
     reference: Array
@@ -133,13 +133,11 @@ class Continuation:
             )
 
     def _steps(self, way: Array) -> NDArray[np.int64]:
-        """Number of steps that ways (m, r) need, 1 where they are not finite."""
         longest = np.abs(way[:, self._looped]).max(axis=1, initial=0.0)
         finite = np.where(np.isfinite(longest), longest, 0.0)
         return np.maximum(np.ceil(finite / LARGEST_STEP).astype(np.int64), 1)
 
     def _closed(self, p: Array, q: Array, halvings: int = HALVINGS) -> Array:
-        """The closed configurations (m, n) at p (m, r), from closed ones nearby."""
         found = self._mapped(self._native_closed, p, q)[0]
         left = np.flatnonzero(~(self._gap(found) < OPEN))
         if halvings and len(left):
@@ -149,11 +147,10 @@ class Continuation:
         return found
 
     def _gap(self, q: Array) -> Array:
-        """The largest closure residual (m,) of configurations (m, n)."""
         return np.asarray(np.abs(self._mapped(self._native_look, q)[0]).max(axis=-1), dtype=np.float64)
 
     def _look(self, q: Array) -> tuple[Array, Array, Array]:
-        """The largest closure residual (...), and the dependent block's smallest singular value and sign."""
+        """Closure residual, and the dependent block's smallest singular value and sign."""
         residual, block = self._mapped(self._native_look, q)
         size = len(self.equations.closing.dependent)
         block = np.nan_to_num(block).reshape(*q.shape[:-1], size, size)
@@ -162,19 +159,17 @@ class Continuation:
 
     @staticmethod
     def _mapped(kernel: Kernel, *arrays: Array) -> list[Array]:
-        """A kernel over all samples of arrays (..., n)."""
         samples = np.broadcast_shapes(*(array.shape[:-1] for array in arrays))
         flat = [np.broadcast_to(array, (*samples, array.shape[-1])).reshape(-1, array.shape[-1]) for array in arrays]
         return [out.reshape(*samples, out.shape[-1]) for out in kernel.map(*flat)]
 
     @cached_property
     def _native_closed(self) -> Kernel:
-        """Native, since it is done hundreds of times."""
         sizes = {"p": len(self.primary), "q": len(self.reference)}
         return compile_function(lambda p, q: (self._ahead(p, q),), sizes, name="closed")
 
     def _ahead(self, p: Column, q: Column) -> Column:
-        """The closed configuration at p, from one nearby: along the tangent first, then by Newton's steps."""
+        """Closed configuration near another: along the tangent first, then by Newton's steps."""
         ahead = self.equations.rates(q, p - Column(q[i] for i in self.primary))
         return self.equations.closed(p, q + ahead)
 
@@ -185,7 +180,6 @@ class Continuation:
 
     @cached_property
     def _native_look(self) -> Kernel:
-        """The residual and the dependent block, column by column, whose singular values are its transpose's."""
 
         def look(q: Column) -> tuple[Column, Column]:
             block = self.equations.dependent_block(q)
@@ -207,7 +201,6 @@ class Continuation:
 
     @cached_property
     def _looped(self) -> list[int]:
-        """The primary joints, by their indices in p, that move a closure."""
         return np.flatnonzero(self.equations.closing.looped).tolist()
 
 
@@ -226,7 +219,6 @@ def determinant(rows: Iterable[Column]) -> Scalar:
 
 
 def _eliminated(row: list[Any], pivot: list[Any]) -> list[Any]:
-    """A row without its first entry, which the pivot's takes away."""
     factor = row[0] / pivot[0]
     return [y - factor * x for x, y in zip(pivot[1:], row[1:], strict=True)]
 
@@ -288,7 +280,6 @@ class BatchContinuation:
     def _step(
         self, q: Column, gone: Column, sure: Column, begin: Column, way: Column, steps: Column
     ) -> tuple[Column, Column, Column]:
-        """A step; none once the line's own number of steps is taken."""
         k = gone[0] + 1.0
         found = self.following(begin + way * (k / steps[0]), q)
         right = sure[0] * self.sure(found)

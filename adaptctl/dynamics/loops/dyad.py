@@ -19,13 +19,13 @@ PARALLEL = 1e-12
 
 
 class Flat(NamedTuple):
-    """A vector (2,) in the plane of a planar loop, in m."""
+    """Vector (2,) in the plane of a planar loop, in m."""
 
     x: Any
     y: Any
 
     def minus(self, other: Flat) -> Flat:
-        """The difference of this vector less the `other`, both in the same plane and unit."""
+        """Difference of this vector less the `other`, both in the same plane and unit."""
         return Flat(self.x - other.x, self.y - other.y)
 
     def turned(self, cosine: Any, sine: Any) -> Flat:
@@ -33,11 +33,11 @@ class Flat(NamedTuple):
         return Flat(cosine * self.x - sine * self.y, cosine * self.y + sine * self.x)
 
     def dot(self, other: Flat) -> Any:
-        """The inner product of this vector and the `other` in the plane, m^2."""
+        """Inner product of this vector and the `other` in the plane, m^2."""
         return self.x * other.x + self.y * other.y
 
     def cross(self, other: Flat) -> Any:
-        """The cross product of this vector and the `other` in the plane, m^2, a scalar."""
+        """Cross product of this vector and the `other` in the plane, m^2, a scalar."""
         return self.x * other.y - self.y * other.x
 
 
@@ -100,7 +100,6 @@ class Dyad:
 
 
 def _turn(before: Flat, after: Flat, square: float) -> tuple[Any, Any]:
-    """Cosine and sine of the angle between two vectors of one squared length."""
     return 1.0 / square * before.dot(after), 1.0 / square * before.cross(after)
 
 
@@ -125,7 +124,7 @@ def rules(closing: Closing, links: Sequence[Segment], reference: Array) -> tuple
 
 
 def _rule(item: Loop | Follower, known: set[int], places: Mapping[int, Placement]) -> Rule | None:
-    """The rule of a coupling whose leader is known, or of a loop in a plane of which all but a dyad is; else None."""
+    """Rule of a coupling, or of a planar loop of which all but a dyad is known; else None."""
     if isinstance(item, Follower):
         return item if item.leader in known and item.follower not in known else None
     pairs = (item.first, item.second), (item.second, item.first)
@@ -140,7 +139,6 @@ def _rule(item: Loop | Follower, known: set[int], places: Mapping[int, Placement
 def _dyad(
     sides: tuple[ClosureSide, ClosureSide], joints: tuple[int, int], places: Mapping[int, Placement]
 ) -> Dyad | None:
-    """The dyad of two joints, placed."""
     reached = reach(places, sides[0]), reach(places, sides[1])
     hinges = {hinge.link: hinge for one in reached for hinge in one.hinges}
     axes = {link: np.array([*hinge.axis], dtype=np.float64) for link, hinge in hinges.items()}
@@ -158,7 +156,6 @@ def _dyad(
 
 
 def _across(normal: Array) -> tuple[Vec, Vec]:
-    """Two unit vectors across a third, the second to the left of the first; axes of the frame where that is one."""
     away = np.roll(np.eye(3)[np.abs(normal).argmax()], 1)
     first = away - (away @ normal) * normal
     first /= np.linalg.norm(first)

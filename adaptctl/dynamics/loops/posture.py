@@ -26,7 +26,7 @@ def factored(columns: Sequence[Column]) -> System:
 
 
 class TwoByTwo:
-    """A linear system A x = b of a matrix A (2, 2), solved by Cramer's rule with one division."""
+    """Linear system A x = b of a matrix A (2, 2), solved by Cramer's rule with one division."""
 
     def __init__(self, columns: Sequence[Column]) -> None:
         (a, c), (b, d) = columns
@@ -34,7 +34,7 @@ class TwoByTwo:
         self.rows = Column((inverse * d, -(inverse * b))), Column((-(inverse * c), inverse * a))
 
     def solve(self, right: Column) -> Column:
-        """The solution x (2,) of A x = b for a right side b (2,), `right`, in the unit of b over that of A."""
+        """Solution x (2,) of A x = b for a right side b (2,), `right`, in the unit of b over that of A."""
         return Column(row @ right for row in self.rows)
 
 

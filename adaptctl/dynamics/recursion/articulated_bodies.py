@@ -69,7 +69,7 @@ class ArticulatedBody(NamedTuple):
 
 
 class _Joint(NamedTuple):
-    """A free joint: the load of its unit acceleration, its inverse inertia, and the torque left to accelerate it."""
+    """Free joint: the load of its unit acceleration, its inverse inertia, and the torque left to accelerate it."""
 
     load: Wrench
     inverse: Scalar
@@ -104,7 +104,6 @@ def _freed(
     rotors: Sequence[Scalar],
     torque: Column,
 ) -> list[_Joint]:
-    """Free joints with the articulated bodies behind them, from the tips inward."""
     tens = [held_parameters(place, parameters.of[10 * i : 10 * i + 10]) for i, place in enumerate(places)]
     bodies = [_articulated(ten) for ten in tens]
     loads = [wrench(motion, ten) for motion, ten in zip(unaccelerated, tens, strict=True)]
@@ -122,7 +121,6 @@ def _freed(
 
 
 def _articulated(ten: Sequence[Scalar]) -> ArticulatedBody:
-    """A link on which nothing hangs."""
     link = body(ten)
     m = link.mass
     return ArticulatedBody(
@@ -131,12 +129,11 @@ def _articulated(ten: Sequence[Scalar]) -> ArticulatedBody:
 
 
 def _crossing(r: Vec) -> Mat:
-    """The matrix of r x."""
+    """Matrix of r x."""
     return Mat(Vec(0.0, -r.z, r.y), Vec(r.z, 0.0, -r.x), Vec(-r.y, r.x, 0.0))
 
 
 def _symmetric(a: Mat) -> Mat:
-    """A symmetric matrix, each entry below the diagonal that above: it is computed once."""
     return Mat(a.x, Vec(a.x.y, a.y.y, a.y.z), Vec(a.x.z, a.y.z, a.z.z))
 
 
@@ -144,7 +141,6 @@ _ALL = (True, True, True)
 
 
 def _kept(a: Mat, rows: Sequence[bool], columns: Sequence[bool]) -> Mat:
-    """The matrix, zero but for these rows and columns."""
     pairs = zip(a, rows, strict=True)
     return Mat(*(Vec(*(x if i and j else 0.0 for x, j in zip(row, columns, strict=True))) for row, i in pairs))
 

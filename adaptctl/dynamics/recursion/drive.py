@@ -24,7 +24,6 @@ def friction(kind: DriveParameter, s: Scalar, stribeck_speed: float = STRIBECK_S
 
 
 def _smoothed(kind: DriveParameter, s: Scalar, stribeck_speed: float = STRIBECK_SPEED) -> Scalar:
-    """The speed that friction's curve divides the shaft's by, never zero."""
     size = sqrt(s * s + SLOW * SLOW)
     match kind:
         case DriveParameter.SQUARE_ROOT:
@@ -42,7 +41,7 @@ class DriveTerm(NamedTuple):
 
     @property
     def joint(self) -> int:
-        """Zero-based index, among the spanning tree's n joints, of the joint that the drive is on."""
+        """Index, among the tree's joints, of the joint that the drive is on."""
         return self.arms[0][0]
 
     def speed(self, v: Column) -> Scalar:

@@ -85,7 +85,6 @@ def _joint_position(segment: Segment, base: Frame) -> Vec:
 
 
 def _turned(base: Mat, place: Placement) -> Mat:
-    """The link's rotation, row by row: a row of it is the base's row in the link's coordinates."""
     return Mat(place.down(base.x), place.down(base.y), place.down(base.z))
 
 
@@ -94,7 +93,7 @@ def _rows(matrix: Mat) -> tuple[Vec, Vec, Vec]:
 
 
 class MovingPoint:
-    """A point of a link of a tree of n joints at one configuration, with its Jacobian."""
+    """Point of a link of a tree of n joints at one configuration, with its Jacobian."""
 
     __slots__ = ("columns", "position")
 

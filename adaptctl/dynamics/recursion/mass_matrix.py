@@ -38,7 +38,7 @@ def raised(place: Placement, link: Body) -> Body:
 
 
 def moved_origin(link: Body, offset: Vec) -> Body:
-    """Rigid body about another point, in the same axes."""
+    """Rigid body about another point."""
     half = link.moment + (0.5 * link.mass) * offset
     twice = 2.0 * half
     spread = Vec(offset.x * twice.x, offset.y * twice.y, offset.z * twice.z)
@@ -71,7 +71,7 @@ def mass_matrix(places: Sequence[Placement], parameters: Column) -> list[list[Sc
 
 
 def _column(places: Sequence[Placement], i: int, outboard: Body) -> list[tuple[int, Scalar]]:
-    """M's entries between joint i and the joints that carry it: the load of a unit acceleration, passed down."""
+    """Entries of M between joint i and the joints that carry it."""
     load = _unit_load(places[i], outboard)
     entries, j = [(i, joint_power(places[i], load))], i
     while (parent := places[j].segment.parent) != GROUND:
@@ -82,7 +82,6 @@ def _column(places: Sequence[Placement], i: int, outboard: Body) -> list[tuple[i
 
 
 def _unit_load(place: Placement, outboard: Body) -> Wrench:
-    """The wrench on a composite body, at rest, whose joint has unit acceleration."""
     z = place.segment.axis
     if not place.segment.turns:
         return Wrench(outboard.mass * z, cross(outboard.moment, z))

@@ -12,7 +12,7 @@ GROUND = -1
 
 
 class Twist:
-    """A link's twist in its axes: its angular velocity `w` (3,), and the velocity `v` (3,) of its origin."""
+    """Link's twist in its axes: its angular velocity `w` (3,), and the velocity `v` (3,) of its origin."""
 
     __slots__ = ("v", "w")
 
@@ -21,14 +21,14 @@ class Twist:
 
 
 def carried(place: Placement, parent: Twist) -> Twist:
-    """The twist that a link has from its parent's twist, `parent`, while its own joint does not move."""
+    """Twist that a link has from its parent's twist, `parent`, while its own joint does not move."""
     w = place.down(parent.w)
     v = place.down(parent.v + cross(parent.w, place.near))
     return Twist(w, v + cross(w, place.shift))
 
 
 def moved(place: Placement, rate: Scalar) -> Twist:
-    """The twist of a link whose own joint alone moves, at velocity `rate`."""
+    """Twist of a link whose own joint alone moves, at velocity `rate`."""
     axis = place.segment.axis
     if place.segment.turns:
         w = rate * axis
@@ -73,7 +73,7 @@ def products(w: Vec, r: Vec) -> Products:
 
 
 class LinkMotion:
-    """The motion of a link in its axes, by the acceleration of its points less gravity's."""
+    """Motion of a link in its axes, by the acceleration of its points less gravity's."""
 
     __slots__ = ("acc", "alpha", "lever", "products")
 
@@ -83,17 +83,17 @@ class LinkMotion:
 
     @property
     def numbers(self) -> tuple[Scalar, ...]:
-        """The twelve scalars from which the motion can be rebuilt, all in the link's axes."""
+        """Twelve scalars from which the motion can be rebuilt, all in the link's axes."""
         return (*self.products, *self.alpha, *self.acc)
 
     @classmethod
     def of(cls, numbers: Sequence[Scalar]) -> LinkMotion:
-        """The motion of a link rebuilt from its twelve `numbers`, all in the link's axes."""
+        """Motion of a link rebuilt from its twelve `numbers`, all in the link's axes."""
         return cls(Products(*numbers[:6]), Vec(*numbers[6:9]), Vec(*numbers[9:]))
 
 
 def lever(p: Products, a: Vec) -> Mat:
-    """The matrix L (3, 3), 1/s^2, of the accelerations that a link's rotation gives its points."""
+    """Matrix L (3, 3), 1/s^2, of the accelerations that a link's rotation gives its points."""
     return Mat(
         Vec(-(p.yy + p.zz), p.xy - a.z, p.xz + a.y),
         Vec(p.xy + a.z, -(p.xx + p.zz), p.yz - a.x),

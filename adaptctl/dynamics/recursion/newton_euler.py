@@ -11,7 +11,7 @@ from adaptctl.scalars import Column, Scalar, Vec, cross, dot
 
 
 class Wrench:
-    """A wrench on a link: `force` (3,), N, and `moment` (3,) about the link's origin, N m, both in the link's axes."""
+    """Wrench on a link: `force` (3,), N, and `moment` (3,) about the link's origin, N m, both in the link's axes."""
 
     __slots__ = ("force", "moment")
 
@@ -70,7 +70,7 @@ def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], par
 
 
 def joint_power(place: Placement, load: Wrench) -> Scalar:
-    """The joint torque, that corresponds to a wrench on the joint's link."""
+    """Joint torque, that corresponds to a wrench on the joint's link."""
     z = place.segment.axis
     if not place.segment.turns:
         return dot(load.force, z)
@@ -121,7 +121,6 @@ def powers(places: Sequence[Placement], moving: Sequence[LinkMotion], s: Column,
 
 
 def _kept_powers(place: Placement, motion: LinkMotion, twist: Twist, keep: Sequence[int]) -> Sequence[Scalar]:
-    """The powers per unit of the kept parameters of a link in its own axes."""
     if place.turn is None or not keep:
         return power(motion, twist, keep)
     own = per_own_parameter(place.turn, power(motion, twist, range(10)))

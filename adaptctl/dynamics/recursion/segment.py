@@ -29,7 +29,7 @@ class Segment(NamedTuple):
 
     @classmethod
     def of(cls, link: Link) -> Segment:
-        """The geometry, lengths in m, of a `link` of a description and of the joint that moves it."""
+        """Geometry, lengths in m, of a `link` of a description and of the joint that moves it."""
         outward = link.joint_to_link.rotation.T
         return cls(
             parent=link.parent,
@@ -56,11 +56,11 @@ class Segment(NamedTuple):
         return tuple(step for step in (self.inward, self.outward) if step is not None)
 
     def at(self, q: Scalar) -> Placement:
-        """The link's pose in its parent, a `Placement`, where its joint is at position `q`, rad (m if prismatic)."""
+        """Link's pose in its parent, where its joint is at position `q`."""
         return self.placed((cos(q), sin(q)) if self.turns else (q,))
 
     def placed(self, coordinates: Sequence[Scalar]) -> Placement:
-        """The link's pose in its parent, a `Placement`, from the `coordinates` of its joint."""
+        """Link's pose in its parent, from the `coordinates` of its joint."""
         if self.whole is not None:
             return Placement(self, coordinates, (_sum(self.whole, *coordinates),), self.joint_to_link)
         turn = about(self.joint_axis, *coordinates) if self.turns else None
@@ -74,7 +74,7 @@ class Segment(NamedTuple):
 
 
 class Placement:
-    """The pose of a link in its parent at one configuration, as the equations use it."""
+    """Pose of a link in its parent at one configuration, as the equations use it."""
 
     __slots__ = ("coordinates", "near", "segment", "shift", "turn", "turns")
 
@@ -90,13 +90,13 @@ class Placement:
         self.near = segment.parent_to_joint
 
     def down(self, u: Vec) -> Vec:
-        """The components (3,) of a vector u in the link's axes, from those in the parent link's axes, `u` (3,)."""
+        """Components (3,) of a vector u in the link's axes, from those in the parent link's axes, `u` (3,)."""
         for turn in self.turns:
             u = turn @ u
         return u
 
     def up(self, u: Vec) -> Vec:
-        """The components (3,) of a vector u in the parent link's axes, from those in the link's axes, `u` (3,)."""
+        """Components (3,) of a vector u in the parent link's axes, from those in the link's axes, `u` (3,)."""
         for turn in reversed(self.turns):
             u = turn.T @ u
         return u
@@ -127,7 +127,7 @@ class AxisRotation(Mat):
 
     @property
     def T(self) -> AxisRotation:
-        """The transpose (3, 3), which turns back: the rotation about the same axis by the opposite angle."""
+        """Transpose (3, 3), which turns back: the rotation about the same axis by the opposite angle."""
         return AxisRotation(self.axis, self.cosine, -self.sine)
 
 
@@ -160,7 +160,6 @@ TURNED = 8
 
 
 def _whole(outward: Array, axis: Array, inward: Array) -> tuple[Mat, Mat, Mat] | None:
-    """The three turns of a link as one, by Rodrigues' formula."""
     along, cross = np.outer(axis, axis), np.cross(axis, np.eye(3))
     parts = [outward @ part @ inward for part in (along, np.eye(3) - along, cross)]
     turn = (along != 0.0) | np.eye(3, dtype=np.bool_) | (cross != 0.0)
@@ -173,7 +172,6 @@ def _whole(outward: Array, axis: Array, inward: Array) -> tuple[Mat, Mat, Mat] |
 
 
 def _cost(entries: NDArray[np.bool_]) -> int:
-    """Multiplications and additions of a matrix with such entries times a vector."""
     return 2 * int(np.count_nonzero(entries)) - 3
 
 
