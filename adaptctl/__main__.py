@@ -1,4 +1,4 @@
-"""Entry point of the command: interruptions end it in one line, from its first moment to its last."""
+"""Entry point of the command, which ends in one line when interrupted."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ INTERRUPTED = 130
 
 
 def run() -> NoReturn:
-    """Run the command line on the process's arguments and exit with its code: this function never returns."""
+    """Run the command line and exit with its code."""
     _on_signals(_leave)  # while packages are imported, there is nothing to keep
     main = _main()
     from adaptctl.cli.interruption import raised

@@ -1,4 +1,4 @@
-"""Arrays of numbers from outside: checked, frozen, one number or one a joint; and scalars gathered into arrays."""
+"""Checks of arrays and numbers from outside, and gathering of scalars into arrays."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Given = ParamSpec("Given")
 
 
 class HasName(Protocol):
-    """Protocol of an object with a `name`, a text by which error messages call the object whose numbers are wrong."""
+    """Object with a `name` for error messages."""
 
     @property
     def name(self) -> str:
@@ -28,7 +28,7 @@ Named = TypeVar("Named", bound=HasName)
 
 
 def frozen(array: Array) -> Array:
-    """Make `array`, of any shape, read-only in place and return it: the array itself, not a copy."""
+    """Make an array read-only in place and return it."""
     array.flags.writeable = False
     return array
 
@@ -44,7 +44,7 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
 
 
 def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
-    """The `values` as a float64 array of any shape; an array that is one already is returned as it is, not copied."""
+    """Values as a float64 array, not copied if they are one."""
     try:
         if getattr(getattr(values, "dtype", None), "kind", "") in ("c", "m", "M"):
             raise TypeError("complex numbers and durations have no place here")
@@ -54,7 +54,7 @@ def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
 
 
 def checked(values: ArrayLike, size: int, what: str) -> Array:
-    """The `values` as a float64 array (..., size) of finite numbers, the last axis of the given `size`."""
+    """Values as a float64 array (..., size) of finite numbers."""
     array = numbers(values, what, f"of shape (..., {size})")
     if array.ndim == 0 or array.shape[-1] != size:
         raise InputError(f"{what}: expected shape (..., {size}), got {array.shape}")
@@ -65,7 +65,7 @@ def checked(values: ArrayLike, size: int, what: str) -> Array:
 
 
 def vectors(values: ArrayLike, size: int, what: str) -> Array:
-    """The `values` as a float64 array (..., size) of finite numbers, vectors of the given `size`."""
+    """Values as a float64 array (..., size) of finite numbers."""
     return checked(np.atleast_1d(numbers(values, what)), size, what)
 
 
@@ -92,7 +92,7 @@ def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 
 def positive_per_joint(values: ArrayLike, dof: int, what: str, *, infinite: bool = False) -> Array:
-    """Positive numbers (dof,), one a joint, as a read-only float64 array in the unit of `values`."""
+    """Positive numbers (dof,), one for each joint, as a read-only array."""
     each = per_joint(values, dof, what)
     if not np.all((each > 0.0) & (infinite | np.isfinite(each))):
         raise InputError(f"{what}: expected positive numbers, got {each.tolist()}")
@@ -100,12 +100,12 @@ def positive_per_joint(values: ArrayLike, dof: int, what: str, *, infinite: bool
 
 
 def positive_numbers(values: ArrayLike, what: str) -> Array:
-    """Positive finite numbers as a read-only float64 array (n,) of all `values`, one number or n."""
+    """Positive finite numbers, one or n, as a read-only array (n,)."""
     return positive_per_joint(values, numbers(values, what).size, what)
 
 
 def positive_number(value: object, what: str) -> float:
-    """Float of a positive finite number, `value`, given as a Python or NumPy number or an array of shape ()."""
+    """Positive finite number as a float."""
     value = _alone(value)
     try:
         number = float(value) if _is_number(value) else math.nan
@@ -117,7 +117,7 @@ def positive_number(value: object, what: str) -> float:
 
 
 def real_number(value: object, what: str) -> float:
-    """Float of a number, `value`, given as a Python or NumPy real number or an array of shape ()."""
+    """Real number as a float."""
     value = _alone(value)
     if _is_number(value):
         return float(numbers(value, what))
@@ -125,14 +125,14 @@ def real_number(value: object, what: str) -> float:
 
 
 def whole_number(value: object, what: str, least: int, most: int) -> int:
-    """Int of a whole number, `value`, from `least` to `most`, both included, given as a Python or NumPy integer."""
+    """Whole number from `least` to `most` as an int."""
     if _is_whole(value) and least <= value <= most:
         return int(value)
     raise InputError(f"{what}: expected a whole number from {least} to {most}, got {printable(repr(value))}")
 
 
 def whole_count(value: object, what: str, least: int = 0) -> int:
-    """Int of a whole number, `value`, of at least `least`, 0 by default, passed as a Python or NumPy integer."""
+    """Whole number of at least `least` as an int."""
     if _is_whole(value) and value >= least:
         return int(value)
     raise InputError(f"{what}: expected a whole number of at least {least}, got {printable(repr(value))}")
@@ -151,7 +151,7 @@ def _is_number(value: object) -> TypeGuard[int | float | np.integer[Any] | np.fl
 
 
 def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callable[Concatenate[Named, Given], Array]:
-    """Method wrapped to raise `NonFiniteError` where a number of its result is NaN or infinite."""
+    """Method that raises `NonFiniteError` where its result is not finite."""
 
     @wraps(method)
     def required(self: Named, /, *args: Given.args, **kwargs: Given.kwargs) -> Array:
@@ -169,7 +169,7 @@ def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callab
 
 
 def same_samples(**arrays: Array) -> tuple[int, ...]:
-    """Common shape of the sample axes of `arrays` (..., n), all axes but the last, broadcast by NumPy's rules."""
+    """Common shape of the sample axes of arrays (..., n)."""
     try:
         return np.broadcast_shapes(*(array.shape[:-1] for array in arrays.values()))
     except ValueError as error:

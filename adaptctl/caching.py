@@ -1,4 +1,4 @@
-"""Properties that are computed once and never sent: objects reach other processes as what they are made of."""
+"""Properties computed once and left out of copies and pickles."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ State = tuple[dict[str, Any], tuple[Path, ...]]
 
 
 def sent_as_made(owner: type[Owner]) -> type[Owner]:
-    """Change the class `owner` in how its instances are copied and pickled, and return it, for use as a decorator."""
+    """Class decorator: instances are copied and pickled as made."""
     if issubclass(owner, tuple):
         setattr(owner, "__reduce__", _record)  # noqa: B010  # a class of any kind
     elif "__getstate__" not in vars(owner):
@@ -30,7 +30,7 @@ def sent_as_made(owner: type[Owner]) -> type[Owner]:
 
 
 class cached_property(functools.cached_property[Value]):  # noqa: N801  # stands for functools' own
-    """Property computed once and kept on the instance, but left out of copies and pickles, without a lock."""
+    """Property computed once, left out of copies and pickles, without a lock."""
 
     def __set_name__(self, owner: type[Any], name: str) -> None:
         super().__set_name__(owner, name)
@@ -71,7 +71,7 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 def replaced_by(name: str) -> Callable[[Method], Method]:
-    """Decorator that sends calls of a method to the callable that the instance holds as its property `name`."""
+    """Decorator that sends a method's calls to the instance's property `name`."""
 
     def replaced(method: Method) -> Method:
         stands: Any = _Replaced(method, name)

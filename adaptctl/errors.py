@@ -48,19 +48,55 @@ def validate_kind(given: object, kind: type, what: str, made: str) -> None:
 
 
 class InputError(AdaptctlError, ValueError):
-    """Error of a wrong argument, also a `ValueError`: the message says what was given and what is right."""
+    """
+    Error of a wrong argument.
+
+    Parameters
+    ----------
+    message : object, optional
+        Element, what it was, and what is right.
+
+    Examples
+    --------
+    >>> issubclass(adaptctl.InputError, ValueError)
+    True
+    """
 
 
 class FileError(InputError):
-    """Error of a file or folder that cannot be used: the message names it and the wrong element."""
+    """
+    Error of a file or folder that cannot be used.
+
+    Parameters
+    ----------
+    message : object, optional
+        File, wrong element and what is right.
+
+    Examples
+    --------
+    >>> issubclass(adaptctl.FileError, adaptctl.InputError)
+    True
+    """
 
 
 class NotFoundError(InputError, LookupError):
-    """Error of an unknown name, also a `LookupError`: the message lists names that exist."""
+    """
+    Error of an unknown name.
+
+    Parameters
+    ----------
+    message : object, optional
+        Unknown name, and names that exist.
+
+    Examples
+    --------
+    >>> issubclass(adaptctl.NotFoundError, LookupError)
+    True
+    """
 
 
 class NonFiniteError(InputError):
-    """Error of a number that is NaN or infinite where a finite one is needed."""
+    """Error of a number that is NaN or infinite."""
 
 
 class VerdictError(InputError):
@@ -95,7 +131,7 @@ class GainError(InputError):
 
 
 class PhysicalConsistencyWarning(UserWarning):
-    """Warning of links whose inertial parameters no rigid body can have, on loading a robot."""
+    """Warning of inertias that no rigid body can have."""
 
 
 class StabilityWarning(UserWarning):
@@ -107,23 +143,23 @@ class ReferenceWarning(UserWarning):
 
 
 class TraceError(AdaptctlError, TypeError):
-    """Error of an equation, such as a control law, that cannot be traced into an expression graph for compilation."""
+    """Error of an equation, such as a control law, that cannot be compiled."""
 
 
 class NotCompiledWarning(UserWarning):
-    """Warning that a simulation runs step by step in Python instead of native code, and why."""
+    """Warning that a simulation runs in Python instead of native code."""
 
 
 class SimplificationWarning(UserWarning):
-    """Warning that a part of a robot's file or model is left out or simplified."""
+    """Warning that a part of a robot's file is left out or simplified."""
 
 
 class LoopError(InputError):
-    """Error of kinematic loops that cannot be closed, or whose primary joints do not determine the others."""
+    """Error of kinematic loops that cannot be closed or followed."""
 
 
 class SingularityError(AdaptctlError):
-    """Error of a kinematic loop at or near a configuration where its primary joints no longer determine the others."""
+    """Error of a kinematic loop at or near a singular configuration."""
 
 
 class MissingExtraError(AdaptctlError, ImportError):
@@ -131,15 +167,15 @@ class MissingExtraError(AdaptctlError, ImportError):
 
 
 class LostSamplesWarning(UserWarning):
-    """Warning of a `RunLogger`, when its `with` block ends, that its log has not kept all samples it was given."""
+    """Warning of a `RunLogger` that has not kept all samples."""
 
 
 class LiveViewWarning(UserWarning):
-    """Warning that a live view (`Live`) cannot be shown, its viewer being out of reach, or that it has ended."""
+    """Warning that a live view cannot be shown or has ended."""
 
 
 def suggested_name(name: str, known: Iterable[str], least: float = 0.6) -> str:
-    """Hint with the known name nearest to an unknown one, such as " (did you mean 'puma560'?)", or ""."""
+    """Hint with the nearest known name, such as " (did you mean 'puma560'?)", or ""."""
     from difflib import get_close_matches  # here, since only errors need it
 
     from adaptctl.renamed import new_name

@@ -1,4 +1,4 @@
-"""Reading and writing files: whole or not at all, checked, and with errors that name the element."""
+"""Files written whole or not at all, and read with errors that name the element."""
 
 from __future__ import annotations
 
@@ -82,12 +82,12 @@ def real_place(path: str | Path) -> Path:
 
 
 def name_beside(target: Path) -> Path:
-    """Hidden path in the folder of the path `target`, for temporary files, of the same suffix."""
+    """Hidden path beside another, for temporary files."""
     return target.with_name(f".{target.stem}.{_HERE}-{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
 
 
 def remove_stale_temporaries(folder: Path, name: str) -> list[Path]:
-    """Delete temporaries of ended processes in a folder; return those whose writers may still be at work."""
+    """Delete temporaries of ended processes; return those still in use."""
     stem, suffix = Path(name).stem, Path(name).suffix
     pattern = re.compile(rf"\.{re.escape(stem)}\.[\w-]+-\d+-[0-9a-f]{{8}}{re.escape(suffix)}")
     alive: list[Path] = []
@@ -119,18 +119,18 @@ def is_stale_temporary(name: str) -> bool:
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
-    """Write the bytes `data` to the file at `path`, whole or not at all: when it fails, an old file stays as it was."""
+    """Write a file whole or not at all."""
     with replacing(path) as beside:
         beside.write_bytes(data)
 
 
 def write_text(path: str | Path, data: str) -> None:
-    """Write the text `data` to the file at `path` in UTF-8, whole or not at all."""
+    """Write a text in UTF-8, whole or not at all."""
     write_bytes(path, data.encode())
 
 
 def write_json(path: str | Path, value: object) -> None:
-    """Write `value` to the file at `path` as indented JSON, whole or not at all."""
+    """Write a value as indented JSON, whole or not at all."""
     try:
         plain = msgspec.to_builtins(value, str_keys=True, enc_hook=_plain)
     except TypeError as error:
@@ -145,7 +145,7 @@ def finite_or_none(value: float | None) -> float | None:
 
 
 def toml_string(text: str) -> str:
-    """Basic string of TOML, in its quotation marks, that is read as the `text`: escapes are those of JSON."""
+    """Basic string of TOML that is read as the text."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
@@ -175,7 +175,7 @@ def read_text(path: str | Path, limit: int = MAX_BYTES) -> str:
 
 
 def decoded(path: str | Path, data: bytes) -> str:
-    """Text of the bytes `data`, read from the file at `path`, in UTF-8, without a byte order mark."""
+    """Text of a file's bytes in UTF-8, without a byte order mark."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -193,7 +193,7 @@ def read_json(path: str | Path, kind: type[Content], limit: int = MAX_BYTES) -> 
 
 
 def read_toml(path: str | Path, kind: type[Content]) -> Content:
-    """Contents of the TOML file at `path` as an object of `kind`, such as a dataclass or a msgspec Struct."""
+    """Contents of a TOML file as an object of `kind`."""
     text = read_text(path, MAX_TOML_BYTES)
     if found := _LONG_KEY.search(text):
         line = text.count("\n", 0, found.start()) + 1
@@ -211,14 +211,14 @@ def read_toml(path: str | Path, kind: type[Content]) -> Content:
 
 
 def with_line(message: str, text: str) -> str:
-    """Error message with the line in a TOML text of the element that it names, such as ``$.links[2].mass``."""
+    """Error message with the line of the element that it names."""
     element = re.search(r"\$((?:\.[\w-]+|\[\d+\])+)", message)
     line = toml_line(text, element.group(1)) if element else 0
     return f"{message} (line {line})" if line else message
 
 
 def toml_line(text: str, element: str) -> int:
-    """Line in a TOML text where an element such as ``.links[2].mass`` begins; 0 where it is not found."""
+    """Line in a TOML text where an element begins; 0 where not found."""
     table = re.match(r"\.([\w-]+)(?:\[(\d+)\])?(?:\.([\w-]+))?", element)
     if table is None:
         return 0

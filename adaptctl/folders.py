@@ -1,4 +1,4 @@
-"""Folders of results: whole or not at all. They are written beside their place and swapped in when they are done."""
+"""Folders of results, written beside their place and swapped in when done."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path
 
 
 def made_folder(path: Path) -> Path:
-    """Make the folder at `path`, and those above it, where they do not exist, and return `path`."""
+    """Make a folder and those above it, and return its path."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

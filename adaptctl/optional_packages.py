@@ -36,7 +36,7 @@ OF_RESULTS = ("jinja2", "matplotlib", "pyarrow", "rerun")
 
 @contextmanager
 def needed(what: str) -> Iterator[None]:
-    """Context or decorator in which a missing package raises `MissingExtraError` with the command to install it."""
+    """Context or decorator in which a missing package raises `MissingExtraError`."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -47,7 +47,7 @@ def needed(what: str) -> Iterator[None]:
 
 
 def validate_for_results() -> None:
-    """Raise `ModuleNotFoundError` where a package that the folder of a run is written by is not installed."""
+    """Raise `ModuleNotFoundError` where a package for result folders is missing."""
     for name in OF_RESULTS:
         if find_spec(name) is None:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
@@ -64,7 +64,7 @@ _OFFER = re.compile(r"^from (?P<home>[\w.]+) import (?:(?P<name>\w+) as (?P=name
 
 
 def homes(stub: Path) -> dict[str, str]:
-    """Modules of all names that a package's stub file (``__init__.pyi``) offers: module names by offered name."""
+    """Modules of the names in a package's stub file, by name."""
     offered: dict[str, str] = {}
     for offer in _OFFER.finditer(stub.read_text(encoding="utf-8")):
         if offer["name"]:
@@ -75,7 +75,7 @@ def homes(stub: Path) -> dict[str, str]:
 
 
 def imported_lazily(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
-    """The `__all__`, `__getattr__` and `__dir__` of a package that imports public names at first use."""
+    """`__all__`, `__getattr__` and `__dir__` of a package that imports at first use."""
     home_of = homes(Path(str(modules[package].__file__)).with_suffix(".pyi"))
 
     def found(name: str) -> Any:

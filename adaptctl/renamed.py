@@ -1,4 +1,4 @@
-"""Former names of settings, flags and arguments, each with the names that replace it, for did-you-mean."""
+"""Former names of settings, flags and arguments, with their new names."""
 
 from collections.abc import Mapping
 

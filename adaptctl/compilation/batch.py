@@ -1,4 +1,4 @@
-"""LLVM IR that runs a routine on rows of arrays, as many at a time as there are lanes."""
+"""LLVM IR that runs a routine on rows of arrays, in SIMD lanes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ each, and addresses of the results' rows."""
 
 
 def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, bool]) -> str:
-    """LLVM IR of the function `batch`, one native call of which evaluates a `routine` at many samples."""
+    """LLVM IR of the function `batch`, which evaluates a routine at many samples."""
     inputs = {f"in{k}": n for k, n in enumerate(routine.inputs)}
     outputs = {f"out{k}": math.prod(shape) for k, shape in enumerate(routine.layout.shapes)}
     both = inputs | outputs

@@ -1,4 +1,4 @@
-"""A routine as one of Python's own functions, which reads and makes NumPy's arrays without any detour."""
+"""Routines as built-in functions of Python, which read and make NumPy's arrays directly."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ class Form(NamedTuple):
 
     @classmethod
     def plain(cls, count: int) -> Form:
-        """Calling convention of a function of `count` arrays, one for each column of the native code."""
+        """Calling convention of a function of `count` arrays, one for each column."""
         return cls(tuple(Place(k) for k in range(count)))
 
     @property
     def arguments(self) -> list[int]:
-        """Indices, from 0, of the function's arguments that columns (vectors) come from, a list in ascending order."""
+        """Indices of the function's arguments that columns come from, ascending."""
         return sorted({place.argument for place in self.places if place.argument is not None})
 
     @property
@@ -55,12 +55,12 @@ class Form(NamedTuple):
         return {argument: 1 + k for k, argument in enumerate(self.tuples)}
 
     def bound(self, column: int) -> int:
-        """Index of a column's bound array in the tuple of objects that the built-in function keeps."""
+        """Index of a column's bound array among the objects that the function keeps."""
         return 1 + len(self.tuples) + sum(place.argument is None for place in self.places[:column])
 
     @property
     def spares(self) -> int:
-        """Index of the first spare result array in the tuple of objects that the built-in function keeps."""
+        """Index of the first spare result array among the objects that the function keeps."""
         return self.bound(len(self.places))
 
 
@@ -94,7 +94,7 @@ class _Definition(ctypes.Structure):
 
 @functools.cache
 def has_builtins() -> bool:
-    """True if this is CPython with tuples and NumPy arrays laid out as native code here reads them."""
+    """True for CPython with tuples and arrays laid out as native code reads them."""
     if sys.implementation.name != "cpython" or object.__basicsize__ != _Array.data.offset:
         return False
     if sys.byteorder != "little" or np.ndarray.__weakrefoffset__ != _Array.weak_references.offset:
@@ -131,7 +131,7 @@ def _api(name: str, *types: Any) -> Callable[..., Any]:
 
 
 def builtin_source(routine: Routine, symbol: str, *, finite: Finite, form: Form) -> str:
-    """LLVM IR of a built-in function that runs a routine on NumPy arrays and returns new ones."""
+    """LLVM IR of a built-in function that runs a routine on arrays."""
     shapes, inputs = dict(enumerate(routine.layout.shapes)), dict(enumerate(routine.inputs))
     arrays, numbers = ([k for k, shape in shapes.items() if bool(shape) is wanted] for wanted in (True, False))
     sizes = {f"%in{k}": n for k, n in inputs.items()} | {f"%out{k}": math.prod(shape) for k, shape in shapes.items()}

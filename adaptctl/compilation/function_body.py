@@ -1,4 +1,4 @@
-"""The instructions of one native function: each expression in its register, or where it is in memory."""
+"""Instructions of one native function."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MANY = 64
 
 
 class FunctionBody:
-    """Body of one native function, written as LLVM instructions, lines of text, expression by expression."""
+    """Body of one native function as LLVM instructions."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class FunctionBody:
 
     @property
     def lines(self) -> list[str]:
-        """LLVM instructions of the function's body, a list of lines of text; those that set aside memory come first."""
+        """LLVM instructions of the body; those that set aside memory come first."""
         return [*self._text.memory, *self._text.lines]
 
     def compute(self, expression: Expression) -> None:
@@ -64,7 +64,7 @@ class FunctionBody:
             self._latest[expression.index] = f"%x{expression.index}", self._now
 
     def store(self, pointer: str, k: int, value: Expression | float) -> None:
-        """Append instructions that write a value into memory at index `k` after a pointer such as "%out0"."""
+        """Append instructions that write a value into memory at index `k`."""
         self._text.store(pointer, k, self._operand(value))
         if isinstance(value, Expression):
             self._stored.setdefault(value.index, (pointer, k))

@@ -1,4 +1,4 @@
-"""A graph of expressions in which equal expressions are one object (hash consing; Ershov 1958)."""
+"""Graph of expressions in which equal ones are one object (hash consing; Ershov 1958)."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class Graph:
         self.passed, self.turned = passed, list[Expression]()
 
     def make(self, kind: type[E], op: Op, *operands: Any, detail: Any = None) -> E:
-        """Expression of an operation on operands: an earlier one where there is one, else a new one."""
+        """Expression of an operation on operands, an earlier one where there is one."""
         key = (op, operands, detail)
         found = self._expressions.get(key)
         if found is None:
@@ -117,7 +117,7 @@ class Graph:
 
 
 def reachable(outputs: Iterable[Any]) -> list[Expression]:
-    """Expressions that `outputs` need, these among them, in a list in which operands come before what uses them."""
+    """Expressions that outputs need, operands before what uses them."""
     needed: set[Expression] = set()
     pending = [x for x in outputs if isinstance(x, Expression)]
     while pending:

@@ -376,7 +376,7 @@ Equation = Callable[..., tuple[Any, ...]]
 
 
 class OnFloats:
-    """Function of vectors that runs in Python and is called with arrays, as a `Kernel` of it, native code, would be."""
+    """Function of vectors in Python, called as a `Kernel` is."""
 
     def __init__(
         self, function: Equation, arguments: Mapping[str, int], *, name: str = "", finite: Finite = False

@@ -1,4 +1,4 @@
-"""LLVM types and attributes for numbers side by side in SIMD lanes, in double or single precision."""
+"""LLVM types and attributes for numbers in SIMD lanes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Precision: TypeAlias = Literal["double", "single"]
 
 @dataclass(frozen=True)
 class Lanes:
-    """Types and attributes, as LLVM text, for numbers that one instruction works on at once (SIMD lanes)."""
+    """LLVM types and attributes for numbers in SIMD lanes."""
 
     count: int = 1
     precision: Precision = "double"
@@ -57,12 +57,12 @@ class Lanes:
 
     @cached_property
     def integer(self) -> str:
-        """The LLVM type of whole numbers as long as the floating-point ones, in all SIMD lanes, such as "<4 x i64>"."""
+        """LLVM type of whole numbers in all lanes, such as "<4 x i64>"."""
         return self._of(self._whole)
 
     @cached_property
     def condition(self) -> str:
-        """The LLVM type of the truth values of a comparison in all SIMD lanes, such as "<4 x i1>"."""
+        """LLVM type of truth values in all lanes, such as "<4 x i1>"."""
         return self._of("i1")
 
     @cached_property
@@ -82,12 +82,12 @@ class Lanes:
         return "nounwind" if self.count == 1 else f'nounwind "stackrealign" alignstack({self.alignment})'
 
     def constant(self, x: float) -> str:
-        """LLVM text of a float in every lane, as the digits of its bits, NaN and infinity too."""
+        """LLVM text of a float in every lane, as the digits of its bits."""
         digits = f"0x{struct.pack('>d', self.rounded(x)).hex()}"  # of a double in either precision
         return digits if self.count == 1 else "<" + ", ".join([f"{self.scalar} {digits}"] * self.count) + ">"
 
     def rounded(self, x: float) -> float:
-        """Float that stands for `x` in the precision of these lanes: `x` itself in double."""
+        """Float rounded to the precision of these lanes."""
         return x if self.precision == "double" else single(x)
 
     def whole(self, k: int) -> str:
@@ -95,7 +95,7 @@ class Lanes:
         return str(k) if self.count == 1 else "<" + ", ".join([f"{self._whole} {k}"] * self.count) + ">"
 
     def filled(self, name: str, **values: object) -> str:
-        """Text of the LLVM template `name`.ll with the lanes' types and further `values` in place of $names."""
+        """Text of a template with the lanes' types and further `values`."""
         types = ("scalar", "value", "integer", "condition", "suffix", "count", "alignment", "attributes")
         template = Template(Path(__file__).with_name(f"{name}.ll").read_text(encoding="utf-8"))
         return template.substitute({of: getattr(self, of) for of in types}, **values)
@@ -323,7 +323,7 @@ class Instructions:
         return name
 
     def load(self, name: str, pointer: str, k: int) -> str:
-        """Append instructions that load a value in every lane into a register such as "%x3"."""
+        """Append instructions that load a value in every lane into a register."""
         self.add(f"{name}.at = getelementptr {self.lanes.value}, ptr {pointer}, i64 {k}")
         self.add(f"{name} = load {self.lanes.value}, ptr {name}.at, align {self.lanes.size}")
         return name

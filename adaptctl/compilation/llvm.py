@@ -17,7 +17,7 @@ BEFORE = ".before"
 
 
 def program(routine: Routine, lanes: Lanes, same: Invariants = NONE, uniform: Container[int] = ()) -> tuple[str, str]:
-    """LLVM IR of a routine and of all that it calls, and the name of its function."""
+    """LLVM IR of a routine and all that it calls, and its function's name."""
     symbols = _symbols(routine)
     parts = {r: pieces(r.body) for r in symbols}
     functions = [_function(r, parts[r], symbols, lanes) for r in symbols if r is not routine]
@@ -139,7 +139,7 @@ class Piece(NamedTuple):
 
 
 def pieces(body: Sequence[Expression], given: Container[int] = ()) -> list[Piece]:
-    """Pieces, a list of `Piece` in order, that a routine's (traced function's) expressions, `body`, are compiled in."""
+    """Pieces in which a routine's expressions are compiled, in order."""
     whole, *others = _parts(body)
     if not others:
         return [Piece(whole, {}, {})]

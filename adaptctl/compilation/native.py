@@ -1,4 +1,4 @@
-"""Machine code in memory from LLVM IR, compiled once for a processor and kept for other processes."""
+"""Machine code in memory from LLVM IR, kept for other processes."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ _RECIPE = 3
 
 
 class NativeCode:
-    """Machine code in the memory of this process, which stays there as long as the object lives."""
+    """Machine code in memory, which stays as long as the object lives."""
 
     def __init__(self, data: bytes, machine: llvm.TargetMachine) -> None:
         self.engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
@@ -85,7 +85,7 @@ class NativeCode:
         weakref.finalize(self, _release, self.engine).atexit = False
 
     def address(self, symbol: str) -> int:
-        """Address in memory, an integer, of the function of the name `symbol` in this code."""
+        """Address in memory of a function of this code."""
         with _compiler():
             return int(self.engine.get_function_address(symbol))
 
@@ -99,7 +99,7 @@ def load(text: str, processor: Processor | None = None) -> NativeCode:
 
 
 def define(addresses: Mapping[str, int]) -> None:
-    """Register addresses of functions and objects under names that native code loaded later refers to."""
+    """Register addresses under names that native code loaded later refers to."""
     with _compiler():
         for name, address in addresses.items():
             llvm.add_symbol(name, address)
@@ -123,7 +123,7 @@ def _object(text: str, processor: Processor, machine: llvm.TargetMachine) -> byt
 
 
 def _key(text: str, processor: Processor, triple: str) -> bytes:
-    """Key of a setting: its value, or the object itself where values cannot be compared."""
+    """Digest of all that the code depends on."""
     versions = _RECIPE, llvmlite.__version__, llvm.llvm_version_info
     return hashlib.sha256(repr((versions, triple, processor, text)).encode()).digest()
 

@@ -1,4 +1,4 @@
-"""Numbers that are not known yet: the kind of scalar that records what an equation does with it."""
+"""Symbolic scalars, which record what an equation does with them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from adaptctl.scalars.scalar import arc_tangent, exponential, hyperbolic_tangent
 
 
 class _Traced(Expression):
-    """Traced value, number or truth: it refuses to give away a value that it does not have yet."""
+    """Traced value, which refuses to give away what it does not have yet."""
 
     __slots__ = ()
     __hash__ = Expression.__hash__
@@ -61,7 +61,7 @@ class _Traced(Expression):
 
 
 class Truth(_Traced):
-    """Outcome of a comparison (<, <=, > or >=) of symbolic scalars (`Node`), true or false once they are known."""
+    """Outcome of a comparison of symbolic scalars."""
 
     __slots__ = ()
 
@@ -88,7 +88,7 @@ _less, _less_equal = _comparison(Op.LESS), _comparison(Op.LESS_EQUAL)
 
 
 class Node(_Traced):
-    """Symbolic scalar: a number that is not known yet, in a function that is run once to record what it computes."""
+    """Symbolic scalar in a function that is run once to record what it computes."""
 
     __slots__ = ()
 
@@ -109,7 +109,7 @@ class Node(_Traced):
         return absolute(self)
 
     def with_sine(self, sine: Value, cosine: Value) -> Node:
-        """This angle, once its sine and cosine are noted in its graph, so that they are not computed again."""
+        """This angle, its sine and cosine noted so that they are not computed again."""
         self.graph.sines[self] = sine, cosine
         return self
 

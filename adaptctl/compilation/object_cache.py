@@ -1,4 +1,4 @@
-"""Compiled objects kept for other processes: one file each, in the user's own cache folder."""
+"""Compiled objects kept for other processes in the user's cache folder."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ log = logging.getLogger(__name__)
 
 
 def cache_folder() -> Path | None:
-    """Path of the folder in which compiled objects are kept for other processes, which need not exist."""
+    """Folder for compiled objects, which need not exist."""
     chosen, caches = os.environ.get("ADAPTCTL_CACHE", ""), Path(os.environ.get("XDG_CACHE_HOME", ""))
     if chosen == "off":
         return None
@@ -47,13 +47,13 @@ def cache_folder() -> Path | None:
 
 
 class ObjectCache(NamedTuple):
-    """Cache of compiled objects, bytes, on disk: one file in `folder` for each key of 32 bytes."""
+    """Compiled objects on disk, one file for each key of 32 bytes."""
 
     folder: Path
     limit: int = LIMIT
 
     def get(self, key: bytes) -> bytes | None:
-        """Bytes kept under a key; None where there are none, or where damaged or another user's."""
+        """Bytes kept under a key; None where missing, damaged or another user's."""
         try:
             _validate_own(self.folder.stat())
             content = _read(self._path(key))
@@ -67,7 +67,7 @@ class ObjectCache(NamedTuple):
         return data
 
     def put(self, key: bytes, data: bytes) -> None:
-        """Keep bytes under a key, and delete what was used longest ago where the cache is full."""
+        """Keep bytes under a key; delete what was used longest ago when full."""
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             _validate_own(self.folder.stat())
@@ -138,7 +138,7 @@ _left = iter(range(MOST))
 
 
 def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Result]) -> Result:
-    """Result of `compute()`, or the kept one of equal inputs, source code, hardware and settings."""
+    """Result of `compute()`, or that of equal inputs, source code, hardware and settings."""
     folder, source = cache_folder(), source_state()
     if folder is None or not source:
         return compute()
@@ -154,7 +154,7 @@ def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Re
 
 
 def arithmetic() -> list[str]:
-    """Texts that name what decides the last bits of results, a list in this order."""
+    """Texts that name what decides the last bits of results."""
     chosen = sorted(f"{name}={value}" for name, value in os.environ.items() if name.startswith(_CHOOSING))
     return [*_here(), *chosen]
 
@@ -170,13 +170,13 @@ def _here() -> tuple[str, ...]:
 
 @functools.cache
 def source_state() -> str:
-    """SHA-256 hash of paths, sizes and times of the library's source files; empty where there are none."""
+    """SHA-256 hash of paths, sizes and times of the library's source files."""
     found = sorted(source_files(str(Path(__file__).parent.parent)))
     return hashed(found) if found else ""
 
 
 def source_files(folder: str) -> Iterator[tuple[str, int, int]]:
-    """Iterator over the Python source files below `folder`, at any depth and in no fixed order."""
+    """Python source files below a folder."""
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             if entry.name.endswith(".py"):

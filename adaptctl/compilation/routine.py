@@ -1,4 +1,4 @@
-"""Routines: the expressions of a function's result, and calls of them that are not unrolled."""
+"""Traced functions and calls of them that are not unrolled."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Layout(NamedTuple):
 
     @property
     def contain(self) -> Callable[[Iterator[Any]], Any]:
-        """Function that puts parts into the tuple or NamedTuple of this layout, or returns the first part."""
+        """Function that puts parts into this layout's tuple, or returns the first."""
         return next if self.container is None else getattr(self.container, "_make", tuple)
 
     def restored(self, scalars: Sequence[Any]) -> Any:
@@ -48,7 +48,7 @@ class Layout(NamedTuple):
 
 
 def numbered(sizes: Iterable[int]) -> list[tuple[int, int]]:
-    """Pairs (index of the part, index within it), one for each scalar of parts of these sizes."""
+    """Pairs (index of the part, index within it) of parts of these sizes."""
     return [(part, k) for part, size in enumerate(sizes) for k in range(size)]
 
 
@@ -155,7 +155,7 @@ class Routine:
 
     @cached_property
     def operations(self) -> Operations:
-        """Number of scalar operations of one evaluation, counted by kind (`Op`), those of called routines included."""
+        """Scalar operations of one evaluation by kind, called routines included."""
         total = Operations(x.op for x in self.body if x.op not in _FREE)
         for routine in self.calls:
             total.update(routine.operations)
@@ -307,7 +307,7 @@ class Invariants(NamedTuple):
 
     @classmethod
     def of(cls, routine: Routine, held: Collection[int]) -> Invariants:
-        """Loop invariants of a step's routine whose arguments of indices `held` are the same in all steps."""
+        """Loop invariants of a step's routine with constant arguments of indices `held`."""
         same = _same(routine.body, held)
         found = cls(frozenset(x for x in same if x.op is not Op.INPUT), [], {}, {})
         later = [x for x in routine.body if x not in found.computed]
@@ -322,7 +322,7 @@ class Invariants(NamedTuple):
         return found
 
     def before(self, routine: Routine) -> Routine:
-        """Routine that computes, once before the first step, the scalars that are the same in all steps."""
+        """Routine that computes once what is the same in all steps."""
         values: tuple[Any, ...] = tuple(self.stored)
         return Routine(f"{routine.name} before", routine.inputs, values, Layout(None, ((len(values),),)))
 
@@ -352,7 +352,7 @@ NONE = Invariants(frozenset(), [], {}, {})
 
 
 def arguments(call: Expression) -> Iterator[list[Any]]:
-    """Iterator over the arguments of a `call`, an expression of a call of a `Routine`."""
+    """Iterator over the arguments of a call."""
     rest = iter(call.operands)
     return (list(islice(rest, size)) for size in call.detail.inputs)
 

@@ -1,4 +1,4 @@
-"""Sine and cosine of an angle at once; LLVM has none in lanes. `sines.ll` turns them by whole quarters."""
+"""Sine and cosine at once in SIMD lanes, which LLVM lacks; `sines.ll` turns them by whole quarters."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from adaptctl.scalars.scalar import polynomial
 
 
 class Sine(NamedTuple):
-    """Constants from which sine and cosine are computed with additions and multiplications alone, in one precision."""
+    """Constants from which sine and cosine are computed in one precision."""
 
     farthest: float
     """rad; up to here `reduced` holds"""
@@ -26,7 +26,7 @@ class Sine(NamedTuple):
     """(cos r - 1 + r^2/2) / r^4 in powers of r^2"""
 
     def reduced(self, x: Any) -> tuple[Any, Any, Any]:
-        """Sine and cosine of r, and k + `shift`, for an angle k pi/2 + r with r from -pi/4 to pi/4."""
+        """Sine and cosine of r, and k + `shift`, for an angle k pi/2 + r."""
         first, second, third = self.quarter
         shifted = x * (2.0 / math.pi) + self.shift
         k = shifted - self.shift
@@ -35,7 +35,7 @@ class Sine(NamedTuple):
         return r + r * z * polynomial(self.sine, z), (1.0 - 0.5 * z) + z * z * polynomial(self.cosine, z), shifted
 
     def turned(self, sine: Any, cosine: Any, step: Any) -> tuple[Any, Any]:
-        """Sine and cosine of an angle that is `step` larger than the one whose `sine` and `cosine` are given."""
+        """Sine and cosine of an angle that is `step` larger than a known one."""
         z = step * step
         of_step = step + step * z * polynomial(self.sine[:TERMS], z)
         less = z * (0.5 - z * polynomial(self.cosine[:TERMS], z))  # 1 less the step's cosine
@@ -87,7 +87,7 @@ _WIDE = (2, 4, 8)
 
 
 class SinesAtOnce:
-    """Sines and cosines of groups of angles as LLVM instructions, which leave them in memory in pairs."""
+    """Sines and cosines of groups of angles as LLVM instructions."""
 
     def __init__(self, text: Instructions, operand: Callable[[Any], str], has: Callable[[Expression], bool]) -> None:
         self._text, self._operand, self._has = text, operand, has
@@ -203,7 +203,7 @@ class SinesAtOnce:
 
 
 class _Turn(NamedTuple):
-    """Angle whose sine is asked for and, where it is a short step from a known one, the step and its place."""
+    """Angle whose sine is asked for, and its short step from a known one."""
 
     angle: Expression
     step: Any = None

@@ -1,4 +1,4 @@
-"""A step that is taken again and again, by many members at once, in one native call."""
+"""Steps taken again and again by many members in one native call."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ steps.
 
 
 class Source(StrEnum):
-    """Source of a step's argument: of each member or shared, the same in all steps or new in each."""
+    """Source of a step's argument: of each member or shared, constant or new in each step."""
 
     STATE = "state"
     """one a lane, replaced in each step by the first results"""
@@ -47,7 +47,7 @@ class Source(StrEnum):
 
 
 def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, Sequence[int]], same: int = 0) -> str:
-    """LLVM IR of the function `run`, one call of which takes many steps for many members."""
+    """LLVM IR of the function `run`, which takes many steps for many members."""
     results, states = routine.layout.sizes, len(columns[Source.STATE])
     count = {str(source): sum(lengths) for source, lengths in columns.items()}
     inputs = {f"%{source}.at": lengths for source, lengths in columns.items()}
@@ -467,7 +467,7 @@ class Ensemble:
 
 
 class _Work(NamedTuple):
-    """Steps to be taken by the members of an ensemble: what is read and written, which stays alive as long."""
+    """Steps to take, and the memory they read and write, which stays alive."""
 
     ensemble: Ensemble
     steps: int

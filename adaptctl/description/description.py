@@ -49,17 +49,17 @@ class JointKind(Enum):
 
     @property
     def is_revolute(self) -> bool:
-        """True for revolute and continuous joints, whose coordinate is an angle (rad); False for prismatic ones (m)."""
+        """True for revolute and continuous joints, False for prismatic ones."""
         return self is not JointKind.PRISMATIC
 
     @property
     def position_unit(self) -> str:
-        """Unit of the coordinate of a joint of this kind: "rad" for an angle, "m" for a length."""
+        """Unit of the coordinate, "rad" or "m"."""
         return "rad" if self.is_revolute else "m"
 
     @property
     def effort_unit(self) -> str:
-        """Unit of the effort of a joint of this kind: "N m" for a torque, "N" for a force."""
+        """Unit of the effort, "N m" or "N"."""
         return "N m" if self.is_revolute else "N"
 
 
@@ -264,7 +264,7 @@ class Description:
 
     @cached_property
     def primary(self) -> tuple[int, ...]:
-        """Zero-based indices, among all joints, of the r primary joints, in the order of positions p."""
+        """Indices of the r primary joints among all joints."""
         names = self.joint_names if self.loops is None else self.loops.primary
         return tuple(self.joint_names.index(name) for name in names)
 
@@ -367,7 +367,7 @@ class Description:
 
     @cached_property
     def massless_joints(self) -> tuple[str, ...]:
-        """Names of end links without inertia and rotor, whose accelerations nothing determines; empty with loops."""
+        """End links without inertia and rotor, whose accelerations nothing determines; empty with loops."""
         return () if self.loops is not None else weightless_ends(self.links)
 
     @property
@@ -466,7 +466,7 @@ class Description:
 
     @property
     def closed(self) -> bool:
-        """True if loop closures constrain the mechanism; couplings, by which joints follow others, do not count."""
+        """True if loop closures constrain the mechanism; couplings do not count."""
         return self.loops is not None and bool(self.loops.closures)
 
     def __eq__(self, other: object) -> bool:

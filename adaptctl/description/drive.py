@@ -1,4 +1,4 @@
-"""The drive of a joint, its geared rotor and its friction, and the joint's limits."""
+"""Drives of joints (rotor and friction) and their limits."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from adaptctl.errors import InputError
 
 
 class DriveParameter(Enum):
-    """Parameter of a joint's drive, in the order in which drive parameters follow the links' ones."""
+    """Parameter of a joint's drive, in the order of the parameters."""
 
     ROTOR_INERTIA = "rotor_inertia"
     VISCOUS = "viscous"
@@ -24,7 +24,7 @@ class DriveParameter(Enum):
 
     @property
     def is_friction(self) -> bool:
-        """True for all but the rotor inertia: a torque of its own and no energy."""
+        """True for all but the rotor inertia."""
         return self is not DriveParameter.ROTOR_INERTIA
 
 
@@ -36,7 +36,7 @@ LARGEST_TERM = 1e20
 
 @dataclass(frozen=True)
 class Drive:
-    """Joint's drive: rotor inertia, and friction at the speed s of its motor shaft or, for a prismatic joint."""
+    """Rotor inertia and friction of a joint, at the speed of its motor shaft."""
 
     rotor_inertia: float | None = None
     viscous: float | None = None
@@ -65,7 +65,7 @@ class Drive:
         return replace(self, **values)
 
     def value(self, kind: DriveParameter) -> float | None:
-        """Value,, of this drive's term `kind`, such as its rotor inertia; None where the term is not modelled."""
+        """Value of a term; None where it is not modelled."""
         value: float | None = getattr(self, kind.value)
         return value
 

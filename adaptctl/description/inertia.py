@@ -1,4 +1,4 @@
-"""The ten inertial parameters of a link, and when a rigid body can have them."""
+"""Ten inertial parameters of a link, and when a rigid body can have them."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ _LOWER = (0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)
 
 
 def inertia_tensor(ten: ArrayLike) -> Array:
-    """Inertia tensor (3, 3) in kg m^2 about the link frame's origin, of ten inertial parameters."""
+    """Inertia tensor (3, 3) in kg m^2 about the link frame's origin."""
     return np.asarray(ten, dtype=np.float64)[_TENSOR]
 
 
 def from_tensor(mass: float, first_moment: ArrayLike, tensor: ArrayLike) -> Array:
-    """Ten inertial parameters (10,) from mass, first moment and inertia tensor about the frame's origin."""
+    """Ten inertial parameters from mass, first moment and inertia tensor about the origin."""
     entries = np.asarray(tensor, dtype=np.float64)
     return np.array([mass, *np.asarray(first_moment, dtype=np.float64), *(entries[index] for index in _LOWER)])
 
 
 def from_center_of_mass(mass: float, center: ArrayLike, tensor_at_center: ArrayLike) -> Array:
-    """Ten inertial parameters (10,) from mass, centre of mass and inertia tensor about it (Huygens-Steiner)."""
+    """Ten inertial parameters from mass, centre of mass and inertia tensor about it."""
     c = np.asarray(center, dtype=np.float64)
     shift = mass * (np.dot(c, c) * np.eye(3) - np.outer(c, c))
     return from_tensor(mass, mass * c, np.asarray(tensor_at_center, dtype=np.float64) + shift)
 
 
 def pseudo_inertia(ten: ArrayLike) -> Array:
-    """Pseudo-inertia matrix (4, 4) [[S, mc], [mc', m]], S = tr(I)/2 1 - I, of ten inertial parameters."""
+    """Pseudo-inertia matrix (4, 4) [[S, mc], [mc', m]] with S = tr(I)/2 1 - I."""
     values, tensor = np.asarray(ten, dtype=np.float64), inertia_tensor(ten)
     second_moments = 0.5 * np.trace(tensor) * np.eye(3) - tensor
     moment = values[1:4, None]
@@ -55,17 +55,17 @@ def from_pseudo_inertia(matrix: ArrayLike) -> Array:
 
 
 def transformed(ten: ArrayLike, pose: Pose) -> Array:
-    """Ten inertial parameters (10,) in a parent frame, from those in a child frame and its pose in the parent."""
+    """Ten inertial parameters in a parent frame, from those in a child frame."""
     homogeneous = np.eye(4)
     homogeneous[:3, :3], homogeneous[:3, 3] = pose.rotation, pose.translation
     return from_pseudo_inertia(homogeneous @ pseudo_inertia(ten) @ homogeneous.T)
 
 
 def is_physically_consistent(ten: ArrayLike) -> bool:
-    """True where some rigid body has the ten parameters: their pseudo-inertia matrix is positive definite."""
+    """True where the pseudo-inertia matrix is positive definite, so that a rigid body exists."""
     return bool(np.linalg.eigvalsh(pseudo_inertia(ten))[0] > 0.0)
 
 
 def parameter_names(link_names: Sequence[str]) -> tuple[str, ...]:
-    """Names of the inertial parameters of links, ten for each of `link_names`, such as ``link3.I_xx``."""
+    """Names of the inertial parameters of links, such as ``link3.I_xx``."""
     return tuple(f"{link}.{name}" for link in link_names for name in PARAMETERS)

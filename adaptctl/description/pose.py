@@ -1,4 +1,4 @@
-"""Rigid placements of one frame in another, and frames that have names of their own."""
+"""Poses of frames in others, and named frames."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LARGEST_LENGTH = 1e9
 
 
 def rotation_about(axis: ArrayLike, angle: float) -> Array:
-    """Rotation matrix (3, 3) of a right-handed turn by `angle` (rad) about a unit vector (Rodrigues)."""
+    """Rotation matrix (3, 3) about a unit vector by an angle in rad."""
     x, y, z = np.asarray(axis, dtype=np.float64)
     hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     rotation = np.eye(3) + np.sin(angle) * hat + (1.0 - np.cos(angle)) * (hat @ hat)
@@ -25,7 +25,7 @@ def rotation_about(axis: ArrayLike, angle: float) -> Array:
 
 
 def exact_right_angles(rotation: Array, tolerance: float = 1e-15) -> Array:
-    """Copy of a rotation matrix with entries near -1, 0 and 1 made exactly that."""
+    """Copy of a rotation matrix with entries near -1, 0 and 1 made exact."""
     rounded = np.round(rotation)
     return np.where(np.abs(rotation - rounded) <= tolerance, rounded + 0.0, rotation)
 
@@ -38,7 +38,7 @@ def roll_pitch_yaw(angles: ArrayLike) -> Array:
 
 
 def quaternion_rotation(quaternion: ArrayLike) -> Array:
-    """Rotation matrix (3, 3) of a `quaternion` (4,), w, x, y, z, of any length from 1e-12."""
+    """Rotation matrix (3, 3) of a quaternion w, x, y, z of any length from 1e-12."""
     given = np.asarray(quaternion, dtype=np.float64)
     length = float(np.linalg.norm(given))
     if length < 1e-12:
@@ -138,7 +138,7 @@ class FrameKind(Enum):
 
 @dataclass(frozen=True)
 class NamedFrame:
-    """Named frame, such as a tool's, fixed to a link (by index; -1 is the ground) at a pose in m."""
+    """Named frame, such as a tool's, fixed to a link (-1 for the ground)."""
 
     name: str
     link: int

@@ -1,4 +1,4 @@
-"""Lengths along a mechanism's links: where a joint is and a link ends, how far and over how many joints it reaches."""
+"""Lengths along a mechanism's links, and how far joints reach."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHORTEST = 1e-6
 
 
 def joint_line(link: Link) -> tuple[Array, Array]:
-    """Point (3,) on the axis of the joint before a link and its direction (3,), in the link's frame."""
+    """Point (3,) on the axis of a link's joint and its direction, in the link's frame."""
     return link.joint_to_link.inverse.translation, link.joint_to_link.rotation.T @ link.joint.axis
 
 
@@ -60,7 +60,7 @@ def depths(parents: Iterable[int]) -> list[int]:
 
 
 def chain_reach(links: Sequence[Link], index: int) -> float:
-    """Length (m) of the chain from the first joint, on the ground, to the end of the link of `index`."""
+    """Length in m of the chain from the first joint to a link's end."""
     length = _length(links[index])
     while (parent := links[index].parent) != GROUND:
         length += _step(links, index)
@@ -69,7 +69,7 @@ def chain_reach(links: Sequence[Link], index: int) -> float:
 
 
 def reach_behind(links: Sequence[Link]) -> Array:
-    """Greatest distances (n,) in m from each joint to the end of any chain of links that it moves."""
+    """Greatest distances (n,) in m from each joint to the end of what it moves."""
     longest = np.array([_length(link) for link in links])
     for i in reversed(range(len(links))):
         if (parent := links[i].parent) != GROUND:

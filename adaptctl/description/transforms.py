@@ -1,4 +1,4 @@
-"""Mechanisms made of mechanisms: joined, on a floating base, with right angles made exact, with frames at joints."""
+"""Mechanisms made of mechanisms: joined, floating, with exact right angles."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link
 
 
 def above_base(visuals: Sequence[Visual]) -> tuple[Visual, ...]:
-    """Shapes renumbered for the six links of a floating base; those on the ground are on the floating body."""
+    """Shapes renumbered for the six links of a floating base."""
     return tuple(replace(visual, link=visual.link + len(JOINTS)) for visual in visuals)
 
 
@@ -262,7 +262,7 @@ def _shortest_turn(start: Array, end: Array) -> Array:
 
 
 def with_joint_frames(description: Description) -> Description:
-    """Copy of a description with link frames at the joints, where equations take fewest operations."""
+    """Copy with link frames at the joints, where equations take fewest operations."""
     far = {link.name: link.joint_to_link for link in description.links}
     links = tuple(_link(link, description) for link in description.links)
     loops = None if description.loops is None else _loops(description.loops, far)
@@ -270,7 +270,7 @@ def with_joint_frames(description: Description) -> Description:
 
 
 def joint_frame_parameters(description: Description) -> Array:
-    """Matrix (P, P) that maps inertial parameters to those with link frames at the joints."""
+    """Matrix (P, P) to inertial parameters with link frames at the joints."""
     matrix, size = np.eye(len(description.parameter_names)), len(PARAMETERS)
     for k, i in enumerate(description.bodies):
         moved = [transformed(one, description.links[i].joint_to_link) for one in np.eye(size)]

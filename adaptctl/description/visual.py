@@ -1,4 +1,4 @@
-"""Shapes of links for drawing: meshes and plain solids, fixed to them. Nothing of it moves anything."""
+"""Shapes of links for drawing."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Box:
-    """Box for drawing, centred at its frame's origin, of edge lengths `size` (3,) in m."""
+    """Box for drawing, of edge lengths (3,) in m."""
 
     size: tuple[float, float, float]
 
@@ -37,7 +37,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """Cylinder for drawing, centred at its frame's origin, its axis along z, of a `radius` (m) and a `length` (m)."""
+    """Cylinder for drawing, its axis along z, with lengths in m."""
 
     radius: float
     length: float
@@ -61,7 +61,7 @@ Solid = Mesh | Box | Cylinder | Sphere
 
 @dataclass(frozen=True)
 class Visual:
-    """Shape for drawing, fixed to a link (by index; -1 is the ground) at a pose in m."""
+    """Shape for drawing, fixed to a link (-1 for the ground)."""
 
     link: int
     pose: Pose
@@ -69,7 +69,7 @@ class Visual:
     color: Color | None = None
 
     def on(self, link: int, pose: Pose) -> Visual:
-        """Copy of this shape fixed to another link, of index `link`, or to the ground, -1."""
+        """Copy of this shape fixed to another link."""
         return replace(self, link=link, pose=pose @ self.pose)
 
 

@@ -1,4 +1,4 @@
-"""The equations of motion, written once over scalars (`Equations`), and `Mechanism`, their face on arrays."""
+"""Equations of motion over scalars (`Equations`) and on arrays (`Mechanism`)."""
 
 from adaptctl.dynamics.equation_costs import EquationCosts, equation_costs
 from adaptctl.dynamics.equations import Equations, Motion

@@ -33,11 +33,11 @@ class OnArrays(Protocol):
 
     @property
     def call(self) -> Callable[..., Array]:
-        """Equation as a function of one array (..., size) for each argument, size its own, in SI units."""
+        """Equation as a function of arrays (..., size) in SI units."""
 
     @property
     def into(self) -> Callable[..., Array]:
-        """Equation as a function of `out`, a float64 array, and these: it fills `out` and returns it."""
+        """Equation that fills and returns its first argument."""
 
 
 class ArrayEquation:
@@ -176,7 +176,7 @@ TOGETHER = 64
 
 
 class RowByRow:
-    """Regressor evaluated row by row, as native code of the whole matrix would take too long to compile."""
+    """Regressor evaluated row by row, since the whole matrix would compile too long."""
 
     def __init__(
         self, whole: ArrayEquation, powers: ArrayEquation, rows: int, columns: Sequence[int] | None = None
@@ -185,8 +185,7 @@ class RowByRow:
         self._columns = None if columns is None else list(columns)
 
     def call(self, *arguments: ArrayLike) -> Array:
-        """The regressors (..., r, k) at `arguments` (..., r) in SI units, those of `whole`, whose leading axes are
-        samples and broadcast. Raises what that of an `ArrayEquation` does."""
+        """Regressors (..., r, k) at arguments (..., r)."""
         arrays, samples = self._whole.arrays_of(*arguments)
         count = math.prod(samples)
         if not count or (not self._powers.is_native(count * self._rows) and count != 1):
@@ -219,7 +218,7 @@ class RowByRow:
 
 @lru_cache(maxsize=4)
 def unit_rows(n: int) -> Array:
-    """Identity matrix (n, n) of floats, read-only: a view of 2n - 1 numbers, of which each row is another part."""
+    """Identity matrix (n, n), read-only: a view of 2n - 1 numbers."""
     numbers = np.zeros(2 * n - 1)
     numbers[n - 1] = 1.0
     return np.lib.stride_tricks.sliding_window_view(numbers, n)[::-1]
@@ -250,7 +249,7 @@ class ArrayMechanism(Protocol):
 
     @property
     def dof(self) -> int:
-        """Number r of primary joints, the degrees of freedom: all joints of a tree, the independent ones of loops."""
+        """Number r of primary joints."""
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -288,7 +287,7 @@ class ArrayEquations:
         self.torque_regressor, self.slotine_li_regressor = (self._regressor(name, None) for name in REGRESSORS)
 
     def on_columns(self, regressor: str, columns: tuple[int, ...]) -> OnArrays:
-        """Regressor's equation for the k parameters of indices `columns` alone, which returns (..., r, k)."""
+        """Regressor's equation for k parameters alone."""
         if regressor not in REGRESSORS:
             raise InputError(f"regressor: expected {' or '.join(REGRESSORS)}, got {regressor!r}")
         key = regressor, columns

@@ -1,4 +1,4 @@
-"""Equations on free parameters z, where linear constraints among a mechanism's parameters hold: D = D0 + N z."""
+"""Equations in the free parameters z of linear constraints D = D0 + N z."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from adaptctl.scalars import Column, Scalar
 
 
 class ConstrainedMotion(Motion):
-    """Motion at one instant, with regressors in the Z parameters that linear constraints leave free."""
+    """Motion at one instant, with regressors in the free parameters."""
 
     __slots__ = ("equations", "whole")
 
@@ -44,7 +44,7 @@ class ConstrainedMotion(Motion):
 
 @dataclass(frozen=True)
 class ConstrainedEquations(Equations):
-    """Equations of motion in the free parameters z of linear constraints D = D0 + N z."""
+    """Equations of motion in the free parameters z of D = D0 + N z."""
 
     whole: Equations
     spread: tuple[tuple[tuple[int, float], ...], ...]
@@ -57,7 +57,7 @@ class ConstrainedEquations(Equations):
 
     @property
     def links(self) -> tuple[Segment, ...]:
-        """Geometry of the spanning tree's n links, a `Segment` each, lengths in m, parents before their children."""
+        """Geometry of the tree's n links, parents before children."""
         return self.whole.links
 
     @property
@@ -120,7 +120,7 @@ class ConstrainedEquations(Equations):
         return self.whole.damping(q, v, self.expanded(parameters))
 
     def expanded(self, parameters: Column) -> Column:
-        """All P parameters D = D0 + N z (P,) from values z (Z,) of the free `parameters`, SI units."""
+        """All parameters D = D0 + N z (P,) from the free ones (Z,)."""
         terms: list[list[tuple[float, Any]]] = [[(1.0, x)] if x else [] for x in self.known]
         for z, enters in zip(parameters, self.spread, strict=True):
             for place, weight in enters:
@@ -128,14 +128,14 @@ class ConstrainedEquations(Equations):
         return Column(map(_sum, terms))
 
     def needed(self, columns: Sequence[int]) -> list[int]:
-        """Indices of all parameters on which the free ones of indices `columns` have an effect, ascending."""
+        """Indices of all parameters that some free ones have an effect on, ascending."""
         return sorted({place for column in columns for place, _ in self.spread[column]})
 
     def _gathered(self, entries: Sequence[Scalar]) -> Column:
         return self.combined(dict(enumerate(entries)), range(self.parameters))
 
     def combined(self, entries: dict[int, Scalar], columns: Sequence[int]) -> Column:
-        """Derivatives (k,) by k of the free parameters, from those (P,) by all parameters: N' y."""
+        """Derivatives (k,) by free parameters, from those (P,) by all."""
         return Column(_sum([(weight, entries[place]) for place, weight in self.spread[c]]) for c in columns)
 
 

@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Parametrisation:
-    """Affine map D = D0 + N z from the free parameters z to all parameters D of a mechanism."""
+    """Affine map D = D0 + N z from free parameters z to all parameters D."""
 
     left: tuple[int, ...]
     matrix: Array
     known: Array
 
     def expanded(self, z: ArrayLike) -> Array:
-        """All P parameters D = D0 + N z (P,) from the Z free ones `z` (Z,),."""
+        """All parameters D = D0 + N z (P,) from the free ones (Z,)."""
         return self.known + self.matrix @ frozen_array(z, (len(self.left),), "parameters")
 
     def among(self, names: Sequence[str], others: Sequence[str]) -> Parametrisation:
-        """Map D = D0 + N z of the same linear constraints for a mechanism with other drives."""
+        """Map of the same constraints for a mechanism with other drives."""
         taken = [i for i in range(len(names)) if i not in self.left]
         bound = {*taken, *(i for i, column in zip(self.left, self.matrix.T, strict=True) if column[taken].any())}
         if missing := [names[i] for i in sorted(bound) if names[i] not in others]:
@@ -72,7 +72,7 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def is_plain_tree(self) -> bool:
-        """False, since linear constraints bind the inertial parameters: bodies do not have ten free ones each."""
+        """False, since linear constraints bind the parameters."""
         return False
 
     @property
@@ -92,7 +92,7 @@ class ConstrainedMechanism(Mechanism):
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the Z free parameters, such as `link3.I_xx`, in their order among all P."""
+        """Names of the Z free parameters, such as `link3.I_xx`."""
         return tuple(self.whole.parameter_names[i] for i in self.parametrisation.left)
 
     @cached_property
@@ -103,7 +103,7 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def num_energy_parameters(self) -> int:
-        """Number of the free parameters that enter the kinetic or potential energy: all but friction terms."""
+        """Number of the free parameters that enter the energy."""
         return sum(i < self.whole.num_energy_parameters for i in self.parametrisation.left)
 
     @property
@@ -131,6 +131,6 @@ class ConstrainedMechanism(Mechanism):
         return Mechanism(self.description).energy(p, v)
 
     def constraint_bias_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """Torque (..., r) of the constant term D0 of all parameters D = D0 + N z."""
+        """Torque (..., r) of the constant term D0."""
         known = self.whole.with_parameters(self.parametrisation.known)
         return known.inverse_dynamics(p, v, a)

@@ -14,7 +14,7 @@ from adaptctl.scalars import Column, Scalar
 
 
 class MotionMemory(NamedTuple):
-    """Choice of the numbers that a controller remembers of a motion: neither constants nor copies of others."""
+    """Choice of the numbers that a controller remembers of a motion."""
 
     kept: tuple[int, ...]
     sources: tuple[float | int, ...]
@@ -151,12 +151,12 @@ class Equations(ABC):
     @property
     @abstractmethod
     def dof(self) -> int:
-        """Number r of primary joints, the degrees of freedom: all joints of a tree, the independent ones of loops."""
+        """Number r of primary joints."""
 
     @property
     @abstractmethod
     def links(self) -> tuple[Segment, ...]:
-        """Geometry of the spanning tree's n links, a `Segment` each, lengths in m, in depth-first order."""
+        """Geometry of the tree's n links, lengths in m, depth first."""
 
     @property
     def joints(self) -> int:
@@ -175,7 +175,7 @@ class Equations(ABC):
 
     @property
     def closing_numbers(self) -> object:
-        """Numbers, texts and kinds that closing the loops depends on, nested tuples to be compared."""
+        """Data that closing the loops depends on, to be compared."""
         return None
 
     @abstractmethod

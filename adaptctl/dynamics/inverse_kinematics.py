@@ -1,4 +1,4 @@
-"""Inverse kinematics: joint positions that bring a point of a link to a place in the world."""
+"""Inverse kinematics: joint positions that bring a point to a place."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ def position_unit(mechanism: Mechanism) -> str:
 
 
 def error_unit(mechanism: Mechanism) -> str:
-    """Unit in which position errors of a mechanism are shown, a thousandth of the positions' own."""
+    """Unit in which position errors are shown, such as "mrad"."""
     return either(f"m{unit}" for unit in position_units(mechanism))
 
 

@@ -22,7 +22,7 @@ NEWTON_STEPS = 3
 
 
 class LoopMotion(Motion):
-    """Motion at one instant of a mechanism with closed loops, from that of its tree."""
+    """Motion at one instant of a mechanism with closed loops."""
 
     __slots__ = ("following", "tree")
 
@@ -51,7 +51,7 @@ class LoopMotion(Motion):
 
 @dataclass(frozen=True)
 class LoopEquations(Equations):
-    """Equations of motion of a mechanism with closed loops, in velocities and torques of its r primary joints."""
+    """Equations of motion of a mechanism with closed loops."""
 
     tree: TreeEquations
     closing: Closing
@@ -69,7 +69,7 @@ class LoopEquations(Equations):
 
     @property
     def links(self) -> tuple[Segment, ...]:
-        """Geometry of the spanning tree's n links, a `Segment` each, lengths in m, parents before their children."""
+        """Geometry of the tree's n links, parents before children."""
         return self.tree.segments
 
     def closed(self, p: Column, guess: Column) -> Column:
@@ -110,7 +110,7 @@ class LoopEquations(Equations):
         return Column(x - moved[i] if i in moved else x for i, x in enumerate(q))
 
     def residual(self, q: Column) -> Column:
-        """Closure residual (d,) of the loops and couplings at a configuration (n,); zero where they are closed."""
+        """Closure residual (d,) at a configuration (n,); zero where loops are closed."""
         return self.closing.residual(placements(self.tree.segments, q), q)
 
     def posture(self, q: Column) -> Posture:

@@ -95,7 +95,7 @@ class Mechanism:
 
     @cached_property
     def equations(self) -> Equations:
-        """Equations of motion over scalars of any kind, to trace or differentiate; they check nothing."""
+        """Equations of motion over scalars of any kind; they check nothing."""
         if self._looped is None:
             return TreeEquations.of(self.description)
         from adaptctl.dynamics.loops.dyad import rules
@@ -127,7 +127,7 @@ class Mechanism:
 
     @property
     def neutral_configuration(self) -> Array:
-        """Positions (r,) in the closed reference configuration, rad (m if prismatic); zeros for a tree."""
+        """Positions (r,) of the reference configuration; zeros for a tree."""
         loops = self.continuation
         return np.zeros(self.dof) if loops is None else loops.reference[loops.primary]
 
@@ -191,7 +191,7 @@ class Mechanism:
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters, as in `link3.I_xx` and `joint2.viscous`: ten of each body, then the drives'."""
+        """Names of the P parameters, as in `link3.I_xx` and `joint2.viscous`."""
         return self.description.parameter_names
 
     @cached_property
@@ -211,7 +211,7 @@ class Mechanism:
 
     @property
     def free_directions(self) -> Array:
-        """Derivatives (P, Z) of all parameters with respect to the Z free ones; the identity without constraints."""
+        """Derivatives (P, Z) of all parameters by the free ones."""
         return np.eye(len(self.parameter_names))
 
     @property
@@ -226,7 +226,7 @@ class Mechanism:
 
     @cached_property
     def effort_limits(self) -> Array:
-        """Greatest torques (r,) of the primary joints, N m (N if prismatic); infinite where unknown."""
+        """Greatest torques (r,) in N m (N if prismatic); infinite where unknown."""
         return frozen(np.array([joint.limits.effort for joint in self.primary_joints]))
 
     @property

@@ -26,11 +26,11 @@ class ParameterLayout(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number P of parameters: ten for each body and one for each term of a drive."""
+        """Number P of parameters."""
         return self.driven + len(self.drives)
 
     def sorted_out(self, columns: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:
-        """Parameters of indices `columns`, from 0 to P - 1, sorted into those of bodies and those of drives."""
+        """Parameters of some indices, sorted into those of bodies and of drives."""
         of_bodies = {c: 10 * self.bodies[c // 10] + c % 10 for c in columns if c < self.driven}
         return of_bodies, {c: c - self.driven for c in columns if c >= self.driven}
 
@@ -44,7 +44,7 @@ class ParameterLayout(NamedTuple):
         return Column(tens)
 
     def owned(self, tens: Column) -> Sequence[Scalar]:
-        """Entries of `tens` (10 N,), ten for each of N links, that belong to links with inertial parameters."""
+        """Entries of ten for each link that belong to links with parameters."""
         return [x for i in self.bodies for x in tens.of[10 * i : 10 * i + 10]]
 
     def of_drives(self, parameters: Column) -> Sequence[Scalar]:

@@ -75,7 +75,7 @@ class TreeMotion(Motion):
 
 @dataclass(frozen=True)
 class TreeEquations(Equations):
-    """Equations of motion of a tree of n links, all of whose joints are primary."""
+    """Equations of motion of a tree of n links."""
 
     segments: tuple[Segment, ...]
     gravity: Vec
@@ -92,7 +92,7 @@ class TreeEquations(Equations):
 
     @property
     def links(self) -> tuple[Segment, ...]:
-        """Geometry of the tree's n links, a `Segment` each, lengths in m, parents before their children."""
+        """Geometry of the tree's n links, parents before children."""
         return self.segments
 
     @property

@@ -75,7 +75,7 @@ class Dual(np.lib.mixins.NDArrayOperatorsMixin):
 
 
 def dual(x: Any) -> Dual:
-    """Dual number (a value with its derivative along a direction, the slope) from a scalar `x`."""
+    """Dual number from a scalar."""
     return x if isinstance(x, Dual) else Dual(x)
 
 

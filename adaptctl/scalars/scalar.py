@@ -492,7 +492,7 @@ def hyperbolic_tangent(x: Any) -> Any:
 
 
 def arc_tangent(y: Any, x: Any) -> Any:
-    """Angle of the point (x, y) from -pi to pi by arithmetic and comparisons alone, for SIMD instructions."""
+    """Angle of the point (x, y) by arithmetic and comparisons alone, for SIMD instructions."""
     high, low = maximum(absolute(x), absolute(y)), minimum(absolute(x), absolute(y))
     upper = low > math.tan(math.pi / 8.0) * high
     t = where(upper, low - high, low) / where(upper, low + high, where(high > 0.0, high, 1.0))

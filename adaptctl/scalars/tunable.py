@@ -132,7 +132,7 @@ class Tunable:
 
     @cached_property
     def packed(self) -> Array:
-        """All g tunable numbers in one array (g,), in the order of `numbers`, matrices row by row."""
+        """All g tunable numbers (g,) in the order of `numbers`, matrices row by row."""
         return np.concatenate([np.zeros(0), *(array.ravel() for array in self.numbers.values())])
 
     def substituted(self, packed: Column) -> Self:

@@ -1,4 +1,4 @@
-"""Entries of links, joints and frames in TOML files, common to all ways of describing the tree."""
+"""Entries of links, joints and frames in TOML files."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Triple = tuple[float, float, float]
 
 
 class Tensor(msgspec.Struct, forbid_unknown_fields=True):
-    """Inertia tensor of a TOML file in kg m^2 by six components; off-diagonal ones are -integral xy dm."""
+    """Inertia tensor of a TOML file in kg m^2; off-diagonal entries are -integral xy dm."""
 
     xx: float = 0.0
     xy: float = 0.0
@@ -39,12 +39,12 @@ class Tensor(msgspec.Struct, forbid_unknown_fields=True):
     zz: float = 0.0
 
     def matrix(self) -> Array:
-        """Symmetric matrix (3, 3), kg m^2, of the inertia tensor whose six components this entry gives."""
+        """Symmetric matrix (3, 3) in kg m^2."""
         return np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
 
 
 class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Entry of a TOML file: the pose of a frame in the frame of a link or joint."""
+    """Pose of a frame in a TOML file."""
 
     position: Triple = (0.0, 0.0, 0.0)
     rpy: Triple | None = None
@@ -104,7 +104,7 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         return Limits(lower, upper, _or_unlimited(self.velocity), _or_unlimited(self.effort))
 
     def ten(self) -> Array:
-        """Ten inertial parameters (10,) of the link about its frame's origin; zero where nothing is given."""
+        """Ten inertial parameters of the link; zero where nothing is given."""
         about_origin = (self.first_moment, self.inertia)
         about_center = (self.center_of_mass, self.inertia_at_center)
         self._validate_mass()
@@ -162,7 +162,7 @@ A_TURN = 2.02 * math.pi
 
 
 def validate_at_most(count: int, most: int, what: str) -> None:
-    """Raise `InputError` if a file has more parts of one kind than a robot's file may have."""
+    """Raise `InputError` if a file has too many parts of one kind."""
     if count > most:
         raise InputError(f"{count} {what}: at most {most} are read")
 
@@ -189,13 +189,13 @@ def unknown_body(name: str, known: Sequence[str]) -> str:
 
 
 def is_more_than_a_turn(angles: Iterable[float] | float | None) -> bool:
-    """True where an angle is above 2.02 pi in size, so that degrees may be meant."""
+    """True where an angle is above 2.02 pi in size, perhaps in degrees."""
     given = (angles,) if isinstance(angles, int | float) else angles or ()
     return any(abs(angle) > A_TURN for angle in given)
 
 
 def warn_of_degrees(path: Any, links: Sequence[Link], frames: Sequence[str], stacklevel: int = 3) -> None:
-    """Warn of angles of a file that are read as rad but look like degrees."""
+    """Warn of angles read as rad that look like degrees."""
     joints = [f"limits of {link.joint.name}" for link in links if _may_be_degrees(link)]
     if names := [*joints, *frames]:
         text = "angles are read as radians, and these look like degrees"

@@ -1,4 +1,4 @@
-"""Reader of any mechanism from our TOML: a tree of links, and what closes it into loops."""
+"""Reader of mechanisms from TOML files of links and closures."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Part = TypeVar("Part")
 
 
 class TreeLink(LinkEntry, kw_only=True):
-    """Entry of a mechanism file in TOML: one link of a tree with the joint before it."""
+    """Link of a tree with the joint before it, in TOML."""
 
     parent: Name | None = None
     axis: Triple = (0.0, 0.0, 1.0)
@@ -65,7 +65,7 @@ class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Entry of a mechanism file in TOML: a coupling of two joints' positions, follower = ratio * leader + offset."""
+    """Coupling of two joints in TOML: follower = ratio * leader + offset."""
 
     follower: Name
     leader: Name

@@ -1,4 +1,4 @@
-"""Reader of MJCF, MuJoCo's format, by MuJoCo's own parser: its model says how bodies stand, move and are closed."""
+"""Reader of MJCF by MuJoCo's own parser."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ class MjcfBody:
 
 
 def mjcf_bodies(path: str | Path, root: str | None = None) -> dict[int, MjcfBody]:
-    """Bodies of an MJCF file with their own inertias, by the index of the link in `read_mjcf`."""
+    """Bodies of an MJCF file with their own inertias, by link index."""
     scanned = ScannedFile.of(path, whole=root is None)
     if any(compiler.get("inertiafromgeom") == "true" for compiler in scanned.root.findall("compiler")):
         raise InputError("<compiler>: inertiafromgeom='true' ignores inertials: make it 'auto'")
@@ -242,7 +242,7 @@ def _add_mesh_inertias(model: mujoco.MjModel, scanned: ScannedFile, needed: Mapp
 
 
 def _serve() -> None:
-    """Answer an MJCF text on standard input with its bodies' inertias, as a process of its own."""
+    """Answer an MJCF text on standard input with its bodies' inertias."""
     import resource
 
     resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))

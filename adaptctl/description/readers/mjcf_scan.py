@@ -1,4 +1,4 @@
-"""The part of an MJCF file that MuJoCo's parser is shown: what motion depends on, bounded and with checked numbers."""
+"""Part of an MJCF file that MuJoCo is shown, with checked numbers."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class ScannedFile:
         return cls(root, Path(path).parent, meshes, numbers_of, tendons)
 
     def text(self, meshes: Collection[str] = ()) -> tuple[str, list[Element]]:
-        """Text of the file for MuJoCo, and its elements, each on a line of its own."""
+        """Text of the file for MuJoCo, and its elements, one on each line."""
         assets = Element("asset")
         assets.extend(self.meshes[name] for name in meshes)
         root = like(self.root, self.root.attrib)
@@ -172,7 +172,7 @@ def _content(element: Element, folder: Path, seen: set[Path]) -> list[Element]:
 
 
 def validate_within(folder: Path, element: Element) -> Path:
-    """Path of the file that the attribute `file` of an `element` names, found from the `folder`, links followed."""
+    """Path of a file that an element names, in or below the folder."""
     name = element.get("file", "")
     try:
         file = (folder / name).resolve()

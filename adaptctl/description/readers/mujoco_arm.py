@@ -1,4 +1,4 @@
-"""The part of a compiled MuJoCo model that is one mechanism: a body and all that hangs on it, as links."""
+"""Part of a MuJoCo model that is one mechanism, as links."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def mujoco_package(what: str = "a MuJoCo model") -> Any:
 
 @dataclass(frozen=True, eq=False)
 class MujocoArm:
-    """Part of a MuJoCo model that is one mechanism: its bodies and joints as indices in `model`."""
+    """Part of a MuJoCo model that is one mechanism."""
 
     model: mujoco.MjModel
     root: int
@@ -63,7 +63,7 @@ class MujocoArm:
     def of(
         cls, model: mujoco.MjModel, body: str | None = None, elements: Mapping[object, Element] | None = None
     ) -> MujocoArm:
-        """Arm that consists of a `body` of a MuJoCo model, by name, and of all bodies on it."""
+        """Arm of a body of a MuJoCo model and all bodies on it."""
         root = _moving_root(model) if body is None else _root(model, body)
         below = {root}
         for i in range(root + 1, model.nbody):
@@ -80,7 +80,7 @@ class MujocoArm:
         return found
 
     def at_line(self, key: object) -> AbstractContextManager[None]:
-        """Context in which an `InputError` names the line of an element, where the model is of a file."""
+        """Context in which an `InputError` names the line of an element."""
         return located(self.elements.get(key, LineElement("")))
 
     def _validate_plain(self, i: int) -> None:
@@ -93,7 +93,7 @@ class MujocoArm:
             raise InputError(f"{where}: a mocap body is moved by hand: leave it out")
 
     def links(self) -> list[Link]:
-        """Links of the arm in depth-first order, with the summed inertia of all bodies fixed to them."""
+        """Links in depth-first order, with the inertia of all bodies fixed to them."""
         links: list[Link] = []
         tens: list[Array] = []
         for i in self.bodies:
@@ -143,7 +143,7 @@ class MujocoArm:
 
     @property
     def gravity(self) -> Array:
-        """Acceleration of gravity (3,), m/s^2, in the model's world; zero where the model disables it."""
+        """Acceleration of gravity (3,) in m/s^2; zero where the model disables it."""
         return np.zeros(3) if is_disabled(self.model, NO_GRAVITY) else np.array(self.model.opt.gravity)
 
     def warn(self, where: str, links: Sequence[Link], tendons: Sequence[str] = (), stacklevel: int = 3) -> None:
@@ -160,26 +160,26 @@ class MujocoArm:
                 warnings.warn(f"{where}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
 
     def body_name(self, i: int) -> str:
-        """Name of the model's body of index `i`, such as "body3" where it has none."""
+        """Name of body `i`, such as "body3" where it has none."""
         return self.model.body(i).name or f"body{i}"
 
     @property
     def actuators(self) -> list[int]:
-        """Indices of the actuators that act on the arm's joints directly, not by tendons or sites."""
+        """Indices of the actuators that act on joints directly."""
         joints = set(self.joints)
         return [i for i in range(self.model.nu) if self.model.actuator_trntype[i] in (0, 1)
                 and int(self.model.actuator_trnid[i, 0]) in joints]  # fmt: skip
 
     @property
     def servos(self) -> list[str]:
-        """Names and kinds of actuators that are not torque motors, as in "'elbow' (a position servo)"."""
+        """Names and kinds of actuators that are not torque motors."""
         return [
             f"{_name_of_actuator(self.model, i)} ({kind})" for i in self.actuators if (kind := servo(self.model, i))
         ]
 
 
 def body_ten(model: mujoco.MjModel, i: int) -> Array:
-    """Ten inertial parameters (10,) of body `i` of a MuJoCo model, without the bodies on it."""
+    """Ten inertial parameters of body `i`, without the bodies on it."""
     at = pose(model.body_ipos[i], model.body_iquat[i])
     if model.body_mass[i] < 0.0 or np.any(model.body_inertia[i] < 0.0):
         raise InputError(f"body {model.body(i).name!r}: mass and inertia must not be negative")
@@ -187,7 +187,7 @@ def body_ten(model: mujoco.MjModel, i: int) -> Array:
 
 
 def pose(position: Array, quaternion: Array) -> Pose:
-    """Pose of a frame at `position` (3,) in m and a quaternion (4,) w, x, y, z of any length from 1e-12."""
+    """Pose of a position (3,) in m and a quaternion w, x, y, z."""
     return Pose(quaternion_rotation(quaternion), np.array(position))
 
 
@@ -299,7 +299,7 @@ def position_limits(lower: float, upper: float) -> tuple[float, float]:
 
 
 def kind_within(limits: Limits, turns: bool) -> JointKind:
-    """Kind of a joint with the given `limits`: prismatic unless it `turns`, as a hinge does."""
+    """Kind of a joint by its limits and whether it turns."""
     if not turns:
         return JointKind.PRISMATIC
     free = (limits.lower, limits.upper) == (-math.inf, math.inf)

@@ -1,4 +1,4 @@
-"""A mechanism from a compiled MuJoCo model, which may hold a whole scene, and the loops that its equalities close."""
+"""Reader of mechanisms in compiled MuJoCo models."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NO_EQUALITY = "mjDSBL_EQUALITY"
 
 
 def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
-    """Description of a body of a MuJoCo model with all bodies on it, and the loops of its equalities."""
+    """Description of a body with all bodies on it, and the loops of the equalities."""
     arm = MujocoArm.of(model, body)
     links = tuple(arm.links())
     validate_at_most(len(links), MOST_LINKS, "links that move")

@@ -150,7 +150,7 @@ _KINDS = {
 
 
 def with_inertias(model: pinocchio.Model, description: Description) -> pinocchio.Model:
-    """Copy of a Pinocchio model with the inertias and drives of a description, matched by joint name."""
+    """Copy of a Pinocchio model with other inertias and drives, matched by joint name."""
     _validate_own_shafts(description)
     names = {str(name): i for i, name in enumerate(model.names)}
     changed = model.copy()

@@ -1,4 +1,4 @@
-"""The readers of files that hold mechanisms, and the one that finds the right one; built-in robots."""
+"""Readers of files by suffix and schema, and built-in robots."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class _Head(msgspec.Struct):
 
 
 def read_toml_mechanism(path: str | Path) -> Description:
-    """Description of the mechanism in the TOML file at `path`, read by the `schema` that it names."""
+    """Description of the mechanism in a TOML file, by its `schema`."""
     schema = read_toml(path, _Head).schema
     if schema not in SCHEMAS:
         known = ", ".join(map(repr, SCHEMAS))

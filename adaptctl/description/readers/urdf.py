@@ -1,4 +1,4 @@
-"""Reader of URDF, the Unified Robot Description Format: its tree of links, joints, inertias and limits."""
+"""Reader of URDF: links, joints, inertias and limits."""
 
 from __future__ import annotations
 
@@ -253,7 +253,7 @@ def _shown(
 
 
 def link_inertia(link: Element) -> Array:
-    """Ten inertial parameters (10,) of a URDF <link> element, `link`, about the origin of its frame."""
+    """Ten inertial parameters of a URDF <link> element."""
     with located(link):
         return _inertia_of(link, named(link))
 

@@ -1,4 +1,4 @@
-"""Reader of what URDF links look like. What cannot be shown is left out: no picture is worth refusing a robot."""
+"""Reader of shapes in URDF; what cannot be shown is left out."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ SMALLEST, LARGEST = 200, 8_000_000
 
 
 def materials(robot: Element) -> dict[str, Color]:
-    """Colours of all named <material> elements of a URDF file, of root element `robot`, by name."""
+    """Colours of all named <material> elements of a URDF file."""
     colors = ((element.get("name", ""), _own_color(element)) for element in robot.iter("material"))
     return {name: color for name, color in colors if name and color is not None}
 
 
 def visuals(body: Element, meshes: Meshes, colors: Mapping[str, Color]) -> Iterator[Visual]:
-    """Shapes to draw of a URDF <link> element, `body`, each at its pose in that link's frame (m)."""
+    """Shapes to draw of a URDF <link> element."""
     for element in body.findall("visual"):
         try:
             solid = _solid(element, meshes)
@@ -68,7 +68,7 @@ class Meshes:
     outside: list[str] = field(default_factory=list)
 
     def found(self, name: str) -> Path | None:
-        """Path of the mesh file that a URDF file calls `name`, None where there is none that may be shown."""
+        """Path of a mesh file, None where none may be shown."""
         scheme, _, rest = name.rpartition("://")
         path = PurePosixPath(rest)
         if scheme not in ("", "file", "package") or path.suffix.lower() not in SUFFIXES:

@@ -1,4 +1,4 @@
-"""Reading XML that strangers wrote: no document types, bounded, finite numbers, errors with element and line."""
+"""Reader of untrusted XML: no document types, bounded, errors with element and line."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 
 class ElementError(InputError):
-    """Error of a wrong element of an XML file, made of its message, a text."""
+    """Error of a wrong element of an XML file."""
 
 
 class LineElement(Element):
-    """An XML element with the attribute `line`, the line of its file where it begins, from 1."""
+    """XML element with its line."""
 
     line = 0
 
 
 class _Parser:
-    """Expat's events made into elements; refuses document types before any entity in them can expand."""
+    """Parser that refuses document types before any entity can expand."""
 
     def __init__(self) -> None:
         self._expat = expat.ParserCreate(namespace_separator="}")
@@ -70,7 +70,7 @@ class _Parser:
 
 
 def parsed(text: str, tag: str, *others: str) -> Element:
-    """Root element of the XML document `text`; it must be a <`tag`> or have one of the `others` tags."""
+    """Root element of an XML document, which must have an expected tag."""
     if "\0" in text:
         raise InputError("holds NUL characters, as UTF-16 text does: save the file as UTF-8 text")
     try:
@@ -85,12 +85,12 @@ def parsed(text: str, tag: str, *others: str) -> Element:
 
 
 def line_of(element: Element) -> int:
-    """Line number, from 1, at which an `element` begins in its XML file; 0 where that is not known."""
+    """Line at which an element begins; 0 where unknown."""
     return getattr(element, "line", 0)
 
 
 def like(element: Element, attributes: Mapping[str, str], tag: str = "") -> Element:
-    """New XML element with the given attributes, the line of `element` and by default its tag."""
+    """New XML element with the line of another and by default its tag."""
     copy = LineElement(tag or element.tag, dict(attributes))
     copy.line = line_of(element)
     return copy
@@ -126,7 +126,7 @@ def attribute(element: Element, name: str, where: str) -> str:
 
 
 def number(element: Element, name: str, where: str, largest: float = LARGEST) -> float:
-    """Finite number in the attribute `name` of an `element`, in the unit of the file."""
+    """Finite number in an attribute of an element."""
     return numbers(element, name, 1, where, largest)[0]
 
 
@@ -155,7 +155,7 @@ def required(element: Element, tag: str, where: str) -> Element:
 
 
 def only(element: Element, tag: str, where: str) -> Element | None:
-    """One child of an `element` that has the given `tag`, None where there is none."""
+    """Child with the given tag, None where there is none."""
     found = element.findall(tag)
     if len(found) > 1:
         refuse(found[1], f"{where}: <{element.tag}> has {len(found)} elements <{tag}>, expected one")

@@ -1,4 +1,4 @@
-"""Writer of any mechanism as our own TOML, which `readers.mechanism_file` reads back to the same numbers."""
+"""Writer of mechanisms as TOML, read back to the same numbers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from adaptctl.files import toml_string, write_text
 
 
 def write_mechanism(path: str | Path, description: Description) -> None:
-    """Write a description as a TOML file that `load` reads, whole or not at all."""
+    """Write a description as a TOML file that `load` reads."""
     write_text(path, mechanism_toml(description))
 
 

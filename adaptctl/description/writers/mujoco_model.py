@@ -124,7 +124,7 @@ def _body_of(arm: MujocoArm, i: int, link: Link) -> tuple[float, Array, Array, A
 
 
 def principal_axes(ten: Array, name: str) -> tuple[float, Array, Array, Array]:
-    """Mass, centre of mass, principal axes and principal moments of inertia of a rigid body, a tuple."""
+    """Mass, centre of mass, principal axes and moments of a rigid body."""
     mass = float(ten[0])
     if mass == 0.0 and not np.any(ten):
         return 0.0, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)

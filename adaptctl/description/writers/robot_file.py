@@ -1,4 +1,4 @@
-"""Writer of a robot's own URDF or MJCF file with other inertials: all else of the file stays, byte for byte."""
+"""Writer of URDF and MJCF files with other inertias; all else stays, byte for byte."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from adaptctl.files import decoded, read_bytes, write_bytes
 
 
 def write_robot(path: str | Path, original: str | Path, after: Description, root: str | None = None) -> None:
-    """Write a copy of a URDF or MJCF file with other inertias; all else stays, byte for byte."""
+    """Write a copy of a URDF or MJCF file with other inertias."""
     suffix = Path(original).suffix.lower()
     if suffix not in (".urdf", ".xml", ".mjcf"):
         raise InputError(f"{original}: inertias are written into URDF and MJCF files, got {suffix!r}")
@@ -39,7 +39,7 @@ def write_robot(path: str | Path, original: str | Path, after: Description, root
 
 
 def write_urdf(path: str | Path, original: str | Path, before: Description, after: Description) -> None:
-    """Write to `path` a copy of the URDF file `original` with the links' inertias of the description `after`."""
+    """Write a copy of a URDF file with other inertias."""
     data = read_bytes(original)
     text = decoded(original, data)
     try:
@@ -62,7 +62,7 @@ def write_urdf(path: str | Path, original: str | Path, before: Description, afte
 
 
 def with_inertials(data: bytes, inertias: Mapping[str, Array | None]) -> bytes:
-    """Copy of the bytes `data` of a URDF file with the <inertial> elements of some links replaced."""
+    """Copy of a URDF file's bytes with some <inertial> elements replaced."""
     spans = _Finder.spans_of(data, "link", nested=False)
     edits = []
     for name, ten in inertias.items():
@@ -120,7 +120,7 @@ def _changed(body: MjcfBody, name: str, difference: Array) -> tuple[int, Array]:
 
 @dataclass
 class _Span:
-    """Byte offsets in a file of the content of a link or body, and of its <inertial>."""
+    """Byte offsets of an element's content, and of its <inertial>."""
 
     start: int
     empty: bool

@@ -33,7 +33,7 @@ class Loop:
 
 
 class Hinge(NamedTuple):
-    """Joint of a loop at one configuration, in the axes of the link at which the loop's two sides part."""
+    """Joint of a loop at one configuration, in the common link's axes."""
 
     link: int
     turns: bool
@@ -42,7 +42,7 @@ class Hinge(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """One side of a loop closure at one configuration, in the axes of the link at which the sides part."""
+    """One side of a loop closure at one configuration, in the common link's axes."""
 
     hinges: list[Hinge]
     rotation: Mat
@@ -62,7 +62,7 @@ def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSi
 
 
 class Constraint:
-    """Loop closure at one configuration: its residual, and how that changes with the loop's joints."""
+    """Loop closure at one configuration: its residual and derivatives."""
 
     def __init__(self, places: Sequence[Placement], loop: Loop) -> None:
         self.kind = loop.kind
@@ -70,7 +70,7 @@ class Constraint:
         self._seen = self.first.rotation.T
 
     def residual(self) -> list[Scalar]:
-        """Closure residual of 3 (POINT), 5 (AXIS) or 6 (WELD) scalars, zero when the loop is closed."""
+        """Closure residual of 3 (POINT), 5 (AXIS) or 6 (WELD) scalars."""
         gap = self._seen @ (self.second.origin - self.first.origin)
         turn = product(self._seen, self.second.rotation)
         attitude = {
@@ -85,7 +85,7 @@ class Constraint:
         return [*gap, *attitude]
 
     def rates(self) -> dict[int, list[Scalar]]:
-        """Derivatives of the closure residual with respect to the loop's joint positions, at a closed configuration."""
+        """Derivatives of the residual by the loop's joint positions."""
         outward = {h.link: self._seen_rows(*self._unit(h)) for h in self.second.hinges}
         inward = {h.link: [-x for x in self._seen_rows(*self._unit(h))] for h in self.first.hinges}
         return outward | inward
@@ -113,7 +113,7 @@ class Constraint:
 
 
 class Carried(NamedTuple):
-    """Motion of a closing frame under two joint velocities u and w, no joint accelerating."""
+    """Motion of a closing frame under two joint velocities u and w."""
 
     omega: Vec
     rho: Vec
@@ -140,7 +140,7 @@ def _carried(reached: Reach, u: Column, w: Column) -> Carried:
 
 @dataclass(frozen=True)
 class Follower:
-    """Joint that follows another through gears or a mimic joint: q[follower] = ratio * q[leader] + offset, in."""
+    """Joint that follows another: q[follower] = ratio * q[leader] + offset."""
 
     follower: int
     leader: int
@@ -159,7 +159,7 @@ class Follower:
 
 @dataclass(frozen=True)
 class Closing:
-    """Loop closure conditions of a tree of n joints: its loops and couplings, and which joints depend on which."""
+    """Loop closure conditions of a tree, and which joints depend on which."""
 
     loops: tuple[Loop, ...]
     followers: tuple[Follower, ...]
@@ -169,19 +169,19 @@ class Closing:
 
     @property
     def looped(self) -> tuple[bool, ...]:
-        """Flags of the primary joints: True for one that moves a loop, being part of it or leading a joint that is."""
+        """Flags of the primary joints, True for one that moves a loop."""
         links = {link for loop in self.loops for side in (loop.first, loop.second) for link in side.links}
         links |= {c.leader for c in self.followers if c.follower in links}
         return tuple(joint in links for joint in self.primary)
 
     def residual(self, places: Sequence[Placement], q: Column) -> Column:
-        """Closure residual (c,) of loops, then of couplings, in m and rad; zero at a closed configuration."""
+        """Closure residual (c,) of loops, then of couplings, in m and rad."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).residual()]
         rows += [q[c.follower] - c.ratio * q[c.leader] - c.offset for c in self.followers]
         return Column(rows[i] for i in self.rows)
 
     def jacobian(self, places: Sequence[Placement]) -> list[Column]:
-        """Jacobian (c, n) of the closure residual by the positions of the tree's joints, as n columns."""
+        """Jacobian (c, n) of the closure residual, as n columns."""
         n, columns, above = len(places), [dict[int, Scalar]() for _ in places], 0
         for loop in self.loops:
             for joint, rates in Constraint(places, loop).rates().items():
@@ -193,14 +193,14 @@ class Closing:
         return [Column(columns[j].get(i, 0.0) for i in self.rows) for j in range(n)]
 
     def bias(self, places: Sequence[Placement], u: Column, w: Column) -> Column:
-        """Second derivative (c,) of the closure residual along two velocities u and w (n,) that keep loops closed."""
+        """Second derivative (c,) of the closure residual along two velocities (n,)."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).bias(u, w)]
         rows += [0.0] * len(self.followers)
         return Column(rows[i] for i in self.rows)
 
 
 def common_ancestor(parents: Sequence[int], first: int, second: int) -> int:
-    """Index of the last link that is on both branches from the ground to two links, or -1 for the ground."""
+    """Last link on both branches to two links, or -1 for the ground."""
     above = {GROUND, *ancestry(parents, first)}
     while second not in above:
         second = parents[second]
@@ -208,7 +208,7 @@ def common_ancestor(parents: Sequence[int], first: int, second: int) -> int:
 
 
 def ancestry(parents: Sequence[int], link: int) -> list[int]:
-    """Zero-based indices of the links on the branch from the ground to a `link`, that one included and last."""
+    """Indices of the links from the ground to a link, that one last."""
     chain: list[int] = []
     while link != GROUND:
         chain.append(link)

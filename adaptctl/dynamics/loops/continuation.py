@@ -62,7 +62,7 @@ class Continuation:
         return q.reshape(*samples, q.shape[-1])
 
     def follow_alone(self, p: object) -> Array | None:
-        """Closed configuration (n,) of one sample from the reference configuration by native code, or None."""
+        """Closed configuration (n,) of one sample by native code, or None."""
         if not self._ways.ready or type(p) is not np.ndarray or p.shape != self._start.shape or p.dtype != np.float64:
             return None
         start: list[float] = self._start.tolist()
@@ -77,7 +77,7 @@ class Continuation:
         return self.progress(p) >= 1.0
 
     def progress(self, p: Array, least: float = NEAREST) -> Array:
-        """Fractions (N,) of straight lines to positions (N, r) along which the regularity is at least `least`."""
+        """Fractions (N,) of straight lines along which the regularity suffices."""
         q = np.tile(self.reference, (len(p), 1))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
         way = p - self._start
@@ -90,13 +90,13 @@ class Continuation:
         return gone
 
     def regularity(self, q: Array) -> Array:
-        """Smallest singular value (...) of the closure Jacobian, relative to that at the reference configuration."""
+        """Smallest singular value (...) of the closure Jacobian, relative to the reference's."""
         gap, smallest, sign = self._look(q)
         _, reference, side = self._at_reference
         return np.where((sign == side) & (gap < LOST), smallest / reference, 0.0)
 
     def surely_regular(self, q: Column, lost: float = LOST) -> Scalar:
-        """Scalar that is 1.0 where loops are closed and a regularity of at least 0.05 is proved, else 0.0."""
+        """1.0 where loops are closed and a regularity of 0.05 is proved, else 0.0."""
         block = self.equations.dependent_block(q)
         factor, units = factored(block), range(len(block))
         inverse = [factor.solve(Column(float(i == j) for j in units)) for i in units]
@@ -120,7 +120,7 @@ class Continuation:
         return np.asarray(regular)
 
     def validate_regular(self, q: Array) -> None:
-        """Raise `SingularityError`, naming the worst, unless all configurations (..., n) have a regularity of 0.05."""
+        """Raise `SingularityError` unless all configurations have a regularity of 0.05."""
         regularity = np.ravel(self.regularity(q))
         if regularity.size == 0:
             return
@@ -205,7 +205,7 @@ class Continuation:
 
 
 def determinant(rows: Iterable[Column]) -> Scalar:
-    """Determinant of a matrix (n, n) of scalars of any kind, by elimination that does not branch."""
+    """Determinant of a matrix of scalars, by elimination that does not branch."""
     left, product = [list(row) for row in rows], 1.0
     while left:
         pivot, *others = left
@@ -233,7 +233,7 @@ MOST = 10_000
 
 @dataclass(eq=False)
 class BatchContinuation:
-    """Native code that follows closed loops along straight lines of primary positions, step by step."""
+    """Native code that follows closed loops along straight lines."""
 
     following: Callable[[Column, Column], Column]
     sure: Callable[[Column], Scalar]
@@ -247,12 +247,12 @@ class BatchContinuation:
         return self.work >= 1.0
 
     def pays(self, steps: NDArray[np.int64]) -> bool:
-        """Count a call for N straight lines; True if native code is worth making by now and may follow them."""
+        """Count a call for N lines; True if native code is worth making."""
         self.work += 1.0 / CALLS + float(steps.sum()) / STEPS
         return self.ready and int(steps.max(initial=0)) <= MOST
 
     def followed(self, q: Array, begin: Array, way: Array, steps: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
-        """Configurations (N, n) at the ends of N straight lines, and a mask (N,), True where every step was regular."""
+        """Configurations (N, n) at the lines' ends, and a mask (N,) of regular ones."""
         arms = self._many.ensemble(len(q))
         arms.state["q"], arms.state["sure"] = q, 1.0
         arms.held["begin"], arms.held["way"], arms.held["steps"] = begin, way, steps[:, None]
@@ -260,7 +260,7 @@ class BatchContinuation:
         return arms.state["q"], arms.state["sure"][:, 0] > 0.0
 
     def followed_alone(self, q: Array, begin: list[float], way: list[float], steps: int) -> Array | None:
-        """Configuration (n,) at the end of one straight line, or None where a step was not surely regular."""
+        """Configuration (n,) at a line's end, or None where not surely regular."""
         state, held = np.array([*q, 0.0, 1.0]), np.array([*begin, *way, steps])
         end = self._single.run_single(steps, state, held)
         return end[: self.joints] if end[-1] > 0.0 else None

@@ -1,4 +1,4 @@
-"""Loops in a plane that close by two links, in closed form: two joints follow from a triangle."""
+"""Planar loops that close by two links, in closed form."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Flat(NamedTuple):
         return Flat(self.x - other.x, self.y - other.y)
 
     def turned(self, cosine: Any, sine: Any) -> Flat:
-        """This vector turned to the left (from x to y) by the angle of the given `cosine` and `sine`."""
+        """Vector turned left by the angle of a cosine and a sine."""
         return Flat(cosine * self.x - sine * self.y, cosine * self.y + sine * self.x)
 
     def dot(self, other: Flat) -> Any:
@@ -42,7 +42,7 @@ class Flat(NamedTuple):
 
 
 class Links(NamedTuple):
-    """Geometry of a dyad (two links joined by a middle pivot, between two outer pivots) in its plane, vectors in m."""
+    """Geometry of a dyad (two links and a middle pivot) in its plane."""
 
     pivot: Flat
     over: Flat
@@ -51,7 +51,7 @@ class Links(NamedTuple):
 
     @classmethod
     def of(cls, one: Reach, other: Reach, plane: tuple[Vec, Vec], is_cut_in_the_middle: bool) -> Links:
-        """Geometry of a dyad in its plane, from the loop's two sides at one configuration."""
+        """Geometry of a dyad, from the loop's two sides."""
         if is_cut_in_the_middle:
             points = one.hinges[-1].origin, one.origin, other.hinges[-1].origin, other.origin
         else:
@@ -63,7 +63,7 @@ class Links(NamedTuple):
 
 @dataclass(frozen=True)
 class Dyad:
-    """Closed-form solution of a planar loop of two links joined by a middle pivot (RRR, parallel axes)."""
+    """Closed form of a planar loop of two links and a middle pivot (RRR)."""
 
     sides: tuple[ClosureSide, ClosureSide]
     joints: tuple[int, int]
@@ -73,13 +73,13 @@ class Dyad:
 
     @property
     def is_cut_in_the_middle(self) -> bool:
-        """True if the loop is cut at the middle pivot, which joins the dyad's two links."""
+        """True if the loop is cut at the middle pivot."""
         return self.joints[1] not in self.sides[0].links
 
     def followed(
         self, places: Mapping[int, Placement], links: Sequence[Segment], q: Sequence[Scalar]
     ) -> tuple[Scalar, ...]:
-        """Angles of the two dependent joints that close the loop, in the order of `joints`."""
+        """Angles of the two dependent joints that close the loop."""
         zero = {**places, **{joint: links[joint].placed((1.0, 0.0)) for joint in self.joints}}
         one, other = (reach(zero, side) for side in self.sides)
         at_zero = Links.of(one, other, self.plane, self.is_cut_in_the_middle)
@@ -108,7 +108,7 @@ Rule: TypeAlias = Dyad | Follower
 
 
 def rules(closing: Closing, links: Sequence[Segment], reference: Array) -> tuple[Rule, ...]:
-    """Closed-form rules by which all dependent joints follow from the primary ones, in the order of need."""
+    """Closed-form rules of all dependent joints, in the order of need."""
     places = {i: link.at(x) for i, (link, x) in enumerate(zip(links, reference.tolist(), strict=True))}
     known, found = set(closing.primary), list[Rule]()
     left: list[Loop | Follower] = [*closing.loops, *closing.followers]

@@ -1,4 +1,4 @@
-"""Rates of dependent joints by primary ones at a closed configuration, and the small systems that give them."""
+"""Rates of dependent joints, and the small systems that give them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from adaptctl.scalars import Column, Scalar
 
 
 class System(Protocol):
-    """Protocol of a linear system A x = b whose matrix A (m, n), m >= n, is ready to be solved for any right side b."""
+    """Linear system A x = b, ready for any right side b."""
 
     def solve(self, right: Column) -> Column:
         """Solution x (n,) of A x = b for a right side b (m,)."""
@@ -19,14 +19,14 @@ class System(Protocol):
 
 
 def factored(columns: Sequence[Column]) -> System:
-    """System A x = b ready for any b: 2 x 2 matrices by Cramer's rule, others by QR factors."""
+    """System A x = b ready for any b, by Cramer's rule or QR factors."""
     if len(columns) == 2 and len(columns[0]) == 2:
         return TwoByTwo(columns)
     return Factored(columns)
 
 
 class TwoByTwo:
-    """Linear system A x = b of a matrix A (2, 2), solved by Cramer's rule with one division."""
+    """Linear system of two unknowns by Cramer's rule, with one division."""
 
     def __init__(self, columns: Sequence[Column]) -> None:
         (a, c), (b, d) = columns
@@ -34,12 +34,12 @@ class TwoByTwo:
         self.rows = Column((inverse * d, -(inverse * b))), Column((-(inverse * c), inverse * a))
 
     def solve(self, right: Column) -> Column:
-        """Solution x (2,) of A x = b for a right side b (2,), `right`, in the unit of b over that of A."""
+        """Solution x (2,) of A x = b."""
         return Column(row @ right for row in self.rows)
 
 
 class Factored:
-    """QR factors of a matrix (m, n), m >= n, by modified Gram-Schmidt without pivoting, which does not branch."""
+    """QR factors by modified Gram-Schmidt without pivoting, which does not branch."""
 
     def __init__(self, columns: Sequence[Column]) -> None:
         self.q: list[Column] = []
@@ -55,7 +55,7 @@ class Factored:
             self.inverse.append(1.0 / (column @ column))
 
     def solve(self, right: Column) -> Column:
-        """Solution x (n,) of A x = b by back substitution; the least-squares solution where m > n."""
+        """Solution x (n,) of A x = b, by least squares where m > n."""
         x: list[Scalar] = []
         for q, inverse in zip(self.q, self.inverse, strict=True):
             x.append(inverse * (q @ right))
@@ -67,26 +67,26 @@ class Factored:
 
 
 class Following:
-    """Jacobian J (n, r) of all joint positions with respect to the primary ones at a closed configuration."""
+    """Jacobian J (n, r) of all joint positions by the primary ones."""
 
     def __init__(self, closing: Closing, slopes: Sequence[Column]) -> None:
         self.closing, self.slopes = closing, slopes
 
     def tree(self, v: Column) -> Column:
-        """Velocities J v (n,) of the tree's joints from those of the primary ones, v (r,)."""
+        """Velocities J v (n,) of the tree's joints."""
         follow = v[0] * self.slopes[0]
         for rate, slope in zip(v.of[1:], self.slopes[1:], strict=True):
             follow = follow + rate * slope
         return self.joined(v, follow)
 
     def primary(self, torque: Sequence[Any] | Column) -> Column:
-        """Torques J' tau (r,) of the primary joints that do the work of torques tau (n,) of all joints."""
+        """Torques J' tau (r,) that do the work of torques tau (n,)."""
         follow = Column(torque[d] for d in self.closing.dependent)
         pairs = zip(self.closing.primary, self.slopes, strict=True)
         return Column(torque[i] + slope @ follow for i, slope in pairs)
 
     def joined(self, first: Column, follow: Column) -> Column:
-        """Column (n,) in the tree's order, merged from entries of the primary (r,) and dependent (n - r,) joints."""
+        """Column (n,) merged from entries of primary and dependent joints."""
         entries = dict(zip(self.closing.primary, first, strict=True))
         entries |= dict(zip(self.closing.dependent, follow, strict=True))
         return Column(entries[i] for i in range(len(entries)))

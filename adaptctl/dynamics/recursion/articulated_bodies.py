@@ -38,7 +38,7 @@ class ArticulatedBody(NamedTuple):
         )
 
     def moved_origin(self, offset: Vec) -> ArticulatedBody:
-        """This inertia about another point, from which `offset` (3,) in m leads to the present one."""
+        """This inertia about another point."""
         arm = _crossing(offset)
         coupling = self.coupling + product(arm, self.mass)
         spread = product(arm, self.coupling.T) + product(coupling, arm.T)
@@ -54,7 +54,7 @@ class ArticulatedBody(NamedTuple):
         return at_joint.turned_up(place).moved_origin(place.near)
 
     def free_along(self, place: Placement) -> ArticulatedBody:
-        """This inertia of a link whose joint is free, with round-off along its axis made exact zeros."""
+        """This inertia of a link with a free joint, with exact zeros along its axis."""
         still = [abs(x) != 1.0 for x in place.segment.axis]
         if all(still):
             return self
@@ -69,7 +69,7 @@ class ArticulatedBody(NamedTuple):
 
 
 class _Joint(NamedTuple):
-    """Free joint: the load of its unit acceleration, its inverse inertia, and the torque left to accelerate it."""
+    """Free joint, with the articulated body behind it."""
 
     load: Wrench
     inverse: Scalar
@@ -83,7 +83,7 @@ def accelerations(
     rotors: Sequence[Scalar],
     torque: Column,
 ) -> Column:
-    """Joint accelerations (n,) of a tree by the articulated-body algorithm, in time linear in n."""
+    """Joint accelerations (n,) by the articulated-body algorithm, in time linear in n."""
     joints = _freed(places, unaccelerated, parameters, rotors, torque)
     found: list[Scalar] = []
     links: list[Twist] = []

@@ -14,7 +14,7 @@ STRIBECK_SPEED = 0.1
 
 
 def friction(kind: DriveParameter, s: Scalar, stribeck_speed: float = STRIBECK_SPEED) -> Scalar:
-    """Friction torque, N m (N if prismatic), of one kind and per unit of its parameter at a speed s, rad/s (m/s)."""
+    """Friction torque of one kind per unit of its parameter."""
     match kind:
         case DriveParameter.VISCOUS:
             return s
@@ -34,7 +34,7 @@ def _smoothed(kind: DriveParameter, s: Scalar, stribeck_speed: float = STRIBECK_
 
 
 class DriveTerm(NamedTuple):
-    """Rotor inertia or a kind of friction of a joint's drive: energy and torque are linear in its parameter."""
+    """Rotor inertia or a kind of friction, linear in its parameter."""
 
     arms: tuple[tuple[int, float], ...]
     kind: DriveParameter
@@ -45,17 +45,17 @@ class DriveTerm(NamedTuple):
         return self.arms[0][0]
 
     def speed(self, v: Column) -> Scalar:
-        """Speed of the drive's shaft at velocities (n,) of the tree's joints; for accelerations its acceleration."""
+        """Speed of the drive's shaft (for accelerations, its acceleration)."""
         (own, _), *others = self.arms
         return sum((ratio * v[joint] for joint, ratio in others), v[own])
 
     def energy(self, v: Column) -> Scalar:
-        """Kinetic energy in J per unit of the parameter: s^2/2 for a rotor at shaft speed s; 0 for friction."""
+        """Kinetic energy in J per unit of the parameter; 0 for friction."""
         s = self.speed(v)
         return 0.0 if self.kind.is_friction else 0.5 * s * s
 
     def torque(self, v: Column, a: Column) -> Scalar:
-        """Torque about the shaft that the drive exerts against the term, per unit of its parameter."""
+        """Torque about the shaft against the term, per unit of its parameter."""
         return friction(self.kind, self.speed(v)) if self.kind.is_friction else self.speed(a)
 
     def damping(self, v: Column) -> Scalar:
@@ -68,5 +68,5 @@ class DriveTerm(NamedTuple):
         return 1.0 / _smoothed(self.kind, self.speed(v))
 
     def on_joints(self, share: Scalar) -> list[tuple[int, Scalar]]:
-        """Pairs (joint index, torque) of a torque about the shaft, for the joints that it turns with."""
+        """Pairs (joint index, torque) of a torque about the shaft."""
         return [(joint, share if ratio == 1.0 else ratio * share) for joint, ratio in self.arms]

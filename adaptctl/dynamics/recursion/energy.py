@@ -22,7 +22,7 @@ class Weight:
 
 
 def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
-    """Gravity's acceleration in each link's axes, and the potential energy per mass at its origin."""
+    """Gravity's acceleration in each link's axes, and its potential there."""
     out: list[Weight] = []
     for place in places:
         parent = place.segment.parent
@@ -38,7 +38,7 @@ def carried_weight(place: Placement, base: Weight) -> Weight:
 
 
 def link_energy(twist: Twist, weight: Weight) -> Column:
-    """Energy regressor (10,) of one link: kinetic plus potential energy, in J of its ten inertial parameters."""
+    """Energy regressor (10,) of one link."""
     w, v = twist.w, twist.v
     moment = cross(v, w) - weight.gravity
     mass = 0.5 * dot(v, v) + weight.potential
@@ -47,7 +47,7 @@ def link_energy(twist: Twist, weight: Weight) -> Column:
 
 
 def energy_regressor(links: Sequence[Segment], q: Column, v: Column, gravity: Vec) -> Column:
-    """Energy regressor (10 n,) of a tree of n links, in J per unit of each link's ten inertial parameters."""
+    """Energy regressor (10 n,) of a tree of n links."""
     return placed_energy_regressor(placements(tuple(links), q), v, gravity)
 
 
@@ -72,7 +72,7 @@ class MomentumTerms(NamedTuple):
 
 
 def momentum_terms(equations: Equations, q: Column, v: Column, columns: Sequence[int]) -> MomentumTerms:
-    """Regressors of the momenta M v, and of all generalised forces but the torque that change them."""
+    """Regressors of the momenta M v and of the forces that change them."""
     if equations.has_known_share:
         raise InputError("learning from filtered torques needs relations without known values other than zero")
     still = Column.zeros(equations.dof)

@@ -1,4 +1,4 @@
-"""Axes in which the recursions hold a link's vectors: the link's own, or such as its joint does not turn."""
+"""Axes for a link's vectors: its own, or such as its joint does not turn."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from adaptctl.scalars import Column, Mat, Scalar, Vec, cos, sin
 
 
 class FrameChoice(NamedTuple):
-    """Choice of the axes in which the vectors of a tree's n links are held, made by `FrameChoice.of`."""
+    """Axes in which the vectors of a tree's n links are held."""
 
     links: tuple[Segment, ...]
     senses: tuple[float, ...]
@@ -36,7 +36,7 @@ class FrameChoice(NamedTuple):
         return cls(tuple(links), senses, tuple(unturned))
 
     def coordinates(self, q: Column) -> list[tuple[Scalar, ...]]:
-        """Coordinates of the n links at a configuration (n,), of which `placements` makes their poses."""
+        """Coordinates of the links, of which `placements` makes their poses."""
         found: list[tuple[Scalar, ...]] = []
         for i, (link, sense) in enumerate(zip(self.links, self.senses, strict=True)):
             if not link.turns:
@@ -50,7 +50,7 @@ class FrameChoice(NamedTuple):
         return found
 
     def placements(self, coordinates: Sequence[Sequence[Scalar]]) -> list[Placement]:
-        """Poses of the n links in their parents, in the axes in which their vectors are held."""
+        """Poses of the links in their parents, in the held axes."""
         found: list[Placement] = []
         for link, own, unturned in zip(self.links, coordinates, self.unturned, strict=True):
             before = found[link.parent].turn if link.parent != GROUND else None
@@ -74,7 +74,7 @@ def _sense(link: Segment, links: Sequence[Segment]) -> float:
 
 
 def held_parameters(place: Placement, ten: Sequence[Scalar]) -> Sequence[Scalar]:
-    """Ten inertial parameters of a link in the axes in which its vectors are held."""
+    """Ten inertial parameters of a link in the held axes."""
     if place.turn is None:
         return ten
     m, x, y, z, xx, xy, yy, xz, yz, zz = ten
@@ -83,7 +83,7 @@ def held_parameters(place: Placement, ten: Sequence[Scalar]) -> Sequence[Scalar]
 
 
 def per_own_parameter(turn: AxisRotation, held: Sequence[Scalar]) -> Sequence[Scalar]:
-    """Coefficients (10,) of a link's parameters in its own axes, from those in the held axes."""
+    """Coefficients (10,) of a link's own parameters, from those in held axes."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = held
     # Any tensor will do whose opposite entries add up to the coefficients of products of inertia.
     a = turned_back(turn.T, Mat(Vec(xx, xy, xz), Vec(0.0, yy, yz), Vec(0.0, 0.0, zz)))

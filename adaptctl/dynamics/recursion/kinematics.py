@@ -26,21 +26,21 @@ class Frame:
 
 
 class LinkPoses(NamedTuple):
-    """Poses of the frames of N links in the world, in the order of `Mechanism.links`, the ground not among them."""
+    """Poses of the N links' frames in the world."""
 
     rotations: Array
     translations: Array
 
 
 class JointAxes(NamedTuple):
-    """Axes of the joints of N links in the world, one a link in the order of `Mechanism.links`."""
+    """Axes of the N links' joints in the world."""
 
     positions: Array
     directions: Array
 
 
 def frames(links: Sequence[Segment], q: Column) -> list[Frame]:
-    """Poses in the world of the frames of a tree's n links at a configuration (n,)."""
+    """Poses in the world of the n links' frames."""
     out: list[Frame] = []
     for place in placements(tuple(links), q):
         base = _base(place.segment, out)
@@ -93,7 +93,7 @@ def _rows(matrix: Mat) -> tuple[Vec, Vec, Vec]:
 
 
 class MovingPoint:
-    """Point of a link of a tree of n joints at one configuration, with its Jacobian."""
+    """Point of a link at one configuration, with its Jacobian."""
 
     __slots__ = ("columns", "position")
 
@@ -101,7 +101,7 @@ class MovingPoint:
         self.position, self.columns = position, tuple(columns)
 
     def velocity(self, rates: Column) -> Vec:
-        """Velocity (3,) of the point in the world frame in m/s, under joint velocities (n,)."""
+        """Velocity (3,) of the point in m/s under joint velocities (n,)."""
         total = ZERO
         for rate, velocity in zip(rates, self.columns, strict=True):
             total = total + rate * velocity
@@ -109,7 +109,7 @@ class MovingPoint:
 
 
 def moving_point(links: Sequence[Segment], q: Column, link: int, offset: Vec) -> MovingPoint:
-    """Position and Jacobian in the world frame of a point fixed to a link, at a configuration (n,)."""
+    """Position and Jacobian in the world of a point of a link."""
     placed = frames(links, q)
     position = placed[link].origin + placed[link].rotation @ offset
     columns, i = [ZERO] * len(links), link

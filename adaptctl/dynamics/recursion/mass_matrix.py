@@ -13,7 +13,7 @@ from adaptctl.scalars import Column, Mat, Scalar, Vec, cross
 
 
 class Body:
-    """Rigid body by its mass, first moment (3,) and inertia tensor (3, 3) in one frame."""
+    """Rigid body by mass, first moment and inertia tensor."""
 
     __slots__ = ("inertia", "mass", "moment")
 
@@ -31,7 +31,7 @@ def body(ten: Sequence[Scalar]) -> Body:
 
 
 def raised(place: Placement, link: Body) -> Body:
-    """Rigid body of a link at the origin and in the axes of its parent link."""
+    """Rigid body of a link in its parent link's frame."""
     at_joint = moved_origin(link, place.shift)
     turned = Body(link.mass, place.up(at_joint.moment), symmetric_up(place, at_joint.inertia))
     return moved_origin(turned, place.near)
@@ -57,7 +57,7 @@ def moved_origin(link: Body, offset: Vec) -> Body:
 
 
 def mass_matrix(places: Sequence[Placement], parameters: Column) -> list[list[Scalar]]:
-    """Mass matrix (n, n) of a tree by composite rigid bodies (Walker and Orin 1982)."""
+    """Mass matrix (n, n) by composite rigid bodies (Walker and Orin 1982)."""
     n = len(places)
     composite = [body(held_parameters(places[i], parameters.of[10 * i : 10 * i + 10])) for i in range(n)]
     rows: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
@@ -90,12 +90,12 @@ def _unit_load(place: Placement, outboard: Body) -> Wrench:
 
 
 def solve_symmetric(rows: Sequence[Sequence[Scalar]], right: Column) -> Column:
-    """Solution x (n,) of M x = b for a symmetric positive definite matrix given by its rows."""
+    """Solution x (n,) of M x = b, M symmetric positive definite."""
     return factorised(rows).solved(right)
 
 
 class Factors(NamedTuple):
-    """Factors of a symmetric positive definite matrix M = L' D L, L lower triangular, D diagonal."""
+    """Factors L and D of M = L' D L, L lower triangular."""
 
     lower: Sequence[Sequence[Scalar]]
     inverse: Sequence[Scalar]
@@ -114,7 +114,7 @@ class Factors(NamedTuple):
 
 
 def factorised(rows: Sequence[Sequence[Scalar]]) -> Factors:
-    """Factors L and D of a symmetric positive definite matrix M = L' D L, given by its rows."""
+    """Factors of a symmetric positive definite matrix M = L' D L."""
     n = len(rows)
     m = [list(row) for row in rows]
     inverse: list[Scalar] = [0.0] * n

@@ -12,7 +12,7 @@ GROUND = -1
 
 
 class Twist:
-    """Link's twist in its axes: its angular velocity `w` (3,), and the velocity `v` (3,) of its origin."""
+    """Angular velocity and velocity of a link's origin, in its axes."""
 
     __slots__ = ("v", "w")
 
@@ -21,7 +21,7 @@ class Twist:
 
 
 def carried(place: Placement, parent: Twist) -> Twist:
-    """Twist that a link has from its parent's twist, `parent`, while its own joint does not move."""
+    """Twist that a link has from its parent's."""
     w = place.down(parent.w)
     v = place.down(parent.v + cross(parent.w, place.near))
     return Twist(w, v + cross(w, place.shift))
@@ -50,7 +50,7 @@ def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
 
 
 class Products(NamedTuple):
-    """Symmetric products (w_i r_j + w_j r_i)/2 of two angular velocities w and r of a link."""
+    """Symmetric products (w_i r_j + w_j r_i)/2 of two angular velocities."""
 
     xx: Scalar
     xy: Scalar
@@ -64,7 +64,7 @@ STILL = Products(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def products(w: Vec, r: Vec) -> Products:
-    """Symmetric products of two angular velocities (3,) of one link, which may be the same object."""
+    """Symmetric products of two angular velocities (3,) of one link."""
     if w is r:
         return Products(w.x * w.x, w.x * w.y, w.y * w.y, w.x * w.z, w.y * w.z, w.z * w.z)
     h = 0.5 * w
@@ -73,7 +73,7 @@ def products(w: Vec, r: Vec) -> Products:
 
 
 class LinkMotion:
-    """Motion of a link in its axes, by the acceleration of its points less gravity's."""
+    """Motion of a link, by the acceleration of its points less gravity's."""
 
     __slots__ = ("acc", "alpha", "lever", "products")
 
@@ -93,7 +93,7 @@ class LinkMotion:
 
 
 def lever(p: Products, a: Vec) -> Mat:
-    """Matrix L (3, 3), 1/s^2, of the accelerations that a link's rotation gives its points."""
+    """Matrix L (3, 3) of the accelerations that a rotation gives points."""
     return Mat(
         Vec(-(p.yy + p.zz), p.xy - a.z, p.xz + a.y),
         Vec(p.xy + a.z, -(p.xx + p.zz), p.yz - a.x),
@@ -102,7 +102,7 @@ def lever(p: Products, a: Vec) -> Mat:
 
 
 def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gravity: Vec) -> list[LinkMotion]:
-    """Motions of all links of a tree under joint velocities, reference velocities and accelerations (n,)."""
+    """Motions of all links under velocities, reference velocities and accelerations (n,)."""
     w = angular_velocities(places, v)
     r = w if v is v_r else angular_velocities(places, v_r)
     ground, out = LinkMotion(STILL, ZERO, -gravity), list[LinkMotion]()
@@ -122,7 +122,7 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
 
 
 def angular_velocities(places: Sequence[Placement], rate: Column) -> list[Vec]:
-    """Angular velocities (3,), rad/s, of all n links of a tree, each in the link's axes."""
+    """Angular velocities (3,) of all n links, in their axes."""
     out: list[Vec] = []
     for i, place in enumerate(places):
         segment = place.segment

@@ -1,4 +1,4 @@
-"""Newton and Euler's equations of a tree's links: wrenches, torques, their regressor, and the powers of its columns."""
+"""Newton and Euler's equations of a tree: torques, regressors and powers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from adaptctl.scalars import Column, Scalar, Vec, cross, dot
 
 
 class Wrench:
-    """Wrench on a link: `force` (3,), N, and `moment` (3,) about the link's origin, N m, both in the link's axes."""
+    """Force in N and moment in N m about a link's origin, in its axes."""
 
     __slots__ = ("force", "moment")
 
@@ -23,7 +23,7 @@ class Wrench:
 
 
 def wrench(motion: LinkMotion, ten: Sequence[Scalar]) -> Wrench:
-    """Wrench about a link's origin that gives the link its motion against inertia and gravity."""
+    """Wrench that gives a link its motion against inertia and gravity."""
     m, mc = ten[0], Vec(ten[1], ten[2], ten[3])
     force = m * motion.acc + motion.lever @ mc
     moment = cross(mc, motion.acc)
@@ -33,7 +33,7 @@ def wrench(motion: LinkMotion, ten: Sequence[Scalar]) -> Wrench:
 
 
 def inertia_moments(motion: LinkMotion) -> tuple[Vec, ...]:
-    """Moments (3,) that give a link its motion, for each of its six inertias, per kg m^2."""
+    """Moments (3,) that give a link its motion, for each of its six inertias."""
     a, b, p = motion.alpha, motion.lever, motion.products
     return (
         Vec(a.x, p.xz, -p.xy),
@@ -46,7 +46,7 @@ def inertia_moments(motion: LinkMotion) -> tuple[Vec, ...]:
 
 
 def power(motion: LinkMotion, twist: Twist, keep: Sequence[int]) -> list[Scalar]:
-    """Powers, W per unit of an inertial parameter, of wrenches on a link that moves with a `twist`."""
+    """Powers of wrenches on a link that moves with a twist."""
     moments = inertia_moments(motion) if any(k >= 4 for k in keep) else ()
     levered = motion.lever.T @ twist.v + cross(motion.acc, twist.w) if any(1 <= k <= 3 for k in keep) else None
     first = tuple(levered) if levered is not None else ()
@@ -85,7 +85,7 @@ def lifted(place: Placement, load: Wrench) -> Wrench:
 
 
 def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], columns: Sequence[int]) -> list[Column]:
-    """Torque regressor (n, k) of a tree of n links, as n rows, for k inertial parameters."""
+    """Torque regressor (n, k) of a tree, as n rows."""
     kept = kept_by_link(columns, len(places))
     rows: list[dict[int, Scalar]] = [{} for _ in places]
     joints: list[dict[int, Twist]] = []
@@ -98,7 +98,7 @@ def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], 
 
 
 def joint_twists(place: Placement, i: int, done: Sequence[dict[int, Twist]]) -> dict[int, Twist]:
-    """Twists of link `i` under unit velocity of each joint that moves it, by joint index."""
+    """Twists of link `i` under unit velocity of each joint that moves it."""
     parent = place.segment.parent
     above = done[parent] if parent != GROUND else {}
     return {j: carried(place, twist) for j, twist in above.items()} | {i: moved(place, 1.0)}
@@ -113,7 +113,7 @@ def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
 
 
 def powers(places: Sequence[Placement], moving: Sequence[LinkMotion], s: Column, columns: Sequence[int]) -> Column:
-    """Powers Y' s (k,) of k inertial parameters, without the torque regressor Y (n, k) of a tree."""
+    """Powers Y' s (k,) of k inertial parameters of a tree."""
     kept = kept_by_link(columns, len(places))
     of_links = map(_kept_powers, places, moving, twists(places, s), kept)
     found = [dict(zip(keep, powers, strict=True)) for keep, powers in zip(kept, of_links, strict=True)]

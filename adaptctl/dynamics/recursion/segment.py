@@ -15,7 +15,7 @@ from adaptctl.scalars import Column, Mat, Scalar, Vec, cos, dot, product, sin
 
 
 class Segment(NamedTuple):
-    """Geometry of one link and of the joint that moves it against its parent, lengths in m."""
+    """Geometry of a link and its joint, lengths in m."""
 
     parent: int
     turns: bool
@@ -29,7 +29,7 @@ class Segment(NamedTuple):
 
     @classmethod
     def of(cls, link: Link) -> Segment:
-        """Geometry, lengths in m, of a `link` of a description and of the joint that moves it."""
+        """Geometry of a link of a description and its joint."""
         outward = link.joint_to_link.rotation.T
         return cls(
             parent=link.parent,
@@ -52,7 +52,7 @@ class Segment(NamedTuple):
 
     @property
     def fixed(self) -> tuple[Mat, ...]:
-        """Rotations (3, 3), up to two, from the parent's axes to the link's with its joint at zero."""
+        """Rotations, up to two, from the parent's axes to the link's at zero."""
         return tuple(step for step in (self.inward, self.outward) if step is not None)
 
     def at(self, q: Scalar) -> Placement:
@@ -74,7 +74,7 @@ class Segment(NamedTuple):
 
 
 class Placement:
-    """Pose of a link in its parent at one configuration, as the equations use it."""
+    """Pose of a link in its parent at one configuration."""
 
     __slots__ = ("coordinates", "near", "segment", "shift", "turn", "turns")
 
@@ -90,13 +90,13 @@ class Placement:
         self.near = segment.parent_to_joint
 
     def down(self, u: Vec) -> Vec:
-        """Components (3,) of a vector u in the link's axes, from those in the parent link's axes, `u` (3,)."""
+        """Components (3,) in the link's axes of a vector in the parent's."""
         for turn in self.turns:
             u = turn @ u
         return u
 
     def up(self, u: Vec) -> Vec:
-        """Components (3,) of a vector u in the parent link's axes, from those in the link's axes, `u` (3,)."""
+        """Components (3,) in the parent's axes of a vector in the link's."""
         for turn in reversed(self.turns):
             u = turn.T @ u
         return u
@@ -127,12 +127,12 @@ class AxisRotation(Mat):
 
     @property
     def T(self) -> AxisRotation:
-        """Transpose (3, 3), which turns back: the rotation about the same axis by the opposite angle."""
+        """Transpose (3, 3), which turns back."""
         return AxisRotation(self.axis, self.cosine, -self.sine)
 
 
 def axis_rotation(a: Vec, c: Scalar, s: Scalar) -> AxisRotation | None:
-    """Rotation about the unit axis `a` by cosine c and sine s; None where `a` is not a coordinate axis."""
+    """Rotation about a coordinate axis; None for another axis."""
     if not (all(isinstance(x, float) for x in a) and sorted(map(abs, a)) == [0.0, 0.0, 1.0]):
         return None
     axis, sign = next((k, x) for k, x in enumerate(a) if x != 0.0)
@@ -140,7 +140,7 @@ def axis_rotation(a: Vec, c: Scalar, s: Scalar) -> AxisRotation | None:
 
 
 def about(a: Vec, c: Scalar, s: Scalar) -> Mat:
-    """Rotation (3, 3) of coordinates into axes turned about the unit axis `a`: Rodrigues' formula, transposed."""
+    """Rotation (3, 3) of coordinates about a unit axis: Rodrigues' formula, transposed."""
     along = axis_rotation(a, c, s)
     if along is not None:
         return along
@@ -190,21 +190,21 @@ def _matrix(rotation: Array) -> Mat | None:
 
 
 def symmetric_up(place: Placement, tensor: Mat) -> Mat:
-    """Symmetric tensor (3, 3) in the parent link's axes, from the one in the link's axes."""
+    """Symmetric tensor (3, 3) in the parent link's axes."""
     for turn in reversed(place.turns):
         tensor = turned_back(turn, tensor) if isinstance(turn, AxisRotation) else congruent(turn.T, tensor)
     return tensor
 
 
 def tensor_up(place: Placement, tensor: Mat) -> Mat:
-    """Tensor (3, 3) in the parent link's axes, from the one in the link's axes."""
+    """Tensor (3, 3) in the parent link's axes."""
     for turn in reversed(place.turns):
         tensor = turned_back(turn, tensor) if isinstance(turn, AxisRotation) else product(product(turn.T, tensor), turn)
     return tensor
 
 
 def turned_back(turn: AxisRotation, tensor: Mat) -> Mat:
-    """Product R' T R (3, 3) of a rotation R about a coordinate axis and a tensor T."""
+    """Product R' T R (3, 3) of an axis rotation R."""
     k, c, s = turn.axis, turn.cosine, turn.sine
     i, j = (k + 1) % 3, (k + 2) % 3
     old = [list(row) for row in tensor]
@@ -218,7 +218,7 @@ def turned_back(turn: AxisRotation, tensor: Mat) -> Mat:
 
 
 def congruent(rotation: Mat, s: Mat) -> Mat:
-    """Product R S R' (3, 3) of a rotation R and a symmetric tensor S, each entry computed once."""
+    """Symmetric product R S R' (3, 3), each entry computed once."""
     half_x, half_y, half_z = s @ rotation.x, s @ rotation.y, s @ rotation.z
     xy, xz, yz = dot(rotation.x, half_y), dot(rotation.x, half_z), dot(rotation.y, half_z)
     return Mat(
