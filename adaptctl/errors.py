@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-LONGEST_MESSAGE = 2_000
+MAX_MESSAGE_CHARACTERS = 2_000
 """Characters of an error's message; what is cut is a name that somebody made long."""
 
 
@@ -27,7 +27,7 @@ class AdaptctlError(Exception):
     """
 
     def __init__(self, message: object = "") -> None:
-        super().__init__(printable(str(message), LONGEST_MESSAGE))
+        super().__init__(printable(str(message), MAX_MESSAGE_CHARACTERS))
 
 
 def printable(text: str, most: int = 80) -> str:

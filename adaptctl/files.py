@@ -22,16 +22,16 @@ MAX_BYTES = 16 * 2**20
 """Files above this size are not read: nothing of ours comes near it."""
 MAX_TOML_BYTES = 2**20
 """Likewise of TOML files, which people write and which take longest to read."""
-LONGEST_KEY = 16
+MAX_KEY_PARTS = 16
 """Parts that a key of a TOML file may have: time and memory go with their square."""
 RENAMED_PAGE = "docs/renamed.md"
 """Page that lists former names, and what changed in the schemas of files."""
-LARGEST = 1e30
+MAX_MAGNITUDE = 1e30
 """Magnitude of the numbers that TOML files may hold: products of five of them are doubles still."""
 
 _HERE = re.sub(r"\W", "_", os.uname().nodename)[:40]
 _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
-_LONG_KEY = re.compile(rf"(?<![\w.-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{LONGEST_KEY}}}")
+_LONG_KEY = re.compile(rf"(?<![\w.-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MAX_KEY_PARTS}}}")
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 Content = TypeVar("Content")
@@ -197,7 +197,7 @@ def read_toml(path: str | Path, kind: type[Content]) -> Content:
     text = read_text(path, MAX_TOML_BYTES)
     if found := _LONG_KEY.search(text):
         line = text.count("\n", 0, found.start()) + 1
-        raise FileError(f"{path}: not valid TOML (a key of more than {LONGEST_KEY} parts at line {line})")
+        raise FileError(f"{path}: not valid TOML (a key of more than {MAX_KEY_PARTS} parts at line {line})")
     import tomllib  # here, since programs that read no such file need not wait for it
 
     try:
@@ -205,7 +205,7 @@ def read_toml(path: str | Path, kind: type[Content]) -> Content:
     except (ValueError, RecursionError) as error:
         raise FileError(f"{path}: not valid TOML ({error})") from error
     try:
-        return _typed(path, plain, kind, LARGEST)
+        return _typed(path, plain, kind, MAX_MAGNITUDE)
     except FileError as error:
         raise FileError(with_line(str(error), text)) from error
 

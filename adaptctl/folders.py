@@ -14,10 +14,10 @@ from pathlib import Path
 from adaptctl.errors import FileError
 from adaptctl.files import flush, is_stale_temporary, name_beside, real_place, reason, remove_stale_temporaries
 
-RESULTS = (".rrd", ".json", ".parquet", ".html", ".png", ".toml", ".csv", ".urdf", ".yaml")
+RESULT_SUFFIXES = (".rrd", ".json", ".parquet", ".html", ".png", ".toml", ".csv", ".urdf", ".yaml")
 """Suffixes of what a run leaves in its folder and in the folder of its figures: the next run replaces all of it."""
 FIGURES = "figures"
-MARKS = ("summary.json", "forecast.json", "recording.rrd")
+RUN_FILES = ("summary.json", "forecast.json", "recording.rrd")
 """Files by which a run's folder is known: in a folder without any of them nothing is replaced."""
 AT_FDCWD, RENAME_EXCHANGE = -100, 2
 """Linux's renameat2: where paths begin, and to let two of them change places at one stroke."""
@@ -64,13 +64,15 @@ def _validate_place(path: str | Path, target: Path, overwrite: bool) -> None:
         raise FileError(f"{path}: the folder is not empty; choose another or allow it with --overwrite")
     if occupied and (others := _of_no_run(target)):
         raise FileError(
-            f"{path}: holds {others[0]}, and no run's {MARKS[0]}: it is not replaced; choose another folder"
+            f"{path}: holds {others[0]}, and no run's {RUN_FILES[0]}: it is not replaced; choose another folder"
         )
 
 
 def _of_no_run(folder: Path) -> list[str]:
     """Names in a folder that a run would replace and no run has written."""
-    if any((folder / mark).is_file() for mark in MARKS) or any(is_stale_temporary(e.name) for e in folder.iterdir()):
+    if any((folder / mark).is_file() for mark in RUN_FILES) or any(
+        is_stale_temporary(e.name) for e in folder.iterdir()
+    ):
         return []
     return [entry.name for entry in _files(folder) if _is_result(entry, folder)]
 
@@ -140,7 +142,9 @@ def _is_result(entry: Path, folder: Path) -> bool:
     """True where a run in this folder may have left this entry."""
     *above, _ = parts = entry.relative_to(folder).parts
     regular = entry.is_symlink() or entry.is_file()
-    return regular and (any(map(is_stale_temporary, parts)) or (above in ([], [FIGURES]) and entry.suffix in RESULTS))
+    return regular and (
+        any(map(is_stale_temporary, parts)) or (above in ([], [FIGURES]) and entry.suffix in RESULT_SUFFIXES)
+    )
 
 
 def _move_in(beside: Path, target: Path) -> None:

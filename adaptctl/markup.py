@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-MOST_ROWS = 60
+MAX_TABLE_ROWS = 60
 """rows that are shown at most"""
 
 
@@ -17,9 +17,9 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """HTML of a table with column headings and rows; all texts are escaped."""
     given = list(rows)
     head = "".join(f"<th>{_escaped(text)}</th>" if text else "<td></td>" for text in heads)
-    body = "".join(f"<tr>{''.join(f'<td>{_escaped(str(x))}</td>' for x in row)}</tr>" for row in given[:MOST_ROWS])
-    if len(given) > MOST_ROWS:
-        body += f'<tr><td colspan="{len(heads)}">and {len(given) - MOST_ROWS} more</td></tr>'
+    body = "".join(f"<tr>{''.join(f'<td>{_escaped(str(x))}</td>' for x in row)}</tr>" for row in given[:MAX_TABLE_ROWS])
+    if len(given) > MAX_TABLE_ROWS:
+        body += f'<tr><td colspan="{len(heads)}">and {len(given) - MAX_TABLE_ROWS} more</td></tr>'
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import adaptctl
-from adaptctl.compilation.kernel import LARGEST_COMPILED
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.errors import AdaptctlError
 from adaptctl.files import write_text
 from adaptctl.tuning import Tuning, Verification, tune
@@ -51,7 +51,7 @@ def robots(names: list[str]) -> list[tuple[str, adaptctl.Mechanism]]:
         except AdaptctlError as error:
             print(f"{name}: not read: {str(error)[:120]}", flush=True)
             continue
-        if mechanism.dof and len(mechanism.links) <= LARGEST_COMPILED:
+        if mechanism.dof and len(mechanism.links) <= MAX_COMPILED_LINKS:
             found.append((name, mechanism))
     return sorted(found, key=lambda robot: len(robot[1].links))
 

@@ -36,7 +36,7 @@ def both(request: pytest.FixtureRequest) -> tuple[Mechanism, Mechanism]:
     """A mechanism that runs in Python, and one in native code from the first call on."""
     python, native = load(request.param), load(request.param)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rule, "CALLS", 1)
+        patch.setattr(rule, "COMPILE_AFTER_CALLS", 1)
         for name, count in GIVEN.items():
             getattr(native, name)(*states(native, 1)[:count, 0])
     return python, native
@@ -120,7 +120,7 @@ def test_a_result_that_is_not_finite_is_refused() -> None:
     arm = load("puma560_measured")
     for calls in (50, 1):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(rule, "CALLS", calls)
+            patch.setattr(rule, "COMPILE_AFTER_CALLS", calls)
             with pytest.raises(NonFiniteError, match="the result is not finite, though all it was given is"):
                 arm.forward_dynamics(np.zeros(6), np.full(6, 1e200), np.zeros(6))
 
@@ -130,13 +130,13 @@ def test_the_rule(pairs: int, longest: int) -> None:
     """Calls and states until then are in Python; regressors of long mechanisms are made row by row."""
     arm = load("puma560_measured")
     p = states(arm, 10_000)[0]
-    assert [is_native(arm, "mass_matrix", p[0]) for _ in range(rule.CALLS)] == [False] * (rule.CALLS - 1) + [True]
+    assert [is_native(arm, "mass_matrix", p[0]) for _ in range(rule.COMPILE_AFTER_CALLS)] == [False] * (rule.COMPILE_AFTER_CALLS - 1) + [True]
     assert [is_native(arm, "inverse_dynamics", p, p, p) for _ in range(3)] == [False, False, True]
     n = next(n for n in range(50) if sum(range(n + 1)) > pairs)
     long = random_chain(0, n)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rule, "CALLS", 1)
-        patch.setattr(rule, "MOST_PAIRS", pairs)
+        patch.setattr(rule, "COMPILE_AFTER_CALLS", 1)
+        patch.setattr(rule, "MAX_JOINT_LINK_PAIRS", pairs)
         zeros = np.zeros((3, long.dof))
         assert is_native(long, "inverse_dynamics", *zeros)
         assert not is_whole(long, "torque_regressor")
@@ -183,7 +183,7 @@ def test_columns_and_reduced_models() -> None:
     assert expected[0].shape == (4, 6, 36)
     np.testing.assert_allclose(torque[1], np.einsum("tij,tj->ti", expected[0], beta), atol=1e-12)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rule, "CALLS", 1)
+        patch.setattr(rule, "COMPILE_AFTER_CALLS", 1)
         for _ in range(2):
             alike(model.torque_regressor(p, v, a_r), expected[0])
             alike(model.slotine_li_regressor(p, v, v_r, a_r), expected[1])
@@ -197,7 +197,7 @@ def test_a_compiled_mechanism_is_copied_and_pickled() -> None:
     arm = load("puma560_measured")
     given = states(arm, 1)[:3, 0]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rule, "CALLS", 1)
+        patch.setattr(rule, "COMPILE_AFTER_CALLS", 1)
         expected = arm.inverse_dynamics(*given)
     for other in (copy.copy(arm), copy.deepcopy(arm), pickle.loads(pickle.dumps(arm))):
         assert other._arrays.inverse_dynamics._kernel is None

@@ -280,8 +280,8 @@ def test_constants_are_written_once_and_many_zeros_at_once(
     lanes: int, length: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By the function that calls the pieces: by each of them, LLVM took 20 times as long for a sparse matrix."""
-    monkeypatch.setattr(llvm, "LONGEST", 0)
-    monkeypatch.setattr(llvm, "PIECE", length)
+    monkeypatch.setattr(llvm, "MAX_WHOLE_EXPRESSIONS", 0)
+    monkeypatch.setattr(llvm, "PIECE_EXPRESSIONS", length)
 
     def sparse(x: Column) -> tuple[list[Column], Column]:
         rows = [Column((x[i] * x[j] if i == j else 2.0 if i == j + 1 else 0.0) for j in range(12)) for i in range(12)]
@@ -319,8 +319,8 @@ def test_pieces_make_up_the_whole(length: int, lanes: int, monkeypatch: pytest.M
         return [part.tolist() for part in ensemble.run()]
 
     whole = values()
-    monkeypatch.setattr(llvm, "LONGEST", 0)
-    monkeypatch.setattr(llvm, "PIECE", length)
+    monkeypatch.setattr(llvm, "MAX_WHOLE_EXPRESSIONS", 0)
+    monkeypatch.setattr(llvm, "PIECE_EXPRESSIONS", length)
     np.testing.assert_allclose(
         np.concatenate([np.ravel(a) for a in values()]),
         np.concatenate([np.ravel(a) for a in whole]),
@@ -339,7 +339,7 @@ def test_long_code_is_compiled_in_time_that_grows_with_its_length() -> None:
         return Column((a, b))
 
     text, _ = program(trace(equation, {"x": 2}), Lanes())
-    assert max(function.count("\n") for function in text.split("\ndefine ")) < 3 * llvm.PIECE
+    assert max(function.count("\n") for function in text.split("\ndefine ")) < 3 * llvm.PIECE_EXPRESSIONS
 
 
 def test_places_do_not_depend_on_the_order_in_which_values_were_found() -> None:

@@ -15,7 +15,7 @@ from random_trees import random_chain, random_tree
 
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.recursion.drive import SLOW
+from adaptctl.dynamics.recursion.drive import COULOMB_SMOOTHING_SPEED
 from adaptctl.errors import InputError, SimplificationWarning
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.scalars import column
@@ -56,7 +56,12 @@ def test_drives_add_their_own_torques_and_nothing_else(seed: int, links: int) ->
     p, v, _, a = states(links, seed)
     drives = [link.joint.drive for link in mechanism.links]
     rotor, viscous, coulomb = (np.array([d.value(kind) or 0.0 for d in drives]) for kind in list(DriveParameter)[:3])
-    expected = plain.inverse_dynamics(p, v, a) + rotor * a + viscous * v + coulomb * v / np.sqrt(v**2 + SLOW**2)
+    expected = (
+        plain.inverse_dynamics(p, v, a)
+        + rotor * a
+        + viscous * v
+        + coulomb * v / np.sqrt(v**2 + COULOMB_SMOOTHING_SPEED**2)
+    )
     torque = mechanism.inverse_dynamics(p, v, a)
     np.testing.assert_allclose(torque, expected, rtol=1e-12, atol=1e-12)
     D = mechanism.inertial_parameters
@@ -142,8 +147,14 @@ BENT = Drive(0.2, 1.0, 2.0, 1.5, 0.7, -0.3)
 
 def curve(s: np.ndarray) -> np.ndarray:
     """The friction of BENT at a shaft's speed, written out."""
-    sign = s / np.sqrt(s**2 + SLOW**2)
-    return s + sign * 2.0 + 1.5 * s / (s**2 + SLOW**2) ** 0.25 + 0.7 * sign / (1.0 + (s / 0.1) ** 2) - 0.3
+    sign = s / np.sqrt(s**2 + COULOMB_SMOOTHING_SPEED**2)
+    return (
+        s
+        + sign * 2.0
+        + 1.5 * s / (s**2 + COULOMB_SMOOTHING_SPEED**2) ** 0.25
+        + 0.7 * sign / (1.0 + (s / 0.1) ** 2)
+        - 0.3
+    )
 
 
 def coupled(tree: Mechanism) -> Mechanism:

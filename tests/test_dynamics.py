@@ -20,7 +20,7 @@ from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.dynamics import Mechanism, load, tree_equations
 from adaptctl.dynamics.equations import Equations
 from adaptctl.dynamics.recursion.articulated_bodies import ArticulatedBody
-from adaptctl.dynamics.recursion.drive import SLOW
+from adaptctl.dynamics.recursion.drive import COULOMB_SMOOTHING_SPEED
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, Dual, column
 
@@ -43,7 +43,7 @@ def friction(mechanism: Mechanism, v: Array) -> Array:
     """Of the joints' drives: Pinocchio's inverse dynamics leaves it out."""
     drives = [link.joint.drive for link in mechanism.links]
     viscous, coulomb = (np.array([d.value(kind) or 0.0 for d in drives]) for kind in list(DriveParameter)[1:3])
-    return viscous * v + coulomb * v / np.sqrt(v**2 + SLOW**2)
+    return viscous * v + coulomb * v / np.sqrt(v**2 + COULOMB_SMOOTHING_SPEED**2)
 
 
 def relative(actual: Array, expected: Array) -> float:
@@ -105,7 +105,7 @@ def test_articulated_bodies_are_the_mass_matrix_solved(seed: int, links: int, dr
     D, equations = Column(mechanism.inertial_parameters.tolist()), mechanism.equations
     solved = np.array(Equations.forward_dynamics(equations, p, v, torque, D).of)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tree_equations, "ARTICULATED", 0.0)
+        patch.setattr(tree_equations, "MIN_ARTICULATED_DEPTH", 0.0)
         articulated = np.array(equations.forward_dynamics(p, v, torque, D).of)
     condition = np.linalg.cond(np.array(equations.mass_matrix(p, D)))
     assert np.abs(articulated - solved).max() < 1e-13 * condition * max(np.abs(solved).max(), 1.0)

@@ -18,7 +18,7 @@ from adaptctl.compilation import compile_step
 from adaptctl.control import ComputedTorque
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.recursion.drive import SLOW
+from adaptctl.dynamics.recursion.drive import COULOMB_SMOOTHING_SPEED
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
@@ -158,7 +158,9 @@ def test_friction_takes_energy_out_and_is_odd(viscous: float, coulomb: float, st
 def test_friction_falls_from_static_to_coulomb_and_rises_again() -> None:
     """Hess and Soom's curve, far above the smoothing."""
     friction, speeds = Friction(2.0, 10.0, 5.0, speed=1.0), np.array([0.2, 1.0, 5.0, 1000.0])
-    expected = 2.0 * speeds + (10.0 + 5.0 / (1.0 + speeds**2)) * speeds / np.sqrt(speeds**2 + SLOW**2)
+    expected = 2.0 * speeds + (10.0 + 5.0 / (1.0 + speeds**2)) * speeds / np.sqrt(
+        speeds**2 + COULOMB_SMOOTHING_SPEED**2
+    )
     curve = np.array([friction.torque(Column((v,)))[0] for v in speeds.tolist()])
     np.testing.assert_allclose(curve, expected, rtol=1e-12)
     assert curve[1] < curve[0] + 2.0 * 0.8
@@ -194,7 +196,7 @@ def test_the_steps_are_short_enough_for_friction() -> None:
     spinner = random_chain(1, 1)
     light = Mechanism(spinner.description.with_parameters(np.zeros(10))).with_drives(Drive(rotor_inertia=0.01))
     friction = Friction(coulomb=1.0)
-    rate = 1.0 / (0.01 * SLOW)
+    rate = 1.0 / (0.01 * COULOMB_SMOOTHING_SPEED)
     assert friction_rate(light, [friction]) == pytest.approx(rate)
     assert friction_rate(light.with_drives(Drive(0.01, coulomb=1.0))) == pytest.approx(rate)
     steps = integration(light, [friction], PERIOD).substeps

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from adaptctl.compilation import Kernel, compile_function
-from adaptctl.compilation.kernel import LARGEST_COMPILED, OnFloats, native_or_floats
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS, OnFloats, native_or_floats
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, sin, sqrt
 
@@ -30,12 +30,12 @@ def test_floats_and_native_code_give_the_same() -> None:
 
 def test_the_docs_know_the_largest_that_is_compiled() -> None:
     text = (Path(__file__).parent.parent / "docs" / "concepts.md").read_text(encoding="utf-8")
-    assert f"Mechanisms of more than {LARGEST_COMPILED} links run the same equations in Python" in text
+    assert f"Mechanisms of more than {MAX_COMPILED_LINKS} links run the same equations in Python" in text
 
 
 def test_what_is_short_enough_is_compiled() -> None:
-    assert isinstance(native_or_floats(equation, SIZES, LARGEST_COMPILED), Kernel)
-    assert isinstance(native_or_floats(equation, SIZES, LARGEST_COMPILED + 1), OnFloats)
+    assert isinstance(native_or_floats(equation, SIZES, MAX_COMPILED_LINKS), Kernel)
+    assert isinstance(native_or_floats(equation, SIZES, MAX_COMPILED_LINKS + 1), OnFloats)
 
 
 @pytest.mark.parametrize("finite", [True, "results"])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from random_trees import random_chain
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.kernel import LARGEST_COMPILED
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.control import ComputedTorque, Controller, ReferencePoint, SafetyFilter, SlotineLi, adaptation_gain
 from adaptctl.control.pytree import leaves
 from adaptctl.control.safety_filter import _all_finite, _differ
@@ -214,7 +214,7 @@ def test_loops_and_laws_that_estimate_nothing_can_be_guarded() -> None:
 
 
 def test_long_mechanisms_are_guarded_in_python() -> None:
-    chain = random_chain(0, LARGEST_COMPILED + 1)
+    chain = random_chain(0, MAX_COMPILED_LINKS + 1)
     guarded = SafetyFilter(ComputedTorque(chain, 5.0), stop_damping=1.0)
     n = chain.dof
     state = guarded.init(np.zeros(n), np.ones(n))

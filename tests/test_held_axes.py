@@ -145,7 +145,7 @@ def test_articulated_bodies_on_every_kind_of_scalar(seed: int, links: int) -> No
     equations, D = mechanism.equations, column(mechanism.inertial_parameters)
     states = rng.uniform(-1.0, 1.0, (3, 4, links))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tree_equations, "ARTICULATED", 0.0)
+        patch.setattr(tree_equations, "MIN_ARTICULATED_DEPTH", 0.0)
         arrays = stacked(equations.forward_dynamics(*map(column, states), D).of, (4,))
         sizes = {"p": links, "v": links, "torque": links}
         native = compile_function(lambda p, v, torque: equations.forward_dynamics(p, v, torque, D), sizes)

@@ -47,8 +47,8 @@ def compiled(lanes: int) -> Stepper:
 def test_the_numbers_are_those_of_each_member(lanes: int, length: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
     """In as many pieces as there are, and for more blocks than one."""
     if length is not None:
-        monkeypatch.setattr(llvm, "LONGEST", 0)
-        monkeypatch.setattr(llvm, "PIECE", length)
+        monkeypatch.setattr(llvm, "MAX_WHOLE_EXPRESSIONS", 0)
+        monkeypatch.setattr(llvm, "PIECE_EXPRESSIONS", length)
     arms = compiled(lanes).ensemble(11)
     x, u = RNG.uniform(-1.0, 1.0, (11, 3)), RNG.uniform(-1.0, 1.0, (6, 1))
     arms.state["x"] = x

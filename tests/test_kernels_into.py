@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from adaptctl import Mechanism, load
 from adaptctl.compilation import Kernel, compile_function
-from adaptctl.compilation.batch import STREAMED
-from adaptctl.dynamics.array_equations import CALLS
+from adaptctl.compilation.batch import MIN_STREAMED_BYTES
+from adaptctl.dynamics.array_equations import COMPILE_AFTER_CALLS
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column
 
@@ -169,7 +169,7 @@ def test_a_mechanism_fills_once_it_is_compiled() -> None:
     p, v, a = np.random.default_rng(0).normal(size=(3, arm.dof))
     fresh = arm.inverse_dynamics(p, v, a)
     out = np.empty(arm.dof)
-    for _ in range(CALLS + 2):
+    for _ in range(COMPILE_AFTER_CALLS + 2):
         arm.inverse_dynamics(p, v, a, out=out)
     assert arm.inverse_dynamics(p, v, a, out=out) is out
     np.testing.assert_allclose(out, fresh, rtol=1e-11)
@@ -184,7 +184,7 @@ def test_results_larger_than_caches_are_those_of_parts() -> None:
     """Rows of whole cache lines are then written past the caches, other rows and other places are not."""
     for width in (8, 24, 20):
         kernel = compile_function(partial(_columns, width), {"x": 2}, name="columns")
-        samples = STREAMED // 8 // width + 13
+        samples = MIN_STREAMED_BYTES // 8 // width + 13
         x = np.random.default_rng(width).normal(size=(samples, 2))
         parts = np.concatenate([kernel.map(part) for part in np.array_split(x, 7)])
         np.testing.assert_array_equal(kernel.map(x), parts)

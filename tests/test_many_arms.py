@@ -14,7 +14,7 @@ from random_trees import random_chain
 from sampled_loops import RANGES, arm, full, gains, posture, reduced
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.kernel import LARGEST_COMPILED
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.control import (
     AdaptiveComputedTorque,
     BoundedGainForgetting,
@@ -285,7 +285,7 @@ def test_states_of_other_arms_are_refused(controller: SlotineLi) -> None:
 
 
 def test_mechanisms_too_long_to_compile_have_many_arms_too() -> None:
-    mechanism = random_chain(0, LARGEST_COMPILED + 1)
+    mechanism = random_chain(0, MAX_COMPILED_LINKS + 1)
     controller = PDGravity(mechanism, 10.0, 1.0)
     rng = np.random.default_rng(0)
     p, v = rng.uniform(-0.5, 0.5, (2, 3, mechanism.dof))

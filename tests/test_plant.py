@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.kernel import LARGEST_COMPILED
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.description import GROUND, Description, Joint, Link, Pose
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, NonFiniteError
@@ -133,7 +133,7 @@ def test_a_payload_needs_no_new_plant(plant: Plant, puma: Mechanism) -> None:
 
 
 def test_long_mechanisms_run_in_python() -> None:
-    links = LARGEST_COMPILED + 1
+    links = MAX_COMPILED_LINKS + 1
     plant = Plant(pendulums(links), 1e-3, integrator=SemiImplicitEuler())
     state = plant.init(np.full(links, 0.1), np.zeros(links))
     after = plant.step(state, np.zeros(links))

@@ -7,7 +7,7 @@ import pytest
 from sampled_loops import arm
 
 from adaptctl.compilation import compile_function
-from adaptctl.dynamics.loops.continuation import NEAREST, determinant
+from adaptctl.dynamics.loops.continuation import MIN_REGULARITY, determinant
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 
@@ -41,9 +41,9 @@ def test_what_is_surely_regular_is_regular(name: str) -> None:
     closed = continuation._closed(far[:, continuation.primary], far)
     q = np.concatenate((near, far, closed[np.isfinite(closed).all(axis=1)]))
     found, regularity = np.array([sure(row) for row in q]), continuation.regularity(q)
-    assert np.all(regularity[found == 1.0] >= NEAREST)
+    assert np.all(regularity[found == 1.0] >= MIN_REGULARITY)
     assert found[0] == 1.0
-    assert np.mean(found[regularity >= 2.0 * NEAREST]) > 0.99
+    assert np.mean(found[regularity >= 2.0 * MIN_REGULARITY]) > 0.99
 
 
 @pytest.mark.parametrize("name", ["semi_direct_drive", "semi_direct_drive_parallelogram"])
@@ -53,7 +53,7 @@ def test_regular_is_what_the_regularity_says(name: str) -> None:
     far = np.random.default_rng(1).uniform(-np.pi, np.pi, (300, len(continuation.reference)))
     closed = continuation._closed(far[:, continuation.primary], far)
     q = np.concatenate((closed, far, np.full((1, 5), np.nan), continuation.reference[None]))
-    expected = continuation.regularity(q) >= NEAREST
+    expected = continuation.regularity(q) >= MIN_REGULARITY
     assert expected.any()
     assert not expected.all()
     np.testing.assert_array_equal(continuation.is_regular(q), expected)

@@ -30,8 +30,8 @@ CASES = {
 def short() -> Iterator[None]:
     """Mechanisms of any length count as long, and more than four states as many."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(array_equations, "TOGETHER", 4)
-        patch.setattr(array_equations, "MOST_PAIRS", 0)
+        patch.setattr(array_equations, "STATES_AT_ONCE", 4)
+        patch.setattr(array_equations, "MAX_JOINT_LINK_PAIRS", 0)
         yield
 
 
@@ -61,7 +61,7 @@ def test_they_are_those_of_the_equations(case: str, request: pytest.FixtureReque
     for native in (False, True):
         if native:
             with pytest.MonkeyPatch.context() as patch:
-                patch.setattr(array_equations, "CALLS", 1)
+                patch.setattr(array_equations, "COMPILE_AFTER_CALLS", 1)
                 asked(long, *states(long))
         for found, wanted in zip((asked(long, *states(arm, 2, 3)), asked(long, *states(arm))), expected, strict=True):
             for name, matrix in wanted.items():
@@ -77,7 +77,7 @@ def test_they_check_and_fill_what_they_are_given(calls: int) -> None:
     arm, fine = random_tree(4, 5), np.zeros(5)
     bad: dict[Any, str] = {(0.0,) * 4: r"v: expected shape \(\.\.\., 5\)", (np.nan,) * 5: "v: expected finite numbers"}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(array_equations, "CALLS", calls)
+        patch.setattr(array_equations, "COMPILE_AFTER_CALLS", calls)
         for v, message in bad.items():
             with pytest.raises((InputError, NonFiniteError), match=message):
                 arm.torque_regressor(fine, v, fine)

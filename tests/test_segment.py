@@ -13,7 +13,7 @@ from adaptctl.compilation import Kernel, compile_function
 from adaptctl.description import JointKind, Pose
 from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics.recursion import segment
-from adaptctl.dynamics.recursion.segment import TURNED, Segment
+from adaptctl.dynamics.recursion.segment import MIN_TURNED_VECTORS, Segment
 from adaptctl.scalars import Column, Vec
 
 X, Z, SKEW = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]), np.array([0.36, 0.48, 0.8])
@@ -26,10 +26,10 @@ def turned(one: Segment) -> Kernel:
 
     def equation(q: Column, u: Column) -> Column:
         place = one.at(q[0])
-        vectors = [place.down(Vec(*u.of[k : k + 3])) for k in range(0, 3 * TURNED, 3)]
+        vectors = [place.down(Vec(*u.of[k : k + 3])) for k in range(0, 3 * MIN_TURNED_VECTORS, 3)]
         return Column(x for vector in vectors for x in vector)
 
-    return compile_function(equation, {"q": 1, "u": 3 * TURNED})
+    return compile_function(equation, {"q": 1, "u": 3 * MIN_TURNED_VECTORS})
 
 
 @pytest.mark.parametrize(
@@ -52,10 +52,10 @@ def test_the_way_that_is_taken_costs_no_more_than_the_other(
     joint = replace(link.joint, kind=JointKind.REVOLUTE, axis=axis)
     link = replace(link, joint=joint, parent_to_joint=Pose(near, np.zeros(3)), joint_to_link=Pose(far, np.zeros(3)))
     chosen = Segment.of(link)
-    monkeypatch.setattr(segment, "TURNED", 10**9)  # as one, unless that never costs less
+    monkeypatch.setattr(segment, "MIN_TURNED_VECTORS", 10**9)  # as one, unless that never costs less
     other = chosen._replace(whole=None) if as_one else Segment.of(link)
     assert (chosen.whole is not None) == as_one
     one, two = turned(chosen), turned(other)
     assert one.operations.flops <= two.operations.flops
-    q, u = np.array([0.7]), np.random.default_rng(0).normal(size=3 * TURNED)
+    q, u = np.array([0.7]), np.random.default_rng(0).normal(size=3 * MIN_TURNED_VECTORS)
     np.testing.assert_allclose(one(q, u), two(q, u), atol=1e-14)

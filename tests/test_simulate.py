@@ -17,7 +17,7 @@ from random_trees import random_chain
 from sampled_loops import RANGES, arm, full, gains, reduced, swinging
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.kernel import LARGEST_COMPILED
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.control import (
     AdaptationLaw,
     AdaptiveComputedTorque,
@@ -362,9 +362,9 @@ def test_environments_with_a_step_of_their_own_are_driven_step_by_step() -> None
 
 
 def test_arms_too_long_to_compile_are_driven_step_by_step() -> None:
-    chain = random_chain(0, LARGEST_COMPILED + 1)
+    chain = random_chain(0, MAX_COMPILED_LINKS + 1)
     env = TrackingEnv(chain, duration=0.002)
-    with pytest.warns(NotCompiledWarning, match=f"{LARGEST_COMPILED + 1} links are too many to compile"):
+    with pytest.warns(NotCompiledWarning, match=f"{MAX_COMPILED_LINKS + 1} links are too many to compile"):
         assert simulate(env, ComputedTorque(chain, 5.0)).complete
 
 

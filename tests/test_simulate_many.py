@@ -15,7 +15,7 @@ from sampled_loops import arm, gains, posture, reduced, swinging
 
 from adaptctl.arrays import Array
 from adaptctl.compilation import compile_step
-from adaptctl.compilation.kernel import LARGEST_COMPILED
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.control import ComputedTorque, MinimumJerk, PDGravity, Sinusoids, SlotineLi
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism
@@ -317,8 +317,8 @@ def test_what_does_not_fit_together_is_refused(arguments: dict[str, Any], what: 
 
 
 def test_arms_too_long_to_compile_are_refused() -> None:
-    chain = random_chain(0, LARGEST_COMPILED + 1)
+    chain = random_chain(0, MAX_COMPILED_LINKS + 1)
     law: Controller[Any] = ComputedTorque(chain, 5.0)
     still = Sinusoids(np.zeros(chain.dof), np.zeros(chain.dof), np.zeros(chain.dof))
-    with pytest.raises(InputError, match=f"{LARGEST_COMPILED + 1} links are too many to compile"):
+    with pytest.raises(InputError, match=f"{MAX_COMPILED_LINKS + 1} links are too many to compile"):
         simulate_many(Plant(chain, PERIOD), law, still, duration=0.1)

@@ -11,7 +11,7 @@ from random_loops import RECIPES, random_loop
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.array_equations import CALLS
+from adaptctl.dynamics.array_equations import COMPILE_AFTER_CALLS
 from adaptctl.dynamics.loops.continuation import Continuation
 from adaptctl.errors import InputError, NonFiniteError, SingularityError
 
@@ -113,7 +113,7 @@ def test_an_arm_with_loops_refuses_alike_before_and_after_its_code_is_native(bad
         with pytest.raises(InputError) as raised:
             arm.inverse_dynamics(fine, fine, np.array(bad, dtype=object) if isinstance(bad[0], str) else np.array(bad))
         said[-1].append(str(raised.value))
-        for _ in range(2 * CALLS):
+        for _ in range(2 * COMPILE_AFTER_CALLS):
             arm.inverse_dynamics(fine, fine, fine)
     assert arm.continuation is not None
     assert arm.continuation._ways.ready
@@ -125,7 +125,7 @@ def test_calls_of_an_arm_with_loops_are_those_of_its_batches() -> None:
     p, v, a = np.random.default_rng(2).uniform(-0.4, 0.4, (3, 20, 3))
     p += arm.neutral_configuration
     first = [arm.inverse_dynamics(*state) for state in zip(p, v, a, strict=True)]
-    for _ in range(CALLS):
+    for _ in range(COMPILE_AFTER_CALLS):
         arm.inverse_dynamics(p[0], v[0], a[0])
     later = [arm.inverse_dynamics(*state) for state in zip(p, v, a, strict=True)]
     np.testing.assert_allclose(later, first, rtol=1e-11, atol=1e-11)

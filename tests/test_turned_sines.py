@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from adaptctl.compilation import compile_function, compile_step, outlined, trace
 from adaptctl.compilation.graph import Op
 from adaptctl.compilation.lanes import Precision
-from adaptctl.compilation.sine import STEP
+from adaptctl.compilation.sine import MAX_SINE_STEP
 from adaptctl.scalars import Column, Scalar, cos, sin
 
 DT = 2.0**-10
@@ -30,11 +30,18 @@ def found(q: np.ndarray, v: np.ndarray, lanes: int, precision: Precision = "doub
 
 
 @pytest.mark.parametrize("lanes", [1, 2, 4, 8])
-@pytest.mark.parametrize("longest", [1e-9, 1e-3, STEP, 1.0, 1e4])
+@pytest.mark.parametrize("longest", [1e-9, 1e-3, MAX_SINE_STEP, 1.0, 1e4])
 def test_steps_turn_to_within_the_last_places_of_one(lanes: int, longest: float) -> None:
     rng = np.random.default_rng(lanes)
     q, step = rng.uniform(-10.0, 10.0, 4000), rng.uniform(-longest, longest, 4000)
-    step[:6] = STEP, -STEP, np.nextafter(STEP, 1.0), -np.nextafter(STEP, 1.0), 0.0, longest
+    step[:6] = (
+        MAX_SINE_STEP,
+        -MAX_SINE_STEP,
+        np.nextafter(MAX_SINE_STEP, 1.0),
+        -np.nextafter(MAX_SINE_STEP, 1.0),
+        0.0,
+        longest,
+    )
     later = q + step
     parts = found(q, step / DT, lanes)
     for values, true in zip(parts, (np.sin(q), np.cos(q), np.sin(later), np.cos(later)), strict=True):

@@ -20,7 +20,7 @@ from vector_envs import (
 
 import adaptctl.envs
 from adaptctl.arrays import Array
-from adaptctl.compilation.kernel import LARGEST_COMPILED
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.control import Sinusoids
 from adaptctl.envs import VectorTrackingEnv
 from adaptctl.errors import InputError, NonFiniteError, NotFoundError
@@ -140,7 +140,7 @@ def test_an_arm_that_runs_away_is_named() -> None:
         ({"reset_options": {"paylod": 1.0}}, NotFoundError, "unknown option 'paylod'"),
         ({"robot": "puma650"}, NotFoundError, "puma560"),
         ({"duration": 0.0}, InputError, "duration: expected at least one control period"),
-        ({"robot": random_chain(0, LARGEST_COMPILED + 1)}, InputError, "use vectorization_mode='sync'"),
+        ({"robot": random_chain(0, MAX_COMPILED_LINKS + 1)}, InputError, "use vectorization_mode='sync'"),
     ],
 )
 def test_environments_that_cannot_be_are_refused(
@@ -156,7 +156,7 @@ def test_the_docstring_is_the_card(section: str) -> None:
 
 
 def test_the_card_tells_how_long_mechanisms_may_be() -> None:
-    assert f"at most {LARGEST_COMPILED} links" in str(VectorTrackingEnv.__doc__)
+    assert f"at most {MAX_COMPILED_LINKS} links" in str(VectorTrackingEnv.__doc__)
 
 
 def test_the_module_registers_all() -> None:

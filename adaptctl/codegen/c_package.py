@@ -20,8 +20,8 @@ from adaptctl.codegen.initialisation import start_of
 from adaptctl.codegen.interface import GIVEN, Field, Interface, status_bits
 from adaptctl.compilation.graph import Op
 from adaptctl.compilation.sine import sine_for
-from adaptctl.dynamics.loops.continuation import LOST
-from adaptctl.dynamics.loops.single_precision import OPEN
+from adaptctl.dynamics.loops.continuation import MAX_LOST_GAP
+from adaptctl.dynamics.loops.single_precision import MAX_CLOSURE_GAP
 from adaptctl.version import __version__
 
 SPDX = "BSD-3-Clause"
@@ -44,7 +44,7 @@ class CPackage:
     def __init__(self, interface: Interface, name: str, kind: Kind) -> None:
         self.interface, self.name, self.kind = interface, name, kind
         self.number = CNumber(kind, interface.names_of_constants())
-        self.start = start_of(interface, LOST if kind == "double" else OPEN)
+        self.start = start_of(interface, MAX_LOST_GAP if kind == "double" else MAX_CLOSURE_GAP)
         self.program = CProgram(name, self.number)
         self.memory = tuple(field for field in interface.memory if field.size)
         self.stack = 0

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.codegen.interface import Interface, status_of
-from adaptctl.compilation.kernel import LARGEST_COMPILED
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.control import Reference, ReferencePoint, Sinusoids, TaskSpaceSlotineLi
 from adaptctl.control.gains.workspace import position_range
 from adaptctl.errors import InputError, NonFiniteError, VerdictError
@@ -142,7 +142,7 @@ def check_closed_loop(
     cannot be traced.
     """
     mechanism, controller = interface.mechanism, interface.controller
-    if mechanism is None or len(mechanism.links) > LARGEST_COMPILED:
+    if mechanism is None or len(mechanism.links) > MAX_COMPILED_LINKS:
         raise InputError("check: the controller names no mechanism that can be simulated; export it without the check")
     period = interface.control_period
     plant = Plant(mechanism, period, *integration(mechanism, (), period))

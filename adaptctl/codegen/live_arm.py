@@ -13,7 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.codegen.interface import Interface
 from adaptctl.codegen.wasm_module import WasmModule
 from adaptctl.compilation import trace
-from adaptctl.compilation.kernel import LARGEST_COMPILED
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.compilation.routine import Layout
 from adaptctl.control import Controller, Reference, Sinusoids
 from adaptctl.control.controller import GAINS
@@ -158,7 +158,7 @@ def _obstacle(plant: Plant, controller: Controller[Any], reference: Reference) -
         return f"what stands between controller and joints ({names}) is not part of a live arm"
     if not isinstance(reference, Sinusoids):
         return f"its reference is no sum of sinusoids, but a {type(reference).__name__}"
-    if len(plant.mechanism.links) > LARGEST_COMPILED or Interface(controller).law.operations.flops > LONGEST:
+    if len(plant.mechanism.links) > MAX_COMPILED_LINKS or Interface(controller).law.operations.flops > LONGEST:
         return f"its law takes too many operations for a module of {MOST // 1000} kB"
     return ""
 

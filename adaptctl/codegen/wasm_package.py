@@ -13,7 +13,7 @@ from adaptctl.codegen.c_package import filled, title
 from adaptctl.codegen.initialisation import start_of
 from adaptctl.codegen.interface import FAULTS, Brake, Interface, status_bits
 from adaptctl.codegen.wasm_module import WasmModule
-from adaptctl.dynamics.loops.continuation import LOST
+from adaptctl.dynamics.loops.continuation import MAX_LOST_GAP
 from adaptctl.errors import InputError
 from adaptctl.version import __version__
 
@@ -27,7 +27,7 @@ def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str,
     `TraceError` for a law that cannot be traced."""
     if scalar != "double":
         raise InputError("scalar: WebAssembly is exported in double; choose the language c for float")
-    module, start = WasmModule(), start_of(interface, LOST)
+    module, start = WasmModule(), start_of(interface, MAX_LOST_GAP)
     law = module.export("law", interface.law)
     more = {"started": start.more}
     if start.walk is not None:

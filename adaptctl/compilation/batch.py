@@ -11,7 +11,7 @@ from adaptctl.compilation.routine import Routine
 
 ENTRY = "batch"
 
-STREAMED = 4 * 2**20
+MIN_STREAMED_BYTES = 4 * 2**20
 """Size, in bytes, of a result array (4 MiB) from which on native code writes it by non-temporal stores, past the
 caches, provided that its rows begin and end on cache lines."""
 
@@ -51,7 +51,7 @@ def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, boo
     texts = {name: "\n  ".join(lines) for name, lines in pieces.items()}
     pointers = ", ".join(f"ptr %{name}" for name in both)
     gathered = f"%gathered{lanes.count - 1}" if lanes.count > 1 else "%x0"
-    sizes = {"many": STREAMED // 8, "beyond": CACHE_LINE - 1}
+    sizes = {"many": MIN_STREAMED_BYTES // 8, "beyond": CACHE_LINE - 1}
     text = lanes.filled("batch", routine=symbol, pointers=pointers, gathered=gathered, **sizes, **texts)
     return f"{text}\n{lanes.filled('finite')}"
 

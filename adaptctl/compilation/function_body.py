@@ -15,13 +15,13 @@ _COMPARISONS = {Op.LESS: "olt", Op.LESS_EQUAL: "ole"}
 _INTRINSICS = {Op.SQRT: "sqrt", Op.ROUND: "rint", Op.ABSOLUTE: "fabs", Op.MINIMUM: "minimum", Op.MAXIMUM: "maximum"}
 
 
-FAR = 40
+RELOAD_DISTANCE = 40
 """Expressions without a use of a value after which it is loaded again, where it is in memory: kept, it would take a
 register that others need, or be written to the stack a second time. (Measured from 20 to 200: 8 % of a step of many
 arms, little between 30 and 80.)"""
 
 
-MANY = 64
+MIN_CLEARED_ZEROS = 64
 """Zeros in a part of a result above which the part is cleared at once."""
 
 
@@ -73,7 +73,7 @@ class FunctionBody:
         """Append instructions that write the constants among a routine's results into memory."""
         for part, place in enumerate(layout.places):
             known = {k: x for k, x in enumerate(values[place]) if isinstance(x, float)}
-            if sum(x == 0.0 for x in known.values()) > max(MANY, layout.sizes[part] // 2):
+            if sum(x == 0.0 for x in known.values()) > max(MIN_CLEARED_ZEROS, layout.sizes[part] // 2):
                 self._text.clear(f"%out{part}", layout.sizes[part])
                 known = {k: x for k, x in known.items() if x != 0.0}
             for k, x in known.items():
@@ -99,7 +99,7 @@ class FunctionBody:
         if not isinstance(x, Expression):
             return self._lanes.constant(x)
         name, when = self._latest.get(x.index, ("", 0))
-        if self._now - when > FAR or not name:
+        if self._now - when > RELOAD_DISTANCE or not name:
             place = self._place(x) or self._stored.get(x.index)
             if place is not None:
                 load = self._text.broadcast if self._is_uniform(x) else self._text.load

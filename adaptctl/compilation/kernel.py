@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import writable
-from adaptctl.compilation.batch import ENTRY, STREAMED, NativeBatch, batch
+from adaptctl.compilation.batch import ENTRY, MIN_STREAMED_BYTES, NativeBatch, batch
 from adaptctl.compilation.builtin import Finite, Form, builtin, builtin_source, has_builtins
 from adaptctl.compilation.lanes import Lanes, aligned
 from adaptctl.compilation.llvm import program
@@ -359,7 +359,9 @@ def _address(array: NDArray[Any]) -> int:
 
 
 def _room(shape: tuple[int, ...]) -> Array:
-    return np.empty(shape) if math.prod(shape) * _DOUBLE.itemsize < STREAMED else aligned(shape, made=np.empty)
+    return (
+        np.empty(shape) if math.prod(shape) * _DOUBLE.itemsize < MIN_STREAMED_BYTES else aligned(shape, made=np.empty)
+    )
 
 
 def _in_rows(array: Array, sample_axes: int) -> bool:
@@ -368,7 +370,7 @@ def _in_rows(array: Array, sample_axes: int) -> bool:
     return bool(beside and array.flags.aligned)
 
 
-LARGEST_COMPILED = 100
+MAX_COMPILED_LINKS = 100
 """Links up to which equations are compiled. LLVM takes 6 s for the mass matrix of a chain of so many."""
 
 
@@ -414,6 +416,6 @@ def native_or_floats(
     form: Form | None = None,
 ) -> Kernel | OnFloats:
     """Compiled function for mechanisms of up to 100 links, else the function in Python."""
-    if links > LARGEST_COMPILED:
+    if links > MAX_COMPILED_LINKS:
         return OnFloats(function, arguments, name=name, finite=finite)
     return compile_function(function, arguments, name=name, finite=finite, form=form)

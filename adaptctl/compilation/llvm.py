@@ -10,9 +10,9 @@ from adaptctl.compilation.function_body import FunctionBody
 from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.routine import NONE, Invariants, Routine, numbered, trace
-from adaptctl.compilation.sine import STEP, sine_for
+from adaptctl.compilation.sine import MAX_SINE_STEP, sine_for
 
-BEFORE = ".before"
+PROLOGUE_SUFFIX = ".before"
 """After a step's name, the name of what runs before all steps."""
 
 
@@ -23,7 +23,7 @@ def program(routine: Routine, lanes: Lanes, same: Invariants = NONE, uniform: Co
     functions = [_function(r, parts[r], symbols, lanes) for r in symbols if r is not routine]
     if same.stored:
         before = same.before(routine)
-        symbols[before], parts[before] = f"{symbols[routine]}{BEFORE}", pieces(before.body)
+        symbols[before], parts[before] = f"{symbols[routine]}{PROLOGUE_SUFFIX}", pieces(before.body)
         functions.append(_function(before, parts[before], symbols, lanes))
         parts[routine] = pieces(same.left(routine), same.places)
     functions.append(_function(routine, parts[routine], symbols, lanes, same, uniform))
@@ -106,7 +106,7 @@ def _sines(text: str, lanes: Lanes) -> str:
     counts = {int(count) for count in re.findall(r"@sines\.\w+\.(\d+)\(", text)}
     if not counts:
         return ""
-    limits = {"farthest": lanes.constant(sine_for(lanes.precision).farthest), "longest": lanes.constant(STEP)}
+    limits = {"farthest": lanes.constant(sine_for(lanes.precision).farthest), "longest": lanes.constant(MAX_SINE_STEP)}
     near = [_near_sines(Lanes(count, lanes.precision)) for count in sorted(counts | {lanes.count})]
     return "\n".join([*near, lanes.filled("sincos_reduction", tag=f".{lanes.count}", **limits)])
 
@@ -121,10 +121,10 @@ def _near_sines(lanes: Lanes) -> str:
     return "\n".join([*parts, lanes.filled("sines", tag=tag, **{name: lanes.whole(k) for name, k in numbers.items()})])
 
 
-LONGEST = 6000
+MAX_WHOLE_EXPRESSIONS = 6000
 """Expressions in a routine that is left whole."""
 
-PIECE = 1500
+PIECE_EXPRESSIONS = 1500
 """Expressions in a piece of a longer one, about."""
 
 _TRUTHS = (Op.LESS, Op.LESS_EQUAL)
@@ -156,7 +156,7 @@ def pieces(body: Sequence[Expression], given: Container[int] = ()) -> list[Piece
 
 
 def _parts(body: Sequence[Expression]) -> Iterator[Sequence[Expression]]:
-    first, length = 0, LONGEST if len(body) <= LONGEST else PIECE
+    first, length = 0, MAX_WHOLE_EXPRESSIONS if len(body) <= MAX_WHOLE_EXPRESSIONS else PIECE_EXPRESSIONS
     while first == 0 or first < len(body):
         last = first + length
         while last < len(body) and body[last].op is Op.RESULT:

@@ -18,7 +18,7 @@ import numpy as np
 
 from adaptctl.files import hashed
 
-LIMIT = 256 * 2**20
+MAX_CACHE_BYTES = 256 * 2**20
 """Bytes kept at most, and a 64th more for each process that writes: beyond, what was used longest ago goes."""
 
 SUFFIX = ".object"
@@ -50,7 +50,7 @@ class ObjectCache(NamedTuple):
     """Compiled objects on disk, one file for each key of 32 bytes."""
 
     folder: Path
-    limit: int = LIMIT
+    limit: int = MAX_CACHE_BYTES
 
     def get(self, key: bytes) -> bytes | None:
         """Bytes kept under a key; None where missing, damaged or another user's."""
@@ -127,14 +127,14 @@ def _write(path: Path, content: bytes) -> None:
         beside.unlink(missing_ok=True)
 
 
-MOST = 16
+MAX_RESULTS_IN_PROCESS = 16
 """Results that one process keeps: those of its first searches, and not a hundred thousand of a sweep."""
 
 _CHOOSING = ("OPENBLAS_", "MKL_", "OMP_NUM_THREADS", "ADAPTCTL_PROCESSOR")
 """Beginnings of the names of environment variables that choose between code paths."""
 
 Result = TypeVar("Result")
-_left = iter(range(MOST))
+_left = iter(range(MAX_RESULTS_IN_PROCESS))
 
 
 def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Result]) -> Result:

@@ -37,15 +37,15 @@ class Sine(NamedTuple):
     def turned(self, sine: Any, cosine: Any, step: Any) -> tuple[Any, Any]:
         """Sine and cosine of an angle that is `step` larger than a known one."""
         z = step * step
-        of_step = step + step * z * polynomial(self.sine[:TERMS], z)
-        less = z * (0.5 - z * polynomial(self.cosine[:TERMS], z))  # 1 less the step's cosine
+        of_step = step + step * z * polynomial(self.sine[:STEP_COEFFICIENTS], z)
+        less = z * (0.5 - z * polynomial(self.cosine[:STEP_COEFFICIENTS], z))  # 1 less the step's cosine
         return sine + (cosine * of_step - sine * less), cosine - (sine * of_step + cosine * less)
 
 
-STEP = 2.0**-4
+MAX_SINE_STEP = 2.0**-4
 """rad; a step in time seldom turns a joint farther"""
 
-TERMS = 3
+STEP_COEFFICIENTS = 3
 """Coefficients that a step needs, of each polynomial: the next are below 5e-17 there."""
 
 
@@ -178,7 +178,7 @@ class SinesAtOnce:
         return [f"{name}.sine", f"{name}.cosine"]
 
     def _beyond(self, name: str, x: str, lanes: Lanes, stepped: bool, before: str = "") -> str:
-        limit = lanes.constant(STEP if stepped else sine_for(lanes.precision).farthest)
+        limit = lanes.constant(MAX_SINE_STEP if stepped else sine_for(lanes.precision).farthest)
         called = f"call {lanes.condition} @sines.beyond.{lanes.count}({lanes.value} {x}, {lanes.value} {limit})"
         self._text.add(f"{name}.far = {called}")
         if before:
@@ -243,7 +243,7 @@ def _short(x: Any) -> bool:
         isinstance(x, Expression)
         and x.op is Op.MULTIPLY
         and isinstance(x.operands[0], float)
-        and abs(x.operands[0]) <= STEP
+        and abs(x.operands[0]) <= MAX_SINE_STEP
     )
 
 

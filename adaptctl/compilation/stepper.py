@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import whole_count
 from adaptctl.compilation.lanes import Array, LaneArray, Lanes, Precision
-from adaptctl.compilation.llvm import BEFORE, program
+from adaptctl.compilation.llvm import PROLOGUE_SUFFIX, program
 from adaptctl.compilation.native import Processor, load
 from adaptctl.compilation.routine import Invariants, Operations, Routine, trace
 from adaptctl.errors import InputError
@@ -54,7 +54,7 @@ def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, S
     pointers = _pointers(inputs | {"%next": results[:states], "%out.at": results[states:]})
     held = _pointers({_HELD: inputs[_HELD]})
     unread = [name if name in held else "ptr null" for name in _pointers(inputs)]
-    before = f"call void @{symbol}{BEFORE}({', '.join([*unread, 'ptr %same'])})" if same else ""
+    before = f"call void @{symbol}{PROLOGUE_SUFFIX}({', '.join([*unread, 'ptr %same'])})" if same else ""
     return lanes.filled(
         "loop",
         **count,

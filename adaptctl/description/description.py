@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, frozen_array, whole_count, whole_number
 from adaptctl.caching import cached_property, sent_as_made
-from adaptctl.description.drive import LARGEST_TERM, Drive, DriveParameter, Limits
+from adaptctl.description.drive import MAX_DRIVE_TERM, Drive, DriveParameter, Limits
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
 from adaptctl.description.pose import Pose
 from adaptctl.errors import InputError, validate_kind
@@ -28,7 +28,7 @@ GROUND = -1
 """The parent index of a link whose joint is on the ground."""
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
-LARGEST_INERTIA, LARGEST_GRAVITY = LARGEST_TERM, 1e9
+MAX_INERTIAL_PARAMETER, MAX_GRAVITY = MAX_DRIVE_TERM, 1e9
 """Inertial parameters (SI units) and gravity (m/s^2) that a mechanism may have: energies of larger ones overflow."""
 
 
@@ -163,8 +163,8 @@ class Link:
     def __post_init__(self) -> None:
         whole_count(self.parent, f"link {self.name!r}: parent", GROUND)
         object.__setattr__(self, "inertia", frozen_array(self.inertia, (10,), f"link {self.name!r}: inertia"))
-        if np.abs(self.inertia).max() > LARGEST_INERTIA:
-            raise InputError(f"link {self.name!r}: expected inertial parameters of at most {LARGEST_INERTIA:g}")
+        if np.abs(self.inertia).max() > MAX_INERTIAL_PARAMETER:
+            raise InputError(f"link {self.name!r}: expected inertial parameters of at most {MAX_INERTIAL_PARAMETER:g}")
         if self.massless and np.any(self.inertia):
             raise InputError(f"link {self.name!r}: a massless link has no inertia, got {self.inertia.tolist()}")
 
@@ -219,9 +219,9 @@ class Description:
         for name in ("links", "visuals", "frames"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         object.__setattr__(self, "gravity", frozen_array(self.gravity, (3,), f"{self.name}: gravity"))
-        if np.abs(self.gravity).max() > LARGEST_GRAVITY:
+        if np.abs(self.gravity).max() > MAX_GRAVITY:
             raise InputError(
-                f"{self.name}: gravity: expected at most {LARGEST_GRAVITY:g} m/s^2, got {self.gravity.tolist()}"
+                f"{self.name}: gravity: expected at most {MAX_GRAVITY:g} m/s^2, got {self.gravity.tolist()}"
             )
         if not self.links:
             raise InputError(f"{self.name}: a mechanism needs at least one movable link")

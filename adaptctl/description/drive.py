@@ -30,7 +30,7 @@ class DriveParameter(Enum):
 
 MAY_BE_NEGATIVE = frozenset({DriveParameter.SQUARE_ROOT, DriveParameter.STRIBECK, DriveParameter.OFFSET})
 """Terms that only bend a friction curve, or have no direction of their own."""
-LARGEST_TERM = 1e20
+MAX_DRIVE_TERM = 1e20
 """Term of a drive that a mechanism may have (SI units): energies and torques of larger ones overflow."""
 
 
@@ -48,9 +48,9 @@ class Drive:
 
     def __post_init__(self) -> None:
         for kind in DriveParameter:
-            value, least = self.value(kind), -LARGEST_TERM if kind in MAY_BE_NEGATIVE else 0.0
-            if value is not None and not least <= real_number(value, kind.value) <= LARGEST_TERM:
-                allowed = f"of at least {least:g} and at most {LARGEST_TERM:g}"
+            value, least = self.value(kind), -MAX_DRIVE_TERM if kind in MAY_BE_NEGATIVE else 0.0
+            if value is not None and not least <= real_number(value, kind.value) <= MAX_DRIVE_TERM:
+                allowed = f"of at least {least:g} and at most {MAX_DRIVE_TERM:g}"
                 raise InputError(f"{kind.value}: expected a finite number {allowed}, got {value}")
         if isinstance(self.turns_with, str) or not isinstance(self.turns_with, Iterable):
             raise InputError(f"turns_with: expected pairs of a joint's name and a ratio, got {self.turns_with!r}")

@@ -12,7 +12,7 @@ from adaptctl.arrays import Array, frozen_array
 from adaptctl.caching import sent_as_made
 from adaptctl.errors import InputError
 
-LARGEST_LENGTH = 1e9
+MAX_LENGTH = 1e9
 """m between two frames of a mechanism: energies of longer ones would overflow"""
 
 
@@ -88,10 +88,8 @@ class Pose:
         if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-9 or np.linalg.det(rotation) < 0.0:
             raise InputError(f"rotation: expected a proper orthogonal matrix, got {rotation.tolist()}")
         translation = frozen_array(self.translation, (3,), "translation")
-        if np.abs(translation).max() > LARGEST_LENGTH:
-            raise InputError(
-                f"translation: expected lengths of at most {LARGEST_LENGTH:g} m, got {translation.tolist()}"
-            )
+        if np.abs(translation).max() > MAX_LENGTH:
+            raise InputError(f"translation: expected lengths of at most {MAX_LENGTH:g} m, got {translation.tolist()}")
         object.__setattr__(self, "rotation", rotation)
         object.__setattr__(self, "translation", translation)
 

@@ -9,9 +9,9 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.description import GROUND, Description, Link
 
-AT_JOINT = 1e-6
+JOINT_DISTANCE_TOLERANCE = 1e-6
 """m from its joint within which a link's frame is at the joint, and does not say where the link ends"""
-SHORTEST = 1e-6
+MIN_LENGTH = 1e-6
 """m: shorter lengths are none"""
 
 
@@ -23,7 +23,7 @@ def joint_line(link: Link) -> tuple[Array, Array]:
 def link_end(link: Link) -> Array:
     """Point (3,) where a `link` ends, in its frame, m."""
     start, _ = joint_line(link)
-    if np.linalg.norm(start) > AT_JOINT or link.inertia[0] <= 0.0:
+    if np.linalg.norm(start) > JOINT_DISTANCE_TOLERANCE or link.inertia[0] <= 0.0:
         return np.zeros(3)
     return link.inertia[1:4] / link.inertia[0]
 
@@ -46,8 +46,8 @@ def _with_end(points: list[Array], link: Link) -> list[Array]:
     """Points of a link, with its end where it reaches beyond the others."""
     (joint, _), end = joint_line(link), link_end(link)
     farthest = max((float(np.linalg.norm(point - joint)) for point in points), default=0.0)
-    part_of_joint = bool(points) and farthest <= SHORTEST
-    beyond = np.linalg.norm(end - joint) > farthest + SHORTEST
+    part_of_joint = bool(points) and farthest <= MIN_LENGTH
+    beyond = np.linalg.norm(end - joint) > farthest + MIN_LENGTH
     return points if part_of_joint or (points and not beyond) else [*points, end]
 
 

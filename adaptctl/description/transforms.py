@@ -88,7 +88,7 @@ def _moved(visual: Visual, stand: Pose, above: int) -> Visual:
     return visual.on(GROUND, stand) if on_ground else replace(visual, link=visual.link + above)
 
 
-JOINTS = (
+FLOATING_JOINTS = (
     ("x", JointKind.PRISMATIC, (1.0, 0.0, 0.0)),
     ("y", JointKind.PRISMATIC, (0.0, 1.0, 0.0)),
     ("z", JointKind.PRISMATIC, (0.0, 0.0, 1.0)),
@@ -133,15 +133,15 @@ def with_floating_base(description: Description, name: str, inertia: ArrayLike) 
     links, loops = floating(description.links, name, inertia), description.loops
     if loops is not None:
         closures = tuple(replace(c, first=c.first or name, second=c.second or name) for c in loops.closures)
-        primary = (*(link.joint.name for link in links[: len(JOINTS)]), *loops.primary)
+        primary = (*(link.joint.name for link in links[: len(FLOATING_JOINTS)]), *loops.primary)
         loops = replace(loops, primary=primary, closures=closures)
-    frames = tuple(replace(frame, link=frame.link + len(JOINTS)) for frame in description.frames)
+    frames = tuple(replace(frame, link=frame.link + len(FLOATING_JOINTS)) for frame in description.frames)
     return replace(description, links=links, loops=loops, visuals=above_base(description.visuals), frames=frames)
 
 
 def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link, ...]:
     """Links of a mechanism on a floating base."""
-    base = tuple(_base_link(i, name, inertia) for i in range(len(JOINTS)))
+    base = tuple(_base_link(i, name, inertia) for i in range(len(FLOATING_JOINTS)))
     above = len(base)
     carried = (replace(link, parent=above - 1 if link.parent == GROUND else link.parent + above) for link in links)
     return (*base, *carried)
@@ -149,22 +149,22 @@ def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link
 
 def above_base(visuals: Sequence[Visual]) -> tuple[Visual, ...]:
     """Shapes renumbered for the six links of a floating base."""
-    return tuple(replace(visual, link=visual.link + len(JOINTS)) for visual in visuals)
+    return tuple(replace(visual, link=visual.link + len(FLOATING_JOINTS)) for visual in visuals)
 
 
 def _base_link(i: int, name: str, inertia: ArrayLike) -> Link:
-    suffix, kind, axis = JOINTS[i]
+    suffix, kind, axis = FLOATING_JOINTS[i]
     joint, identity = Joint(f"{name}_{suffix}", kind, np.array(axis)), Pose.identity()
-    if i < len(JOINTS) - 1:
+    if i < len(FLOATING_JOINTS) - 1:
         return Link(f"{name}_{suffix}", i - 1, joint, identity, identity, massless=True)
     return Link(name, i - 1, joint, identity, identity, np.asarray(inertia))
 
 
-WITHIN = 1e-3
+RIGHT_ANGLE_TOLERANCE = 1e-3
 """rad"""
 
 
-def snapped(description: Description, within: float = WITHIN) -> Description:
+def snapped(description: Description, within: float = RIGHT_ANGLE_TOLERANCE) -> Description:
     """
     Make nearly right angles between successive joint axes exact.
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, real_number
-from adaptctl.description.description import LARGEST_INERTIA
+from adaptctl.description.description import MAX_INERTIAL_PARAMETER
 from adaptctl.errors import InputError
 from adaptctl.simulation.effects import Payload
 
@@ -290,8 +290,10 @@ def _per_mass(places: Array) -> Array:
 
 def _mass(value: float) -> float:
     mass = real_number(value, "mass")
-    if not 0.0 <= mass <= LARGEST_INERTIA:
-        raise InputError(f"mass: expected a number of at least 0 kg and at most {LARGEST_INERTIA:g}, got {value!r}")
+    if not 0.0 <= mass <= MAX_INERTIAL_PARAMETER:
+        raise InputError(
+            f"mass: expected a number of at least 0 kg and at most {MAX_INERTIAL_PARAMETER:g}, got {value!r}"
+        )
     return mass
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, same_samples, stacked, stacked_rows, writable
-from adaptctl.compilation.kernel import LARGEST_COMPILED
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.description import Description
 from adaptctl.description.reach import depths
 from adaptctl.dynamics.equations import Equations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from adaptctl.compilation import Kernel
 
 
-CALLS, STATES = 50, 25_000
+COMPILE_AFTER_CALLS, COMPILE_AFTER_STATES = 50, 25_000
 """Calls and states after which an equation is compiled: until then, with seven links, NumPy has taken about as long as
 LLVM would."""
 
@@ -142,8 +142,8 @@ class ArrayEquation:
         return found
 
     def _compiled(self, states: int) -> Kernel | None:
-        self._work += 1.0 / CALLS + states / STATES
-        if self._work < 1.0 or not self._compiles or self._links > LARGEST_COMPILED:
+        self._work += 1.0 / COMPILE_AFTER_CALLS + states / COMPILE_AFTER_STATES
+        if self._work < 1.0 or not self._compiles or self._links > MAX_COMPILED_LINKS:
             return None
         from adaptctl.compilation import compile_function
 
@@ -171,7 +171,7 @@ def _rows(array: Array, samples: tuple[int, ...]) -> Array:
     return whole.reshape(math.prod(samples), size)
 
 
-TOGETHER = 64
+STATES_AT_ONCE = 64
 """Number of states whose rows are computed at once."""
 
 
@@ -193,11 +193,13 @@ class RowByRow:
         if not samples:
             return self._rows_at(*arrays)
         given = [np.broadcast_to(x, (*samples, x.shape[-1])).reshape(count, x.shape[-1]) for x in arrays]
-        first = self._rows_at(*(x[:TOGETHER] for x in given))
+        first = self._rows_at(*(x[:STATES_AT_ONCE] for x in given))
         found = np.empty((count * self._rows, first.shape[1]))
         found[: len(first)] = first
-        for k in range(TOGETHER, count, TOGETHER):
-            found[k * self._rows : (k + TOGETHER) * self._rows] = self._rows_at(*(x[k : k + TOGETHER] for x in given))
+        for k in range(STATES_AT_ONCE, count, STATES_AT_ONCE):
+            found[k * self._rows : (k + STATES_AT_ONCE) * self._rows] = self._rows_at(
+                *(x[k : k + STATES_AT_ONCE] for x in given)
+            )
         return found.reshape(*samples, self._rows, first.shape[1])
 
     def _rows_at(self, *states: Array) -> Array:
@@ -224,7 +226,7 @@ def unit_rows(n: int) -> Array:
     return np.lib.stride_tricks.sliding_window_view(numbers, n)[::-1]
 
 
-MOST_PAIRS = 600
+MAX_JOINT_LINK_PAIRS = 600
 """Pairs of a joint and a link that it moves up to which a whole regressor is compiled: those of a chain of 34 links, or
 of most humanoids. LLVM takes 5 s for so many."""
 
@@ -321,7 +323,7 @@ class ArrayEquations:
 
     def _regressor(self, name: str, columns: tuple[int, ...] | None) -> OnArrays:
         mechanism = self._mechanism
-        long = sum(depths(link.parent for link in mechanism.description.links)) > MOST_PAIRS
+        long = sum(depths(link.parent for link in mechanism.description.links)) > MAX_JOINT_LINK_PAIRS
 
         def rows(q: Column, v: Column, v_r: Column, a_r: Column) -> list[Column]:
             equations = mechanism.equations

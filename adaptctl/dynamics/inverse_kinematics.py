@@ -14,13 +14,13 @@ from adaptctl.dynamics.recursion.kinematics import moving_point
 from adaptctl.errors import InputError, SingularityError
 from adaptctl.scalars import Column, Vec, column
 
-LARGEST_STEP = 0.02
+MAX_POINT_STEP = 0.02
 """m a point is moved between two of Newton's steps: small enough to stay on one branch"""
-LARGEST_TURN = 0.2
+MAX_JOINT_STEP = 0.2
 """rad or m that any joint goes in one of them"""
-LAST_STEPS = 4
+FINAL_NEWTON_STEPS = 4
 """Newton's steps at the goal"""
-REACHED = 1e-9
+POSITION_TOLERANCE = 1e-9
 """m"""
 
 
@@ -128,8 +128,8 @@ class Tip:
         p = np.broadcast_to(frozen_array(start, (3,), "start"), aim.shape)
         q = self.mechanism.configuration(p)
         begin, _ = self._moved(q)
-        steps = max(1, int(np.ceil(np.linalg.norm(aim - begin, axis=-1).max(initial=0.0) / LARGEST_STEP)))
-        for share in np.minimum(np.arange(1, steps + LAST_STEPS + 1) / steps, 1.0):
+        steps = max(1, int(np.ceil(np.linalg.norm(aim - begin, axis=-1).max(initial=0.0) / MAX_POINT_STEP)))
+        for share in np.minimum(np.arange(1, steps + FINAL_NEWTON_STEPS + 1) / steps, 1.0):
             place, jacobian = self._moved(q)
             p = p + self._step(jacobian, begin + share * (aim - begin) - place)
             q = self._closed(p, q)
@@ -142,7 +142,7 @@ class Tip:
             step = np.asarray(np.linalg.solve(jacobian, way[..., None])[..., 0], dtype=np.float64)
         except np.linalg.LinAlgError as error:
             raise InputError(f"{self.mechanism.name}: {self.link} is in a singular configuration") from error
-        return step / np.maximum(np.abs(step).max(axis=-1, keepdims=True) / LARGEST_TURN, 1.0)
+        return step / np.maximum(np.abs(step).max(axis=-1, keepdims=True) / MAX_JOINT_STEP, 1.0)
 
     def _closed(self, p: Array, q: Array) -> Array:
         try:
@@ -152,7 +152,7 @@ class Tip:
 
     def _validate_reached(self, aim: Array, place: Array) -> None:
         gaps = np.linalg.norm(place - aim, axis=-1)
-        if not np.all(gaps < REACHED):
+        if not np.all(gaps < POSITION_TOLERANCE):
             worst = int(np.nan_to_num(gaps, nan=np.inf).argmax())
             goal = np.round(aim.reshape(-1, 3)[worst], 4).tolist()
             raise InputError(f"{self.mechanism.name}: {self.link} cannot reach {goal} m from where it starts")

@@ -21,7 +21,7 @@ from adaptctl.dynamics.recursion.newton_euler import joint_torques, powers, torq
 from adaptctl.dynamics.recursion.segment import Placement, Segment, segments
 from adaptctl.scalars import ZERO, Column, Scalar, Vec
 
-ARTICULATED = 6.5
+MIN_ARTICULATED_DEPTH = 6.5
 """Joints between a link and the ground, on average, from which on accelerations are found by articulated bodies: those
 of a chain of 12. In shorter trees the mass matrix costs less, for its entries are one for each of these joints."""
 
@@ -189,7 +189,7 @@ class TreeEquations(Equations):
         """True where articulated bodies cost less than the mass matrix."""
         deep = depths(link.parent for link in self.segments)
         coupled = any(len(term.arms) > 1 for term in self.layout.drives if not term.kind.is_friction)
-        return sum(deep) >= ARTICULATED * len(deep) and not coupled
+        return sum(deep) >= MIN_ARTICULATED_DEPTH * len(deep) and not coupled
 
     def without_gravity(self) -> TreeEquations:
         """Copy of these equations without gravity."""

@@ -10,7 +10,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.recursion.drive import SLOW
+from adaptctl.dynamics.recursion.drive import COULOMB_SMOOTHING_SPEED
 from adaptctl.errors import InputError
 from adaptctl.identification.drives_file import Drives
 from adaptctl.identification.filtered_dynamics import RowFilter, SmoothMotion
@@ -87,7 +87,7 @@ def _unfiltered(motion: SmoothMotion, rigid: Mechanism, drives: Drives) -> Array
     torque = np.abs(rigid.inverse_dynamics(p, v, motion.acceleration()))
     ratios = drives.transmission / np.diag(drives.transmission)[:, None]
     speed = v @ ratios.T
-    share = torque * speed / np.sqrt(speed**2 + SLOW**2)
+    share = torque * speed / np.sqrt(speed**2 + COULOMB_SMOOTHING_SPEED**2)
     return np.pad(share[:, None, :] * ratios.T, ((DIFFERENCE_MARGIN, DIFFERENCE_MARGIN), (0, 0), (0, 0)))
 
 

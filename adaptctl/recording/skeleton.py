@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.description import Link
-from adaptctl.description.reach import SHORTEST, attachments, chain_reach, depths, joint_line, link_end
+from adaptctl.description.reach import MIN_LENGTH, attachments, chain_reach, depths, joint_line, link_end
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import link_poses
 
@@ -87,7 +87,7 @@ def _link_shapes(links: tuple[Link, ...], index: int, ends: Sequence[Array], rad
     for goal in ends:
         corner = start + axis * float(axis @ (goal - start))
         for a, b in ((start, corner), (corner, goal)):
-            if np.linalg.norm(b - a) > SHORTEST:
+            if np.linalg.norm(b - a) > MIN_LENGTH:
                 yield Shape(index, Solid.LINK, a, b, radius)
     half = (1.25 if link.joint.kind.is_revolute else 2.5) * radius * axis
     yield Shape(index, Solid.JOINT, start - half, start + half, 1.2 * radius)

@@ -36,7 +36,7 @@ class Scalar(Protocol):
     def __neg__(self) -> Any: ...
 
 
-LARGEST_EXPONENT = 709.782712893384
+MAX_EXPONENT = 709.782712893384
 """ln of the largest double"""
 
 Condition: TypeAlias = Any
@@ -150,7 +150,7 @@ def exp(x: Any) -> Any:
     1.0
     """
     if isinstance(x, float):
-        return math.exp(x) if not x > LARGEST_EXPONENT else math.inf
+        return math.exp(x) if not x > MAX_EXPONENT else math.inf
     return np.exp(x)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array, whole_number
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.compilation import Ensemble, Stepper, compile_step
-from adaptctl.compilation.kernel import LARGEST_COMPILED
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.control.controller import GAINS, Controller, Reference, ReferencePoint
 from adaptctl.control.pytree import leaves, like
 from adaptctl.dynamics.equations import ClosedPositions
@@ -228,7 +228,7 @@ def not_compiled(plant: Plant, controller: Controller[Any]) -> str:
         if type(part).step is not kind.step:
             return f"{type(part).__name__} has a step of its own"
     links = len(plant.mechanism.links)
-    return f"{links} links are too many to compile" if links > LARGEST_COMPILED else ""
+    return f"{links} links are too many to compile" if links > MAX_COMPILED_LINKS else ""
 
 
 class Driven(ABC):

@@ -12,7 +12,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.recursion.drive import SLOW
+from adaptctl.dynamics.recursion.drive import COULOMB_SMOOTHING_SPEED
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 from adaptctl.simulation.effects import JointEffect
@@ -270,7 +270,7 @@ def _few(steps: int, mechanism: Mechanism) -> int:
 
 def _slopes(mechanism: Mechanism, p: Array, columns: range) -> Array:
     """The drives' friction over velocity at rest (samples, r, r), by velocities far below where the sign bends."""
-    D, slow = mechanism.inertial_parameters[columns.start :], 1e-6 * SLOW
+    D, slow = mechanism.inertial_parameters[columns.start :], 1e-6 * COULOMB_SMOOTHING_SPEED
     rest = np.zeros_like(p)
     slopes = np.zeros((*p.shape, mechanism.dof))
     for j in range(mechanism.dof if columns else 0):

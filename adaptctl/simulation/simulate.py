@@ -56,7 +56,7 @@ def simulate(
 
     It takes a `TrackingEnv`, or another environment with a `plant` and a method `episode(seed=..., options=...)` that
     returns its `Episode`, in no wrappers but those of `gymnasium.make`; a controller that has a `law` and no `step` of
-    its own; and at most LARGEST_COMPILED (100) links. Anything else is driven by `rollout`, with a `NotCompiledWarning`
+    its own; and at most 100 links. Anything else is driven by `rollout`, with a `NotCompiledWarning`
     that says why; `stream` then has only the samples of the run returned. Raises `InputError` for an environment that
     cannot be driven by this controller, an `every` that is not a whole number of at least 1, and a `last` that is not
     positive and finite; `NonFiniteError` where the motion becomes non-finite; and for `stream` `FileError` where it

@@ -155,7 +155,7 @@ def simulate_many(
     that is not a whole number of at least 1, a `seed` that is not one of at least 0, shapes that do not fit and unlike
     numbers of rows, controllers that differ in more than numbers or come with `gains`, a controller with a task-space
     reference or a `step` of its own, in single precision a case that needs double (`validate_single`), and for more
-    than LARGEST_COMPILED (100) links; `NonFiniteError` for NaN or infinity in `parameters`, `p` or `v` and NaN in a
+    than 100 links; `NonFiniteError` for NaN or infinity in `parameters`, `p` or `v` and NaN in a
     bound, `NotFoundError` for an unknown name in `gains` and what a new controller raises for theirs, and
     `SingularityError` where loops cannot be followed to `p`.
     """

@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array, numbers, positive_number
 from adaptctl.compilation import compile_function
-from adaptctl.compilation.kernel import LARGEST_COMPILED
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.control.pytree import leaves, like
 from adaptctl.dynamics import Mechanism
@@ -172,7 +172,7 @@ def _ticked(controller: Controller[Any], control_period: float) -> float:
 def _accelerations(mechanism: Mechanism) -> Any:
     """Forward dynamics of p, v, torque (r,), in native code for a tree that is short enough."""
     equations, parameters = mechanism.equations, Column(mechanism.inertial_parameters.tolist())
-    if mechanism.continuation is not None or mechanism.dof > LARGEST_COMPILED:
+    if mechanism.continuation is not None or mechanism.dof > MAX_COMPILED_LINKS:
         return mechanism.forward_dynamics
 
     def accelerations(p: Column, v: Column, torque: Column) -> Column:

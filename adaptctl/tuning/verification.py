@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.kernel import LARGEST_COMPILED
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.control import Gains, SlotineLi
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import Controller, Reference, ReferencePoint
@@ -77,7 +77,7 @@ class Trials:
     @property
     def possible(self) -> bool:
         """True up to 100 links."""
-        return len(self.plant.mechanism.links) <= LARGEST_COMPILED
+        return len(self.plant.mechanism.links) <= MAX_COMPILED_LINKS
 
     def run(self, settings: list[TrialSetting], duration: float) -> Rollouts:
         """Runs of all settings together."""

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.caching import sent_as_made
-from adaptctl.compilation.kernel import LARGEST_COMPILED
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.compilation.lanes import Precision
 from adaptctl.envs.built_in import Puma560TrackingEnv, SemiDirectDriveTrackingEnv
 from adaptctl.envs.many.arms import Arms, Flags, Told, put
@@ -311,10 +311,10 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     def _validate_short(self) -> None:
         mechanism = self.single.mechanism
-        if len(mechanism.links) > LARGEST_COMPILED:
+        if len(mechanism.links) > MAX_COMPILED_LINKS:
             raise InputError(
                 f"{mechanism.name}: has {len(mechanism.links)} links, and native code is made for at most "
-                f"{LARGEST_COMPILED}: use vectorization_mode='sync'"
+                f"{MAX_COMPILED_LINKS}: use vectorization_mode='sync'"
             )
 
 

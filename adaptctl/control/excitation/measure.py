@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, per_joint, real_number
 from adaptctl.compilation import compile_function
-from adaptctl.compilation.kernel import LARGEST_COMPILED
+from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.control.adaptation import PriorRanges
 from adaptctl.control.lyapunov import SampledRun
 from adaptctl.errors import InputError
@@ -154,7 +154,7 @@ def scaled_regressor(
 def regressor_of(model: ReducedModel) -> Callable[[Array, Array, Array, Array], Array]:
     """Function from p, v, v_r, a_r (T, r) to the regressor, native up to 100 links."""
     mechanism, r = model.mechanism, model.mechanism.dof
-    if len(mechanism.links) > LARGEST_COMPILED:
+    if len(mechanism.links) > MAX_COMPILED_LINKS:
         return model.slotine_li_regressor
     equations = mechanism.equations
 

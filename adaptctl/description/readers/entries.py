@@ -149,15 +149,15 @@ def _or_unlimited(bound: float | None, unlimited: float = math.inf) -> float:
     return unlimited if bound is None else bound
 
 
-MOST_LINKS = 256
+MAX_LINKS = 256
 """Links that move, in one file: regressors of more take minutes."""
-MOST_BODIES, MOST_GEOMS = 2_000, 5_000
+MAX_BODIES, MAX_GEOMS = 2_000, 5_000
 """Bodies in one file, those that are fixed to others counted, and geoms."""
-LEAST_DEGREES, MOST_DEGREES = 6.0 * math.pi, 3600.0
+MIN_SUSPECT_LIMIT, MAX_SUSPECT_LIMIT = 6.0 * math.pi, 3600.0
 """Limits (rad) between these may be degrees: few joints turn thrice, and limits far beyond stand for none."""
-MOST_NAMED = 20
+MAX_LISTED_NAMES = 20
 """names that a message lists"""
-A_TURN = 2.02 * math.pi
+MAX_FRAME_ANGLE = 2.02 * math.pi
 """Angle (rad) that no frame needs to be turned by."""
 
 
@@ -184,14 +184,14 @@ def warn_of_weightless(path: Any, links: Sequence[Link], loops: Loops | None, st
 def unknown_body(name: str, known: Sequence[str]) -> str:
     """Text of a message that a scene has no body of this `name`."""
     guess = suggested_name(name, known)
-    listed = ", ".join(repr(other) for other in known[:MOST_NAMED] if other)
-    return f"there is no body {printable(name)!r}{guess}; there are {listed}{', ...' * (len(known) > MOST_NAMED)}"
+    listed = ", ".join(repr(other) for other in known[:MAX_LISTED_NAMES] if other)
+    return f"there is no body {printable(name)!r}{guess}; there are {listed}{', ...' * (len(known) > MAX_LISTED_NAMES)}"
 
 
 def is_more_than_a_turn(angles: Iterable[float] | float | None) -> bool:
     """True where an angle is above 2.02 pi in size, perhaps in degrees."""
     given = (angles,) if isinstance(angles, int | float) else angles or ()
-    return any(abs(angle) > A_TURN for angle in given)
+    return any(abs(angle) > MAX_FRAME_ANGLE for angle in given)
 
 
 def warn_of_degrees(path: Any, links: Sequence[Link], frames: Sequence[str], stacklevel: int = 3) -> None:
@@ -204,4 +204,4 @@ def warn_of_degrees(path: Any, links: Sequence[Link], frames: Sequence[str], sta
 
 def _may_be_degrees(link: Link) -> bool:
     bounds = (link.joint.limits.lower, link.joint.limits.upper)
-    return link.joint.kind.is_revolute and any(LEAST_DEGREES < abs(bound) <= MOST_DEGREES for bound in bounds)
+    return link.joint.kind.is_revolute and any(MIN_SUSPECT_LIMIT < abs(bound) <= MAX_SUSPECT_LIMIT for bound in bounds)

@@ -20,18 +20,18 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.description import Description
 from adaptctl.description.pose import Pose
-from adaptctl.description.readers.entries import MOST_LINKS, validate_at_most, warn_of_degrees
+from adaptctl.description.readers.entries import MAX_LINKS, validate_at_most, warn_of_degrees
 from adaptctl.description.readers.mjcf_scan import ScannedFile, validate_within
 from adaptctl.description.readers.mujoco_arm import FREE, HINGE, SLIDE, MujocoArm, body_ten, mujoco_package
 from adaptctl.description.readers.mujoco_model import loops_of
 from adaptctl.description.readers.xml_elements import LineElement, named, refuse
-from adaptctl.description.transforms import JOINTS
+from adaptctl.description.transforms import FLOATING_JOINTS
 from adaptctl.errors import FileError, InputError, printable
 
 if TYPE_CHECKING:
     import mujoco
 
-SECONDS, MEMORY = 20, 4 * 2**30
+MAX_MESH_SECONDS, MAX_MESH_MEMORY = 20, 4 * 2**30
 """s and bytes that reading meshes may take"""
 _BODIES = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
 """What a model says of bodies' inertias."""
@@ -88,7 +88,7 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
         scanned = ScannedFile.of(path, whole=root is None)
         arm, floating = _arm(scanned, root)
         links = tuple(arm.links())
-        validate_at_most(len(links), MOST_LINKS, "links that move")
+        validate_at_most(len(links), MAX_LINKS, "links that move")
         loops, name = loops_of(arm, links, floating), scanned.root.get("model") or Path(path).stem
         made = Description(name, links, arm.gravity, f"MJCF file {Path(path).name}", loops)
     except FileError:
@@ -178,7 +178,7 @@ def _unfold(spec: mujoco.MjSpec, elements: Sequence[Element]) -> list[str]:
             if np.any(getattr(joint, what)):
                 given = np.ravel(getattr(joint, what)).tolist()
                 refuse(element, f"joint {name!r}: {what} of a free joint is not read: expected 0, got {given[0]:g}")
-        for k, (suffix, kind, axis) in enumerate(JOINTS):
+        for k, (suffix, kind, axis) in enumerate(FLOATING_JOINTS):
             part = body.add_joint() if k else joint
             part.name, part.type, part.axis = f"{name}_{suffix}", mjtJoint(HINGE if kind.is_revolute else SLIDE), axis
             part.pos, part.ref, part.limited, part.actfrclimited, part.info = np.zeros(3), 0.0, 0, 0, joint.info
@@ -227,7 +227,7 @@ def _add_mesh_inertias(model: mujoco.MjModel, scanned: ScannedFile, needed: Mapp
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
                 cwd=folder,
-                timeout=SECONDS,
+                timeout=MAX_MESH_SECONDS,
                 check=True,
             ).stdout
         except (subprocess.SubprocessError, OSError) as error:
@@ -245,8 +245,8 @@ def _serve() -> None:
     """Answer an MJCF text on standard input with its bodies' inertias."""
     import resource
 
-    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_CPU, (MAX_MESH_SECONDS, MAX_MESH_SECONDS))
+    resource.setrlimit(resource.RLIMIT_AS, (MAX_MESH_MEMORY, MAX_MESH_MEMORY))
     resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, 2**20))
     mj = mujoco_package()
     try:

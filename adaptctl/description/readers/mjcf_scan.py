@@ -10,10 +10,10 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from adaptctl.description.readers.entries import MOST_BODIES, MOST_GEOMS, MOST_LINKS
+from adaptctl.description.readers.entries import MAX_BODIES, MAX_GEOMS, MAX_LINKS
 from adaptctl.description.readers.xml_elements import (
-    LARGEST,
-    MOST_ELEMENTS,
+    MAX_ELEMENTS,
+    MAX_MAGNITUDE,
     attribute,
     like,
     named,
@@ -25,7 +25,7 @@ from adaptctl.description.readers.xml_elements import (
 from adaptctl.errors import InputError, printable
 from adaptctl.files import read_text
 
-MOST_FILES = 100
+MAX_FILES = 100
 """files that one scene may consist of"""
 
 _ACTUATORS = ("motor", "general", "position", "velocity", "intvelocity", "damper")
@@ -148,14 +148,14 @@ def _include(root: Element, path: str | Path) -> None:
     while pending:
         element = pending.pop()
         for child in [child for child in element if child.tag == "include"]:
-            if len(seen) > MOST_FILES:
-                refuse(child, f"<include>: more than {MOST_FILES} files, the most that are read")
+            if len(seen) > MAX_FILES:
+                refuse(child, f"<include>: more than {MAX_FILES} files, the most that are read")
             place = list(element).index(child)
             element[place : place + 1] = _content(child, folder, seen)
             pending.append(element)
         pending += [child for child in element if len(child)]
-    if sum(1 for _ in root.iter()) > MOST_ELEMENTS:
-        raise InputError(f"more than {MOST_ELEMENTS} elements with all that is included, the most that are read")
+    if sum(1 for _ in root.iter()) > MAX_ELEMENTS:
+        raise InputError(f"more than {MAX_ELEMENTS} elements with all that is included, the most that are read")
 
 
 def _content(element: Element, folder: Path, seen: set[Path]) -> list[Element]:
@@ -264,7 +264,7 @@ def _check_numbers(element: Element) -> None:
             continue
         if name not in _COUNTS and text.strip() and not any(map(_LIKE_A_NUMBER.match, text.split())):
             continue  # MuJoCo says what is wrong with it
-        largest = math.inf if name in _BOUNDS else LARGEST
+        largest = math.inf if name in _BOUNDS else MAX_MAGNITUDE
         values = numbers(element, name, _COUNTS.get(name, range(1, 4097)), named(element), largest)
         if name in ("mass", "density") and values[0] < 0.0:
             refuse(element, f"{named(element)}: {name} must not be negative, got {values[0]}")
@@ -280,7 +280,7 @@ def _limited(name: str) -> str:
 
 def _validate_few(root: Element) -> None:
     """Bound what MuJoCo's time and memory grow with."""
-    most = {"body": MOST_BODIES, "joint": MOST_BODIES, "freejoint": MOST_BODIES, "geom": MOST_GEOMS, "site": MOST_GEOMS}
+    most = {"body": MAX_BODIES, "joint": MAX_BODIES, "freejoint": MAX_BODIES, "geom": MAX_GEOMS, "site": MAX_GEOMS}
     counts = dict.fromkeys(most, 0)
     pending = [(world, 1, 0) for world in root.findall("worldbody")]
     while pending:
@@ -293,8 +293,8 @@ def _validate_few(root: Element) -> None:
                 refuse(element, f"more than {most[element.tag]} <{element.tag}> elements, the most that are read")
         if element.tag == "body":
             above += sum(6 if x.tag == "freejoint" else 1 for x in _inside(element) if x.tag.endswith("joint"))
-        if above > MOST_LINKS:
-            refuse(element, f"{named(element)}: {above} links that move: at most {MOST_LINKS} are read")
+        if above > MAX_LINKS:
+            refuse(element, f"{named(element)}: {above} links that move: at most {MAX_LINKS} are read")
         pending += [(child, copies, above) for child in element]
 
 

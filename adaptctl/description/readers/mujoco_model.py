@@ -11,7 +11,7 @@ import numpy as np
 from adaptctl.description.description import GROUND, Description, Link
 from adaptctl.description.loops import Closure, ClosureKind, Coupling, Loops
 from adaptctl.description.pose import Pose
-from adaptctl.description.readers.entries import MOST_LINKS, validate_at_most
+from adaptctl.description.readers.entries import MAX_LINKS, validate_at_most
 from adaptctl.description.readers.mujoco_arm import WORLD, MujocoArm, is_disabled, model_name, pose
 from adaptctl.errors import InputError, NotFoundError
 
@@ -29,7 +29,7 @@ def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
     """Description of a body with all bodies on it, and the loops of the equalities."""
     arm = MujocoArm.of(model, body)
     links = tuple(arm.links())
-    validate_at_most(len(links), MOST_LINKS, "links that move")
+    validate_at_most(len(links), MAX_LINKS, "links that move")
     loops = loops_of(arm, links)
     arm.warn(f"MuJoCo model, body {arm.body_name(arm.root)!r}", links)
     name = arm.body_name(arm.root) if body is not None or not model_name(model) else model_name(model)

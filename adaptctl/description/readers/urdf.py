@@ -19,8 +19,8 @@ from adaptctl.description.inertia import from_center_of_mass, transformed
 from adaptctl.description.loops import Coupling, Loops
 from adaptctl.description.pose import Pose, roll_pitch_yaw
 from adaptctl.description.readers.entries import (
-    MOST_BODIES,
-    MOST_LINKS,
+    MAX_BODIES,
+    MAX_LINKS,
     is_more_than_a_turn,
     validate_at_most,
     validate_mass_of_inertia,
@@ -170,7 +170,7 @@ def _robot(text: str) -> Element:
 def _by_name(robot: Element, tag: str) -> dict[str, Element]:
     found: dict[str, Element] = {}
     elements = robot.findall(tag)
-    validate_at_most(len(elements), MOST_BODIES, f"<{tag}> elements")
+    validate_at_most(len(elements), MAX_BODIES, f"<{tag}> elements")
     for index, element in enumerate(elements):
         name = element.get("name")
         if not name:
@@ -235,7 +235,7 @@ def _movable(
             sums[carrier] = sums[carrier] + transformed(inertias[edge.child], place)
         places[edge.child] = carrier, place
         pending += [(next_edge, carrier, place) for next_edge in below.get(edge.child, [])[::-1]]
-    validate_at_most(len(links), MOST_LINKS, "links that move")
+    validate_at_most(len(links), MAX_LINKS, "links that move")
     pairs = zip(links, sums, strict=True)
     return tuple(_link(*found, ten) for found, ten in pairs), still, places
 

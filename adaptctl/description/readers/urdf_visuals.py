@@ -20,7 +20,7 @@ SUFFIXES = (".dae", ".glb", ".obj", ".stl")
 """Kinds of meshes that stand in one file."""
 ROBOT_FOLDERS = ("urdf", "robots", "mjcf")
 """Names of folders in packages that hold robots' files beside folders of meshes."""
-SMALLEST, LARGEST = 200, 8_000_000
+MIN_MESH_BYTES, MAX_MESH_BYTES = 200, 8_000_000
 """Bytes of a mesh that is shown. What is smaller only points to where the mesh is stored."""
 
 
@@ -100,7 +100,7 @@ def _is_within(path: Path, roots: Sequence[Path]) -> bool:
 
 def _is_shown(path: Path) -> bool:
     try:
-        return path.is_file() and SMALLEST <= path.stat().st_size <= LARGEST
+        return path.is_file() and MIN_MESH_BYTES <= path.stat().st_size <= MAX_MESH_BYTES
     except (OSError, ValueError):
         return False
 

@@ -12,11 +12,11 @@ from xml.parsers import expat
 
 from adaptctl.errors import InputError, printable
 
-MOST_ELEMENTS, DEEPEST = 50_000, 600
+MAX_ELEMENTS, MAX_DEPTH = 50_000, 600
 """Elements in one file, and how deep they may stand within one another."""
-LONGEST_NAME, LONGEST_NUMBERS = 256, 4096
+MAX_NAME_CHARACTERS, MAX_NUMBERS_CHARACTERS = 256, 4096
 """Characters of a name, and of the text of an attribute that holds numbers."""
-LARGEST = 1e30
+MAX_MAGNITUDE = 1e30
 """Magnitude of the numbers that are read, limits apart: products of five of them are doubles still."""
 
 _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
@@ -50,15 +50,17 @@ class _Parser:
     def _start(self, tag: str, attributes: Mapping[str, str]) -> None:
         line = self._expat.CurrentLineNumber
         self._depth, self._count = self._depth + 1, self._count + 1
-        if self._depth > DEEPEST or self._count > MOST_ELEMENTS:
-            what = f"{MOST_ELEMENTS} elements" if self._depth <= DEEPEST else f"{DEEPEST} elements within one another"
+        if self._depth > MAX_DEPTH or self._count > MAX_ELEMENTS:
+            what = (
+                f"{MAX_ELEMENTS} elements" if self._depth <= MAX_DEPTH else f"{MAX_DEPTH} elements within one another"
+            )
             raise ElementError(f"<{tag}>: more than {what}, the most that are read (line {line})")
         element = self._builder.start(_qualified(tag), {_qualified(k): v for k, v in attributes.items()})
         element.line = line  # type: ignore[attr-defined]  # Python's own element takes further attributes
         for key in ("name", "model"):
             name = attributes.get(key, "")
-            if _CONTROL.search(name) or len(name) > LONGEST_NAME:
-                what = f"at most {LONGEST_NAME} characters that print"
+            if _CONTROL.search(name) or len(name) > MAX_NAME_CHARACTERS:
+                what = f"at most {MAX_NAME_CHARACTERS} characters that print"
                 refuse(element, f"<{tag}>: {key}: expected {what}, got {printable(name)!r}")
 
     def _end(self, tag: str) -> None:
@@ -125,16 +127,16 @@ def attribute(element: Element, name: str, where: str) -> str:
     return value
 
 
-def number(element: Element, name: str, where: str, largest: float = LARGEST) -> float:
+def number(element: Element, name: str, where: str, largest: float = MAX_MAGNITUDE) -> float:
     """Finite number in an attribute of an element."""
     return numbers(element, name, 1, where, largest)[0]
 
 
-def numbers(element: Element, name: str, count: int | range, where: str, largest: float = LARGEST) -> list[float]:
+def numbers(element: Element, name: str, count: int | range, where: str, largest: float = MAX_MAGNITUDE) -> list[float]:
     """Finite numbers in an attribute of an element, separated by spaces."""
     text = attribute(element, name, where)
     counts = range(count, count + 1) if isinstance(count, int) else count
-    readable = len(text) <= LONGEST_NUMBERS and text.isascii() and "_" not in text
+    readable = len(text) <= MAX_NUMBERS_CHARACTERS and text.isascii() and "_" not in text
     try:
         values = [float(word) for word in text.split()] if readable else []
     except ValueError:

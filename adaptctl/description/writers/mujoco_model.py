@@ -18,9 +18,9 @@ from adaptctl.errors import InputError
 if TYPE_CHECKING:
     import mujoco
 
-STEP = 1e-3
+MUJOCO_TIME_STEP = 1e-3
 """s, of MuJoCo's integration"""
-FAR = 1e10
+MUJOCO_MAX_VALUE = 1e10
 """rad or m, MuJoCo's largest number of a motion (mjMAXVAL): a limit that is never reached"""
 
 
@@ -36,7 +36,7 @@ def to_mujoco(description: Description) -> mujoco.MjModel:
         )
     spec = mujoco.MjSpec()
     spec.modelname, spec.option.gravity = description.name, description.gravity
-    spec.option.timestep, spec.compiler.degree = STEP, False
+    spec.option.timestep, spec.compiler.degree = MUJOCO_TIME_STEP, False
     bodies: list[mujoco.MjsBody] = []
     for link in description.links:
         above = spec.worldbody if link.parent == GROUND else bodies[link.parent]
@@ -77,7 +77,7 @@ def _body(above: mujoco.MjsBody, link: Link, description: Description) -> mujoco
     made.damping = np.array([drive.viscous or 0.0, *np.zeros(np.size(made.damping) - 1)])
     bounds = (joint.limits.lower, joint.limits.upper)
     if bounds != (-math.inf, math.inf):
-        made.range, made.limited = np.clip(bounds, -FAR, FAR), 1
+        made.range, made.limited = np.clip(bounds, -MUJOCO_MAX_VALUE, MUJOCO_MAX_VALUE), 1
     return body
 
 

@@ -18,16 +18,16 @@ from adaptctl.dynamics.loops.posture import factored
 from adaptctl.errors import InputError, SingularityError
 from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 
-LARGEST_STEP = 0.05
+MAX_PRIMARY_STEP = 0.05
 """rad or m of any primary joint that moves a loop, between two closed configurations"""
 
-LOST = 1e-9
+MAX_LOST_GAP = 1e-9
 """m or rad that are left open where Newton's steps, from one configuration to the next, do not lead back."""
 
-OPEN, HALVINGS = 1e-11, 4
+CLOSURE_TOLERANCE, MAX_HALVINGS = 1e-11, 4
 """m or rad: more than round-off; and how many times a step that leaves as much is halved."""
 
-NEAREST = 0.05
+MIN_REGULARITY = 0.05
 """Fraction of its reference value below which the dependent block's smallest singular value is too small."""
 
 
@@ -67,8 +67,8 @@ class Continuation:
             return None
         start: list[float] = self._start.tolist()
         way = [x - x0 for x, x0 in zip(p.tolist(), start, strict=True)]
-        steps = max((abs(way[i]) for i in self._looped), default=0.0) / LARGEST_STEP
-        if not (math.isfinite(sum(way)) and steps <= MOST):
+        steps = max((abs(way[i]) for i in self._looped), default=0.0) / MAX_PRIMARY_STEP
+        if not (math.isfinite(sum(way)) and steps <= MAX_STEPS_PER_CALL):
             return None
         return self._ways.followed_alone(self.reference, start, way, max(math.ceil(steps), 1))
 
@@ -76,7 +76,7 @@ class Continuation:
         """Boolean mask (N,) of N positions `p` (N, r) of the primary joints."""
         return self.progress(p) >= 1.0
 
-    def progress(self, p: Array, least: float = NEAREST) -> Array:
+    def progress(self, p: Array, least: float = MIN_REGULARITY) -> Array:
         """Fractions (N,) of straight lines along which the regularity suffices."""
         q = np.tile(self.reference, (len(p), 1))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
@@ -93,9 +93,9 @@ class Continuation:
         """Smallest singular value (...) of the closure Jacobian, relative to the reference's."""
         gap, smallest, sign = self._look(q)
         _, reference, side = self._at_reference
-        return np.where((sign == side) & (gap < LOST), smallest / reference, 0.0)
+        return np.where((sign == side) & (gap < MAX_LOST_GAP), smallest / reference, 0.0)
 
-    def surely_regular(self, q: Column, lost: float = LOST) -> Scalar:
+    def surely_regular(self, q: Column, lost: float = MAX_LOST_GAP) -> Scalar:
         """1.0 where loops are closed and a regularity of 0.05 is proved, else 0.0."""
         block = self.equations.dependent_block(q)
         factor, units = factored(block), range(len(block))
@@ -105,18 +105,18 @@ class Continuation:
         gap: Any = 0.0
         for residual in self.equations.residual(q):
             gap = maximum(gap, absolute(residual))
-        regular = where(square * (NEAREST * smallest) ** 2 <= 1.0, 1.0, 0.0)
+        regular = where(square * (MIN_REGULARITY * smallest) ** 2 <= 1.0, 1.0, 0.0)
         regular = where(side * determinant(block) > 0.0, regular, 0.0)
         return where(gap < lost, regular, 0.0)
 
     def is_regular(self, q: Array) -> NDArray[np.bool_]:
         """Mask (...) of configurations `q` (..., n) of the tree's joints."""
         if q.ndim == 1:
-            return np.asarray(self._native_sure(q) > 0.0 or bool(self.regularity(q) >= NEAREST))
+            return np.asarray(self._native_sure(q) > 0.0 or bool(self.regularity(q) >= MIN_REGULARITY))
         regular = self._native_sure.map(q.reshape(-1, q.shape[-1])).reshape(q.shape[:-1]) > 0.0
         left = ~regular
         if left.any():
-            regular[left] = self.regularity(q[left]) >= NEAREST
+            regular[left] = self.regularity(q[left]) >= MIN_REGULARITY
         return np.asarray(regular)
 
     def validate_regular(self, q: Array) -> None:
@@ -125,24 +125,24 @@ class Continuation:
         if regularity.size == 0:
             return
         worst = int(regularity.argmin())
-        if not regularity[worst] >= NEAREST:
+        if not regularity[worst] >= MIN_REGULARITY:
             p = np.reshape(q, (-1, q.shape[-1]))[worst, self.primary]
             raise SingularityError(
                 f"the loops are near a singularity at p = {np.round(p, 4).tolist()}: their smallest singular value is "
-                f"{regularity[worst]:.2g} of that at the reference, at least {NEAREST} is needed"
+                f"{regularity[worst]:.2g} of that at the reference, at least {MIN_REGULARITY} is needed"
             )
 
     def _steps(self, way: Array) -> NDArray[np.int64]:
         longest = np.abs(way[:, self._looped]).max(axis=1, initial=0.0)
         finite = np.where(np.isfinite(longest), longest, 0.0)
-        return np.maximum(np.ceil(finite / LARGEST_STEP).astype(np.int64), 1)
+        return np.maximum(np.ceil(finite / MAX_PRIMARY_STEP).astype(np.int64), 1)
 
-    def _closed(self, p: Array, q: Array, halvings: int = HALVINGS) -> Array:
+    def _closed(self, p: Array, q: Array, halvings: int = MAX_HALVINGS) -> Array:
         found = self._mapped(self._native_closed, p, q)[0]
-        left = np.flatnonzero(~(self._gap(found) < OPEN))
+        left = np.flatnonzero(~(self._gap(found) < CLOSURE_TOLERANCE))
         if halvings and len(left):
             middle = self._closed(0.5 * (q[left][:, self.primary] + p[left]), q[left], halvings - 1)
-            reached = self._gap(middle) < LOST
+            reached = self._gap(middle) < MAX_LOST_GAP
             found[left[reached]] = self._closed(p[left[reached]], middle[reached], halvings - 1)
         return found
 
@@ -176,7 +176,7 @@ class Continuation:
     @cached_property
     def _ways(self) -> BatchContinuation:
         sizes = len(self.reference), len(self.primary)
-        return BatchContinuation(self._ahead, lambda q: self.surely_regular(q, OPEN), *sizes)
+        return BatchContinuation(self._ahead, lambda q: self.surely_regular(q, CLOSURE_TOLERANCE), *sizes)
 
     @cached_property
     def _native_look(self) -> Kernel:
@@ -223,11 +223,11 @@ def _eliminated(row: list[Any], pivot: list[Any]) -> list[Any]:
     return [y - factor * x for x, y in zip(pivot[1:], row[1:], strict=True)]
 
 
-CALLS, STEPS = 50, 5000
+COMPILE_AFTER_CALLS, COMPILE_AFTER_STEPS = 50, 5000
 """Calls and steps of configurations after which native code is made: until then the steps have taken about as long."""
 
 
-MOST = 10_000
+MAX_STEPS_PER_CALL = 10_000
 """Steps that one native call may take, in which Ctrl-C is not heard."""
 
 
@@ -248,8 +248,8 @@ class BatchContinuation:
 
     def pays(self, steps: NDArray[np.int64]) -> bool:
         """Count a call for N lines; True if native code is worth making."""
-        self.work += 1.0 / CALLS + float(steps.sum()) / STEPS
-        return self.ready and int(steps.max(initial=0)) <= MOST
+        self.work += 1.0 / COMPILE_AFTER_CALLS + float(steps.sum()) / COMPILE_AFTER_STEPS
+        return self.ready and int(steps.max(initial=0)) <= MAX_STEPS_PER_CALL
 
     def followed(self, q: Array, begin: Array, way: Array, steps: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
         """Configurations (N, n) at the lines' ends, and a mask (N,) of regular ones."""

@@ -14,7 +14,7 @@ from adaptctl.dynamics.loops.constraint import Closing, ClosureSide, Follower, L
 from adaptctl.dynamics.recursion.segment import Placement, Segment
 from adaptctl.scalars import Scalar, Vec, angle, cos, dot, maximum, sin, sqrt, where
 
-PARALLEL = 1e-12
+PARALLEL_TOLERANCE = 1e-12
 """Sine of the largest angle between axes that count as parallel."""
 
 
@@ -147,7 +147,7 @@ def _dyad(
         return None
     for link, axis in axes.items():
         leaving = np.cross(normal, axis) if hinges[link].turns else normal @ axis
-        if np.abs(leaving).max() > PARALLEL:
+        if np.abs(leaving).max() > PARALLEL_TOLERANCE:
             return None
     plane, sense = _across(normal), math.copysign(1.0, float(normal @ axes[joints[1]]))
     found = Links.of(*reached, plane, joints[1] not in sides[0].links)

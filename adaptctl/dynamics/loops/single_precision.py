@@ -11,11 +11,11 @@ from adaptctl.dynamics.mechanism import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, column
 
-OPEN = 1e-5
+MAX_CLOSURE_GAP = 1e-5
 """m or rad that single precision may leave a loop open"""
-AROUND = 0.3
+TESTED_RANGE = 0.3
 """rad or m about the home configuration in which it is tried"""
-POSITIONS = 24
+TESTED_POSITIONS = 24
 
 
 def validate_single_precision(mechanism: Mechanism, argument: str) -> None:
@@ -29,17 +29,17 @@ def validate_single_precision(mechanism: Mechanism, argument: str) -> None:
         closed = mechanism.equations.closed(Column(np.float32(x) for x in p.tolist()), guess)
         gaps = continuation.equations.residual(column(np.array([float(x) for x in closed])))
         worst = max(worst, *(abs(float(gap)) for gap in gaps))
-    if not worst <= OPEN:
+    if not worst <= MAX_CLOSURE_GAP:
         raise InputError(
             f"{argument}: in single precision the loops of {mechanism.name} stay open by {worst:.2g} m or rad, at most "
-            f"{OPEN:g} is allowed: use double"
+            f"{MAX_CLOSURE_GAP:g} is allowed: use double"
         )
 
 
 def _nearby(mechanism: Mechanism) -> list[tuple[Array, Array]]:
     """Closed configurations (n,) about home, and positions (r,) a tick away from each."""
     rng = np.random.default_rng(0)
-    away = rng.uniform(-AROUND, AROUND, (POSITIONS, mechanism.dof))
+    away = rng.uniform(-TESTED_RANGE, TESTED_RANGE, (TESTED_POSITIONS, mechanism.dof))
     p = mechanism.neutral_configuration + away
     continuation: Any = mechanism.continuation
     p = p[continuation.reachable(p)]

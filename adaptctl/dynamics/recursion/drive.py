@@ -7,7 +7,7 @@ from typing import NamedTuple
 from adaptctl.description.drive import DriveParameter
 from adaptctl.scalars import Column, Scalar, sqrt
 
-SLOW = 0.01
+COULOMB_SMOOTHING_SPEED = 0.01
 """Speed (rad/s, m/s) below which Coulomb friction fades: a step would stop every integrator."""
 STRIBECK_SPEED = 0.1
 """Speed (rad/s, m/s) at which half of Stribeck's excess of static friction is gone."""
@@ -24,7 +24,7 @@ def friction(kind: DriveParameter, s: Scalar, stribeck_speed: float = STRIBECK_S
 
 
 def _smoothed(kind: DriveParameter, s: Scalar, stribeck_speed: float = STRIBECK_SPEED) -> Scalar:
-    size = sqrt(s * s + SLOW * SLOW)
+    size = sqrt(s * s + COULOMB_SMOOTHING_SPEED * COULOMB_SMOOTHING_SPEED)
     match kind:
         case DriveParameter.SQUARE_ROOT:
             return sqrt(size)

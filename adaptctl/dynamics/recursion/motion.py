@@ -60,7 +60,7 @@ class Products(NamedTuple):
     zz: Scalar
 
 
-STILL = Products(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+ZERO_PRODUCTS = Products(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def products(w: Vec, r: Vec) -> Products:
@@ -105,7 +105,7 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
     """Motions of all links under velocities, reference velocities and accelerations (n,)."""
     w = angular_velocities(places, v)
     r = w if v is v_r else angular_velocities(places, v_r)
-    ground, out = LinkMotion(STILL, ZERO, -gravity), list[LinkMotion]()
+    ground, out = LinkMotion(ZERO_PRODUCTS, ZERO, -gravity), list[LinkMotion]()
     for i, place in enumerate(places):
         segment, z = place.segment, place.segment.axis
         base = out[segment.parent] if segment.parent != GROUND else ground

@@ -155,7 +155,7 @@ def about(a: Vec, c: Scalar, s: Scalar) -> Mat:
     )
 
 
-TURNED = 8
+MIN_TURNED_VECTORS = 8
 """Vectors that a placement turns, at least."""
 
 
@@ -166,7 +166,7 @@ def _whole(outward: Array, axis: Array, inward: Array) -> tuple[Mat, Mat, Mat] |
     entries = (np.abs(outward) @ turn @ np.abs(inward)) != 0.0
     one_by_one = _cost(turn) + sum(_cost(fixed != 0.0) for fixed in (outward, inward) if np.count_nonzero(fixed) > 3)
     made = 4 * int(np.count_nonzero(entries))
-    if TURNED * (one_by_one - _cost(entries)) <= made:
+    if MIN_TURNED_VECTORS * (one_by_one - _cost(entries)) <= made:
         return None
     return tuple(map(_mat, parts))  # type: ignore[return-value]  # as many as there are parts
 

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen, frozen_array, numbers, real_number, whole_number
 from adaptctl.caching import sent_as_made
-from adaptctl.description.description import LARGEST_INERTIA
+from adaptctl.description.description import MAX_INERTIAL_PARAMETER
 from adaptctl.description.drive import DriveParameter
 from adaptctl.description.inertia import from_center_of_mass
-from adaptctl.dynamics.recursion.drive import SLOW, friction
+from adaptctl.dynamics.recursion.drive import COULOMB_SMOOTHING_SPEED, friction
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.scalars import Column
 from adaptctl.simulation.effects.effect import Effect, JointEffect, LoadEffect, at_least_zero, validate_positive
@@ -70,7 +70,7 @@ class Friction(JointEffect):
         joint), for `dof` (r) joints: the one at rest, viscous + (coulomb + stribeck)/0.01. Raises `InputError` for
         settings that are negative, NaN or do not fit r joints."""
         viscous, coulomb, stribeck = self._each(dof)
-        return viscous + (coulomb + stribeck) / SLOW
+        return viscous + (coulomb + stribeck) / COULOMB_SMOOTHING_SPEED
 
     def _each(self, dof: int) -> Array:
         """The three (3, r)."""
@@ -161,7 +161,7 @@ class Payload:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", real_number(self.mass, "payload: mass"))
-        if not 0.0 <= self.mass <= LARGEST_INERTIA:
+        if not 0.0 <= self.mass <= MAX_INERTIAL_PARAMETER:
             raise InputError(f"payload: expected a mass of at least 0 kg, got {self.mass!r}")
         object.__setattr__(self, "center", frozen_array(self.center, (3,), "payload: center"))
         tensor = frozen_array(self.inertia, (3, 3), "payload: inertia")
@@ -212,10 +212,10 @@ class Payload:
 def _validate_bounded(mass: float, center: Array, tensor: Array) -> None:
     with np.errstate(over="ignore", invalid="ignore"):
         parameters = from_center_of_mass(mass, center, tensor)
-    if not np.abs(parameters).max() <= LARGEST_INERTIA:
+    if not np.abs(parameters).max() <= MAX_INERTIAL_PARAMETER:
         raise InputError(
-            f"payload: expected inertial parameters of at most {LARGEST_INERTIA:g}, got a mass of {mass:g} kg, a "
-            f"center {center.tolist()} and an inertia {tensor.tolist()}"
+            f"payload: expected inertial parameters of at most {MAX_INERTIAL_PARAMETER:g}, got a mass of {mass:g} kg, "
+            f"a center {center.tolist()} and an inertia {tensor.tolist()}"
         )
 
 
