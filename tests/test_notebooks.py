@@ -36,6 +36,10 @@ def test_mechanisms_spaces_and_bases_are_tables(arm: Mechanism) -> None:
     assert f"{basis.rank} parameters are kept; a star marks each with what is regrouped into it" in parsed(basis)
 
 
+def test_a_description_is_printed_in_one_line(arm: Mechanism) -> None:
+    assert repr(arm.description) == "<Description 'two_link': 2 links>"
+
+
 def test_names_of_strangers_are_escaped(arm: Mechanism) -> None:
     evil = Mechanism(replace(arm.description, name="<script>alert(1)</script>"))
     assert "<script>" not in evil._repr_html_()

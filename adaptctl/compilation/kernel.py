@@ -328,7 +328,7 @@ class Given(NamedTuple):
         for (name, size), array in zip(self.columns.items(), arrays, strict=True):
             if array.shape != (*samples, size) and not (sample_axes and array.shape == (size,)):
                 what = f"{self.kernel}: argument {name!r}: expected shape {(*samples, size)}, got {array.shape}"
-                raise InputError(what + " (one row a sample)" * sample_axes)
+                raise InputError(what + " (one row for each sample)" * sample_axes)
         return arrays
 
     def refuse(self, *arrays: Array) -> NoReturn:

@@ -115,7 +115,7 @@ def validate_precision(precision: object) -> None:
 
 
 def single(x: float) -> float:
-    """Float that stands for `x` in single precision (binary32)."""
+    """Float rounded to single precision (binary32)."""
     if not math.isfinite(x) or x == 0.0:
         return x
     limits = np.finfo(np.float32)

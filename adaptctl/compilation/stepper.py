@@ -37,13 +37,13 @@ class Source(StrEnum):
     """Source of a step's argument: of each member or shared, constant or new in each step."""
 
     STATE = "state"
-    """one a lane, replaced in each step by the first results"""
+    """of each member, replaced in each step by the first results"""
     HELD = "held"
-    """one a lane, the same in all steps"""
+    """of each member, the same in all steps"""
     SHARED = "shared"
-    """one for all lanes, another in each step"""
+    """of all members, new in each step"""
     DRIVEN = "driven"
-    """one a lane, another in each step"""
+    """of each member, new in each step"""
 
 
 def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, Sequence[int]], same: int = 0) -> str:

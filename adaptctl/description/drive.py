@@ -36,7 +36,54 @@ MAX_DRIVE_TERM = 1e20
 
 @dataclass(frozen=True)
 class Drive:
-    """Rotor inertia and friction of a joint, at the speed of its motor shaft."""
+    r"""
+    Rotor inertia and friction of a joint, at the speed s of its motor shaft.
+
+    Parameters
+    ----------
+    rotor_inertia : float, optional
+        Inertia in kg m^2 (kg if prismatic) as seen at the joint, through the gears.
+    viscous : float, optional
+        Viscous friction in N m s/rad (N s/m).
+    coulomb : float, optional
+        Coulomb friction in N m (N).
+    square_root : float, optional
+        Friction of lubricated gears in N m (s/rad)^(1/2).
+    stribeck : float, optional
+        Excess of static friction in N m (N).
+    offset : float, optional
+        Constant torque in N m (N).
+    turns_with : tuple of (str, float), optional
+        Names of other joints that turn the same shaft, with ratios: their velocities times ratio add to s, and the
+        drive's torque acts on them in the same ratios.
+
+    Raises
+    ------
+    InputError
+        If a term is not finite or above 1e20 in size, rotor inertia, viscous or Coulomb friction is negative, or a
+        ratio is 0 or not finite.
+
+    Notes
+    -----
+    A term of None is not modelled and no parameter. Friction opposes the motion by [1]_
+
+    .. math::
+
+        f(s) = f_v s + \mathrm{sign}(s) \left( f_c + f_r \sqrt{|s|} + \frac{f_s}{1 + (s / 0.1)^2} \right) + f_0
+
+    smoothed near rest: :math:`|s|` is :math:`\sqrt{s^2 + 0.01^2}`.
+
+    References
+    ----------
+    .. [1] Armstrong-Helouvry, Dupont and Canudas de Wit, "A survey of models, analysis tools and compensation methods
+       for the control of machines with friction", Automatica, 1994.
+
+    Examples
+    --------
+    >>> from adaptctl.description.drive import Drive
+    >>> Drive(viscous=0.1, coulomb=0.5).viscous
+    0.1
+    """
 
     rotor_inertia: float | None = None
     viscous: float | None = None

@@ -131,13 +131,12 @@ class Equations(ABC):
     Equations of motion over scalars of any kind: floats, arrays of samples, dual numbers, symbolic scalars.
 
     Abstract; `Mechanism.equations` has them. r is the number of primary joints (positions p), n of the tree's joints
-    (configuration q, with loops closed) and P of parameters. Units are SI. Nothing is checked: `Mechanism` does so.
+    (configuration q, with loops closed) and P of parameters. Units are SI. Nothing is checked.
 
     Notes
     -----
-    No code branches on a scalar's value. Vectors too short raise ``IndexError`` or ``ValueError``; an exactly singular
-    system raises ``ZeroDivisionError`` in floats and gives infinity or NaN in arrays. Under linear constraints D = D0 +
-    N z, parameters are the free ones z.
+    No code branches on a value. Vectors too short raise ``IndexError`` or ``ValueError``; singular systems raise
+    ``ZeroDivisionError`` in floats.
 
     Examples
     --------

@@ -35,9 +35,9 @@ class Mechanism:
     """
     Robot mechanism: energies, torques, accelerations and regressors on NumPy arrays.
 
-    Arrays have one entry for each of r primary (independent) joints; leading axes are samples. Units are SI: rad and N
-    m, m and N for prismatic joints. All methods on arrays raise `InputError` on a wrong shape, `NonFiniteError` on NaN
-    or infinity and `SingularityError` near a singularity of the loops.
+    Arrays have one entry for each of r primary (independent) joints; leading axes are samples. Units are rad and N m,
+    or m and N for prismatic joints. Methods raise `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
+    and `SingularityError` near a singularity of the loops.
 
     Parameters
     ----------
@@ -51,8 +51,7 @@ class Mechanism:
 
     Notes
     -----
-    The first 50 calls (or 25000 samples) of an equation run in Python, later ones in native code. A singularity is near
-    where the smallest singular value of the closure Jacobian is below 0.05 of that at the reference configuration.
+    An equation runs in native code after 50 calls or 25000 samples.
 
     Examples
     --------
@@ -151,16 +150,12 @@ class Mechanism:
         Raises
         ------
         SingularityError
-            If the path comes near a singularity of the loops.
+            If the smallest singular value of the closure Jacobian falls below 0.05 of that at the reference
+            configuration.
 
         Notes
         -----
-        The closure equations are those of Sheu and Walker [1]_, equation 1.
-
-        References
-        ----------
-        .. [1] Sheu and Walker, "Identifying the independent inertial parameter space of robot manipulators",
-           International Journal of Robotics Research, 1991.
+        The closure equations are those of Sheu and Walker (1991, equation 1).
 
         Examples
         --------

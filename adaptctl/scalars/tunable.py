@@ -58,7 +58,7 @@ class Keyed:
 
     Notes
     -----
-    Objects of equal `structure` (class and field values) share native code. `Tunable` is for numbers that change.
+    Objects of equal `structure` (class and field values) share native code.
 
     Examples
     --------
@@ -79,13 +79,12 @@ class Keyed:
 
 class Tunable:
     """
-    Base class of settings with tunable numbers, which are arguments of native code and not compiled into it.
+    Base class of settings with tunable numbers, which are arguments of native code.
 
     Notes
     -----
-    A class names its tunable attributes in the property `tunable`; each is a number, an array (n,) or (m, n), or None.
-    Its equations read them with `column` and `each`. A subclass must name them anew; a class that names none has all
-    its numbers compiled in.
+    A class names its tunable attributes in the property `tunable`: numbers, arrays (n,) or (m, n), or None. Its
+    equations read them with `column` and `each`. A subclass must name them anew.
 
     Examples
     --------
@@ -218,7 +217,7 @@ class Tunable:
 
     def fixed(self) -> Self:
         """
-        Return a copy with the arrays named in `sparse` compiled in, so that they are not arguments of its code.
+        Return a copy with the arrays named in `sparse` compiled in.
 
         Returns
         -------

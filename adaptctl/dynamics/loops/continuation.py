@@ -33,7 +33,7 @@ MIN_REGULARITY = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """Assembly branch of a mechanism's reference configuration."""
+    """Configurations reached from the reference without passing a singularity of the loops."""
 
     equations: LoopEquations
     reference: Array

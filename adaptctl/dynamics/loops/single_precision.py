@@ -16,6 +16,7 @@ MAX_CLOSURE_GAP = 1e-5
 TESTED_RANGE = 0.3
 """rad or m about the home configuration in which it is tried"""
 TESTED_POSITIONS = 24
+"""Closed configurations in which it is tried."""
 
 
 def validate_single_precision(mechanism: Mechanism, argument: str) -> None:
