@@ -130,7 +130,9 @@ def test_the_rule(pairs: int, longest: int) -> None:
     """Calls and states until then are in Python; regressors of long mechanisms are made row by row."""
     arm = load("puma560_measured")
     p = states(arm, 10_000)[0]
-    assert [is_native(arm, "mass_matrix", p[0]) for _ in range(rule.COMPILE_AFTER_CALLS)] == [False] * (rule.COMPILE_AFTER_CALLS - 1) + [True]
+    assert [is_native(arm, "mass_matrix", p[0]) for _ in range(rule.COMPILE_AFTER_CALLS)] == [False] * (
+        rule.COMPILE_AFTER_CALLS - 1
+    ) + [True]
     assert [is_native(arm, "inverse_dynamics", p, p, p) for _ in range(3)] == [False, False, True]
     n = next(n for n in range(50) if sum(range(n + 1)) > pairs)
     long = random_chain(0, n)

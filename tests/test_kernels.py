@@ -312,7 +312,11 @@ def test_map_is_a_call_for_each_sample(kernel: Kernel, samples: int, order: Any)
 @pytest.mark.parametrize(
     ("p", "v", "message"),
     [
-        (np.ones((3, 2)), np.ones((4, 2)), r"argument 'v': expected shape \(3, 2\), got \(4, 2\) \(one row for each sample"),
+        (
+            np.ones((3, 2)),
+            np.ones((4, 2)),
+            r"argument 'v': expected shape \(3, 2\), got \(4, 2\) \(one row for each sample",
+        ),
         (np.ones(3), np.ones(2), r"argument 'p': expected shape \(3, 2\), got \(3,\)"),
         (1.0, 2.0, r"argument 'p': expected shape \(3, 2\), got \(\)"),
     ],

@@ -180,9 +180,9 @@ def test_what_cannot_be_shown_is_left_out(geometry: str, tmp_path: Path) -> None
 def test_large_meshes_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     size = stl(tmp_path / "part.stl").stat().st_size
     mesh = seen('<mesh filename="part.stl"/>')
-    monkeypatch.setattr(reader, "LARGEST", size)
+    monkeypatch.setattr(reader, "MAX_MESH_BYTES", size)
     assert len(reading(tmp_path, arm=mesh).visuals) == 1
-    monkeypatch.setattr(reader, "LARGEST", size - 1)
+    monkeypatch.setattr(reader, "MAX_MESH_BYTES", size - 1)
     assert reading(tmp_path, arm=mesh).visuals == ()
 
 
