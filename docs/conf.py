@@ -16,7 +16,16 @@ version = release = _project["version"]
 author = "the adaptctl developers"
 copyright = f"2026, {author}"
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "card", "live_arm", "mathml", "offered", "plain_docstrings"]
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "card",
+    "live_arm",
+    "mathml",
+    "offered",
+    "plain_docstrings",
+]
 exclude_patterns = ["_build", "making"]
 html_theme = "furo"
 html_title = f"adaptctl {version}"

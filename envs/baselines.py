@@ -15,26 +15,39 @@ from adaptctl.identifiability import ReducedModel, essential_space, fundamental_
 from adaptctl.simulation.rollout import rollout
 from adaptctl.tuning import tune
 
-BANDWIDTH, HOLD = 8.0, 1.0
+BANDWIDTH, SAMPLING_RATIO = 8.0, 1.0
 """1/s, and the sampling ratio of the damping: stiff, with which all four track as well as they can at 20 ms."""
 
 
 def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]:
-    """Mean returns (sums of an episode's rewards, unitless) of five controllers that drive the arm of a tracking
-    environment, as a mapping from their names.
+    """
+    Compute the mean returns of five controllers in an environment, to compare learners with.
 
-    `env` is a `TrackingEnv`, one within wrappers, or a vector environment of adaptctl, of whose arms one is taken; a
-    copy is driven, without the wrappers, and `env` is not changed. The names are "zero torque"; "PD", without gravity
-    compensation; "PD with gravity", with gravity compensation by the true parameters; "Slotine-Li from nothing",
-    Slotine and Li's adaptive law from an initial estimate of zero; and "computed torque" with the true parameters.
-    Their gains are those that `tune` designs for a `bandwidth` of 8 1/s and a `hold` of 1, unitless, the upper bound of
-    T_c lambda_max((M + T_c B)^-1 K): T_c is the control period, s, lambda_max the largest eigenvalue, M the mass
-    matrix, B viscous friction and K the damping gains, N m s/rad (N s/m if prismatic). The mean is over `episodes`
-    episodes; episode k, from 0, has the seed `seed` + k.
+    Parameters
+    ----------
+    env : gymnasium.Env or gymnasium.vector.VectorEnv
+        A `TrackingEnv`, one in wrappers, or a vector environment, of which one arm is taken; a copy is driven.
+    episodes : int, default 1
+        Number of episodes.
+    seed : int, default 0
+        Seed of the first episode; the next ones count up.
 
-    Raises `InputError` for another environment, for `episodes` that is no whole number of at least 1, a `seed` that is
-    none of at least 0, and where `tune` finds no gains, as for a control period above 0.1 s; `NonFiniteError` where a
-    motion diverges to non-finite values.
+    Returns
+    -------
+    dict
+        Mean returns by name: "zero torque", "PD", "PD with gravity" and "computed torque" (both by the true parameters)
+        and "Slotine-Li from nothing" (initial estimate of zero).
+
+    Raises
+    ------
+    InputError
+        If a value is bad or `tune` finds no gains, as for control periods above 0.1 s.
+    NonFiniteError
+        If a motion diverges.
+
+    Notes
+    -----
+    The gains are those of `tune` for a bandwidth of 8 1/s and a sampling ratio of 1. See docs/learners.md.
     """
     first, runs = whole_count(seed, "seed"), whole_count(episodes, "episodes", 1)
     own, seeds = deepcopy(tracking_of(env)), range(first, first + runs)
@@ -54,7 +67,7 @@ def _laws(env: TrackingEnv) -> dict[str, Controller[Any]]:
         reference=reference,
         initial_error=off,
         bandwidth=BANDWIDTH,
-        sampling_ratio=HOLD,
+        sampling_ratio=SAMPLING_RATIO,
     )
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
     damping = tuning.gains.damping

@@ -25,21 +25,32 @@ PUMA560_REFERENCE = Sinusoids(
 
 class Puma560TrackingEnv(TrackingEnv):
     """
-    ## Description
+    Tracking task of the PUMA 560, six revolute joints that follow sinusoids.
 
-    A tracking environment: the PUMA 560, six revolute joints, is to follow sinusoids in all of them: center (0, -0.6,
-    0.8, 0, 0.5, 0) rad, amplitudes (0.5, 0.4, 0.4, 0.4, 0.4, 0.4) rad, frequencies (0.1, 0.125, 0.15, 0.175, 0.2,
-    0.225) Hz, faded in from rest over 2 s. It starts 0.1 rad off in every joint. Everything else is as in
-    `TrackingEnv`, whose card holds here too.
+    Parameters
+    ----------
+    robot : str, Path or Mechanism, default "puma560"
+        Robot, see Robots.
+    reference : Reference, int, "random" or None, optional
+        Trajectory. Default: sinusoids about (0, -0.6, 0.8, 0, 0.5, 0) rad of amplitudes (0.5, 0.4, 0.4, 0.4, 0.4, 0.4)
+        rad and frequencies (0.1, 0.125, 0.15, 0.175, 0.2, 0.225) Hz, faded in from rest over 2 s.
+    initial_error : array_like, default 0.1
+        Error of the positions at the start in rad.
+    **settings : object
+        Other arguments of `TrackingEnv`.
 
-    ```python
-    import gymnasium
-    env = gymnasium.make("adaptctl.envs:adaptctl/Puma560Tracking-v0")
-    ```
+    Raises
+    ------
+    InputError
+        If a robot of other than six joints has no `reference` of its own; also the errors of `TrackingEnv`.
+
+    Notes
+    -----
+    Reward, information and all else are as in `TrackingEnv`, whose card holds here too.
 
     ## Action space
 
-    `Box(-limit, limit, (6,), float64)`, torques in N m, as are the limits; others are clipped.
+    `Box(-limit, limit, (6,), float64)`, torques in N m; others are clipped.
 
     | Num | Joint    | Limit |
     |-----|----------|-------|
@@ -52,8 +63,7 @@ class Puma560TrackingEnv(TrackingEnv):
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (42,), float64)`: positions in rad, velocities in rad/s, accelerations in rad/s^2;
-    `observation_slices` has slices by name.
+    `Box(-1e6, 1e6, (42,), float64)` in rad, rad/s and rad/s^2; `observation_slices` has slices by name.
 
     | Num   | Observation                                       |
     |-------|---------------------------------------------------|
@@ -67,35 +77,42 @@ class Puma560TrackingEnv(TrackingEnv):
 
     ## Reward
 
-    *r = -(sum(e^2) + 0.1 sum(e'^2) + 0.001 sum((applied torque / limit)^2))*, no unit, with the errors e of positions
-    (rad) and e' of velocities (rad/s), and 1000 less when terminated.
+    *reward = -(sum(e^2) + 0.1 sum(e'^2) + 0.001 sum((applied torque / limit)^2))*, and 1000 less when terminated.
 
     ## Starting state
 
-    On the reference at time zero, at rest, `initial_error` = 0.1 rad off in every joint.
+    On the reference at time zero, at rest, 0.1 rad off in every joint.
 
     ## Episode end
 
     Terminated when a joint's error passes 1 rad. Truncated at 20 s, which is 20,000 steps.
 
-    ## Arguments
+    ## Robots
 
-    Those of `TrackingEnv`, and its errors. `robot="puma560"` has the inertial parameters of Sheu and Walker (1991),
-    Table 6. No rigid bodies have them (five of six links violate the pseudo-inertia condition), yet the mass matrix
-    they give is positive definite (eigenvalues above 0.06 kg m^2 in 2,000 random configurations), so the motion is well
-    defined. Because this is stated here, loading them for this environment does not warn. `robot="puma560_measured"`
-    has consistent values measured by Armstrong, Khatib and Burdick (1986), without motor inertias: choose it when the
-    physics matter. Another number of joints than six needs a `reference` of its own, else `InputError` is raised.
+    "puma560" has the inertial parameters of Sheu and Walker [1]_, Table 6. No rigid bodies have them (five of six links
+    violate the pseudo-inertia condition), yet the mass matrix is positive definite (eigenvalues above 0.06 kg m^2 in
+    2,000 random configurations); loading them here does not warn. "puma560_measured" has consistent values [2]_ without
+    motor inertias: choose it when the physics matter.
 
     ## Options at reset
 
-    Those of `TrackingEnv`: `payload` (kg), fixed at the origin of the last link's frame, the flange, `trajectory`,
-    `initial_error` (rad) and `parameters` (P,), the P true inertial and friction parameters, in SI units and the order
-    of `Mechanism.parameter_names`.
+    Those of `TrackingEnv`: `payload` (at the flange), `trajectory`, `initial_error` and `parameters`.
 
     ## Version history
 
     * v0: first version
+
+    References
+    ----------
+    .. [1] P.-T. Sheu, M. W. Walker, 1991.
+    .. [2] B. Armstrong, O. Khatib, J. Burdick, "The explicit dynamic model and inertial parameters of the PUMA 560
+       arm", 1986.
+
+    Examples
+    --------
+    >>> import gymnasium
+    >>> gymnasium.make("adaptctl.envs:adaptctl/Puma560Tracking-v0").observation_space.shape
+    (42,)
     """
 
     def __init__(
@@ -124,21 +141,34 @@ FIVE_BAR_REFERENCE = Sinusoids(
 
 class SemiDirectDriveTrackingEnv(TrackingEnv):
     """
-    ## Description
+    Tracking task of a semi-direct-drive arm, a five-bar linkage behind a vertical axis.
 
-    A tracking environment: the semi-direct-drive arm of Asada and Youcef-Toumi (1983), a five-bar linkage behind a
-    vertical axis, is to follow sinusoids in its three driven joints: center (0, -pi/2, -pi) rad, amplitudes (0.6, 0.4,
-    0.4) rad, frequencies (0.15, 0.2, 0.25) Hz, faded in from rest over 2 s. It starts 0.1 rad off in every joint. The
-    loop is closed to round-off after every step. Everything else is as in `TrackingEnv`, whose card holds here too.
+    Parameters
+    ----------
+    robot : str, Path or Mechanism, default "semi_direct_drive"
+        Robot; "semi_direct_drive_parallelogram" has equal opposite sides. Lengths and inertias are assigned, as the
+        papers print none.
+    reference : Reference, int, "random" or None, optional
+        Trajectory. Default: sinusoids about (0, -pi/2, -pi) rad of amplitudes (0.6, 0.4, 0.4) rad and frequencies
+        (0.15, 0.2, 0.25) Hz, faded in from rest over 2 s.
+    initial_error : array_like, default 0.1
+        Error of the positions at the start in rad.
+    **settings : object
+        Other arguments of `TrackingEnv`.
 
-    ```python
-    import gymnasium
-    env = gymnasium.make("adaptctl.envs:adaptctl/SemiDirectDriveTracking-v0")
-    ```
+    Raises
+    ------
+    InputError
+        If a robot of other than three joints has no `reference` of its own; also the errors of `TrackingEnv`.
+
+    Notes
+    -----
+    The arm is that of Asada and Youcef-Toumi [1]_. Its loop is closed to round-off after every step. Reward,
+    information and all else are as in `TrackingEnv`, whose card holds here too.
 
     ## Action space
 
-    `Box(-limit, limit, (3,), float64)`, torques in N m, as are the limits; others are clipped.
+    `Box(-limit, limit, (3,), float64)`, torques in N m; others are clipped.
 
     | Num | Joint                         | Limit |
     |-----|-------------------------------|-------|
@@ -148,8 +178,7 @@ class SemiDirectDriveTrackingEnv(TrackingEnv):
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (21,), float64)`: positions in rad, velocities in rad/s, accelerations in rad/s^2;
-    `observation_slices` has slices by name.
+    `Box(-1e6, 1e6, (21,), float64)` in rad, rad/s and rad/s^2; `observation_slices` has slices by name.
 
     | Num   | Observation                                       |
     |-------|---------------------------------------------------|
@@ -163,36 +192,35 @@ class SemiDirectDriveTrackingEnv(TrackingEnv):
 
     ## Reward
 
-    *reward = -(sum(e^2) + 0.1 sum(e'^2) + 0.001 sum((applied torque / limit)^2))*, no unit, with the errors e of
-    positions (rad) and e' of velocities (rad/s), and 1000 less when terminated.
+    *reward = -(sum(e^2) + 0.1 sum(e'^2) + 0.001 sum((applied torque / limit)^2))*, and 1000 less when terminated.
 
     ## Starting state
 
-    On the reference at time zero, at rest, `initial_error` = 0.1 rad off in every joint.
+    On the reference at time zero, at rest, 0.1 rad off in every joint.
 
     ## Episode end
 
     Terminated when a joint's error passes 1 rad, when the upper arm's position less the crank's leaves 0.5236 to 2.618
-    rad (Sheu and Walker 1991, Table 9), or near a singularity of the loop. Truncated at 20 s, which is 20,000 steps.
-
-    ## Arguments
-
-    Those of `TrackingEnv`: `robot`, `reference` (the sinusoids above), `duration` (20 s), `control_period` (0.001 s),
-    `substeps`, `integrator`, `look_ahead` (0.05 and 0.2 s), `error_bound` (1 rad), `reward_weights`, `initial_error`
-    (0.1 rad), `torque_limits` (N m), `effects`, `render_mode`. Lengths and inertias are assigned (the papers print
-    none): `robot="semi_direct_drive"` has generic lengths, `"semi_direct_drive_parallelogram"` equal opposite sides.
-    A robot of another number of joints than three needs a `reference` of its own. Raises `InputError` for bad values,
-    `NotFoundError` for an unknown built-in or mode, `FileError` for a bad file.
+    rad [2]_, or near a singularity of the loop. Truncated at 20 s, which is 20,000 steps.
 
     ## Options at reset
 
-    Those of `TrackingEnv`: `payload` (kg, fixed to the last link), `trajectory` (a reference, a seed or `"random"`),
-    `initial_error` (rad), `parameters` (P,), the P true inertial and friction ones, in SI units and the order of
-    `Mechanism.parameter_names`.
+    Those of `TrackingEnv`: `payload` (fixed to the last link), `trajectory`, `initial_error` and `parameters`.
 
     ## Version history
 
     * v0: first version
+
+    References
+    ----------
+    .. [1] H. Asada, K. Youcef-Toumi, 1983.
+    .. [2] P.-T. Sheu, M. W. Walker, 1991, Table 9.
+
+    Examples
+    --------
+    >>> import gymnasium, adaptctl.envs
+    >>> gymnasium.spec("adaptctl/SemiDirectDriveTracking-v0").entry_point
+    'adaptctl.envs.built_in:SemiDirectDriveTrackingEnv'
     """
 
     def __init__(

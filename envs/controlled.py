@@ -21,17 +21,7 @@ from adaptctl.simulation.rollout import PARTS, interface
 
 
 class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.RecordConstructorArgs):
-    """Base class of wrappers of a tracking environment whose arm a controller drives, and in which actions (a,),
-    unitless, in [-1, 1], change the controller's torques or gains: `ResidualEnv` and `TuningEnv`. Each episode begins
-    with a new initial state of the controller.
-
-    `env` is a single-arm environment, `controller` the `Controller` and `space` the action space. A subclass defines
-    what actions do by `_torque(action)`: from a finite action (a,) it returns the torque (r,) of the next control
-    period on r joints, N m (N if prismatic), the controller's state after it, and a dict that is added to `info`.
-    Raises `InputError` for what is no `Controller`, for an environment without the attributes `observation_slices` and
-    `control_period` of a `TrackingEnv`, for another number of joints than the controller's, and where wrappers have
-    changed the observation or the action space.
-    """
+    """Base class of wrappers in which actions change the torques or gains of a controller."""
 
     def __init__(
         self, env: gymnasium.Env[Any, Any], controller: Controller[Any], space: gymnasium.Space[Any] | None = None
@@ -51,18 +41,7 @@ class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.uti
         self._seen: tuple[Array, Array, ReferencePoint]
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """First observation (n,), n = 5r + r L for a `TrackingEnv` of r joints with L look-ahead times, and `info` of a
-        new episode, which this call begins with a new initial state of the controller. The observation is the wrapped
-        environment's, in its units; `info` has besides its keys what the class adds, for an action of zero.
-
-        `seed` is that of the random numbers, None to go on with them. `options`, None for none, are those of
-        `TrackingEnv.reset`: `payload` (a mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and
-        `inertia` (3, 3), kg m^2, about that centre, in the last link's frame), `trajectory` (a `Reference`, a seed or
-        "random"), `initial_error` (one number or (r,), rad, m if prismatic) and `parameters` (P,), the P true inertial
-        and friction ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad options
-        (its subclass `NotFoundError` for unknown ones), `SingularityError` where loops cannot be followed to the start,
-        Gymnasium's `Error` for a bad seed.
-        """
+        """Begin a new episode, with a new initial state of the controller."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._look(observation)
         self._memory = self.controller.init(*self._seen[:2])
@@ -70,15 +49,7 @@ class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.uti
         return observation, info | told
 
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,), the n numbers of the wrapped environment's, reward (unitless), `terminated`, `truncated`
-        and `info` after one control period, by which this call advances the environment under its controller. The
-        action (a,), unitless, in [-1, 1], changes the controller's torque or gains as the class defines. Observation,
-        in the environment's units and the order of its `observation_slices`, reward and ends are the environment's;
-        `info` has besides its keys what the class adds.
-
-        Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where the motion diverges to
-        non-finite values, Gymnasium's `ResetNeeded` before the first reset and after the episode's end.
-        """
+        """Advance the environment by a control period under its controller."""
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
         torque, self._memory, told = self._torque(finite_actions(action, self.action_space))
@@ -88,8 +59,7 @@ class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.uti
 
     @abstractmethod
     def _torque(self, action: Array) -> tuple[Array, Any, dict[str, Any]]:
-        """The torque (r,) of the next control period under an action (a,), the controller's memory after it, and what
-        `info` tells of it."""
+        """Torque (r,) under an action (a,), the controller's state after it, and additions to `info`."""
 
     def _look(self, observation: Array) -> None:
         """Take what is observed."""
@@ -98,17 +68,7 @@ class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.uti
 
 
 class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
-    """Base class of vector environments of N arms that a controller drives, and in which actions (N, a), unitless, in
-    [-1, 1], change the controller's torques or gains: `ResidualVectorEnv` and `TuningVectorEnv`. Each arm has its own
-    controller state, which is initialised anew with each episode.
-
-    `env` is a `VectorTrackingEnv`, without wrappers; `controller` the `Controller`; `actions` the number a of actions
-    of one arm. Observations are those of `env`. A subclass defines what actions do by `_torques(actions)`: from finite
-    actions (N, a) it returns the torques (N, r) of the next control period on r joints, N m (N if prismatic), the
-    controller's state after it, and a dict that is added to `info`. It takes the state before from `_memory` and
-    positions, velocities and reference, (N, r) each, from `_seen`. Raises `InputError` for another environment, a
-    `controller` that is no `Controller`, and one for another number of joints.
-    """
+    """Base class of vector environments of N arms whose actions change the torques or gains of a controller."""
 
     def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], actions: int) -> None:
         if not isinstance(env, VectorTrackingEnv):
@@ -128,21 +88,7 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """First observations (N, n), n = 5r + r L for r joints and L look-ahead times, in the units and the order of
-        `VectorTrackingEnv`'s, and `info`, that of `VectorTrackingEnv.reset`, of new episodes of all N arms, which this
-        call begins with new initial states of the controller; with `autoreset_mode` "Disabled" only of the arms in the
-        option `reset_mask`, bools (N,).
-
-        `seed` s gives arm i, from 0, the seed s + i, a list has one for each arm, and None lets the random numbers go
-        on. `options`, None for none, are those of `VectorTrackingEnv.reset`, for all arms or one each: `payload` (a
-        mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and `inertia` (3, 3), kg m^2, about
-        that centre, in the last link's frame), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one
-        number, (r,) or (N, r), rad, m if prismatic) and `parameters`, (P,) or (N, P), the P true inertial and friction
-        ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad seeds and options (its
-        subclasses `NotFoundError` for unknown options, `NonFiniteError` for numbers that are not finite),
-        `SingularityError` where loops cannot be followed to the start, Gymnasium's `ResetNeeded` for a part of the arms
-        before the first reset of all.
-        """
+        """Begin new episodes of the arms, with new initial states of the controller."""
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours takes more
         started = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_)))
         self._over = self._over & ~started
@@ -150,20 +96,7 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
         return observations, info
 
     def step(self, actions: Any) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Observations (N, n), rewards (N,), unitless, `terminated` and `truncated`, bools (N,), and `info` after one
-        control period, by which this call advances all N arms, each under its own controller. Actions (N, a), unitless,
-        in [-1, 1], change the controllers' torques or gains as the subclass defines. Observations have n numbers an
-        arm, in the environment's units and in the order of its `observation_slices`.
-
-        Rewards and ends are those of `VectorTrackingEnv.step`: terminated where a joint's error passes its bound or
-        kinematic loops come near a singularity (the smallest singular value of their closure Jacobian below 0.05 of
-        that at the reference configuration) or leave bounds that the robot's file states, truncated where the duration
-        is over. `info` has that environment's keys and the subclass's, `base_torque` or `gains`. Actions of arms that
-        begin a new episode in this step have no effect, but are checked. Raises `InputError` on a wrong shape and
-        `NonFiniteError` on NaN and infinity, naming number and arm, before anything has moved; `NonFiniteError`, naming
-        the arm, for a motion that diverges to non-finite values; Gymnasium's `ResetNeeded` before the first reset, and
-        with `autoreset_mode` "Disabled" where an arm's episode is over.
-        """
+        """Advance all arms by a control period, each under its own controller."""
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
         torques, self._memory, told = self._torques(finite_actions(actions, self.action_space))
@@ -176,8 +109,7 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
 
     @abstractmethod
     def _torques(self, actions: Array) -> tuple[Array, Any, dict[str, Any]]:
-        """The torques (N, r) of the next control period under actions (N, a), the controllers' memory after it, and
-        what `info` tells of it."""
+        """Torques (N, r) under actions (N, a), the controllers' states after them, and additions to `info`."""
 
     def _look(self, observations: Array, started: NDArray[np.bool_]) -> None:
         """Take what is observed, and let arms whose episode has started forget the last one."""
@@ -191,33 +123,43 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
 
 class ResidualEnv(ControlledEnv):
     """
-    ## Description
+    Wrapper in which actions add torques to those of a controller (residual learning).
 
-    A wrapper of a tracking environment that a `controller`, a `Controller`, drives, to whose torques the action adds
-    others, so that what the controller's model does not have can be learned. An action of zero leaves the controller
-    alone.
+    Parameters
+    ----------
+    env : gymnasium.Env
+        Tracking environment of r joints.
+    controller : Controller
+        Controller that drives the robot.
+    residual_scale : float, default 0.2
+        Share of the torque limits, above 0 and at most 1, that an action of 1 adds.
 
-    ```python
-    env = ResidualEnv(gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", ...), controller, residual_scale=0.2)
-    ```
+    Raises
+    ------
+    InputError
+        If the controller does not fit, the share is out of range, or the environment is no tracking environment or a
+        wrapper has changed its spaces.
+
+    Notes
+    -----
+    An action of zero leaves the controller alone.
 
     ## Action space
 
-    `Box(-1, 1, (r,), float32)`, r joints: fractions of `share` (0.2 by default) times the torque limits, N m (N). What
-    is out of bounds is not clipped; the sum of both torques is, to the torque limits. A wrong shape raises
-    `InputError`, NaN and infinity `NonFiniteError`.
+    `Box(-1, 1, (r,), float32)`: fractions of the residual torque. What is out of bounds is not clipped; the sum of both
+    torques is, to the torque limits. A wrong shape raises `InputError`, NaN and infinity `NonFiniteError`.
 
     ## Observation space
 
-    That of the environment, (n,), in its units; n = 5r + r L for a `TrackingEnv` with L look-ahead times. `info` has,
-    besides the environment's, `base_torque` (r,), N m (N): the controller's torque in the last control period; after
-    a reset, in the first one to come.
+    That of the environment. `info` also has `base_torque` (r,) in N m (N): the controller's torque in the last control
+    period; after a reset, in the first one to come.
 
-    ## Errors
-
-    `InputError` for a `controller` that is no `Controller` or of another number of joints than the environment's, an
-    environment without the attributes `observation_slices` and `control_period` of a `TrackingEnv`, or whose
-    observations or actions a wrapper has changed, and a `share` that is not above 0 and at most 1.
+    Examples
+    --------
+    >>> from adaptctl.envs import ResidualEnv
+    >>> residual = ResidualEnv(env, law)
+    >>> residual.reset(seed=0)[1]["base_torque"].shape
+    (2,)
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], controller: Controller[Any], residual_scale: float = 0.2) -> None:
@@ -231,15 +173,33 @@ class ResidualEnv(ControlledEnv):
 
 
 class ResidualVectorEnv(ControlledVectorEnv):
-    """Vector environment of N arms of r joints, a wrapper of a `VectorTrackingEnv`, in which a `controller`, a
-    `Controller`, drives each arm and the actions add torques to the controller's, as in `ResidualEnv`. Actions (N, r)
-    in [-1, 1], unitless and not clipped, are fractions of `share` (above 0 and at most 1, 0.2 by default) times the
-    torque limits. After a step `info` has besides the environment's keys the controllers' torques as `base_torque` (N,
-    r), N m (N if prismatic), and the mask `_base_torque` (N,), all True. Observations (N, n), n numbers an arm, are
-    those of `env`, in its units.
+    """
+    Vector environment in which actions add torques to those of a controller of each arm.
 
-    Raises `InputError` for an `env` that is no `VectorTrackingEnv` or is in wrappers, a `controller` that is no
-    `Controller` or of another number of joints, and a `share` that is not above 0 and at most 1.
+    Parameters
+    ----------
+    env : VectorTrackingEnv
+        Environment of N arms of r joints, in no wrappers.
+    controller : Controller
+        Controller that drives the arms.
+    residual_scale : float, default 0.2
+        Share of the torque limits, above 0 and at most 1, that an action of 1 adds.
+
+    Raises
+    ------
+    InputError
+        If the environment or the controller does not fit or the share is out of range.
+
+    Notes
+    -----
+    Actions (N, r) and observations (N, n) are as in `ResidualEnv`. After a step `info` has the controllers' torques
+    `base_torque` (N, r) and the mask `_base_torque` (N,).
+
+    Examples
+    --------
+    >>> from adaptctl.envs import ResidualVectorEnv, VectorTrackingEnv
+    >>> ResidualVectorEnv(VectorTrackingEnv(3, robot=arm, reference=reference), law).action_space.shape
+    (3, 2)
     """
 
     def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], residual_scale: float = 0.2) -> None:
@@ -253,7 +213,7 @@ class ResidualVectorEnv(ControlledVectorEnv):
 
 
 def validate_controller(given: object) -> None:
-    """Raise `InputError` unless `given` is a `Controller`; nothing is returned."""
+    """Raise `InputError` unless `given` is a `Controller`."""
     if not isinstance(given, Controller):
         raise InputError(f"controller: expected a Controller, got {given!r:.80}")
 

@@ -21,27 +21,15 @@ from adaptctl.errors import InputError
 from adaptctl.tuning.feasible_reference import motion_ranges
 
 Observation = NDArray[np.float32]
-PRECISION = 0.1
+HALF_SCALE_ERROR_SHARE = 0.1
 """Tracking error that is observed as a half: a share of half the joint's range, or of the bound where that is less."""
-RATE = 5.0
+VELOCITY_SCALE_RATE = 5.0
 """1/s, velocity errors over errors that are observed alike"""
 
 
 @dataclass(frozen=True, eq=False)
 class NormalisedView:
-    """Callable that normalises observations of a tracking environment for learners: from observations (..., n) to
-    numbers x / (|x| + c) in (-1, 1), unitless, (..., n), float32. Large values are not cut off, and small errors stay
-    distinct.
-
-    For r joints and L look-ahead times n = 5r + r L, and x is in turn, each (r,): position error and velocity error,
-    actual less reference; position from the middle of the joint's range; velocity; the reference's acceleration; and
-    for each time ahead the reference's position then less that now; rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic).
-
-    `slices` are the environment's `observation_slices`, which map p, v, reference_p, reference_v, reference_a and
-    look_ahead, in this order, to slices of an observation; `middle` (r,) are the middles of the joints' ranges, rad
-    (m); `scale` (n,) are the c, each in its x's unit: the x that becomes 1/2. Made by `NormalisedView.of`; nothing is
-    checked.
-    """
+    """Map from observations (..., n) to numbers x/(|x| + c) in (-1, 1) for learners."""
 
     slices: Mapping[str, slice]
     middle: Array
@@ -49,25 +37,21 @@ class NormalisedView:
 
     @classmethod
     def of(cls, env: TrackingEnv) -> NormalisedView:
-        """The `NormalisedView` of the observations of `env`, a `TrackingEnv`. With h half a joint's range (1 rad or m
-        where it has none) and e = 0.1 min(h, the error bound), the scales c are e for position errors and for the
-        reference's positions ahead less those now, 5/s times e for velocity errors, and h, h/s and h/s^2 for positions,
-        velocities and accelerations. Nothing is checked."""
+        """View of the observations of an environment, with scales c of its joint ranges and error bound."""
         lower, upper = motion_ranges(env.mechanism)
         half = 0.5 * (upper - lower)
-        error = PRECISION * np.minimum(half, env.error_bound)
+        error = HALF_SCALE_ERROR_SHARE * np.minimum(half, env.error_bound)
         ahead = [error] * len(env.look_ahead)
-        scale = np.concatenate([error, RATE * error, half, half, half, *ahead])
+        scale = np.concatenate([error, VELOCITY_SCALE_RATE * error, half, half, half, *ahead])
         return cls(env.observation_slices, 0.5 * (lower + upper), scale)
 
     @property
     def space(self) -> gymnasium.spaces.Box:
-        """Observation space of one arm after normalisation, `Box(-1, 1, (n,), float32)`, unitless: n = 5r + r L for r
-        joints and L look-ahead times."""
+        """Observation space of one arm."""
         return gymnasium.spaces.Box(-1.0, 1.0, self.scale.shape, np.float32)
 
     def __call__(self, observation: Any) -> Observation:
-        """The normalised values (..., n) of observations (..., n), n numbers each, scaled to [-1, 1], unitless."""
+        """Normalised observations (..., n)."""
         p, v, desired, rate, acceleration = (observation[..., part] for part in list(self.slices.values())[:5])
         ahead = observation[..., self.slices["look_ahead"]]
         ahead = ahead - np.tile(desired, ahead.shape[-1] // desired.shape[-1])
@@ -77,46 +61,59 @@ class NormalisedView:
 
 class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     """
-    ## Description
+    Wrapper for reinforcement learning with observations and actions in [-1, 1].
 
-    A wrapper of `TrackingEnv` for reinforcement learning: observations and actions are scaled to [-1, 1], unitless.
-    Rewards, episodes, options and `info` are the environment's own, so that returns compare with those of controllers
-    that drive it: `adaptctl.envs.baselines` computes them. `env` may be a `TuningEnv` or a `ResidualEnv` too. Raises
-    `InputError` for an environment that is none of these, or whose observations a wrapper has changed.
+    Parameters
+    ----------
+    env : gymnasium.Env
+        A `TrackingEnv`, `ResidualEnv` or `TuningEnv` of r joints.
 
-    ```python
-    env = gymnasium.make("adaptctl.envs:adaptctl/Puma560Learning-v0")     # or Learning-v0, robot=...
-    many = gymnasium.make_vec("adaptctl.envs:adaptctl/Puma560Learning-v0", num_envs=64)
-    ```
+    Raises
+    ------
+    InputError
+        If the environment is none of these or a wrapper has changed its observations.
 
-    Those two hold a torque for `control_period` 0.02 s and last `duration` 5 s, 250 steps: at 1 kHz a learner has to
-    look a thousand steps ahead to see what a torque does. All other arguments are those of `TrackingEnv`.
+    Notes
+    -----
+    Rewards, episodes, options and `info` are the environment's own, so returns compare with those of
+    `adaptctl.envs.baselines`. The registered `adaptctl/Learning-v0` and `adaptctl/Puma560Learning-v0` hold a torque for
+    0.02 s and last 5 s: at 1 kHz a learner has to look a thousand steps ahead to see the effect of a torque. Their
+    other arguments are those of `TrackingEnv`.
 
     ## Action space
 
-    `Box(-1, 1, (r,), float32)`, r joints: fractions of the torque limits; or the actions of `ResidualEnv` (r,) or
-    `TuningEnv` (a,), a the number of its scaled gains, unchanged, where one of those is wrapped. What is out of bounds
-    is clipped by the environment. A wrong shape raises `InputError`, NaN and infinity `NonFiniteError`.
+    `Box(-1, 1, (r,), float32)`: fractions of the torque limits; the actions of `ResidualEnv` or `TuningEnv` are left as
+    they are. What is out of bounds is clipped by the environment. A wrong shape raises `InputError`, NaN and infinity
+    `NonFiniteError`.
 
     ## Observation space
 
-    `Box(-1, 1, (5r + r L,), float32)` for r joints and L look-ahead times, whichever environment is wrapped: each
-    number x, in rad, rad/s or rad/s^2 (m, m/s, m/s^2), becomes x / (|x| + c), with a scale c in the unit of x. Indices
-    are zero-based, the last exclusive.
+    `Box(-1, 1, (5r + r L,), float32)` for L look-ahead times: each number x becomes x/(|x| + c). Indices are
+    zero-based, the last exclusive.
 
     | Indices     | Number x                                             | Scale c                             |
     |-------------|------------------------------------------------------|-------------------------------------|
-    | 0 to r      | position minus the reference's                       | a tenth of h (below), or of the error bound where that is less |
+    | 0 to r      | position minus the reference's                       | a tenth of h (below), or of the error bound
+    where that is less |
     | r to 2r     | velocity minus the reference's                       | 5/s times the first                 |
-    | 2r to 3r    | position from the middle of the joint's range        | h, half the range (1 rad or m where there is none) |
-    | 3r to 4r    | velocity                                             | h a second                          |
-    | 4r to 5r    | the reference's acceleration                         | h a second squared                  |
+    | 2r to 3r    | position from the middle of the joint's range        | h, half the range (1 rad or m where there is
+    none) |
+    | 3r to 4r    | velocity                                             | h per second                        |
+    | 4r to 5r    | the reference's acceleration                         | h per second squared                |
     | from 5r     | the reference's positions ahead minus those now      | as the first, each of the L times   |
 
     ## Version history
 
     * v0: first version
-    """  # noqa: E501  # a table
+
+    Examples
+    --------
+    >>> from adaptctl.envs import LearningEnv
+    >>> learner = LearningEnv(env)
+    >>> observation, info = learner.reset(seed=0)
+    >>> bool(np.all(np.abs(observation) <= 1.0))
+    True
+    """
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         RecordConstructorArgs.__init__(self)
@@ -128,36 +125,37 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """First observation (n,), float32, scaled to [-1, 1], unitless, and `info` of a new episode, which this call
-        begins. The observation has for r joints and L look-ahead times n = 5r + r L: position and velocity errors,
-        positions, velocities and the reference's accelerations, r each, then its positions at each of the L times ahead
-        less those now. `info` is that of the wrapped environment.
+        """
+        Begin a new episode.
 
-        `seed` is that of the random numbers, None to go on with them. `options`, None for none, are those of
-        `TrackingEnv.reset`: `payload` (a mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and
-        `inertia` (3, 3), kg m^2, about that centre, in the last link's frame), `trajectory` (a `Reference`, a seed or
-        "random"), `initial_error` (one number or (r,), rad, m if prismatic) and `parameters` (P,), the P true inertial
-        and friction ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad options
-        (its subclass `NotFoundError` for unknown ones), `SingularityError` where loops cannot be followed to the start,
-        Gymnasium's `Error` for a bad seed.
+        Parameters
+        ----------
+        seed : int, optional
+            Seed of the random numbers. Default: they go on.
+        options : dict, optional
+            Options at reset of `TrackingEnv`. Default: none.
+
+        Returns
+        -------
+        tuple
+            First observation (n,) in [-1, 1] and `info` of the environment.
         """
         observation, info = self.env.reset(seed=seed, options=options)
         return self._view(observation), info
 
     def step(self, action: Any) -> tuple[Observation, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,), float32, scaled to [-1, 1], reward (unitless), `terminated`, `truncated` and `info` after
-        one control period, by which this call advances the environment. The action (r,) in [-1, 1] is the torque as
-        fractions of the torque limits; around a `TuningEnv` or a `ResidualEnv` it is that environment's, (a,) or (r,).
-        The observation has for r joints and L look-ahead times n = 5r + r L: position and velocity errors, positions,
-        velocities and the reference's accelerations, r each, then its positions at each of the L times ahead less those
-        now.
+        """
+        Advance the environment by a control period.
 
-        `info`, reward and ends are those of the wrapped environment: `terminated` is True where a joint's error passes
-        its bound or kinematic loops come near a singularity (the smallest singular value of their closure Jacobian
-        below 0.05 of that at the reference configuration) or leave bounds that the robot's file states, `truncated`
-        where the duration is over. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN and infinity and where
-        the motion diverges to non-finite values, Gymnasium's `ResetNeeded` before the first reset and after the
-        episode's end.
+        Parameters
+        ----------
+        action : array_like
+            Action (r,) or (a,) in [-1, 1].
+
+        Returns
+        -------
+        tuple
+            Observation (n,) in [-1, 1], reward, `terminated`, `truncated` and `info` of the environment.
         """
         share = finite_actions(action, self.action_space)
         observation, reward, terminated, truncated, info = self.env.step(share * self._scale)
@@ -165,11 +163,30 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
 
 class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
-    """Vector environment of N arms for reinforcement learning, a wrapper of `env`, a `VectorTrackingEnv`, a
-    `ResidualVectorEnv` or a `TuningVectorEnv`, that scales observations and actions to [-1, 1], each arm's as in
-    `LearningEnv`. Observations (N, n), n = 5r + r L for r joints and L look-ahead times, are float32, unitless; actions
-    (N, a) are fractions of the torque limits, a = r, or those of the other two environments, unchanged. Raises
-    `InputError` for another vector environment, and for one whose observations a wrapper has changed."""
+    """
+    Vector environment for reinforcement learning, with observations and actions in [-1, 1].
+
+    Parameters
+    ----------
+    env : gymnasium.vector.VectorEnv
+        A `VectorTrackingEnv`, `ResidualVectorEnv` or `TuningVectorEnv` of N arms.
+
+    Raises
+    ------
+    InputError
+        If the environment is none of these or a wrapper has changed its observations.
+
+    Notes
+    -----
+    Observations (N, n) and actions (N, a) are as in `LearningEnv`.
+
+    Examples
+    --------
+    >>> from adaptctl.envs import LearningVectorEnv, VectorTrackingEnv
+    >>> many = LearningVectorEnv(VectorTrackingEnv(3, robot=arm, reference=reference, duration=0.1))
+    >>> many.observation_space.shape
+    (3, 14)
+    """
 
     def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
         super().__init__(env)
@@ -182,38 +199,38 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """First observations (N, n), float32, scaled to [-1, 1], unitless, and `info` of new episodes of all N arms,
-        which this call begins; with `autoreset_mode` "Disabled" only of those in the option `reset_mask`, bools (N,). A
-        row of observations has for r joints and L look-ahead times n = 5r + r L: position and velocity errors,
-        positions, velocities and the reference's accelerations, r each, then its positions at each of the L times ahead
-        less those now.
+        """
+        Begin new episodes.
 
-        `seed` s gives arm i, from 0, the seed s + i, a list has one for each arm, None lets the random numbers go on.
-        `options`, None for none, are those of `TrackingEnv.reset`, for all arms or one each: `payload` (a mass in kg, a
-        `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and `inertia` (3, 3), kg m^2, about that centre, in
-        the last link's frame), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one number, (r,) or
-        (N, r), rad, m if prismatic) and `parameters`, (P,) or (N, P), the P true inertial and friction ones, SI units,
-        in the order of `Mechanism.parameter_names`. Raises `InputError` for bad seeds and options (its subclass
-        `NotFoundError` for unknown options), `SingularityError` where loops cannot be followed to the start,
-        Gymnasium's `ResetNeeded` for a part of the arms before the first reset of all.
+        Parameters
+        ----------
+        seed : int or sequence, optional
+            Seed s gives arm i the seed s + i; a list has one for each arm. Default: the random numbers go on.
+        options : Mapping, optional
+            Options at reset of `VectorTrackingEnv`. Default: none.
+
+        Returns
+        -------
+        tuple
+            First observations (N, n) in [-1, 1] and `info` of the environment.
         """
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours take more
         return self._view(observations), info
 
     def step(self, actions: Any) -> tuple[Observation, Any, Any, Any, dict[str, Any]]:
-        """Observations (N, n), float32, scaled to [-1, 1], rewards (N,), unitless, `terminated` and `truncated`, bools
-        (N,), and `info` after one control period, by which this call advances all N arms. Actions (N, r) in [-1, 1] are
-        torques as fractions of the torque limits; around a `TuningVectorEnv` or a `ResidualVectorEnv` they are that
-        environment's, (N, a) or (N, r). A row of observations has for r joints and L look-ahead times n = 5r + r L:
-        position and velocity errors, positions, velocities and the reference's accelerations, r each, then its
-        positions at each of the L times ahead less those now.
+        """
+        Advance all arms by a control period.
 
-        `info`, rewards and ends are those of the wrapped environment: `terminated` is True where a joint's error passes
-        its bound or kinematic loops come near a singularity (the smallest singular value of their closure Jacobian
-        below 0.05 of that at the reference configuration) or leave bounds that the robot's file states, `truncated`
-        where the duration is over. `final_obs` in `info` is scaled likewise. Raises `InputError` on a wrong shape,
-        `NonFiniteError` on NaN and infinity and where a motion diverges to non-finite values, Gymnasium's `ResetNeeded`
-        before the first reset, and with `autoreset_mode` "Disabled" where an arm's episode is over.
+        Parameters
+        ----------
+        actions : array_like
+            Actions (N, a) in [-1, 1].
+
+        Returns
+        -------
+        tuple
+            Observations (N, n) in [-1, 1], rewards (N,), `terminated` and `truncated` (N,), and `info` of the
+            environment, its `final_obs` scaled likewise.
         """
         shares = finite_actions(actions, self.action_space)
         observations, rewards, terminated, truncated, info = self.env.step(shares * self._scale)
@@ -230,51 +247,22 @@ MANY: dict[str, Any] = DEFAULTS | {"autoreset_mode": "SameStep"}
 
 
 def learning(**settings: Any) -> LearningEnv:
-    """Learning environment `adaptctl/Learning-v0`: a `TrackingEnv` of any robot in a `LearningEnv`, a wrapper that
-    scales observations and actions to [-1, 1].
-
-    `settings` are arguments of `TrackingEnv` by keyword; those not given have its defaults, but for `control_period`,
-    0.02 s, and `duration`, 5 s. Raises what `TrackingEnv` raises: `InputError` for bad values, of these `NotFoundError`
-    for an unknown built-in robot and `FileError` for a bad file; `TypeError` for an unknown argument.
-    """
+    """Environment `adaptctl/Learning-v0`: a `TrackingEnv` of 0.02 s periods and 5 s episodes in a `LearningEnv`."""
     return LearningEnv(TrackingEnv(**DEFAULTS | settings))
 
 
 def puma560_learning(**settings: Any) -> LearningEnv:
-    """Learning environment of the PUMA 560 arm, `adaptctl/Puma560Learning-v0`: a `Puma560TrackingEnv` in a
-    `LearningEnv`, a wrapper that scales observations and actions to [-1, 1].
-
-    `settings` are arguments of `Puma560TrackingEnv` by keyword; those not given have its defaults, but for
-    `control_period`, 0.02 s, and `duration`, 5 s. Raises what that environment raises: `InputError` for bad values, of
-    these `NotFoundError` for an unknown built-in robot and `FileError` for a bad file; `TypeError` for an unknown
-    argument.
-    """
+    """Environment `adaptctl/Puma560Learning-v0`: a `Puma560TrackingEnv` in a `LearningEnv`."""
     return LearningEnv(Puma560TrackingEnv(**DEFAULTS | settings))
 
 
 def many_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
-    """Learning environment `adaptctl/Learning-v0` of `num_envs` arms (1 by default): a `VectorTrackingEnv` of any robot
-    in a `LearningVectorEnv`, a wrapper that scales observations and actions to [-1, 1]. An arm whose episode ends
-    begins the next in the same step (`autoreset_mode` "SameStep").
-
-    `settings` are arguments of `VectorTrackingEnv` by keyword; those not given have its defaults, but for
-    `control_period`, 0.02 s, `duration`, 5 s, and `autoreset_mode`. Raises what that environment raises: `InputError`
-    for bad values, of these `NotFoundError` for unknown names and `FileError` for a bad file; `TypeError` for an
-    unknown argument.
-    """
+    """Vector environment `adaptctl/Learning-v0` of `num_envs` arms in a `LearningVectorEnv`."""
     return LearningVectorEnv(VectorTrackingEnv(num_envs, **MANY | settings))
 
 
 def many_puma560_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
-    """Learning environment `adaptctl/Puma560Learning-v0` of `num_envs` PUMA 560 arms (1 by default): a
-    `Puma560VectorTrackingEnv` in a `LearningVectorEnv`, a wrapper that scales observations and actions to [-1, 1]. An
-    arm whose episode ends begins the next in the same step (`autoreset_mode` "SameStep").
-
-    `settings` are arguments of `Puma560VectorTrackingEnv` by keyword; those not given have its defaults, but for
-    `control_period`, 0.02 s, `duration`, 5 s, and `autoreset_mode`. Raises what that environment raises: `InputError`
-    for bad values, of these `NotFoundError` for unknown names and `FileError` for a bad file; `TypeError` for an
-    unknown argument.
-    """
+    """Vector environment `adaptctl/Puma560Learning-v0` of `num_envs` arms in a `LearningVectorEnv`."""
     return LearningVectorEnv(Puma560VectorTrackingEnv(num_envs, **MANY | settings))
 
 
@@ -283,7 +271,7 @@ def _scale(space: Any) -> Array:
 
 
 def _observed(env: Any) -> TrackingEnv:
-    """The tracking environment whose observations an environment passes on as they are."""
+    """Tracking environment whose observations an environment passes on as they are."""
     inner = tracking_of(env)
     if getattr(env, "single_observation_space", env.observation_space) != inner.observation_space:
         raise InputError(
@@ -293,9 +281,7 @@ def _observed(env: Any) -> TrackingEnv:
 
 
 def tracking_of(env: Any) -> TrackingEnv:
-    """The `TrackingEnv` inside the wrappers of an environment `env`; for a vector environment of many arms, the
-    single-arm environment that holds its settings. Raises `InputError` for an environment that is not made on a
-    `TrackingEnv`."""
+    """The `TrackingEnv` inside wrappers or a vector environment; others raise `InputError`."""
     inner = getattr(env, "unwrapped", env)
     inner = getattr(inner, "single", inner)
     if not isinstance(inner, TrackingEnv):

@@ -16,13 +16,24 @@ if TYPE_CHECKING:
 
 
 class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
-    """A wrapper of a single-arm environment that shows each of its control periods in `live`, a `Live` view (curves and
-    the arm, drawn by the rerun viewer); observations, rewards and `info` are unchanged.
+    """
+    Wrapper of a single-arm environment that shows each control period in a live view.
 
-    `env` is an environment of adaptctl, or one whose `env.unwrapped` has a `control_period` (s) and
-    `observation_slices`, a mapping from `p` and `reference_p`, positions and the reference's, to their slices (r,) of
-    the observation, r joints. Raises `InputError` for another environment, and for one in wrappers that change its
-    observations: such wrappers belong around this one.
+    Parameters
+    ----------
+    env : gymnasium.Env
+        Environment with a `control_period` in s and `observation_slices` of `p` and `reference_p`.
+    live : Live
+        View with curves and the arm, drawn by the rerun viewer.
+
+    Raises
+    ------
+    InputError
+        If the environment is another or wrappers change its observations: these belong around this one.
+
+    Notes
+    -----
+    Observations, rewards and `info` are unchanged. A failure of the view is a `LiveViewWarning`.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], live: Live) -> None:
@@ -32,18 +43,37 @@ class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
         self._steps = 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """First observation (n,), n numbers in the environment's units, and `info` of a new episode, which this call
-        begins; nothing is shown yet. `seed` and `options`, None for none, are passed to the wrapped environment. Raises
-        what that environment raises."""
+        """
+        Begin a new episode; nothing is shown yet.
+
+        Parameters
+        ----------
+        seed : int, optional
+            Seed of the environment.
+        options : dict, optional
+            Options of the environment.
+
+        Returns
+        -------
+        tuple
+            First observation (n,) and `info` of the environment.
+        """
         self._steps = 0
         return self.env.reset(seed=seed, options=options)
 
     def step(self, action: Array) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Observation (n,), n numbers in the environment's units, reward (unitless), `terminated`, `truncated` and
-        `info`, unchanged, after one control period, by which this call advances the wrapped environment under the
-        `action` (a,), its a numbers. Shown are the time, `time` of `info` or else the periods counted, s, the positions
-        of the r joints and the reference's (r,), rad (m if prismatic), and the torque (r,), N m (N), `applied_torque`
-        of `info` or else the action. Raises what the environment raises; a failure of the view is a `LiveViewWarning`.
+        """
+        Advance the environment by a control period and show it.
+
+        Parameters
+        ----------
+        action : ndarray
+            Action (a,) of the environment.
+
+        Returns
+        -------
+        tuple
+            Observation (n,), reward, `terminated`, `truncated` and `info` of the environment.
         """
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._steps += 1
@@ -54,8 +84,7 @@ class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
 
 
 def _shown_of(env: gymnasium.Env[Any, Any]) -> tuple[Mapping[str, slice], float]:
-    """Slices of the parts of an observation, and the control period (s). Raises `InputError` for an environment that
-    cannot be shown."""
+    """Slices of the parts of an observation, and the control period in s, checked."""
     inner = env.unwrapped
     slices, period = getattr(inner, "observation_slices", None), getattr(inner, "control_period", None)
     if (

@@ -21,45 +21,64 @@ if TYPE_CHECKING:
 
 class MuJoCoTrackingEnv(TrackingEnv):
     """
-    ## Description
+    Tracking task with MuJoCo as the plant: contacts, joint stops and all else of its scene.
 
-    A tracking environment, the task of `TrackingEnv`, with MuJoCo as the plant: it moves the arm in its scene, with
-    contacts, joint stops, equality constraints of other bodies and all else in its model. The controller's model of the
-    arm is the mechanism that `Mechanism.from_mujoco` reads, which has no contacts, stops or springs. Actions (r,),
-    torques of r joints in N m (N if prismatic), observations (5r + r L,), in rad, rad/s, rad/s^2 (m, m/s, m/s^2 if
-    prismatic), for L look-ahead times, reward, episode end, information and options at reset are those of
-    `TrackingEnv`, whose card holds here.
+    Parameters
+    ----------
+    robot : str, Path, Mechanism or mujoco.MjModel, default "puma560_measured"
+        MJCF scene (``.xml``) or model; or a built-in's name, another file or a mechanism, of which a MuJoCo model is
+        made.
+    reference : Reference, int, "random" or None, default None
+        Trajectory as in `TrackingEnv`. One on which the arm touches itself or the scene warns (`ReferenceWarning`).
+    body : str, optional
+        Root body of the arm. Default: the only root body that moves.
+    servos_off : bool, default False
+        Switches off the arm's actuators that are no torques, such as position servos, which are refused otherwise.
+    duration : float, default 20.0
+        Length of an episode in s.
+    control_period : float, default 0.001
+        Time in s for which a torque is held; MuJoCo's steps are no longer than its model's own.
+    look_ahead : sequence of float, default (0.05, 0.2)
+        Times (L,) in s at which the reference ahead is observed.
+    error_bound : array_like, default 1.0
+        Error in rad (m) beyond which an episode ends.
+    reward_weights : RewardWeights, optional
+        Weights of the reward.
+    initial_error : array_like, default 0.0
+        Error of the positions at the start in rad (m).
+    torque_limits : array_like, optional
+        Limits in N m (N). Default: as in `TrackingEnv`.
+    render_mode : {"rgb_array"}, optional
+        Way to render. Default: no images.
 
-    ```python
-    import gymnasium
-    env = gymnasium.make("adaptctl.envs:adaptctl/MuJoCoTracking-v0", robot="scene.xml", body="arm_base")
-    ```
+    Raises
+    ------
+    InputError
+        If a value is bad, an actuator is refused, the arm has ball or free joints or equalities, or several root bodies
+        move and none is named.
+    NotFoundError
+        If there is no such built-in, body or mode.
+    FileError
+        If the file cannot be read.
+    MissingExtraError
+        If MuJoCo is not installed.
 
-    Torques act at the arm's joints, clipped to the limits of its motors, which get no control themselves. Actuators of
-    the arm that are no torques, such as position servos, are refused by name, or switched off with `servos_off`.
-
-    ## Arguments
-
-    | Argument         | Default              | Meaning                                                        |
-    |------------------|----------------------|----------------------------------------------------------------|
-    | `robot`          | `"puma560_measured"` | an MJCF scene (`.xml`), a `mujoco.MjModel`; or a built-in's name, another file or a `Mechanism`, of which a MuJoCo model is made |
-    | `reference`      | `None`               | as in `TrackingEnv`                                            |
-    | `body`           | `None`               | the arm's root body, by name, where more than one root body moves; `None` where one does |
-    | `servos_off`     | `False`              | switch off the arm's actuators that are no torques             |
-    | `duration`, `look_ahead`, `error_bound`, `reward_weights`, `initial_error`, `torque_limits`, `render_mode` | | as in `TrackingEnv` |
-    | `control_period` | 0.001                | s a torque is held; MuJoCo takes steps no longer than its model's own in it |
-
-    ## Errors
-
-    `InputError` for bad values, actuators that are refused, an arm with ball or free joints or with equalities, and
-    several root bodies that move with none named; `NotFoundError` for an unknown built-in, `body` or mode; `FileError`
-    for a bad file; `MissingExtraError` without MuJoCo. Warns (`ReferenceWarning`) of a `Reference` on which the arm
-    touches itself or the scene.
+    Notes
+    -----
+    Actions, observations, reward, episode end, information and options at reset are those of `TrackingEnv`, whose card
+    holds here. The controller's model of the arm is the mechanism of `Mechanism.from_mujoco`, which has no contacts,
+    stops or springs. Torques act at the joints, clipped to the limits of the motors, which get no control themselves.
 
     ## Version history
 
     * v0: first version
-    """  # noqa: E501  # tables
+
+    Examples
+    --------
+    >>> import gymnasium, adaptctl.envs
+    >>> gymnasium.spec("adaptctl/MuJoCoTracking-v0").entry_point
+    'adaptctl.envs.mujoco_tracking:MuJoCoTrackingEnv'
+    """
 
     def __init__(
         self,

@@ -18,34 +18,22 @@ from adaptctl.tuning.feasible_reference import START_TIME, motion_ranges, random
 Trajectory: TypeAlias = Reference | int | str | None
 """A reference, the seed of a random one, or "random" or None for a new one each time."""
 
-SHARE = 0.8
+LIMIT_SHARE = 0.8
 """The share of a position range and of a velocity limit that is used."""
-ROOM = 0.1
+LOOP_MARGIN = 0.1
 """rad or m that loops must leave around a reference, for the tracking error."""
 BOX_SAMPLES = 64
 
 
 def drawn(trajectory: Trajectory, mechanism: Mechanism, rng: np.random.Generator) -> Reference:
-    """The reference that `trajectory` stands for, a function from T times (T,), s, to a `ReferencePoint` (positions,
-    velocities and accelerations of the r joints, (T, r) each, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if
-    prismatic)). A `Reference` stands for itself, a seed (a whole number of at least 0) for the random reference of that
-    seed, "random" or None for a new random one drawn from `rng`. Random ones are those of `random_sinusoids` for the
-    `mechanism`. Raises `InputError` for any other `trajectory`, and where a mechanism's loops admit no random one."""
+    """Reference that a trajectory is: itself, a seeded one, or a new random one."""
     return all_drawn([trajectory], mechanism, lambda _: rng)[0]
 
 
 def all_drawn(
     trajectories: Sequence[Trajectory], mechanism: Mechanism, generator: Callable[[int], np.random.Generator]
 ) -> list[Reference]:
-    """List of the references that `trajectories` stand for, one each, in their order; a reference is a function from T
-    times (T,), s, to a `ReferencePoint` (positions, velocities and accelerations of the r joints, (T, r) each, in rad,
-    rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic)). A `Reference` stands for itself; a seed, a whole number of at
-    least 0, for the random reference of that seed, which equal seeds share; "random" or None for a new random one,
-    drawn from `generator(k)` for the trajectory of index k, from 0.
-
-    Random ones are those of `random_sinusoids` for the `mechanism`. Raises `InputError` for any other trajectory, and
-    where a mechanism's loops admit no random one.
-    """
+    """References of many trajectories; new ones are drawn from `generator(k)` for index k."""
     sources: dict[Hashable, np.random.Generator] = {}
     keys: list[Hashable] = []
     for k, given in enumerate(trajectories):
@@ -63,9 +51,7 @@ def all_drawn(
 
 
 def validate_trajectory(given: object, what: str = "trajectory") -> None:
-    """Raise `InputError` unless `given` stands for a reference: a callable, as a `Reference` is, a seed (a whole number
-    of at least 0, no boolean), "random" or None. Nothing is returned. `what` is the argument's name in the message,
-    "trajectory" by default. The callable is not called."""
+    """Raise `InputError` unless `given` is a reference, a seed, "random" or None."""
     is_seed = isinstance(given, int | np.integer) and not isinstance(given, bool) and given >= 0
     is_word = given is None or (isinstance(given, str) and given == "random")
     if not (is_seed or is_word or callable(given)):
@@ -73,51 +59,67 @@ def validate_trajectory(given: object, what: str = "trajectory") -> None:
 
 
 def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoids:
-    """Random reference for a mechanism of r joints, a `Sinusoids`, drawn from `rng`: one sinusoid a joint about a
-    random centre, of a frequency uniform from 0.1 to 0.25 Hz and an amplitude of up to 0.5 rad (m if prismatic), faded
-    in over 2 s, within 80 % of the position ranges and of the velocity limits. Its `center` is (r,), `amplitude` and
-    `frequency` are (1, r), in rad (m) and Hz.
+    """
+    Draw random sinusoids within a mechanism's limits.
 
-    A joint without limits moves within 1 rad (m) of zero, one with a single limit within 2 rad (m) of that. For a
-    mechanism with loops, centre and amplitudes are reduced towards its reference configuration until its loops can be
-    closed, and the conditions on positions in its file hold, at all 64 sampled positions around the sinusoids. Raises
-    `InputError` where no such reference is found.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Robot with r joints.
+    rng : numpy.random.Generator
+        Source of random numbers.
+
+    Returns
+    -------
+    Sinusoids
+        One sinusoid for each joint of 0.1 to 0.25 Hz and up to 0.5 rad (m if prismatic), faded in over 2 s.
+
+    Raises
+    ------
+    InputError
+        If the mechanism's loops admit none.
+
+    Notes
+    -----
+    They use 80 % of the position ranges and the velocity limits. A joint without limits moves within 1 rad (m) of zero,
+    one with a single limit within 2 rad (m) of that. With loops, center and amplitudes are reduced until the loops
+    close and the file's conditions hold at 64 sampled positions.
+
+    Examples
+    --------
+    >>> from adaptctl.envs import random_sinusoids
+    >>> random_sinusoids(arm, rng).center.shape
+    (2,)
     """
     return many_random_sinusoids(mechanism, [rng])[0]
 
 
 def many_random_sinusoids(mechanism: Mechanism, rngs: Iterable[np.random.Generator]) -> list[Sinusoids]:
-    """List of random references for a `mechanism`, one `Sinusoids` for each generator in `rngs`, in the same order:
-    each is what `random_sinusoids` draws from that generator. A mechanism's loops are tried for all together, which is
-    faster than one after the other. Raises `InputError` where no reference is found for which the loops can be
-    closed."""
+    """Random references, one for each generator; loops are tried for all together, which is faster."""
     references = [_within_limits(mechanism, rng) for rng in rngs]
     return references if mechanism.continuation is None else _where_loops_allow(mechanism, references)
 
 
 def _within_limits(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoids:
     lower, upper = motion_ranges(mechanism)
-    middle, reach = 0.5 * (lower + upper), 0.5 * SHARE * (upper - lower)
-    frequency, amplitude = random_swing(mechanism, reach, SHARE, rng)
+    middle, reach = 0.5 * (lower + upper), 0.5 * LIMIT_SHARE * (upper - lower)
+    frequency, amplitude = random_swing(mechanism, reach, LIMIT_SHARE, rng)
     center = middle + (reach - amplitude) * rng.uniform(-1.0, 1.0, mechanism.dof)
     return Sinusoids(center, amplitude, frequency, start_time=START_TIME)
 
 
 def _where_loops_allow(mechanism: Mechanism, references: list[Sinusoids]) -> list[Sinusoids]:
-    """Each reference itself where all its path can be reached, else drawn in towards the loops' own reference.
-
-    The box of centre and amplitude is tried at its corners and inside.
-    """
+    """Each reference, drawn in towards the loops' reference configuration where they cannot follow it."""
     home, found = mechanism.neutral_configuration, dict[int, Sinusoids]()
     box = np.random.default_rng(0).uniform(-1.0, 1.0, (BOX_SAMPLES, mechanism.dof))
     box[: BOX_SAMPLES // 2] = np.sign(box[: BOX_SAMPLES // 2])
-    for share in SHARE ** np.arange(30):
+    for share in LIMIT_SHARE ** np.arange(30):
         left = [k for k in range(len(references)) if k not in found]
         if not left:
             break
         centers = np.array([home + share * (references[k].center - home) for k in left])
         amplitudes = np.array([share * references[k].amplitude[0] for k in left])
-        allowed = _reached(mechanism, centers[:, None] + (amplitudes[:, None] + ROOM) * box)
+        allowed = _reached(mechanism, centers[:, None] + (amplitudes[:, None] + LOOP_MARGIN) * box)
         for i in np.flatnonzero(allowed).tolist():
             frequency = references[left[i]].frequency[0]
             found[left[i]] = Sinusoids(centers[i], amplitudes[i], frequency, start_time=START_TIME)

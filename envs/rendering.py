@@ -30,10 +30,7 @@ PAINT = {Solid.LINK: BODY, Solid.JOINT: RUN_COLORS[0], Solid.TOOL: INK}
 
 
 class Renderer:
-    """Renderer of images of one `mechanism`, a `Mechanism`, from a fixed viewpoint, in front and a little above, with
-    all that the arm can reach in view. `width` and `height`, 640 and 480 by default, are those of the images in pixels.
-    Background, floor and pedestals are computed once, at construction; the attribute `camera` is the `Camera`, with
-    twice as many pixels in each direction, of which each four are averaged. Nothing is checked at construction."""
+    """Renderer of images of one mechanism from a fixed viewpoint."""
 
     def __init__(self, mechanism: Mechanism, width: int = 640, height: int = 480) -> None:
         self._mechanism, self._parts = mechanism, skeleton(mechanism)
@@ -47,10 +44,7 @@ class Renderer:
         self._caption = Caption(mechanism.name, {"arm": RUN_COLORS[0], "reference": GOAL}, width, height)
 
     def image(self, p: Array, goal: Array, time: float) -> NDArray[np.uint8]:
-        """RGB image (height, width, 3), uint8, of the arm at positions `p` (r,) of its r primary (independent) joints,
-        with a translucent ghost of it at positions `goal` (r,), rad (m if prismatic), its shadow on the floor and a
-        text overlay with the `time`, s. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity,
-        `LoopError` where kinematic loops cannot be closed, `SingularityError` near a singularity of the loops."""
+        """RGB image of the robot at `p`, a translucent ghost of it at `goal`, and the time."""
         solids = [*self._pedestals, *self._arm(p)]
         picture = self._backdrop.copy()
         depth = np.full(picture.shape[:2], np.inf)  # the floor hides nothing: an arm without stops may sink into it
@@ -165,15 +159,13 @@ def _rgb(color: Color) -> Array:
     return np.array(color) / 255.0
 
 
-FAR = np.inf
+MISS_DISTANCE = np.inf
 """The distance of what is not met."""
 
 
 @dataclass(frozen=True, eq=False)
 class ConvexPart:
-    """A cylinder or capsule to be drawn, of a `radius`, m, whose axis leads from `start` to `end`, (3,) each, m: with
-    flat ends if `flat` is True, else with round ones (a capsule); a ball where both points coincide. `color` (3,) is
-    red, green and blue in [0, 1]. Nothing is checked."""
+    """Cylinder or capsule to be drawn; a ball where both ends coincide."""
 
     start: Array
     end: Array
@@ -183,9 +175,7 @@ class ConvexPart:
 
 
 class Hits(NamedTuple):
-    """First intersections of rays with a solid: `distance` (...), m, along each ray, infinite where the ray does not
-    meet the solid, and `normal` (..., 3), the solid's outward unit normal there, arbitrary where there is none. Nothing
-    is checked."""
+    """First intersections of rays with a solid: distances and outward unit normals."""
 
     distance: Array
     normal: Array
@@ -193,9 +183,7 @@ class Hits(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera at `eye` (3,) that looks at `target` (3,), in world coordinates, m, the z axis up; `field` is
-    the vertical view angle in rad, `width` and `height` the picture's size in pixels. Nothing is checked: a camera that
-    looks straight up or down gives NaN."""
+    """Pinhole camera in world coordinates."""
 
     eye: Array
     target: Array
@@ -205,30 +193,25 @@ class Camera:
 
     @property
     def axes(self) -> Array:
-        """Axes of the camera in world coordinates, three orthogonal unit vectors as rows (3, 3): right and down in the
-        picture, and forward, from `eye` to `target`."""
+        """Axes of the camera as rows (3, 3): right, down and forward."""
         forward = _unit(self.target - self.eye)
         right = _unit(np.cross(forward, [0.0, 0.0, 1.0]))
         return np.stack([right, np.cross(forward, right), forward])
 
     @property
     def focal(self) -> float:
-        """Focal length of the camera in pixels: half the picture's height over the tangent of half the vertical view
-        angle."""
+        """Focal length in pixels."""
         return 0.5 * self.height / np.tan(0.5 * self.field)
 
     def rays(self) -> Array:
-        """Directions (height, width, 3) of the rays from the camera through the centres of its height x width pixels,
-        unit vectors in world coordinates: rows from the top, columns from the left."""
+        """Unit vectors (height, width, 3) of the rays through the centers of the pixels."""
         x = (np.arange(self.width) + 0.5 - 0.5 * self.width) / self.focal
         y = (np.arange(self.height) + 0.5 - 0.5 * self.height) / self.focal
         right, down, forward = self.axes
         return _unit(x[None, :, None] * right + y[:, None, None] * down + forward)
 
     def window(self, points: Array, margin: float) -> tuple[slice, slice]:
-        """Rectangle of the picture, a pair of slices of rows and of columns in pixels, that covers all balls of radius
-        `margin` (m) about n `points` (n, 3), world coordinates, m, and the straight lines between them; the whole
-        picture where a point is within 1.5 `margin` of the camera's plane or behind it. Nothing is checked."""
+        """Rows and columns of the picture that cover balls about points and the lines between them."""
         seen = (points - self.eye) @ self.axes.T
         if seen[:, 2].min() <= 1.5 * margin:
             return slice(0, self.height), slice(0, self.width)
@@ -239,9 +222,7 @@ class Camera:
 
 
 def intersect(solid: ConvexPart, origin: Array, rays: Array) -> Hits:
-    """First intersections, a `Hits`, of rays with a convex `solid`, a `ConvexPart` (Quilez 2016). `rays` (..., 3) are
-    unit vectors; `origin`, (3,) for all or (..., 3) for each, m, are their starting points, outside the solid.
-    Distances are in m, infinite where a ray does not meet the solid. Nothing is checked."""
+    """First intersections, a `Hits`, of rays with a convex `solid`, a `ConvexPart` (Quilez 2016)."""
     axis, away = solid.end - solid.start, origin - solid.start
     length = float(axis @ axis)
     if length < 1e-12:
@@ -274,7 +255,7 @@ def _caps(
     distance = (np.where(facing, length, 0.0) - offset) / along
     hit = (np.abs(b + a * distance) < root) & (distance > 0.0)
     outward = np.where(facing[..., None], 1.0, -1.0) * _unit(solid.end - solid.start)
-    return Hits(np.where(hit, distance, FAR), outward)
+    return Hits(np.where(hit, distance, MISS_DISTANCE), outward)
 
 
 def _ball(center: Array, radius: float, origin: Array, rays: Array) -> Hits:
@@ -284,7 +265,7 @@ def _ball(center: Array, radius: float, origin: Array, rays: Array) -> Hits:
     with np.errstate(invalid="ignore"):
         distance = -b - np.sqrt(inside)
         normal = (away + distance[..., None] * rays) / radius
-    return Hits(np.where((inside >= 0.0) & (distance > 0.0), distance, FAR), normal)
+    return Hits(np.where((inside >= 0.0) & (distance > 0.0), distance, MISS_DISTANCE), normal)
 
 
 def _unit(vectors: Array) -> Array:
@@ -301,9 +282,7 @@ POINT = 100.0 / 72.0
 
 
 class Caption:
-    """Text overlay for images of one size: the arm's `name` and a legend of what the colours mean in the upper left
-    corner, the time in the upper right. `colors` maps each text of the legend to its `Color` (sRGB); `width` and
-    `height` are those of the images, in pixels. Nothing is checked."""
+    """Text overlay for images of one size."""
 
     def __init__(self, name: str, colors: Mapping[str, Color], width: int, height: int) -> None:
         figure = Figure(figsize=(width / 100.0, height / 100.0), dpi=100.0)
@@ -322,8 +301,7 @@ class Caption:
             figure.text(margin + 0.03, y, meaning, size=size, color=INK.hex, va="top")
 
     def over(self, picture: NDArray[np.uint8], time: float) -> NDArray[np.uint8]:
-        """Copy of the image `picture` (height, width, 3), RGB, uint8, with the text overlay on it: name, legend and the
-        `time`, s, with two decimals. Raises `ValueError` for a picture of another size."""
+        """Copy of the picture with the overlay and the time."""
         self._time.set_text(f"{time:.2f} s")
         self._canvas.draw()  # type: ignore[no-untyped-call]
         words = np.asarray(self._canvas.buffer_rgba())  # type: ignore[no-untyped-call]

@@ -44,7 +44,7 @@ from adaptctl.simulation.transmission import Transmission
 if TYPE_CHECKING:
     from adaptctl.envs.rendering import Renderer
 
-LARGEST_OBSERVATION = 1e6
+MAX_OBSERVATION = 1e6
 """Bound of every observation in its own unit: check_env wants a finite one, and no motion comes near it."""
 
 OPTIONS = ("payload", "trajectory", "initial_error", "parameters")
@@ -53,28 +53,65 @@ OPTIONS = ("payload", "trajectory", "initial_error", "parameters")
 @sent_as_made
 class TrackingEnv(gymnasium.Env[Array, Array]):
     """
-    ## Description
+    Tracking task: joint torques drive a robot of r joints along a reference trajectory.
 
-    A tracking environment: a mechanism of r joints, driven by joint torques, is to follow a reference trajectory in
-    joint space. The physics are the equations of motion of rigid links, with the rotors and the friction that the
-    mechanism's drives have, without joint stops, integrated under a torque that is held over each control period. What
-    real plants have besides, such as delay, encoders or a payload that is dropped, is switched on by `effects`.
+    Parameters
+    ----------
+    robot : str, Path or Mechanism, default "puma560_measured"
+        Built-in's name, file (``.urdf``, ``.xml``, ``.toml``) or mechanism.
+    reference : Reference, int, "random" or None, default None
+        Trajectory, or the seed of a random one; None or "random" for a new one at each reset: a sinusoid for each joint
+        of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within the limits. Wrong derivatives warn
+        (`ReferenceWarning`).
+    duration : float, default 20.0
+        Length of an episode in s.
+    control_period : float, default 0.001
+        Time in s for which a torque is held.
+    substeps : int, optional
+        Integration steps per control period. Default: as many as friction needs, else 1.
+    integrator : Integrator, optional
+        Integration method. Default: `RungeKutta4`, or `LinearlyImplicitEuler` where friction is stiff.
+    look_ahead : sequence of float, default (0.05, 0.2)
+        Times (L,) in s at which the reference ahead is observed; may be empty.
+    error_bound : array_like, default 1.0
+        Error in rad (m), one number or (r,), beyond which an episode ends; infinity for never.
+    reward_weights : RewardWeights, optional
+        Weights of the reward. Default: `RewardWeights()`.
+    initial_error : array_like, default 0.0
+        Error of the positions at the start in rad (m), one number or (r,).
+    torque_limits : array_like, optional
+        Limits in N m (N), one number or (r,). Default: see the action space.
+    effects : iterable of Effect, default ()
+        Delays, limits, friction, sensors and loads of `adaptctl.simulation.effects`, in any order.
+    render_mode : {"rgb_array"}, optional
+        Way to render. Default: no images.
 
-    ```python
-    env = gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", robot="my_arm.urdf")
-    ```
+    Raises
+    ------
+    InputError
+        If a value is out of range or the reference has another number of joints.
+    NonFiniteError
+        If `error_bound` is NaN or `initial_error` is not finite.
+    NotFoundError
+        If there is no such built-in or mode.
+    FileError
+        If the robot's file cannot be read.
+
+    Notes
+    -----
+    The equations of motion of rigid links, with the drives' rotors and friction and without joint stops, are integrated
+    under a torque that is held over each control period. Units in brackets are those of prismatic joints.
 
     ## Action space
 
-    `Box(-limit, limit, (r,), float64)`: the torque of every joint in N m (the force in N of a prismatic one). The
-    limits are the mechanism's own. A joint without one gets four times the largest torque that inverse dynamics asks of
-    it in 200 random states at up to 2 rad/s and 10 rad/s^2 (m/s, m/s^2), and at least 1. What is out of bounds is
-    clipped and counted; NaN and infinity raise `NonFiniteError`, a wrong shape `InputError`.
+    `Box(-limit, limit, (r,), float64)`: torques in N m (N). The limits are the mechanism's own; a joint without one
+    gets four times the largest torque of inverse dynamics in 200 random states at up to 2 rad/s and 10 rad/s^2 (m/s,
+    m/s^2), and at least 1. What is out of bounds is clipped and counted; NaN and infinity raise `NonFiniteError`, a
+    wrong shape `InputError`.
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (5r + r L,), float64)` for L look-ahead times. `observation_slices` maps the names below to slices
-    of it. Here and below, units in brackets are those of prismatic joints.
+    `Box(-1e6, 1e6, (5r + r L,), float64)` for L look-ahead times; `observation_slices` maps names to slices.
 
     | Slice         | Size | Observation                                                | Unit               |
     |---------------|------|------------------------------------------------------------|--------------------|
@@ -87,9 +124,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     ## Reward
 
-    *reward = -(position sum(e^2) + velocity sum(e'^2) + torque sum((applied torque / limit)^2))*, no unit, with the
-    true errors e = p - reference p and e' = v - reference v after the step, and with `RewardWeights(position=1,
-    velocity=0.1, torque=0.001, termination=1000)`. `termination` is subtracted once when an episode is terminated.
+    *reward = -(position sum(e^2) + velocity sum(e'^2) + torque sum((applied torque / limit)^2))*, with the true errors
+    e = p - reference p and e' = v - reference v after the step, and the `RewardWeights`. The weight `termination` is
+    subtracted once when an episode is terminated.
 
     ## Starting state
 
@@ -97,42 +134,23 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     ## Episode end
 
-    Terminated when a joint's |e| passes `error_bound` (1 rad or m; infinity for never), when a mechanism with loops
-    nears a singularity, or when positions break a condition that its file states. Truncated at `duration`.
+    Terminated when a joint's |e| passes `error_bound`, a mechanism with loops nears a singularity (smallest singular
+    value of its Jacobian below 0.05 of the reference value), or positions break a condition of its file. Truncated at
+    `duration`.
 
     ## Information
 
     | Key              | Value                                                                      |
     |------------------|----------------------------------------------------------------------------|
     | `time`           | s since the reset                                                          |
-    | `parameters`     | (P,) the true inertial and friction parameters now, SI units, payload included, in the order of `mechanism.parameter_names` |
+    | `parameters`     | (P,) true inertial and friction parameters now, SI units, payload included, in the order of
+    `mechanism.parameter_names` |
     | `applied_torque` | (r,) the torque that reached the joints in the last step, N m (N)          |
     | `energy`         | kinetic plus potential energy in J                                         |
-    | `clipped`        | how many steps since the reset had an action clipped                       |
+    | `clipped`        | number of steps since the reset with a clipped action                      |
     | `p`, `v`         | with effects: (r,) true positions, rad (m), and velocities, rad/s (m/s)    |
-    | `flags`          | with effects: what happened in the last step, by name: `payload` (kg held), `torque_limited`, `rate_limited` (1 or 0) |
-
-    ## Arguments
-
-    | Argument         | Default              | Meaning                                                        |
-    |------------------|----------------------|----------------------------------------------------------------|
-    | `robot`          | `"puma560_measured"` | a built-in's name, a file (`.urdf`, `.xml`, `.toml`), or a `Mechanism` |
-    | `reference`      | `None`               | a `Reference`, the seed of a random one (at least 0), or `None` or `"random"` for a new one at each reset: one sinusoid a joint of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within the position and velocity limits. Warns (`ReferenceWarning`) where velocities or accelerations of a `Reference` are no derivatives |
-    | `duration`       | 20.0                 | length of an episode, s                                        |
-    | `control_period` | 0.001                | time for which a torque is held, s                             |
-    | `substeps`       | `None`               | integration steps a control period; `None` for as many as friction needs, else 1 |
-    | `integrator`     | `None`               | `None` for `RungeKutta4()`, or `LinearlyImplicitEuler()` where friction is stiff |
-    | `look_ahead`     | (0.05, 0.2)          | (L,), times ahead, s, at least 0 each; may be empty             |
-    | `error_bound`    | 1.0                  | error beyond which an episode ends, rad (m), one positive number or one a joint; NaN raises `NonFiniteError`, here and below |
-    | `reward_weights` | `RewardWeights()`    | the weights of the reward above                                |
-    | `initial_error`  | 0.0                  | of the positions at the start, rad (m), one number or one a joint |
-    | `torque_limits`  | `None`               | N m (N), one number or one a joint; `None` for those of the action space above |
-    | `effects`        | ()                   | those of real plants, from `adaptctl.simulation.effects`, in any order; () for none |
-    | `render_mode`    | `None`               | or `"rgb_array"`; `None` for no images                         |
-
-    Raises `InputError` for bad values, a `Reference` of another number of joints among them, of these `NonFiniteError`
-    for an `initial_error` that is not finite, `NotFoundError` for an unknown built-in or mode, `FileError` for a bad
-    file.
+    | `flags`          | with effects: events of the last step by name: `payload` (kg held), `torque_limited`,
+    `rate_limited` (1 or 0) |
 
     ## Options at reset
 
@@ -140,15 +158,26 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     | Option          | Value                                                                                 |
     |-----------------|---------------------------------------------------------------------------------------|
-    | `payload`       | a point mass in kg at the origin of the frame of the last link that has mass, a `Payload`, or a mapping with `mass`, `center` (3,), m, in that link's frame and `inertia` (3, 3), kg m^2, about that centre |
+    | `payload`       | a point mass in kg at the origin of the frame of the last link that has mass, a `Payload`, or a
+    mapping with `mass`, `center` (3,), m, in that link's frame and `inertia` (3, 3), kg m^2, about that center |
     | `trajectory`    | a `Reference`, the seed of a random one, or `"random"`                                |
-    | `initial_error` | rad (m), one number or one a joint                                                    |
-    | `parameters`    | (P,) true inertial and friction parameters, SI units, in the order of `mechanism.parameter_names`, to which the payload is added |
+    | `initial_error` | rad (m), one number or (r,)                                                           |
+    | `parameters`    | (P,) true inertial and friction parameters, SI units, in the order of
+    `mechanism.parameter_names`, to which the payload is added |
 
     ## Version history
 
     * v0: first version
-    """  # noqa: E501  # tables
+
+    Examples
+    --------
+    >>> import gymnasium
+    >>> env = gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", robot=arm, reference=reference, duration=0.1)
+    >>> observation, info = env.reset(seed=0, options={"payload": 0.2})
+    >>> observation, reward, terminated, truncated, info = env.step([1.0, 0.5])
+    >>> observation.shape, round(info["time"], 3)
+    ((14,), 0.001)
+    """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 1000.0}  # noqa: RUF012  # Gymnasium's way
 
@@ -208,23 +237,36 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @property
     def reference(self) -> Reference:
-        """Reference of the running episode, a `Reference`: a function from T times (T,), s, to a `ReferencePoint`,
-        positions, velocities and accelerations of the r joints, (T, r) each, in rad, rad/s, rad/s^2 (m, m/s, m/s^2 if
-        prismatic). Raises Gymnasium's `ResetNeeded` before the first reset."""
+        """Reference of the running episode; `ResetNeeded` before the first reset."""
         return self._running("reference").preview.reference
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """First observation (5r + r L,) and `info` of a new episode, which this call begins. `info` has `time` (0 s),
-        true `parameters` (P,), `applied_torque` (r,), 0 yet, `energy` (kinetic plus potential, J) and `clipped` (0);
-        with effects also `p`, `v` and `flags`. For r joints the observation has positions, velocities and the
-        reference's positions, velocities and accelerations, then its positions at L times ahead; rad, rad/s, rad/s^2
-        (m, m/s, m/s^2 if prismatic). `seed` is that of the random numbers, None to go on with them; `options`, None for
-        none, are `payload` (a mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and `inertia`
-        (3, 3), kg m^2, about that centre, in the last link's frame), `trajectory` (a `Reference`, a seed or "random"),
-        `initial_error` (one number or (r,), rad, m if prismatic) and `parameters` (P,), the P true inertial and
-        friction ones, SI, in the order of `Mechanism.parameter_names`. Raises `InputError` for a bad option (its
-        subclasses `NotFoundError` for an unknown one, `NonFiniteError` for one that is not finite), `SingularityError`
-        where loops cannot be followed to the start, Gymnasium's `Error` for a bad seed."""
+        """
+        Begin a new episode.
+
+        Parameters
+        ----------
+        seed : int, optional
+            Seed of the random numbers. Default: they go on.
+        options : dict, optional
+            Options at reset, see the class. Default: none.
+
+        Returns
+        -------
+        tuple
+            First observation (5r + r L,) and `info`, see the class.
+
+        Raises
+        ------
+        InputError
+            If an option is bad.
+        NotFoundError
+            If an option is unknown.
+        NonFiniteError
+            If an option is not finite.
+        SingularityError
+            If loops cannot be followed to the start.
+        """
         started = self._started(seed, options)
         self.plant.compile()
         return self._observation(started), self._info(started.parameters, started.state, 0, 0)
@@ -243,19 +285,28 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._episode
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Observation (5r + r L,), reward, `terminated`, `truncated` and `info` after one control period, by which this
-        call advances the episode under the torque `action` (r,), N m (N if prismatic), held and clipped to its limits.
-        The observation has, for r joints, the measured positions and velocities, the reference's positions, velocities
-        and accelerations, (r,) each, then its positions at each of L times ahead in turn; rad, rad/s, rad/s^2 (m, m/s,
-        m/s^2 if prismatic). The reward, unitless, is minus the sums over the joints of squared position errors, squared
-        velocity errors and (torque/limit)^2, each times its weight (`RewardWeights`), less the weight `termination`
-        where terminated. `terminated` is True where a joint's error passes its bound or kinematic loops come near a
-        singularity (their Jacobian's smallest singular value below 0.05 of its reference value) or leave bounds that
-        the robot's file states, `truncated` where the duration is over. `info` has `time` (s), `parameters` (P,), the
-        true inertial and friction ones (SI, in the order of `Mechanism.parameter_names`), `applied_torque` (r,), N m
-        (N), `energy` (J) and `clipped`, the number of actions clipped so far; with effects also the true `p` and `v`
-        (r,) and `flags`, a dict of events. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN, infinity and
-        for a motion that diverges to non-finite values, Gymnasium's `ResetNeeded` before a reset."""
+        """
+        Advance the episode by a control period.
+
+        Parameters
+        ----------
+        action : array_like
+            Torque (r,) in N m (N if prismatic), clipped to the limits and held.
+
+        Returns
+        -------
+        tuple
+            Observation (5r + r L,), reward, `terminated`, `truncated` and `info`, see the class.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong.
+        NonFiniteError
+            If the action or the motion is NaN or infinite.
+        gymnasium.error.ResetNeeded
+            If no episode is running.
+        """
         episode = self._running("step")
         if episode.over:
             raise ResetNeeded("the episode is over: call env.reset() before the next env.step(action)")
@@ -271,8 +322,19 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._observation(episode), reward, terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """RGB image (480, 640, 3), uint8, of the arm now and a translucent ghost of it on the reference; None, with a
-        warning in Gymnasium's log, without a render mode. Raises Gymnasium's `ResetNeeded` before the first reset."""
+        """
+        Draw the robot and a translucent ghost of it on the reference.
+
+        Returns
+        -------
+        ndarray or None
+            RGB image (480, 640, 3), uint8; None, with a warning of Gymnasium, without a render mode.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            If there was no reset.
+        """
         episode = self._running("render")
         if self.render_mode is None:
             gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
@@ -285,10 +347,32 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._renderer.image(episode.state.p, goal, episode.step * self.control_period)
 
     def episode(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Episode:
-        """New episode as an `Episode`, which `simulate` runs in native code: what `reset` begins with the same `seed`
-        and `options`, with the function that computes rewards and ends. The environment's generator draws its noise,
-        and `step` takes no step before the next `reset`. Raises what `reset` raises, and `NotImplementedError` where a
-        subclass has a `step` of its own, which then has to write this method as well."""
+        """
+        Begin a new episode that `simulate` runs in native code.
+
+        Parameters
+        ----------
+        seed : int, optional
+            Seed as of `reset`.
+        options : dict, optional
+            Options as of `reset`.
+
+        Returns
+        -------
+        Episode
+            The episode; the environment takes no step before the next `reset`.
+
+        Raises
+        ------
+        NotImplementedError
+            If a subclass has a `step` of its own: it then has to write this method too. Errors of `reset` are raised as
+            there.
+
+        Examples
+        --------
+        >>> env.episode(seed=0).steps
+        200
+        """
         if type(self).step is not TrackingEnv.step:
             raise NotImplementedError(f"{type(self).__name__} has a step of its own")
         if type(self).reset is TrackingEnv.reset:
@@ -301,7 +385,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return Episode(self.plant, started.state, started.parameters, reference, self.np_random, self.steps, *told)
 
     def _judged(self, q: Array, v: Array, reference: ReferencePoint, applied: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """The rewards (...) of states reached (...), one or (m,) of them, and whether the episode ends there."""
+        """Rewards (...) of states (...), and whether the episode ends there."""
         judged = self.judgement.kernel if q.ndim == 1 else self.judgement.kernel.map
         reward, lost = judged(self.plant.positions(q), v, reference.p, reference.v, applied)
         terminated = ~self.plant.is_valid_configuration(q) | (np.asarray(lost) > 0.0)
@@ -309,7 +393,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @cached_property
     def judgement(self) -> Judgement:
-        """The `Judgement` of a control period: its reward, and whether a position error ends the episode."""
+        """Rule for the reward and the end of a control period."""
         return Judgement(self.reward_weights, self.error_bound, self._limits)
 
     def _reference(self, episode: RunningEpisode) -> ReferencePoint:
@@ -322,8 +406,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     def _info(
         self, own: Array, state: PlantState, steps: int, clipped: int, energy: float | None = None
     ) -> dict[str, Any]:
-        """The info of a state reached after so many control periods, with the true parameters `own`, (P,), and its
-        energy, J, if that is known."""
+        """Info of a state that was reached after so many control periods."""
         parameters, time = self._now(own, steps), steps * self.control_period
         info: dict[str, Any] = {
             "time": time,
@@ -357,12 +440,27 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return torque
 
     def true_parameters(self, options: Mapping[str, Any]) -> Array:
-        """The P true inertial and friction parameters (P,) of an episode, SI units, in the order of
-        `Mechanism.parameter_names`, for the `options` of its reset: `parameters` (P,), else the mechanism's own, plus
-        `payload` (a mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and `inertia` (3, 3), kg
-        m^2, about that centre) on the last link with mass, in its frame. Raises `InputError` for another shape, a
-        payload of no rigid body, or on a mechanism of fewer than ten parameters a link; `NonFiniteError` for parameters
-        that are not finite."""
+        """
+        Return the true parameters of an episode.
+
+        Parameters
+        ----------
+        options : Mapping
+            Options at reset, of which `parameters` and `payload` count.
+
+        Returns
+        -------
+        ndarray
+            Inertial and friction parameters (P,), SI units, ordered as `Mechanism.parameter_names`.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, no rigid body is described, or the mechanism has relations among its inertial
+            parameters.
+        NonFiniteError
+            If a parameter is not finite.
+        """
         own = finite_numbers(options.get("parameters", self.mechanism.inertial_parameters), "parameters")
         parameters = frozen_array(own, self.mechanism.inertial_parameters.shape, "parameters")
         if "payload" in options:
@@ -385,7 +483,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             raise InputError(f"torque_limits: an action needs finite ones, got {self._limits.tolist()}")
         self.action_space = gymnasium.spaces.Box(-self._limits, self._limits, dtype=np.float64)
         shape = (5 * r + ahead,)
-        self.observation_space = gymnasium.spaces.Box(-LARGEST_OBSERVATION, LARGEST_OBSERVATION, shape, np.float64)
+        self.observation_space = gymnasium.spaces.Box(-MAX_OBSERVATION, MAX_OBSERVATION, shape, np.float64)
 
     def _set_render_mode(self, render_mode: str | None) -> None:
         modes = self.metadata["render_modes"]

@@ -22,9 +22,22 @@ __all__ = ["EXPERIMENTS", "GROUP", "RENAMED", "Entry", "find", "from_entry_point
 
 
 class Entry(NamedTuple):
-    """Entry of the list of built-in experiments, with all that is needed to choose one without importing it: `name`, as
-    the command line takes it, such as "two-arms", whose module here has that name too; and `summary`, one line of
-    words. Nothing is checked at construction."""
+    """
+    Built-in experiment, with all that is needed to choose it without importing it.
+
+    Parameters
+    ----------
+    name : str
+        Name on the command line, such as "two-arms"; its module has that name too.
+    summary : str
+        One line of words.
+
+    Examples
+    --------
+    >>> from adaptctl.experiments import EXPERIMENTS
+    >>> [entry.name for entry in EXPERIMENTS if "arms" in entry.name]
+    ['two-arms']
+    """
 
     name: str
     summary: str
@@ -61,16 +74,50 @@ GROUP = "adaptctl.experiments"
 
 
 def offered() -> dict[str, EntryPoint]:
-    """Entry points of installed packages in the group "adaptctl.experiments", a mapping from their names: each names
-    the class of an experiment that a package provides. No package is imported here; nothing is raised."""
+    """
+    Return the entry points of installed packages that provide experiments.
+
+    Returns
+    -------
+    dict
+        Entry points of the group "adaptctl.experiments" by name; nothing is imported.
+
+    Examples
+    --------
+    >>> from adaptctl.experiments import offered
+    >>> isinstance(offered(), dict)
+    True
+    """
     from importlib.metadata import entry_points
 
     return {point.name: point for point in entry_points(group=GROUP)}
 
 
 def find(name: str) -> type[Experiment]:
-    """Class of the built-in experiment called `name`, such as "two-arms", a subclass of `Experiment`; its module is
-    imported here. Raises `NotFoundError`, with the names that exist, for an unknown name."""
+    """
+    Import a built-in experiment.
+
+    Parameters
+    ----------
+    name : str
+        Name such as "two-arms".
+
+    Returns
+    -------
+    type
+        Subclass of `Experiment`.
+
+    Raises
+    ------
+    NotFoundError
+        If there is no such experiment.
+
+    Examples
+    --------
+    >>> from adaptctl.experiments import find
+    >>> find("two-arms").__name__
+    'TwoArms'
+    """
     names = [entry.name for entry in EXPERIMENTS]
     if name in RENAMED:
         raise NotFoundError(f"experiment {name} is now: adaptctl {RENAMED[name]}")
@@ -83,9 +130,31 @@ def find(name: str) -> type[Experiment]:
 
 
 def from_entry_point(point: EntryPoint) -> type[Experiment]:
-    """Class of the experiment that the entry point `point` of an installed package names, a subclass of `Experiment`;
-    the package is imported. Raises `InputError` where the import fails, where the entry point names anything else, and
-    for a class without a `name` and a `title`, texts."""
+    """
+    Import the experiment of an installed package.
+
+    Parameters
+    ----------
+    point : EntryPoint
+        Entry point of the package.
+
+    Returns
+    -------
+    type
+        Subclass of `Experiment`.
+
+    Raises
+    ------
+    InputError
+        If the import fails or finds no experiment with a name and a title.
+
+    Examples
+    --------
+    >>> from importlib.metadata import EntryPoint
+    >>> from adaptctl.experiments import GROUP, from_entry_point
+    >>> from_entry_point(EntryPoint("mine", "adaptctl.experiments.two_arms:TwoArms", GROUP)).__name__
+    'TwoArms'
+    """
     try:
         found = point.load()
     except Exception as error:  # whatever the other package raises when it is imported
@@ -94,9 +163,32 @@ def from_entry_point(point: EntryPoint) -> type[Experiment]:
 
 
 def from_file(path: str | Path) -> type[Experiment]:
-    """Class of the experiment, a subclass of `Experiment`, that the Python file at `path` defines; the file is run.
-    Raises `FileError` where there is no such file, where it cannot be imported, and where it defines no such class or
-    several; `InputError` for a class without a `name` and a `title`, texts."""
+    """
+    Import the experiment that a Python file defines; the file is run.
+
+    Parameters
+    ----------
+    path : str or Path
+        Python file.
+
+    Returns
+    -------
+    type
+        Subclass of `Experiment`.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be imported or defines no experiment or several.
+    InputError
+        If the experiment has no name or title.
+
+    Examples
+    --------
+    >>> import adaptctl.experiments.two_arms
+    >>> adaptctl.experiments.from_file(adaptctl.experiments.two_arms.__file__).__name__
+    'TwoArms'
+    """
     file = Path(path)
     if not file.is_file():
         raise FileError(f"{path}: there is no such file")

@@ -49,10 +49,7 @@ FIRST_ORDER = 0.5 * SHORTER
 
 @dataclass(frozen=True)
 class AdaptiveTracking(Learning):
-    """Experiment of learning to track on any arm from zero initial estimates of its inertial parameters, on a drawn
-    reference and with gains found by `tune`; with `plant` "both", of one law on two plants, MuJoCo's and adaptctl's.
-    Raises `InputError` at construction for settings of the wrong type or out of their bounds, a `plant` of no such name
-    and a floating base in MuJoCo, `NonFiniteError` for NaN or infinity."""
+    """Experiment of learning to track on any arm from zero initial estimates."""
 
     name: ClassVar[str] = "adaptive"
     title: ClassVar[str] = "{robot}: learning to track from knowing nothing"
@@ -83,8 +80,7 @@ class AdaptiveTracking(Learning):
 
     @property
     def purpose(self) -> str:
-        """Paragraph of text for the report that states the question: what an arm learns that knows nothing, or how far
-        two plants are apart."""
+        """Question of the experiment, for the report."""
         if self.plant == "both":
             return (
                 "One adaptive controller, from zero and on one reference, drives the arm as MuJoCo moves it and as "
@@ -103,22 +99,18 @@ class AdaptiveTracking(Learning):
         return Path(self.robot).suffix.lower() in (".xml", ".mjcf")
 
     def mechanism(self) -> Mechanism:
-        """The `Mechanism` that the experiment drives, loaded from `robot`, in MuJoCo's plant as MuJoCo reads it. Raises
-        `NotFoundError` for an unknown name, `FileError` for a file that cannot be used, `InputError` where several
-        bodies of a scene move and `root` names none, `LoopError` where kinematic loops cannot be closed."""
+        """The `Mechanism` that the experiment drives, loaded from `robot`, in MuJoCo's plant as MuJoCo reads it."""
         root = self.root or None
         if self.in_mujoco and self.is_scene:
             return load(as_mujoco(self.robot), snap=self.snap, root=root)
         return load(self.robot, floating_base=self.floating_base, snap=self.snap, root=root)
 
     def tuning(self, mechanism: Mechanism) -> Tuning:
-        """Reference, gains, adaptation gain and integration for a `mechanism`, found by `tune` from the settings; in
-        MuJoCo on a reference clear of contacts. Raises `InputError` where no gains stabilise a joint."""
+        """Reference and gains found by `tune`; in MuJoCo on a reference clear of contacts."""
         return _tuned(self, mechanism)
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of a `mechanism` on the tuned reference, in the plant that `plant` names, in
-        MuJoCo's for both. Raises `InputError` where no gains stabilise a joint, `MissingExtraError` without MuJoCo."""
+        """Tracking environment on the tuned reference."""
         return self._environment(mechanism, self.in_mujoco, self.scene(mechanism))
 
     def _environment(self, mechanism: Mechanism, in_mujoco: bool, scene: Any) -> gymnasium.Env[Any, Any]:
@@ -148,15 +140,13 @@ class AdaptiveTracking(Learning):
         return model
 
     def slotine_li(self, model: ReducedModel, adaptation: Array | None = None) -> SlotineLi:
-        """Slotine and Li's control law from zero estimates of a `model`'s parameters, with the tuned gains and the
-        adaptation gain given, None for none. Raises `GainError` for gains too large for the control period."""
+        """Slotine and Li's law from zero estimates with the tuned gains."""
         tuning = self.tuning(model.mechanism)
         given = (None, self.control_period, tuning.workspace, tuning.torque_limits)
         return SlotineLi(model, tuning.gains.bandwidth, tuning.gains.damping, adaptation, *given)
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """Tuned adaptation gain for a `model`'s parameters: the diagonal (P,) for one of all, else the matrix (k, k)
-        mapped from it."""
+        """Tuned adaptation gain of a model's parameters."""
         tuning = self.tuning(model.mechanism)
         everything = len(model.columns) == len(model.mechanism.parameter_names)
         return tuning.adaptation if everything else tuning.gain_on(model)
@@ -166,10 +156,7 @@ class AdaptiveTracking(Learning):
         return self.tuning(mechanism).gains
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Controllers to compare: Slotine and Li's law on the k fundamental (base) parameters, the subject, and with
-        adaptation off; then computed torque with a true, a wrong and no model and the law on all parameters, or, on
-        both plants, the subject on MuJoCo at shorter steps and on adaptctl's plant. Raises `InputError` for a basis of
-        another geometry."""
+        """Controllers to compare, the subject first."""
         bandwidth = self.gains(mechanism).bandwidth
         given = (self.slotine_li, self.adaptation, bandwidth, self.parameter_error, self.seed)
         found = from_nothing(mechanism, basis, *given)
@@ -201,8 +188,7 @@ class AdaptiveTracking(Learning):
             yield Setting(f"note {k}", note, "on the tuning")
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
-        """Findings and an answer on the `outcome`: that two controllers are one; or how far two plants are apart, and
-        whether integration explains it."""
+        """Findings: two controllers are one; or how far two plants are apart."""
         if self.plant != "both":
             return Told(one_controller(outcome, ADAPTIVE))
         if OURS not in outcome.run:

@@ -55,18 +55,15 @@ ADAPTIVE, FULL = "adaptive", "adaptive-full"
 OFFLINE = "Independent parameters from energies"
 TIMED_TICKS = 1000
 """control ticks that are timed to find out how long one takes"""
-DRAWN = 600
+PLOTTED_SAMPLES = 600
 """samples of a curve in a figure"""
-MANY, FEW = 600_000, 30_000
+MAX_SAMPLES, THINNED_SAMPLES = 600_000, 30_000
 """samples of all runs: so many are kept as they are, and of more so few: with what draws them they fit into 500 MB"""
 
 
 @dataclass(frozen=True, eq=False)
 class Contender:
-    """A controller to compare with others: `name`, short, fit for a file and unique among those compared; `label`, for
-    legends; `knows`, in words what it knows of the arm beforehand; `make`, a function without arguments that makes the
-    controller, called once, when it is first asked for; and `env`, a function that makes the environment that it
-    drives, None for the one that all others drive."""
+    """Controller to compare with others: its names, prior knowledge, and how it is made."""
 
     name: str
     label: str
@@ -87,8 +84,7 @@ class Contender:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Outcome of a contest: the `mechanism` that was driven; `runs`, a `ControllerRun` a controller in their order; and
-    `complete`, False where it was interrupted: `runs` are then those that had started."""
+    """Outcome of a contest: the mechanism and the runs so far."""
 
     mechanism: Mechanism
     runs: tuple[ControllerRun, ...]
@@ -101,8 +97,7 @@ class Outcome:
 
 
 class Told(NamedTuple):
-    """Sayings of an experiment on its outcome: `findings`; `answer`, sentences, None for what adaptation is worth;
-    `drawings`, figures of its own; and `leading`, what a recording shows before the joints' errors."""
+    """Text of an experiment on its outcome: findings, answer, drawings and leading curves."""
 
     findings: Iterable[Finding] = ()
     answer: str | None = None
@@ -112,12 +107,7 @@ class Told(NamedTuple):
 
 @dataclass(frozen=True)
 class Learning(ClosedLoopExperiment):
-    """Abstract base class of experiments that compare controllers of one arm on one environment, the first of them
-    being the subject.
-
-    A subclass gives `name`, `title`, the property `purpose`, `environment` and `contenders`, and may give
-    `mechanism`, `options`, `expected`, `chosen` and `told`. Raises `InputError` at construction for settings of the
-    wrong type or out of their bounds, `NonFiniteError` for NaN or infinity."""
+    """Base class of experiments that compare controllers of one arm, the subject first."""
 
     robot: str = setting("puma560", "a built-in robot or a file (.urdf, .xml, .toml)")
     time_ticks: bool = setting(False, "also time a tick of each law, called from Python, which compiles it once more")
@@ -128,21 +118,17 @@ class Learning(ClosedLoopExperiment):
         """Paragraph of text for the report that states the question."""
 
     def mechanism(self) -> Mechanism:
-        """The `Mechanism` that the experiment drives, loaded from `robot` unless a subclass makes another. Raises
-        `NotFoundError` for an unknown name, `FileError` for a file that cannot be used, `LoopError` where its kinematic
-        loops cannot be closed."""
+        """The `Mechanism` that the experiment drives, loaded from `robot` unless a subclass makes another."""
         return load(self.robot)
 
     @abstractmethod
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment with the `mechanism` as its arm and finite torque limits, N m (N if
-        prismatic), as the bounds of its actions. Raises `InputError` for a mechanism that the experiment is not for."""
+        """Tracking environment of the mechanism."""
 
     def tracking(
         self, robot: Any, reference: Reference, name: str = "Tracking", **more: Any
     ) -> gymnasium.Env[Any, Any]:
-        """Environment adaptctl/NAME-v0 of a `robot` on a `reference` with the experiment's duration and control period,
-        and what it takes `more`. Raises what the environment raises."""
+        """Environment adaptctl/NAME-v0 with the experiment's duration and control period."""
         import gymnasium
 
         ours = {"robot": robot, "duration": self.duration, "control_period": self.control_period}
@@ -155,8 +141,7 @@ class Learning(ClosedLoopExperiment):
 
     @abstractmethod
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Controllers of the `mechanism`, whose fundamental (base) parameters `basis` has, in the order in which they
-        run, the subject first. Raises `InputError` for a basis of another geometry than the mechanism's."""
+        """Controllers in the order in which they run, the subject first."""
 
     @property
     def expected(self) -> Mapping[Failure, str]:
@@ -164,8 +149,7 @@ class Learning(ClosedLoopExperiment):
         return {}
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Iterator over what was chosen besides the settings, a `Setting` (name, value and meaning) each, for the
-        report: gains of the `mechanism` and the reference of `env`."""
+        """Settings that were chosen besides those given, for the report."""
         yield from ()
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
@@ -173,10 +157,7 @@ class Learning(ClosedLoopExperiment):
         return Told()
 
     def run(self, progress: Progress) -> Result:
-        """Result of comparing all controllers. `progress(label, share)` is called with what is done and the fraction
-        of it, 0 to 1. Ctrl-C keeps the runs started; where there are none, `KeyboardInterrupt` is raised. Raises
-        `RankError` where the number of base parameters cannot be certified, `GainError` for gains too large for the
-        control period, and what the experiment's methods raise."""
+        """Result of comparing all controllers."""
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> Comparison:
@@ -233,8 +214,7 @@ class FromRanges(Learning):
 
 
 def chosen_gains(gains: Gains, adaptation: str = "", rule: str = "", first: str = "0") -> Iterator[Setting]:
-    """Iterator over the report's lines on a law's `gains`, on its `adaptation` gain, in words with the `rule` behind
-    it, where there is one, and on its `first` estimate."""
+    """Lines of the report on gains, adaptation gain and first estimate."""
     yield Setting("Λ", listed(gains.bandwidth), "bandwidth of the tracking loop, 1/s, a joint each")
     yield Setting("K", listed(gains.damping), "damping, N·m·s (N·s/m), a joint each")
     if adaptation:
@@ -248,15 +228,14 @@ def listed(values: Array) -> str:
 
 
 def over_time(runs: Sequence[ControllerRun], values: Mapping[str, Array], ylabel: str) -> Figure:
-    """Matplotlib figure of `values` (T,) of some of the `runs`, by their names, over time, s, on a logarithmic scale
-    with the label `ylabel`, each in its run's colour."""
+    """Figure of values (T,) of some runs over time, on a logarithmic scale."""
     from adaptctl.recording.drawing import run_style, sheet, thinned
 
     figure, places = sheet(4.2), color_places(runs)
     axes = figure.subplots()
     for run in runs:
         if (own := values.get(run.name)) is not None:
-            every, place = thinned(len(own), DRAWN), places[run.name]
+            every, place = thinned(len(own), PLOTTED_SAMPLES), places[run.name]
             axes.semilogy(run.rollout.time[every], own[every], label=run.label, **run_style(place))
     axes.set_xlabel("time [s]")
     axes.set_ylabel(ylabel)
@@ -273,15 +252,7 @@ def contest(
     options: Mapping[str, Any] = MappingProxyType({}),
     timed: bool = False,
 ) -> Outcome:
-    """Outcome of a contest: each of the `contenders` drives the environment `env`, whose arm is `mechanism`, or its own
-    one, one after the other, from the same `seed` and `options` of the environment's reset, such as a payload.
-
-    `progress(label, share)` is called with the contender's label and the fraction of its run that is done, 0 to 1. All
-    controllers are made before anything runs; their ticks are `timed` only where asked. Where all runs together have
-    more than 600 000 control periods, at most about 30 000 of them, evenly spaced, are recorded. Raises `InputError`
-    for an environment that a controller cannot drive, `NonFiniteError` where a motion diverges to non-finite values.
-    Ctrl-C ends the contest: the runs that had started are returned, as not complete; `KeyboardInterrupt` is raised
-    where there are none."""
+    """Outcome of controllers that drive an environment one after the other from one seed."""
     for contender in contenders:
         _ = contender.controller  # what cannot be made is told before anything runs
     runs, complete = list[ControllerRun](), False
@@ -312,19 +283,14 @@ def contest(
 
 
 def thinning(samples: int) -> int:
-    """Number of control periods per recorded sample, at least 1, where all runs together have `samples` control
-    periods: 1 for at most 600 000 of them, else the least number that leaves at most 30 000 samples. Nothing is
-    checked."""
-    return -(-samples // FEW) if samples > MANY else 1
+    """Control periods per recorded sample, so that long runs together have at most 30 000 samples."""
+    return -(-samples // THINNED_SAMPLES) if samples > MAX_SAMPLES else 1
 
 
 def live_subject(
     env: gymnasium.Env[Any, Any], controller: Controller[Any], seed: int, options: Mapping[str, Any]
 ) -> LiveArm | str:
-    """Closed loop of an environment and a `controller` as a `LiveArm`, a WebAssembly module that a report's page runs
-    in the browser, from the state in which `env` begins with the `seed` and `options` of its reset; or, as text, the
-    reason why it cannot be made, such as a plant of another simulator, effects such as a payload, or a reference that
-    is no sum of sinusoids. Raises what the environment's reset raises."""
+    """Closed loop for a report's page, or the reason why there is none."""
     if not hasattr(env.unwrapped, "episode"):
         return f"{type(env.unwrapped).__name__} does not tell what it is made of"
     if type(env.unwrapped.plant).step is not Plant.step:  # type: ignore[attr-defined]
@@ -334,9 +300,7 @@ def live_subject(
 
 
 def _driven(env: gymnasium.Env[Any, Any], mechanism: Mechanism, controller: Controller[Any], **how: Any) -> Rollout:
-    """The run of a controller, in native code unless the plant is MuJoCo's or the arm is shown live: within
-    `adaptctl.recording.live.streaming` each control period is shown in the viewer at the address set there, where it
-    can be reached. Gives a `LiveViewWarning` where no viewer can be reached, and raises what `Live` raises."""
+    """Run of a controller, in native code unless MuJoCo moves the arm or it is shown live."""
     from adaptctl.recording.live import CURRENT, Live
 
     if (to := CURRENT.get()) is not None:
@@ -363,9 +327,7 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
 
 
 def tick_cost(controller: Controller[Any], run: Rollout, timed: bool) -> TickCost:
-    """Cost of a tick of a `controller`, which computes one torque: the number of floating-point operations, None where
-    the control law is not compiled; and where `timed` the median time, s, of a call from Python, over 1000 states of a
-    `run`. Raises `IndexError` for a run without samples."""
+    """Floating-point operations of a control step and, where `timed`, its median time in s."""
     kernel, called = controller.kernel, list[float]()
     memory = controller.init(run.p[0], run.v[0])
     for k in np.linspace(0, len(run.time) - 1, TIMED_TICKS if timed else 0).astype(int):

@@ -17,7 +17,7 @@ from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError, suggested_name
 from adaptctl.experiments.contest import Learning, chosen_gains, listed
-from adaptctl.experiments.experiment import FAR, setting
+from adaptctl.experiments.experiment import DIVERGENCE_ERROR, setting
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import Failure, Setting
 from adaptctl.tuning.verification import scaled_links
@@ -35,7 +35,7 @@ SAMPLES = 400
 """moments of a reference at which loops are asked whether they allow it, and over which parameters are weighed"""
 WINDOW = 2.0
 """s over which errors are averaged, before an event and after it"""
-RATIO, DAMPING_RATIO, STRIBECK_SPEED = 2.0, 0.05, 0.1
+DAMPING_FACTOR, DAMPING_RATIO, STRIBECK_SPEED = 2.0, 0.05, 0.1
 """damping over bandwidth times typical inertia; damping ratio of springs; rad/s at which Stribeck's excess is half"""
 RANDOM, EXCITING, SINGLES, REST = MOTIONS = ("random", "exciting", "single", "rest")
 FILE: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("disturbances.toml").read_text("utf-8"))
@@ -51,12 +51,7 @@ DISTURBANCES: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class DisturbedArm(Learning):
-    """Abstract base class of experiments on an arm known roughly, under a disturbance: its rough model has every link's
-    parameters off by `parameter_error`, up or down by seed, and no friction.
-
-    A `disturbance` sets what is not given: `DISTURBANCES` says what. All are settings, so that they go together. Raises
-    `InputError` at construction for settings of the wrong type, out of their bounds or against each other, and for a
-    law twice, `NotFoundError` for an unknown law, motion or disturbance, `NonFiniteError` for NaN or infinity."""
+    """Base class of experiments on an arm known roughly, under a disturbance."""
 
     disturbance: str = setting("none", f"what is set where it is not given, for: {', '.join(DISTURBANCES)}")
     laws: tuple[str, ...] = setting(LAWS, f"which laws run, the subject first; others: {', '.join(OTHERS)}")
@@ -188,8 +183,7 @@ class DisturbedArm(Learning):
         return FILE["asks"]["all"].format(asked=asked, **vars(self))
 
     def environment(self, mechanism: Mechanism) -> Any:
-        """Gymnasium tracking environment of a `mechanism` on the reference, its plant with the disturbances. Raises
-        `InputError` for a motion that the mechanism cannot follow, and for friction or springs on joints without."""
+        """Gymnasium tracking environment of a `mechanism` on the reference, its plant with the disturbances."""
         return self.plant_env(mechanism, self.followed(mechanism), max(self.joint_stiffness))
 
     def plant_env(self, mechanism: Mechanism, reference: Reference, stiffness: float) -> Any:
@@ -206,15 +200,14 @@ class DisturbedArm(Learning):
     @property
     def error_bound(self) -> float:
         """Error of a joint, rad or m, that ends a run: beyond it, an undisturbed arm is lost, any other diverges."""
-        return 1.0 if self.disturbance == "none" else FAR
+        return 1.0 if self.disturbance == "none" else DIVERGENCE_ERROR
 
     def motors(self, mechanism: Mechanism) -> Array:
         """Torque limits (r,) of a `mechanism`'s motors, N m (N if prismatic): finite ones, times their strength."""
         return self.torque_limit_scale * finite_torque_limits(mechanism)
 
     def effects(self, mechanism: Mechanism, stiffness: float) -> Iterator[Effect]:
-        """Iterator over the effects of the plant that no controller knows of, with springs of the `stiffness` given,
-        N m/rad, none for 0. Raises `InputError` for a mechanism without friction or rotors, where these are asked."""
+        """Effects of the plant that no controller knows."""
         from adaptctl.simulation import effects
 
         if stiffness:
@@ -271,8 +264,7 @@ class DisturbedArm(Learning):
         return ElasticJoints(stiffness, 2.0 * DAMPING_RATIO * np.sqrt(stiffness * together), encoders=self.encoder_side)
 
     def reference(self, mechanism: Mechanism, amplitude: float | None = None) -> Sinusoids:
-        """Motion of a `mechanism`'s r joints before any halt, with another `amplitude` than the setting's where given.
-        Raises `InputError` for another number of joints, and for the optimised motion of one with loops."""
+        """Motion of the joints before any stop."""
         if self.motion == EXCITING:
             return most_exciting(mechanism, self.seed)
         dof, loops = mechanism.dof, mechanism.description.loops is not None
@@ -290,8 +282,7 @@ class DisturbedArm(Learning):
         return Sinusoids(center, amplitude / np.sqrt(frequency / 0.2), frequency, phase)
 
     def followed(self, mechanism: Mechanism) -> Reference:
-        """Motion to follow, the reference with its halt. Raises `InputError` as `reference` does, and for a motion that
-        a mechanism's loops do not allow."""
+        """Motion to follow, the reference with its halt."""
         moving = self.reference(mechanism)
         reference = StoppedReference(moving, self.reference_stop) if self.reference_stop else moving
         p = reference(np.linspace(0.0, self.duration, SAMPLES)).p
@@ -314,7 +305,7 @@ class DisturbedArm(Learning):
 
     def gains(self, mechanism: Mechanism) -> Gains:
         """Gains of the tracking loop, from the bandwidth and a `mechanism`'s typical inertia."""
-        return Gains.from_bandwidth(mechanism, self.bandwidth, RATIO)
+        return Gains.from_bandwidth(mechanism, self.bandwidth, DAMPING_FACTOR)
 
     def rough(self, mechanism: Mechanism) -> Array:
         """All P parameters (P,) of the rough model of a `mechanism`, in SI units."""

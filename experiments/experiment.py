@@ -11,19 +11,14 @@ from typing import Any, ClassVar
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.recording import Progress, Result, Setting
 
-LONGEST = 300_000
+MAX_PERIODS = 300_000
 """control periods a run may have"""
-FAR = 100.0
+DIVERGENCE_ERROR = 100.0
 """rad or m: the error that ends a run where all are to be compared to the end; what passes it has diverged"""
 
 
 def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf) -> Any:
-    """Dataclass field for a setting of an experiment, with the `default` given. Its values must be of the type of
-    `default`, except that whole numbers are accepted as floats; if `default` is a tuple, every entry must be of the
-    type of its first one, or a number if it is empty; an empty value is refused. `meaning` says in words what the
-    setting is, with its unit; `symbol` is its letter in formulas, put before the meaning in the command line's help,
-    empty, the default, for none; `low` and `high` are the inclusive bounds of every number in it, infinite by default.
-    Nothing is checked here; constructing the experiment checks its values."""
+    """Dataclass field for a setting of an experiment, with the `default` given."""
     text = f"{symbol}: {meaning}" if symbol else meaning
     metadata = {"meaning": meaning, "low": low, "high": high, "help": text}
     return field(default=default, metadata=metadata)
@@ -31,10 +26,7 @@ def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.
 
 @dataclass(frozen=True)
 class CheckedSettings:
-    """Base class of an experiment's settings: a frozen dataclass whose fields are made by `setting(default, meaning,
-    low=..., high=...)`. `name` is the experiment's name on the command line, `seed` (0 to 2^31 - 1, 0 by default) that
-    of all random numbers. Raises `InputError` at construction for a value of another type than its default or out of
-    its bounds, `NonFiniteError` for NaN or infinity."""
+    """Base class of an experiment's settings, a frozen dataclass of fields made by `setting`."""
 
     name: ClassVar[str]
 
@@ -47,74 +39,53 @@ class CheckedSettings:
 
 @dataclass(frozen=True)
 class Experiment(CheckedSettings, ABC):
-    """Abstract base class of experiments: settings, and the method `run`, which computes a `Result` from them. A
-    subclass gives `name`, as the command line has it, and `title`, for report and recording, in which "{robot}" is
-    replaced by the robot's name. Raises `InputError` at construction for a setting of the wrong type or out of its
-    bounds, `NonFiniteError` for NaN or infinity."""
+    """Abstract base class of experiments: settings, and the method `run`, which computes a `Result` from them."""
 
     title: ClassVar[str]
 
     @abstractmethod
     def run(self, progress: Progress) -> Result:
-        """Result of the experiment, a `Result`, which an implementation must return: the outcome in words, facts
-        (questions with answers), a verdict on its controllers, and a function that writes the result files into a
-        folder. It should call `progress(what, share)` with what is being computed and the fraction of it that is done,
-        0 to 1.
-
-        Ctrl-C (`KeyboardInterrupt`) ends it early: what was computed until then is returned, with `complete` False;
-        where nothing was, the exception is raised. An implementation raises `InputError` for settings that do not suit
-        each other or the robot.
-        """
+        """Result of the experiment."""
 
 
 @dataclass(frozen=True)
 class ClosedLoopExperiment(Experiment):
-    """Base class of experiments that run controllers in closed loop: each run lasts `duration` (s), and a torque is
-    held (zero-order hold) for the control period T_c, `control_period` (s). A subclass gives `name`, `title` and the
-    method `run`. Raises `InputError` at construction for more than 300 000 control periods a run, and for a setting of
-    the wrong type or out of its bounds, `NonFiniteError` for NaN or infinity."""
+    """Base class of experiments that run controllers in closed loop."""
 
     duration: float = setting(20.0, "length of every run, s", low=0.01, high=300.0)
     control_period: float = setting(1e-3, "time a torque is held, s", symbol="T_c", low=1e-4, high=0.02)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.duration / self.control_period > LONGEST:
+        if self.duration / self.control_period > MAX_PERIODS:
             raise InputError(
                 f"duration: {self.duration:g} s at a control period of {self.control_period:g} s is more than "
-                f"{LONGEST} steps; shorten it or lengthen the control period"
+                f"{MAX_PERIODS} steps; shorten it or lengthen the control period"
             )
 
 
 def validate_count(experiment: Experiment, names: Iterable[str], count: int, meaning: str) -> None:
-    """Raise `InputError` unless each setting of the `experiment` that is named in `names`, a tuple, has `count`
-    entries. `meaning` says in the message what the entries are, such as "one a joint". Nothing is returned. Raises
-    `AttributeError` for a name that is no setting."""
+    """Raise `InputError` unless each named setting has `count` entries."""
     for name in names:
         if (given := len(getattr(experiment, name))) != count:
             raise InputError(f"{name}: expected {count} numbers, {meaning}, got {given}")
 
 
 def settings(experiment: Experiment | type[Experiment]) -> Iterator[Field[Any]]:
-    """Iterator over the dataclass fields of all settings of an `experiment`, or of its class: its own first, then those
-    that every closed-loop experiment has (seed, duration, control period), each group in the order of definition.
-    Nothing is raised."""
+    """Fields of all settings of an experiment, its own first."""
     common = {entry.name for entry in fields(ClosedLoopExperiment)}
     yield from sorted(fields(experiment), key=lambda entry: entry.name in common)
 
 
 def stated(experiment: Experiment) -> Iterator[Setting]:
-    """Iterator over the settings of an `experiment` as its summary and report state them, its own ones first: each a
-    `Setting` with the name of its command line flag, such as "--control-period", its value as text, and its meaning in
-    words with the unit. Nothing is raised."""
+    """Settings as summary and report state them: flag, value and meaning."""
     for entry in settings(experiment):
         name = f"--{entry.name.replace('_', '-')}"
         yield Setting(name, text(getattr(experiment, entry.name)), entry.metadata["meaning"])
 
 
 def text(value: object) -> str:
-    """Command-line text of a setting's `value`, as one would type it: entries of a tuple with spaces between, floats
-    with at most six significant digits, anything else as by `str`. Nothing is checked."""
+    """Text of a value as it is typed on the command line."""
     if isinstance(value, tuple):
         return " ".join(text(entry) for entry in value)
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -14,7 +14,7 @@ from adaptctl.control import Gains, Sinusoids, SlotineLi
 from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.experiments.contest import ADAPTATION_OFF, ADAPTIVE, Contender, Learning, Outcome, Told, chosen_gains
-from adaptctl.experiments.experiment import FAR, setting, validate_count
+from adaptctl.experiments.experiment import DIVERGENCE_ERROR, setting, validate_count
 from adaptctl.experiments.laws_controllers import deviations
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import Finding, Setting, wording
@@ -23,16 +23,13 @@ if TYPE_CHECKING:
     import gymnasium
 
 FROM_ZERO, FROM_FILE = "from-zero", "from-urdf"
-BEGINNING = 2.0
+FIRST_WINDOW = 2.0
 """s over which the first errors are taken"""
 
 
 @dataclass(frozen=True)
 class IdentifyThenAdapt(Learning):
-    """Experiment of adapting Slotine and Li's law from initial estimates that are identified from part of a real arm's
-    log, taken from its URDF file, or zero; the simulated arm has what the whole log shows. Raises `InputError` at
-    construction for settings of the wrong type, out of their bounds, or not six, one a joint, `NonFiniteError` for NaN
-    or infinity."""
+    """Experiment of adapting from estimates identified from part of a real arm's log."""
 
     name: ClassVar[str] = "identify-then-adapt"
     title: ClassVar[str] = "{robot}: adaptation from an identified estimate"
@@ -66,8 +63,7 @@ class IdentifyThenAdapt(Learning):
         )
 
     def mechanism(self) -> Mechanism:
-        """The `Mechanism` to drive: the example arm with what is identified from its whole log. Raises `InputError` for
-        a `robot` that is no example."""
+        """The `Mechanism` to drive: the example arm with what is identified from its whole log."""
         return identified_from(self.robot, 1.0)
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
@@ -76,14 +72,12 @@ class IdentifyThenAdapt(Learning):
             mechanism,
             Sinusoids(np.array(self.center), np.array(self.amplitude), np.array(self.frequency)),
             initial_error=self.initial_error,
-            error_bound=FAR,
+            error_bound=DIVERGENCE_ERROR,
             torque_limits=finite_torque_limits(mechanism),
         )
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Controllers to compare, Slotine and Li's law with one gain from several first estimates: identified from the
-        first part of the log, the subject, and with adaptation off; from the URDF file; and zero. Raises `InputError`
-        for a basis of another geometry."""
+        """Controllers from several first estimates, the identified ones first."""
         model, gains = (
             ReducedModel(mechanism, basis),
             Gains.from_bandwidth(mechanism, self.bandwidth, self.damping_scale),
@@ -113,29 +107,29 @@ class IdentifyThenAdapt(Learning):
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
         """Findings, an answer and figures on the `outcome`: errors of the first two seconds, by first estimate."""
-        measured = {run.name: run.rms_error(stop=BEGINNING) for run in outcome.runs}
+        measured = {run.name: run.rms_error(stop=FIRST_WINDOW) for run in outcome.runs}
         first = {name: error for name, error in measured.items() if error is not None}
         findings = [
-            Finding(f"first_error.{name}", value, "rad", f"RMS error of the first {BEGINNING:g} s, {name}")
+            Finding(f"first_error.{name}", value, "rad", f"RMS error of the first {FIRST_WINDOW:g} s, {name}")
             for name, value in first.items()
         ]
         if FROM_ZERO in first and first.get(ADAPTIVE):
-            meaning = f"RMS error of the first {BEGINNING:g} s, from zero over from the identified estimate"
+            meaning = f"RMS error of the first {FIRST_WINDOW:g} s, from zero over from the identified estimate"
             findings.append(Finding("zero_over_identified", first[FROM_ZERO] / first[ADAPTIVE], "1", meaning))
         if not {ADAPTIVE, FROM_ZERO, FROM_FILE} <= set(first):
             return Told(findings)
         told = [wording.number(1e3 * first[name], 2) for name in (ADAPTIVE, FROM_FILE, FROM_ZERO)]
         return Told(
             findings,
-            f"In the first {BEGINNING:g} s the arm is off by {told[0]} mrad from the identified estimate, by {told[1]} "
+            f"In the first {FIRST_WINDOW:g} s the arm is off by {told[0]} mrad from the identified estimate, by "
+            f"{told[1]} "
             f"from the URDF and by {told[2]} from zero.",
         )
 
 
 @cache
 def identified_from(name: str, share: float) -> Mechanism:
-    """Mechanism of an example arm, `name`, with the parameters identified from the first `share`, a fraction, of its
-    log; cached. Raises `InputError` for a name that is no example, and where too little of the log is left."""
+    """Mechanism identified from the first share of an example arm's log; cached."""
     from adaptctl.identification.columns import JointLog, joint_log
     from adaptctl.identification.drives_file import read_drives
     from adaptctl.identification.examples import example

@@ -27,14 +27,14 @@ from adaptctl.simulation import Plant, simulate_many
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-TELLING, TELLING_LOOPS = 0.25, 0.1
+WEIGHING_AMPLITUDE, WEIGHING_AMPLITUDE_LOOPS = 0.25, 0.1
 """rad at 0.2 Hz: of the motion along which parameters are weighed where the arm rests; loops leave less room"""
 BANDWIDTHS = 0.5 * 2.0 ** (np.arange(45) / 4.0)
 """1/s that are tried, from 0.5 to 1024"""
-SHAKING, SATURATED = 0.25, 0.01
+MAX_VELOCITY_ERROR, MAX_SATURATED_SHARE = 0.25, 0.01
 """rad/s (m/s) of velocity errors (RMS) and share of periods with a motor at its limit, in the last third of a trial,
 above which a bandwidth is not stable"""
-TWICE = 2.0
+RECOVERY_RATIO = 2.0
 """times the earlier error: below it a law has returned"""
 COLUMNS = 3
 """panels in a row"""
@@ -42,23 +42,19 @@ COLUMNS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Laws(DisturbedArm):
-    """Experiment that compares adaptation laws and control laws on one arm, from one rough model and with the same
-    gain, under a disturbance."""
+    """Experiment that compares adaptation and control laws on one roughly known arm."""
 
     name: ClassVar[str] = "laws"
     title: ClassVar[str] = "{robot}: adaptation laws and control laws side by side"
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Controllers to compare, those of `laws` in their order, then Slotine and Li's law with adaptation off, all
-        from the rough model; behind guards where motors are weak. Raises `InputError` for a basis of another
-        geometry."""
+        """Controllers to compare, then Slotine and Li's law with adaptation off."""
         model, knows = ReducedModel(mechanism, basis), f"links within {100 * self.parameter_error:.0f} %"
         names = (*self.laws, ADAPTATION_OFF)
         return [Contender(name, LABELS[name], knows, partial(controller, self, name, model)) for name in names]
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
-        """Findings, sentences and figures on the `outcome`: parameter errors and memories of all laws, and what the
-        disturbances ask."""
+        """Findings on parameter errors and internal states of all laws."""
         asked = {
             _recovered: self.recovers,
             _drifted: self.motion == REST,
@@ -76,8 +72,7 @@ class Laws(DisturbedArm):
 def each(
     runs: Iterable[ControllerRun], name: str, unit: str, meaning: str, value: Callable[[ControllerRun], float | None]
 ) -> list[Finding]:
-    """Findings called `name` on each of the `runs`, in a `unit`, with a `meaning` in words; none where `value` gives
-    none."""
+    """Findings of one name on each run; none where `value` gives none."""
     found = ((run, value(run)) for run in runs)
     return [Finding(f"{name}.{run.name}", x, unit, f"{run.label}: {meaning}") for run, x in found if x is not None]
 
@@ -90,8 +85,7 @@ def _span(ends: list[tuple[float, str]], unit: str = "") -> str:
 
 @dataclass(frozen=True, eq=False)
 class ParameterErrors:
-    """Measure of how far estimates of a `model`'s k parameters are off: differences weighed by `weights` (k,), the RMS
-    torques, N m (N), that each parameter's unit makes along a motion, over the weighed norm of the true ones."""
+    """Relative errors of estimates, weighed by the torques that the parameters make."""
 
     model: ReducedModel
     weights: Array
@@ -100,15 +94,14 @@ class ParameterErrors:
     def along(cls, of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> ParameterErrors:
         """The measure along the motion of the experiment `of`, or, where the arm rests, along one that excites."""
         mechanism, rests = outcome.mechanism, of.motion == REST
-        telling = TELLING if mechanism.description.loops is None else TELLING_LOOPS
+        telling = WEIGHING_AMPLITUDE if mechanism.description.loops is None else WEIGHING_AMPLITUDE_LOOPS
         times = np.linspace(0.0, 20.0 if rests else of.duration, SAMPLES)
         points, model = of.reference(mechanism, telling if rests else None)(times), ReducedModel(mechanism, basis)
         rows = model.torque_regressor(points.p, points.v, points.a)
         return cls(model, np.sqrt(np.mean(rows**2, axis=(0, 1))))
 
     def of(self, run: ControllerRun) -> Array | None:
-        """Parameter errors (T,), no unit, over the samples of a `run`; None where its controller estimates none, or
-        others than this model has."""
+        """Errors (T,) of a run's estimates; None without estimates of this model."""
         estimate = run.rollout.estimate
         known = estimate.shape[1] in self.model.regrouping.shape
         return self.apart(estimate, self.model.fundamental_parameters) if known else None
@@ -156,9 +149,7 @@ def _threshold(adapting: object) -> float | None:
 
 
 def memory_findings(law: Controller[Any], run: ControllerRun, mechanism: Mechanism) -> Iterator[Finding]:
-    """Iterator over findings on what a controller's adaptation `law` remembered or kept in a `run`: for laws with a
-    threshold of excitation the share of samples in which it was passed; for natural adaptation and the consistent
-    adaptation the least eigenvalue of any link's estimated pseudo-inertia."""
+    """Findings on the internal state of an adaptation law in a run."""
     adapting, learning = getattr(getattr(law, "inner", law), "adaptation_law", None), run.rollout.logged_state
     if isinstance(adapting, Natural | ConsistentAdaptation):
         bodies = len(mechanism.description.bodies)
@@ -173,9 +164,7 @@ def memory_findings(law: Controller[Any], run: ControllerRun, mechanism: Mechani
 
 
 class Recovery(NamedTuple):
-    """Return of a `run` from an `event`: `earlier`, the RMS error (rad, m if prismatic) of all joints before the first
-    event; `time`, s after the event until the RMS error over the coming 2 s is below twice that, None for never; and
-    `left`, the RMS error of the last 2 s before the next event over the earlier one, None where it has no samples."""
+    """Return of a run from an event: errors before and after, and the time taken."""
 
     run: ControllerRun
     event: str
@@ -190,7 +179,7 @@ class Recovery(NamedTuple):
         last = run.rms_error(max(begin, end - WINDOW), end)
         coming = run.moving_rms_error(WINDOW)[round(WINDOW / run.rollout.sample_time) - 1 :]
         times = run.rollout.time[: len(coming)]
-        back = np.flatnonzero((times >= begin) & (times <= end - WINDOW) & (coming < TWICE * earlier))
+        back = np.flatnonzero((times >= begin) & (times <= end - WINDOW) & (coming < RECOVERY_RATIO * earlier))
         returned = float(times[back[0]]) - begin if back.size else None
         return cls(run, event, earlier, returned, None if last is None else last / earlier)
 
@@ -332,9 +321,7 @@ def _rubbed(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told
 
 
 def friction_curves(mechanism: Mechanism, learned: Mapping[str, float], v: Array, stribeck: float) -> Figure:
-    """Matplotlib figure of friction (N m, N if prismatic) over the speeds in `v` (T, r) (rad/s, m/s), a panel for each
-    joint of a `mechanism`: the true one with Stribeck's excess, `stribeck` of Coulomb friction, and the `learned` one,
-    by parameter name."""
+    """Figure of true and learned friction over speed, a panel for each joint."""
     joints = mechanism.primary_joints
     rows = -(-len(joints) // COLUMNS)
     figure = sheet(2.0 * rows + 0.4)
@@ -397,4 +384,4 @@ def _is_stable(of: DisturbedArm, plant: Plant, model: ReducedModel, name: str) -
     if not np.isfinite(apart).all():
         return False
     beyond = (torque >= np.asarray(plant.torque_limits)).any(axis=-1)
-    return float(np.sqrt(np.mean(apart**2))) < SHAKING and float(beyond.mean()) < SATURATED
+    return float(np.sqrt(np.mean(apart**2))) < MAX_VELOCITY_ERROR and float(beyond.mean()) < MAX_SATURATED_SHARE

@@ -57,8 +57,7 @@ class Draft:
 
     @cached_property
     def unknown(self) -> Array:
-        """Standard deviations (k,): of a rough model's links and rotors, of a payload like the one that comes, and the
-        prior ranges of friction."""
+        """Standard deviations (k,) of the prior knowledge."""
         of, mechanism = self.of, self.mechanism
         found = deviations(self.model, of.rough(mechanism), of.parameter_error)
         if of.recovers:
@@ -90,8 +89,7 @@ class Draft:
         return control.Projection(Gradient(share * self.gain), self.first - reach, self.first + reach)
 
     def natural(self) -> tuple[control.Natural, Array]:
-        """Natural adaptation and its first bodies (P,): the rough model's, with half a payload in the hand, whose rate
-        is the greater, the less is known of it."""
+        """Natural adaptation and its first bodies (P,), with half a payload in the hand."""
         of, rough = self.of, self.of.rough(self.mechanism)
         rate = of.gain_scale * of.parameter_error**2
         if not of.recovers:
@@ -106,8 +104,7 @@ class Draft:
 
 
 def controller(of: DisturbedArm, name: str, model: ReducedModel) -> Controller[Any]:
-    """Controller of that `name` with the settings of the experiment `of`, on the `model` or on what it takes instead;
-    behind guards where motors are weak. Raises `GainError` for gains too large for the control period."""
+    """Controller of a name with the settings of an experiment."""
     draft = Draft(of, model)
     found = _control_law(draft, name) or draft.slotine_li(_adaptation_law(draft, name))
     if not of.is_weak:
@@ -180,9 +177,7 @@ def _control_law(draft: Draft, name: str) -> Controller[Any] | None:
 
 
 def deviations(model: ReducedModel, parameters: ArrayLike, share: float) -> Array:
-    """Standard deviations (k,) of a model's k parameters, SI units, where those of every link and drive are off by the
-    fraction `share` of their size, independently. `parameters` (P,) are all P, SI units, a link's as m, mc_x, ...,
-    I_zz; with its pseudo-inertia's mass m and second moment t, the sizes are m, sqrt(m t) and t."""
+    """Standard deviations (k,) of parameters whose links and drives are off by a share."""
     values, bodies = np.asarray(parameters, dtype=np.float64), len(model.mechanism.description.bodies)
     sizes = np.abs(values)
     for i in range(0, 10 * bodies, 10):

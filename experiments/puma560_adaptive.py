@@ -68,10 +68,7 @@ ENVIRONMENT = ("duration", "control_period", "initial_error")
 
 @dataclass(frozen=True)
 class Puma560Adaptive(FromRanges):
-    """Experiment of learning to track sinusoids, one a joint, from zero initial estimates of an arm's inertial
-    parameters; or, with `components`, of adapting only the essential components that carry the most energy, and of
-    holding them at their true values. Raises `InputError` at construction for settings of the wrong type, out of their
-    bounds, or not one a joint, `NonFiniteError` for NaN or infinity."""
+    """Experiment of learning to track sinusoids from zero initial estimates."""
 
     name: ClassVar[str] = "puma560-adaptive"
     title: ClassVar[str] = "PUMA 560: learning to track from knowing nothing"
@@ -103,14 +100,12 @@ class Puma560Adaptive(FromRanges):
 
     @property
     def purpose(self) -> str:
-        """Paragraph of text for the report that states the question: what an arm learns that knows nothing, or what
-        the number of components costs."""
+        """Question of the experiment, for the report."""
         question = FROM_NOTHING if self.components == (0,) else SOME
         return f"{self.asks} {question} Every controller starts {self.initial_error:g} rad off in every joint."
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of a `mechanism`, on the sinusoids that the settings state. Raises
-        `InputError` for a mechanism whose number of primary joints is not this experiment's `joints`."""
+        """Gymnasium tracking environment of a `mechanism`, on the sinusoids that the settings state."""
         if mechanism.dof != self.joints:
             raise InputError(
                 f"robot: {mechanism.name} has {mechanism.dof} joints, this experiment is for {self.joints}; "
@@ -138,11 +133,7 @@ class Puma560Adaptive(FromRanges):
         return Gains(np.full(self.joints, self.bandwidth), np.array(self.damping))
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Controllers to compare: Slotine and Li's law from zero on the k fundamental (base) parameters, the subject,
-        with adaptation off, and on all P; computed torque with a true, a wrong and no model; and the law on the k with
-        its gain mapped from that of all, which is one controller with that on all. With `components` s the law adapts
-        the first s components instead, and holds their true values. Raises `InputError` for a basis of another
-        geometry."""
+        """Controllers to compare, the subject first."""
 
         def law(
             model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None, first: Array | None = None
@@ -233,11 +224,7 @@ def from_nothing(
     share: float,
     seed: int,
 ) -> list[Contender]:
-    """Controllers that start from knowing nothing, or something, of an arm: Slotine and Li's `law(model, gain)` from
-    estimates of zero on the k fundamental (base) parameters in `basis`, the subject; the same with adaptation off;
-    computed torque with true parameters, with those of a model whose links are off by the fraction `share`, up or down
-    by `seed`, and with zeros; and the law on all P. `gain(model)` is the adaptation gain, `bandwidth` (r,) in 1/s.
-    Raises `InputError` for a basis of another geometry."""
+    """Controllers of differing prior knowledge: adaptive from zero, and computed torque."""
     model, full = ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
     true, k, P = mechanism.inertial_parameters, len(basis.columns), len(mechanism.parameter_names)
     off = f"{100 * share:.0f} % off"
@@ -261,9 +248,7 @@ def from_nothing(
 
 
 def one_controller(outcome: Outcome, mapped: str) -> Iterator[Finding]:
-    """Finding with the largest difference, N m (N if prismatic), between the commanded torques of the run named
-    `mapped`, on k parameters with its gain mapped from that of all P, and of the run on all P: round-off, since the two
-    are one controller. None where either is missing."""
+    """Finding with the largest difference of torques between two runs that are one controller."""
     if not {mapped, FULL} <= set(outcome.run):
         return
     one, other = (outcome.run[name].rollout for name in (mapped, FULL))

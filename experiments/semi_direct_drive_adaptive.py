@@ -11,8 +11,7 @@ from adaptctl.experiments.puma560_adaptive import DAMPING, Puma560Adaptive
 
 @dataclass(frozen=True)
 class SemiDirectDriveAdaptive(Puma560Adaptive):
-    """`Puma560Adaptive` on the semi-direct-drive arm, a five-bar linkage (closed loop) behind a vertical joint, in the
-    coordinates of its three driven joints."""
+    """Experiment `Puma560Adaptive` on the semi-direct-drive arm, a five-bar linkage."""
 
     name: ClassVar[str] = "semi-direct-drive-adaptive"
     title: ClassVar[str] = "Semi-direct-drive arm: learning to track through a closed loop"

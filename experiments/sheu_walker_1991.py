@@ -27,13 +27,7 @@ OF_TABLES = ("seed", "seeds", "samples", "velocity_scale", "frequency", "motion_
 
 @dataclass(frozen=True)
 class SheuWalker1991(ClosedLoopExperiment):
-    """Experiment that replicates Sheu and Walker (1991), "Identifying the independent inertial parameter space of robot
-    manipulators": every table and figure of its PUMA 560 and semi-direct-drive arm is computed again and compared with
-    what the paper prints; or, where `only` is "serial-versus-graph", the arms of its section 5.3, the PUMA's first
-    three joints and a five-bar, follow one path in space with Slotine and Li's law, from zero estimates.
-
-    Raises at construction `NotFoundError` for an unknown table or figure in `only`, `InputError` for a setting of the
-    wrong type, length or out of its bounds, `NonFiniteError` for NaN or infinity."""
+    """Experiment that replicates the tables and figures of Sheu and Walker (1991)."""
 
     name: ClassVar[str] = "sheu-walker-1991"
     title: ClassVar[str] = "Sheu and Walker (1991), replicated"
@@ -53,9 +47,7 @@ class SheuWalker1991(ClosedLoopExperiment):
         chosen(self.only)
 
     def run(self, progress: Progress) -> Result:
-        """Result of the replication, or of the arms in closed loop, a `Result`. `progress(what, share)` is called with
-        the step's name and the fraction done, 0 to 1; Ctrl-C (`KeyboardInterrupt`) keeps what is done, and is raised
-        where nothing is. Raises `RankError` where an arm's number of independent parameters cannot be certified."""
+        """Result of the replication, or of the arms in closed loop, a `Result`."""
         if chosen(self.only) == ():
             return closed_loop.side_by_side(self.seed, self.duration, self.control_period, progress)
         return self.replication(progress).result
@@ -79,9 +71,7 @@ class SheuWalker1991(ClosedLoopExperiment):
 
 
 def chosen(names: Iterable[str]) -> tuple[str, ...]:
-    """Names of the tables, figures and sections that `names` ask for, in the paper's order, each once: "all" is all of
-    them, "serial-versus-graph" alone none. Raises `NotFoundError` for an unknown name, `InputError` for the arms in
-    closed loop together with others."""
+    """Names of the tables, figures and sections asked for, in the paper's order."""
     asked = set(names)
     for name in sorted(asked - ITEMS.keys() - {ALL, ARMS_IN_LOOP}):
         close = get_close_matches(name, (*ITEMS, ARMS_IN_LOOP), n=1)

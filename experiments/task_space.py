@@ -32,16 +32,12 @@ if TYPE_CHECKING:
 
 KNOT = 0.02
 """s between the samples that inverse kinematics turns into joints"""
-AHEAD = 1.0
+REFERENCE_OVERRUN = 1.0
 """s beyond the end that a reference is asked for"""
 
 
 class ArmWithTip(NamedTuple):
-    """Arm of three degrees of freedom and the point on it, its tip, that is to follow a path: `name`, short and fit for
-    a file; `label`, for legends; `robot`, the built-in's name; `link`, the name of the tip's link, and `tip`, the point
-    (x, y, z), m, in that link's frame; `start`, joint positions (rad) from which inverse kinematics starts, which
-    select one of its solutions, such as elbow up; and `printed_rank`, the number of independent parameters in Table 13
-    of Sheu and Walker (1991). Nothing is checked at construction."""
+    """Arm of three degrees of freedom and the point on it that follows a path."""
 
     name: str
     label: str
@@ -60,15 +56,13 @@ ARMS = (
 )
 START_TIME = 2.0
 """s: length of the smooth (quintic) start"""
-BEGINNING, END = 1.0, 2.0
+FIRST_WINDOW, END = 1.0, 2.0
 """s at the start and at the end of a run over which the tool's error is averaged"""
 
 
 @dataclass(frozen=True)
 class TaskSpaceTracking(FromRanges):
-    """Experiment of tracking a path of a tool in the world by Slotine and Li's law in task space, from zero initial
-    estimates, against the same law in joints by inverse kinematics. Raises `InputError` at construction for settings
-    of the wrong type, out of their bounds, or not three for x, y and z, `NonFiniteError` for NaN or infinity."""
+    """Experiment of tracking a path in the world by Slotine and Li's law in task space."""
 
     name: ClassVar[str] = "task-space"
     title: ClassVar[str] = "{robot}: a tool on a path in the world"
@@ -97,9 +91,7 @@ class TaskSpaceTracking(FromRanges):
         )
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of a `mechanism`, whose reference in joints follows the path by inverse
-        kinematics. Raises `InputError` for a robot whose tool is not known, and for a path that is out of reach or
-        passes a singularity."""
+        """Tracking environment whose joint reference follows the path by inverse kinematics."""
         return self.tracking(mechanism, self.reference(mechanism), initial_error=self.initial_error)
 
     @property
@@ -109,35 +101,28 @@ class TaskSpaceTracking(FromRanges):
         return Sinusoids(np.array(self.center), amplitude, frequency, phase, START_TIME)
 
     def reference(self, mechanism: Mechanism) -> Spline:
-        """Reference of a `mechanism`'s three joints, positions in rad, that moves its tool along the path, by inverse
-        kinematics every 0.02 s and a spline of degree 5 through these, to 1 s beyond the run's end. Raises `InputError`
-        for a path that is out of reach or passes a singularity."""
-        times = np.arange(0.0, self.duration + AHEAD + KNOT, KNOT)
+        """Joint reference of the path, a spline of degree 5 through points every 0.02 s."""
+        times = np.arange(0.0, self.duration + REFERENCE_OVERRUN + KNOT, KNOT)
         return Spline(self.tip(mechanism).joints(self.path(times).p, np.array(self.arm.start)), times)
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Gains of the tracking loop for the joints of a `mechanism`, from its typical inertia. Raises `InputError`
-        where that is not positive."""
+        """Gains of the tracking loop for the joints of a `mechanism`, from its typical inertia."""
         return Gains.from_bandwidth(mechanism, self.bandwidth, self.damping_scale)
 
     @property
     def arm(self) -> ArmWithTip:
-        """The arm with its tool: the link, the tool in its frame, and where inverse kinematics starts. Raises
-        `InputError` for a robot whose tool is not known."""
+        """The arm with its tool: the link, the tool in its frame, and where inverse kinematics starts."""
         known = {arm.robot: arm for arm in ARMS}
         if self.robot not in known:
             raise InputError(f"robot: expected one whose tool is known, {' or '.join(known)}, got {self.robot!r}")
         return known[self.robot]
 
     def tip(self, mechanism: Mechanism) -> Tip:
-        """Tool of a `mechanism`, a point of one of its links. Raises `InputError` for a robot whose tool is not
-        known."""
+        """Tool of a `mechanism`, a point of one of its links."""
         return Tip(mechanism, self.arm.link, np.array(self.arm.tip))
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Controllers to compare: the task-space law with gradient adaptation, the subject, with adaptation off, with
-        composite adaptation, and with a damped Jacobian; Slotine and Li's law in joints; and computed torque with the
-        true model. Raises `InputError` for a basis of another geometry."""
+        """Controllers to compare, the task-space law first."""
         model, gains, tool = ReducedModel(mechanism, basis), self.gains(mechanism), np.array(self.arm.tip)
         gain = self.adaptation(model)
         composite = Composite(gain, self.prediction_weight / finite_torque_limits(mechanism) ** 2)
@@ -190,7 +175,7 @@ class TaskSpaceTracking(FromRanges):
         for run in outcome.runs:
             time = run.rollout.time
             for what, length, inside in (
-                ("first", BEGINNING, time < BEGINNING),
+                ("first", FIRST_WINDOW, time < FIRST_WINDOW),
                 ("final", END, time >= run.duration - END),
             ):
                 last[run.name] = 1e3 * float(np.sqrt(np.mean(errors[run.name][inside] ** 2)))

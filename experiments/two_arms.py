@@ -23,9 +23,9 @@ from adaptctl.scalars import Column
 if TYPE_CHECKING:
     import gymnasium
 
-ROD = 0.3
+ROD_LENGTH = 0.3
 """m from hand to hand"""
-APART = 1.1
+BASE_DISTANCE = 1.1
 """m from base to base, face to face"""
 LEFT = (-2.25, -2.36, -0.33, 0.375, 1.436, -0.08)
 RIGHT = (2.455, -2.233, -0.116, 1.624, -1.103, -2.392)
@@ -34,14 +34,7 @@ RIGHT = (2.455, -2.233, -0.116, 1.624, -1.103, -2.392)
 
 @dataclass(frozen=True)
 class TwoArms(Puma560Adaptive):
-    """Experiment of learning to track with two arms whose hands are welded to one rod: one mechanism of twelve links
-    with a closed loop (six closure conditions) and six degrees of freedom.
-
-    The left arm's six joints are the primary (independently moving) ones. A torque at them is equivalent to the torques
-    of both arms' motors together, whose distribution over the motors does not change the motion. Raises `InputError` at
-    construction for settings of the wrong type, out of their bounds, or not one for each of the six, `NonFiniteError`
-    for NaN or infinity.
-    """
+    """Experiment of learning to track with two arms welded to one rod."""
 
     name: ClassVar[str] = "two-arms"
     title: ClassVar[str] = "Two arms and a rod: learning to track as one mechanism"
@@ -63,17 +56,11 @@ class TwoArms(Puma560Adaptive):
     initial_error: float = setting(0.05, "initial error of every joint, rad or m", low=-1.0, high=1.0)
 
     def mechanism(self) -> Mechanism:
-        """The `Mechanism` that the experiment drives: two arms that hold one rod, each arm as `robot` describes it.
-        Raises `InputError` for a robot of another number of links than six or with loops, `NotFoundError` for an
-        unknown name, `FileError` for a file that cannot be used, `LoopError` where the arms cannot hold the rod."""
+        """The `Mechanism` that the experiment drives: two arms that hold one rod, each arm as `robot` describes it."""
         return two_arms(self.robot)
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
-        """Torque limits (6,), N m, of the left arm's six joints, the primary (independently moving) ones of the
-        `mechanism`, equivalent to those of both arms' motors at the reference configuration. The limit of primary joint
-        i is the sum over all twelve joints j of |dq_j/dp_i| times joint j's own torque limit, with dq_j/dp_i (no unit)
-        the velocity of joint j per velocity of joint i while the other primary joints are at rest. Raises `InputError`
-        for joints without a torque limit."""
+        """Torque limits (6,) in N m equivalent to those of both arms' motors."""
         limits = np.array([link.joint.limits.effort for link in mechanism.links])
         if not np.isfinite(limits).all():
             raise InputError(f"robot: {self.robot} has joints without a torque limit: give each an effort")
@@ -82,26 +69,27 @@ class TwoArms(Puma560Adaptive):
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """Iterator over what the report says was chosen, the rod and the motors' torque limits too."""
         yield from super().chosen(mechanism, env)
-        yield Setting("rod", f"{ROD:g} m", f"from hand to hand, between bases {APART:g} m apart; part of both hands")
+        yield Setting(
+            "rod",
+            f"{ROD_LENGTH:g} m",
+            f"from hand to hand, between bases {BASE_DISTANCE:g} m apart; part of both hands",
+        )
         yield Setting("torque limits", "of both arms' motors together", "in the left arm's joints, at the centre")
 
 
 def two_arms(robot: str) -> Mechanism:
-    """Mechanism of two equal arms of six joints, face to face with bases 1.1 m apart, and a rod of 0.3 m welded to both
-    hands; `robot` is a built-in's name or a file.
-
-    The rod has no parameters of its own: its inertia is part of that of both hands' links. Raises `InputError` for an
-    arm of another number of links than six or with loops, `NotFoundError` for an unknown name, `FileError` for a file
-    that cannot be used, `LoopError` where the arms cannot hold the rod.
-    """
+    """Mechanism of two equal arms face to face with a rod welded to both hands."""
     arm = load(robot).description
     if len(arm.links) != len(LEFT) or arm.loops is not None:
         raise InputError(f"robot: {robot} has {len(arm.links)} links, two arms need one of six without loops")
-    stands = {"left": Pose.identity(), "right": Pose(rotation_about((0, 0, 1), np.pi), np.array([APART, 0.0, 0.0]))}
+    stands = {
+        "left": Pose.identity(),
+        "right": Pose(rotation_about((0, 0, 1), np.pi), np.array([BASE_DISTANCE, 0.0, 0.0])),
+    }
     joints = {side: [f"{side}.{link.joint.name}" for link in arm.links] for side in stands}
     reference = dict(zip(joints["left"] + joints["right"], LEFT + RIGHT, strict=True))
     left, right = (f"{side}.{arm.links[-1].name}" for side in stands)
-    grip = Pose(rotation_about((1, 0, 0), np.pi), np.array([0.0, 0.0, ROD]))
+    grip = Pose(rotation_about((1, 0, 0), np.pi), np.array([0.0, 0.0, ROD_LENGTH]))
     rod = Closure("rod", left, right, grip, Pose.identity(), ClosureKind.WELD)
     loops = Loops(tuple(joints["left"]), (rod,), reference=reference)
     return Mechanism(joined("two_arms", {side: (arm, stand) for side, stand in stands.items()}, loops))

@@ -14,7 +14,7 @@ from adaptctl.description import pose, transforms
 from adaptctl.description.readers import entries, xml_elements
 from adaptctl.dynamics.loops import continuation, single_precision
 from adaptctl.dynamics.recursion import drive
-from adaptctl.experiments.contest import MANY
+from adaptctl.experiments.contest import MAX_SAMPLES
 from adaptctl.identifiability import certificate
 from adaptctl.identification import choice
 from adaptctl.identification.identify import HELD_OUT_SHARE
@@ -52,15 +52,15 @@ STATED = [
     ("compilation", f"The cache holds {object_cache.MAX_CACHE_BYTES // 2**20} MiB"),
     ("compilation", f"A process keeps the first {object_cache.MAX_RESULTS_IN_PROCESS} results."),
     ("export", f"more than {power(single_precision.MAX_CLOSURE_GAP)} m or rad"),
-    ("export", f"above {exporting.MOST_STACK // 1024} kB it is refused"),
-    ("export", f"If the loop needs more than {live_arm.MOST // 1000} kB"),
+    ("export", f"above {exporting.MAX_STACK_BYTES // 1024} kB it is refused"),
+    ("export", f"If the loop needs more than {live_arm.MAX_MODULE_BYTES // 1000} kB"),
     (
         "discrete_adaptation",
         f"below $-{-ringing.ALARM_CORRELATION}$ for {ringing.MIN_PERIODS} steps it sets the flag `ringing`",
     ),
     ("discrete_adaptation", f"below $-{-ringing.BRAKE_CORRELATION}$ it brakes"),
     ("discrete_adaptation", f"moving averages over {ringing.AVERAGING_PERIODS} steps"),
-    ("simulation", f"would exceed {MANY:,}."),
+    ("simulation", f"would exceed {MAX_SAMPLES:,}."),
     ("robots", f"at most {entries.MAX_LINKS} moving links, {entries.MAX_BODIES:,} bodies"),
     ("robots", f"{entries.MAX_GEOMS:,} geoms, {xml_elements.MAX_ELEMENTS:,} elements"),
     ("robots", f"an element depth of {xml_elements.MAX_DEPTH}"),
@@ -76,7 +76,7 @@ STATED = [
     ("tuning", f"{feasible_reference.MAX_AMPLITUDE} rad. If a joint needs"),
     ("tuning", "One sinusoid per joint, {} to {} Hz".format(*feasible_reference.FREQUENCIES)),
     ("tuning", f"at most {percent(feasible_reference.MAX_TORQUE_SHARE)}. If it still needs"),
-    ("tuning", f"up to {integrator.MOST} steps per period"),
+    ("tuning", f"up to {integrator.MAX_EXPLICIT_SUBSTEPS} steps per period"),
     ("tuning", f"are run for {SEARCH_DURATION:.0f} s each"),
     ("tuning", f"link errors of {percent(verification.LINK_ERROR)}, and other link errors"),
     ("tuning", f"of runs of {verification.DURATION:.0f} s"),

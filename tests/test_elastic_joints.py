@@ -28,7 +28,7 @@ from adaptctl.simulation.effects import (
     PayloadHeld,
     PlantEffects,
 )
-from adaptctl.simulation.integrator import MOST_FOR_SPRINGS, integration
+from adaptctl.simulation.integrator import MAX_SPRING_SUBSTEPS, integration
 from adaptctl.simulation.transmission import Transmission
 
 PERIOD = 1e-3
@@ -247,7 +247,7 @@ def test_steps_are_as_many_as_springs_need(puma: Mechanism) -> None:
         (ElasticJoints(math.nan), "elastic joints: stiffness: expected numbers of at least 0"),
         (ElasticJoints(1e3, -1.0), "elastic joints: damping: expected numbers of at least 0"),
         (ElasticJoints(1e3, motor_inertia=-1.0), "elastic joints: motor_inertia: expected numbers of at least 0"),
-        (ElasticJoints(1e12), f"and {MOST_FOR_SPRINGS} are the most: make them softer"),
+        (ElasticJoints(1e12), f"and {MAX_SPRING_SUBSTEPS} are the most: make them softer"),
     ],
 )
 def test_springs_that_cannot_be_are_refused(puma: Mechanism, joints: ElasticJoints, message: str) -> None:

@@ -117,8 +117,9 @@ def test_only_a_robot_asked_for_warns_of_impossible_parameters() -> None:
 @pytest.mark.parametrize("kind", [TrackingEnv, Puma560TrackingEnv])
 def test_the_docstring_is_the_card(kind: type[TrackingEnv]) -> None:
     card = kind.__doc__ or ""
-    for section in ("Action space", "Observation space", "Reward", "Starting state", "Episode end", "Arguments"):
+    for section in ("Action space", "Observation space", "Reward", "Starting state", "Episode end"):
         assert f"## {section}" in card
+    assert "Parameters\n    ----------\n    robot : " in card
     assert all(f"`{option}`" in card for option in OPTIONS)
 
 

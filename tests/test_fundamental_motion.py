@@ -23,7 +23,7 @@ from adaptctl.identifiability import essential_space, fundamental_basis
 from adaptctl.identifiability.constraints import Constraints, Relation, constrained
 from adaptctl.scalars import Column, column
 from adaptctl.simulation import period as module
-from adaptctl.simulation.period import LONGEST, fundamental_motion
+from adaptctl.simulation.period import MAX_FUNDAMENTAL_LINKS, fundamental_motion
 
 ROBOTS = (
     "puma560_friction",
@@ -121,7 +121,7 @@ def test_it_takes_fewer_operations() -> None:
 
 
 def test_long_and_constrained_ones_and_uncertain_ranks_stay_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert fundamental_motion(random_chain(0, LONGEST + 1)) is None
+    assert fundamental_motion(random_chain(0, MAX_FUNDAMENTAL_LINKS + 1)) is None
     arm = load("puma560_measured")
     assert fundamental_motion(constrained(arm, Constraints(relations=(Relation({"link6.m": 1.0}, 0.1),)))) is None
 

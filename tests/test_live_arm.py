@@ -83,7 +83,7 @@ def test_where_there_is_no_live_arm_it_is_said_why(monkeypatch: pytest.MonkeyPat
     knots = Spline(np.zeros((6, 3)), np.arange(6.0))
     assert shown(law, ARM, knots) == "its reference is no sum of sinusoids, but a Spline"
     assert "too many operations" in str(shown(law_named("forgetting"), ARM))
-    monkeypatch.setattr(module, "MOST", 1000)
+    monkeypatch.setattr(module, "MAX_MODULE_BYTES", 1000)
     assert "as WebAssembly, and a page gets at most 1 kB" in str(shown(law, ARM))
 
 

@@ -24,7 +24,7 @@ from adaptctl.control import ComputedTorque, Gradient, SlotineLi
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, cos, sin
 from adaptctl.simulation import Plant, Rollouts, simulate_many
-from adaptctl.simulation.members import LONGEST
+from adaptctl.simulation.members import MAX_FLOAT32_PERIODS
 from adaptctl.sweeps.rows import rows_of
 from adaptctl.sweeps.study import SweepStudy
 
@@ -138,10 +138,12 @@ def test_what_single_precision_cannot_do_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"precision: in single precision the loops .* stay open by .*: use double"):
         simulate_many(Plant(far, 1e-3), law, swinging(far), duration=0.01, precision="single")
     small = arm("puma560_arm3")
-    with pytest.raises(InputError, match=f"counts to {LONGEST} control periods, got {LONGEST + 1}"):
+    with pytest.raises(
+        InputError, match=f"counts to {MAX_FLOAT32_PERIODS} control periods, got {MAX_FLOAT32_PERIODS + 1}"
+    ):
         simulate_many(
             Plant(small, 1e-3), ComputedTorque(small, 8.0), swinging(small),
-            duration=1e-3 * (LONGEST + 1), record_every=None, precision="single",
+            duration=1e-3 * (MAX_FLOAT32_PERIODS + 1), record_every=None, precision="single",
         )  # fmt: skip
     with pytest.raises(InputError, match="precision"):
         gymnasium.make_vec("adaptctl.envs:adaptctl/Puma560Tracking-v0", num_envs=2, precision="half")

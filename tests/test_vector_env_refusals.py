@@ -150,9 +150,9 @@ def test_environments_that_cannot_be_are_refused(
         VectorTrackingEnv(**settings)
 
 
-@pytest.mark.parametrize("section", ["Action space", "Observation space", "Beginning again", "Arguments"])
+@pytest.mark.parametrize("section", ["## Action space", "## Observation space", "## Beginning again", "Parameters"])
 def test_the_docstring_is_the_card(section: str) -> None:
-    assert f"## {section}" in (VectorTrackingEnv.__doc__ or "")
+    assert f"    {section}\n" in (VectorTrackingEnv.__doc__ or "")
 
 
 def test_the_card_tells_how_long_mechanisms_may_be() -> None:

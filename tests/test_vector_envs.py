@@ -30,7 +30,7 @@ from vector_envs import (
 
 from adaptctl.control import ComputedTorque, MinimumJerk, Sinusoids, SlotineLi, adaptation_gain
 from adaptctl.envs import Payload, TrackingEnv
-from adaptctl.envs.many.episodes import DRAWS, ArmStreams
+from adaptctl.envs.many.episodes import DRAWN_ROWS, ArmStreams
 from adaptctl.simulation.effects import (
     Encoder,
 )
@@ -260,7 +260,7 @@ def test_draws_in_blocks_are_draws_one_by_one() -> None:
     for arm_number in (0, 1):
         streams.seed(arm_number, 7 + arm_number)
     plain = [gymnasium.utils.seeding.np_random(7 + k)[0] for k in (0, 1)]
-    both, draws = np.array([0, 1]), rng(0).integers(0, 2 * DRAWS, 6)
+    both, draws = np.array([0, 1]), rng(0).integers(0, 2 * DRAWN_ROWS, 6)
     for count in draws.tolist():
         for _ in range(count):
             np.testing.assert_array_equal(streams.normal(both), [one.standard_normal(3) for one in plain])

@@ -37,11 +37,11 @@ ROWS = ("m", "mc_x", "mc_y", "mc_z", "I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_
 """Kinds of parameters in the order of Table 5 of Sheu and Walker (1991)."""
 ROTOR = "rotor_inertia"
 """Of the link's joint, where one is modelled."""
-BAR = 32
+BAR_LENGTH = 32
 """characters of the longest bar of the spectrum"""
-ABOUT = 6
+GAP_NEIGHBOURS = 6
 """values of the spectrum shown on either side of its gap, besides the first"""
-LOWEST = 1e-18
+MIN_BAR_RATIO = 1e-18
 """Of the largest: where bars end. What is smaller is round-off, or zero."""
 
 
@@ -57,23 +57,37 @@ def basis(
     out: Annotated[Path | None, Parameter(metavar="FILE")] = None,
     overwrite: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
-    """Find the independent inertial parameters of a robot, and print them, or with `json` a JSON object.
+    """
+    Find the independent inertial parameters of a robot, and print them.
 
-    Table 4, in the options' help, is that of Sheu and Walker (1991); components are combinations of parameters, of
-    which few may account for nearly all energy. `out` is a file to save the basis in, which `FundamentalBasis.load`
-    reads; one that exists is replaced only with `overwrite`. Angles and lengths are nearly special where the rank would
-    be another one if they were exact, such as angles between joint axes within 1e-3 rad of a right one. Raises
-    `FileError` for files that cannot be used or written, `NotFoundError` for an unknown robot, `LoopError` where
-    kinematic loops cannot be closed, `RankError` where the number of independent parameters cannot be certified or,
-    unless `snap` is False, angles or lengths are nearly special; `InputError` for `floating_base` with a robot that is
-    no URDF file and for an `energy_error` below 0.
+    Table 4 is that of Sheu and Walker (1991); components are combinations of parameters. Angles and lengths are nearly
+    special where the rank would be another one if they were exact.
 
-    Args:
-        priority: TOML file that says which parameters to remove first; else Table 4's rule.
-        energy_error: Also tell how many components keep the energy's error below this, within the joints' limits.
-        snap: Make joint angles within 1e-3 rad of a right angle exact, or use them as given; else they may be refused.
-        out: Also save the basis, as JSON that adaptctl can load.
-        overwrite: Replace the file of --out, if it exists.
+    Parameters
+    ----------
+    priority : Path
+        TOML file that says which parameters to remove first; else Table 4's rule.
+    energy_error : float
+        Also print how many components keep the energy's error below this, within the joints' limits.
+    snap : bool
+        Make joint angles within 1e-3 rad of a right angle exact, or use them as given; else they may be refused.
+    out : Path
+        Also save the basis, as JSON that adaptctl can load.
+    overwrite : bool
+        Replace the file of --out, if it exists.
+
+    Raises
+    ------
+    FileError
+        If a file cannot be used or written.
+    NotFoundError
+        If the robot is unknown.
+    InputError
+        If `energy_error` is below 0 or the robot of `floating_base` is no URDF file.
+    LoopError
+        If kinematic loops cannot be closed.
+    RankError
+        If the number of parameters cannot be certified or, without `snap`, angles or lengths are nearly special.
     """
     from adaptctl.dynamics import load
     from adaptctl.files import validate_place
@@ -97,18 +111,7 @@ def basis(
 def as_builtins(
     mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis, reduction: Reduction | None = None
 ) -> dict[str, Any]:
-    """A robot's fundamental basis (base parameters), a dict in JSON's types. `robot` has its name and hash; `dof` is
-    its degrees of freedom, `links` the number of its links. `parameters` is the number P of its inertial parameters,
-    `rank` the number k of these that are independent; `independent` has the names of those kept, `columns` their
-    zero-based indices among the P. `regrouping` is the matrix K (k, P), SI units, that gives their values K D from all
-    P values D. `singular_values` (P,) are those of the energy differences between states, J per SI unit, `gap` the
-    ratio of those before and after the rank, no unit, and `certificate` the proof of the rank.
-
-    Friction, which enters no energy, is in none of them. With a `reduction` to essential components, of which the
-    parameters are a sum (None by default: without it), there is an entry of that name: `components`, how many are kept,
-    `percent_error`, the energy's error with them, `percent_errors`, with 0, 1, ... k of them, and `states`, a text on
-    the motions that the errors are over. Nothing is raised.
-    """
+    """A robot's fundamental basis (base parameters), a dict in JSON's types."""
     from msgspec import to_builtins
 
     content: dict[str, Any] = {
@@ -149,9 +152,7 @@ def report(
     basis: FundamentalBasis,
     reduction: Reduction | None,
 ) -> Iterator[RenderableType]:
-    """Renderable parts, texts and tables of the package rich, of the report that `adaptctl basis` prints, from top to
-    bottom: heading, singular values, parameters that are kept, regrouping equations and, unless `reduction` is None,
-    the model reduction. Nothing is raised."""
+    """Parts of the report that `adaptctl basis` prints."""
     yield header(mechanism, space, basis)
     yield titled("Singular values of the energy differences (log scale)", spectrum(space))
     yield titled("Parameters that are enough", grid(mechanism, basis))
@@ -161,12 +162,7 @@ def report(
 
 
 def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis) -> Group:
-    """Heading of the report on a fundamental `basis` (base parameters) of a mechanism's inertial parameters, a group of
-    texts of the package rich. It has the name of the `mechanism`, its numbers of links, degrees of freedom and inertial
-    parameters, the rank of its essential `space`, which is the number of independent ones, and the certificate of this
-    rank. Notes follow, where there are any: on the certificate, on parameters that were passed over in the choice
-    because they nearly depend on those removed before, and on the number of friction parameters, which are kept
-    besides. Nothing is raised."""
+    """Heading of the report on a basis."""
     parameters, friction = len(space.parameter_names), len(mechanism.parameter_names) - len(space.parameter_names)
     first = words(
         (mechanism.name, "bold"),
@@ -186,13 +182,11 @@ def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis)
 
 
 def spectrum(space: EssentialSpace) -> Table:
-    """Table, of the package rich, of the singular values of an essential `space`, those of a mechanism's energy
-    differences between states, J per SI unit. (The space holds the directions of inertial parameters that change
-    energies.) Each row has a value's number from 1, the value, and a bar of "#" on a logarithmic scale: the first two,
-    six on either side of the gap at the rank (the number of independent inertial parameters), and the last. Nothing is
-    raised."""
+    """Table of the singular values about the gap, with bars."""
     values, k = space.singular_values.tolist(), space.rank
-    shown = sorted({*range(min(2, k)), *range(max(0, k - ABOUT), min(len(values), k + ABOUT)), len(values) - 1})
+    shown = sorted(
+        {*range(min(2, k)), *range(max(0, k - GAP_NEIGHBOURS), min(len(values), k + GAP_NEIGHBOURS)), len(values) - 1}
+    )
     rows: list[Sequence[Words]] = []
     for before, i in pairwise([-1, *shown]):
         rows += [("...", "", "")] if i > before + 1 else []
@@ -203,8 +197,7 @@ def spectrum(space: EssentialSpace) -> Table:
 
 
 def grid(mechanism: Mechanism, basis: FundamentalBasis) -> WrappedTable:
-    """Table of the inertial parameters that a basis keeps: kinds, such as m (mass) or I_xx (moment of inertia), in
-    rows, links in columns, an x where a parameter is kept. Nothing is raised."""
+    """Table of the parameters that a basis keeps: kinds in rows, links in columns."""
     links, kept = mechanism.links, set(basis.names)
     rows = [[kind, *("x" if f"{link.name}.{kind}" in kept else "" for link in links)] for kind in ROWS]
     if any(link.joint.drive.rotor_inertia is not None for link in links):
@@ -213,8 +206,7 @@ def grid(mechanism: Mechanism, basis: FundamentalBasis) -> WrappedTable:
 
 
 def equations(basis: FundamentalBasis) -> Group:
-    """Regrouping equations of a basis, SI units, as a group of the package rich: a row for each kept parameter to which
-    others are added, and below them the number of those to which nothing is added. Nothing is raised."""
+    """Regrouping equations, a row for each kept parameter to which others are added."""
     pairs = (text.split(" = ", 1) for text in basis.equations())
     rows = [(f"{name} =", right) for name, right in pairs if " " in right]
     alone = words((f"{basis.rank - len(rows)} more are kept to which nothing is added.", "dim"))
@@ -222,10 +214,7 @@ def equations(basis: FundamentalBasis) -> Group:
 
 
 def energy_error(reduction: Reduction) -> Text:
-    """Sentence, a `rich.text.Text`, on a model `reduction`: how many of all essential components (combinations of the
-    inertial parameters) are kept, the error of the energy with these, and the motions it is for. The error, in percent,
-    is the root mean square, over pairs of successive sampled states, of the error of the energy difference, relative to
-    the root mean square of the energy differences themselves. Nothing is raised."""
+    """Sentence on the components that a reduction keeps and the error of the energy."""
     return words(
         f"{reduction.num_components} of {len(reduction.weights)} components keep the energy within "
         f"{reduction.percent_error:.3g} % (equation 23 of Sheu and Walker), over {reduction.states}, "
@@ -234,4 +223,4 @@ def energy_error(reduction: Reduction) -> Text:
 
 
 def _bar(share: float) -> int:
-    return round(BAR * max(0.0, 1.0 - log10(max(share, LOWEST)) / log10(LOWEST)))
+    return round(BAR_LENGTH * max(0.0, 1.0 - log10(max(share, MIN_BAR_RATIO)) / log10(MIN_BAR_RATIO)))

@@ -41,40 +41,60 @@ def design(
     out: Annotated[Path | None, Parameter(metavar="DIR")] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Print the costs of added mass at positions on a robot, and the savings by counterweights and symmetry, or with
-    `json` a JSON object; with `out`, write them into a folder with report, figures and recording.
+    """
+    Print the costs of added masses on a robot, and the savings by counterweights and symmetry.
 
-    The costs are of random motions within the joints' limits, at speeds of `speed` sqrt(g/L), g being the gravity and L
-    the largest distance from a joint to the next or to its link's frame. Components are combinations of inertial
-    parameters: those are counted that are needed to keep the error of the energy to `energy_error` percent. Coupling is
-    the mass matrix off its diagonal. Masses may be in a box about a link's joints and centre of mass, widened by
-    `beyond` of its diagonal. With `drive`, Slotine and Li's law follows one reference before and after, with the gains
-    of `adaptctl tune`: adapting all parameters, adapting the few components of most energy, and with their true values.
+    The costs are those of random motions within the joints' limits. See docs/cli.md.
 
-    Raises `InputError` for unknown links and objectives, numbers out of range, `at` without `link`, a `mass` besides a
-    `body`, and positions outside the link's box; `NotFoundError` for an unknown robot or body, `FileError` for a
-    robot's file that cannot be used and a folder that is not empty or cannot be written, `RankError` where the number
-    of identifiable parameters cannot be certified, `LoopError` where kinematic loops cannot be closed; with `drive`
-    `InputError` for a robot with friction, and what `adaptctl tune` raises.
+    Parameters
+    ----------
+    mass : float
+        Mass of the point that is added; else 1.
+    body : str
+        A body instead of a point: gripper, camera or motor.
+    link : str
+        Also print all that it changes on this link.
+    mount : tuple of float
+        Place on that link, m in its frame; else its center of mass.
+    counterweights : list of str
+        Links that may carry counterweights; else the heaviest six.
+    objective : str
+        Quantity that they make least: energy, torque, coupling or components.
+    mass_ratio : float
+        Largest counterweight over its link's mass.
+    max_offset : float
+        Room beyond a link's joints over its length.
+    energy_error : float
+        Energy error at which components are counted.
+    speed : float
+        Speed of the task's random states, over sqrt(g/L).
+    samples : int
+        Number of the task's random states.
+    seed : int
+        Seed of all that is drawn.
+    drive : bool
+        Also run it in closed loop, as it is described and with the counterweights.
+    duration : float
+        Length of these runs, s; else 20.
+    control_period : float
+        Control period of these runs, s; else 0.001.
+    components : int
+        Number of components that small controllers adapt; else 10, or all.
+    out : Path
+        Also write design.json, report, figures and recording.
 
-    Args:
-        mass: Mass of the point that is added; else 1.
-        body: A body instead of a point: gripper, camera or motor.
-        link: Also tell all that it changes on this link.
-        at: Where on that link, m in its frame; else its centre of mass.
-        counterweights: Links that may carry counterweights; else the heaviest six.
-        objective: What they make least: energy, torque, coupling or components.
-        share: Largest counterweight over its link's mass.
-        beyond: Room beyond a link's joints over its length.
-        energy_error: At which components are counted.
-        speed: Of the task's random states, over sqrt(g/L).
-        samples: Number of the task's random states.
-        seed: Seed of all that is drawn.
-        drive: Also run it in closed loop, as it is described and with the counterweights.
-        duration: Length of these runs, s; else 20.
-        period: Their control period, s; else 0.001.
-        components: That their small controllers carry; else 10, or all.
-        out: Also write design.json, report, figures and recording.
+    Raises
+    ------
+    InputError
+        If an argument is out of range or does not go with another.
+    NotFoundError
+        If the robot or the body is unknown.
+    FileError
+        If a file cannot be used or written.
+    RankError
+        If the number of identifiable parameters cannot be certified.
+    LoopError
+        If kinematic loops cannot be closed.
     """
     from adaptctl.design import DesignTask, design_study
     from adaptctl.design.report import as_builtins, report, write_study

@@ -20,10 +20,7 @@ OK, WRONG = 0, 1
 
 
 def doctor(*, json: Json = False) -> int:
-    """Print what is installed: versions of packages, SIMD lanes of the processor (numbers computed at once), whether
-    code can be compiled, the cache of compiled code, the viewer, and optional extras; with `json` as a JSON object.
-    Returns the exit code: 0, or 1 where something is wrong. Raises `PackageNotFoundError` where adaptctl itself is not
-    an installed package."""
+    """Print what is installed and whether it works; the exit code is 1 where something is wrong."""
     found = examined()
     if json:
         print_json(found)
@@ -33,11 +30,7 @@ def doctor(*, json: Json = False) -> int:
 
 
 def examined() -> dict[str, Any]:
-    """A report of what is installed, in JSON's types: versions of `adaptctl`, `python`, required `packages` and those
-    of the optional `extras`, None for one that is missing; `platform`; `compiler`, with the processor's SIMD `lanes`
-    (numbers computed at once) and an `error` or None; `cache`, the folder of compiled code with its number of `objects`
-    and `bytes`; `viewer`, the path of rerun's viewer or None; and `wrong`, a sentence for each thing that keeps
-    adaptctl from working. Raises `PackageNotFoundError` where adaptctl itself is not an installed package."""
+    """Report of what is installed, in JSON's types; `wrong` has a sentence for each fault."""
     import platform
 
     required, extras = _requirements()
@@ -124,13 +117,20 @@ def install_completion(
     shell: Literal["bash", "zsh", "fish"] | None = None,
     out: Annotated[Path | None, Parameter(metavar="FILE")] = None,
 ) -> None:
-    """Install completion of commands and flags for a shell: a script, and a line in the shell's startup file where it
-    needs one; with `out` the script alone, in that file. Prints where the script is. Raises `InputError` where no shell
-    is named and the one in use is not known, `OSError` where a file cannot be written.
+    """
+    Install completion of commands and flags for a shell.
 
-    Args:
-        shell: The shell; else the one in use.
-        out: Write the script here instead.
+    Parameters
+    ----------
+    shell : str
+        The shell; else the one in use.
+    out : Path
+        Write the script here instead.
+
+    Raises
+    ------
+    InputError
+        If no shell is named and the one in use is not known.
     """
     from cyclopts.completion import ShellDetectionError
 

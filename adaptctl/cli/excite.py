@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Numbers = tuple[float, ...]
 SCHEMA = "adaptctl/excitation/1"
-FASTEST = 100_000
+MAX_SAMPLE_RATE = 100_000
 """Points a second: robots take a thousand, and files of more than these do not fit."""
 
 
@@ -39,28 +39,46 @@ def excite(
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
-    """Make a motion that excites a robot's parameters, and another to validate on, each from rest to rest.
+    """
+    Make a motion that excites a robot's parameters, and another to validate on, each from rest to rest.
 
-    Writes both into a folder as CSV, and as JSON and YAML for ROS 2, with forecast.json, the deviations of the
-    parameters to be expected from a log of the motion, and prints a summary, or with `json` the forecast. A pose has a
-    number for each joint, rad (m if prismatic). Accelerations, rad/s^2, jerks, rad/s^3 (m for rad if prismatic), and
-    noise, N m (N if prismatic), have one number for all joints or one for each. Raises `FileError` for a robot's file
-    that cannot be used and a folder that is not empty or cannot be written, `NotFoundError` for an unknown robot,
-    `InputError` for numbers of a wrong count or size and where no motion keeps to the limits, `RankError` where the
-    number of identifiable parameters cannot be certified.
+    Writes both as CSV and for ROS 2, with forecast.json, the deviations of the parameters to be expected.
 
-    Args:
-        start: Pose to start from; else mid-range.
-        end: Pose to end at; else the start.
-        duration: Length, s, unless limits ask for more.
-        share: Of positions, speeds and torques that may be used.
-        acceleration: Greatest, one or one a joint.
-        jerk: Greatest, one or one a joint.
-        box: Workspace of the links' frames: x y z from, x y z to.
-        noise: Torque residuals to expect, for the forecast.
-        rate: Points a second in the files.
-        iterations: Of the search for the reference.
-        seed: Of the search; the validation's is the next.
+    Parameters
+    ----------
+    start : list of float
+        Pose to start from; else mid-range.
+    end : list of float
+        Pose to end at; else the start.
+    duration : float
+        Length, s, unless limits ask for more.
+    limit_share : float
+        Share of positions, speeds and torques that may be used.
+    acceleration : list of float
+        Greatest acceleration, one number or one for each joint.
+    jerk : list of float
+        Greatest jerk, one number or one for each joint.
+    box : list of float
+        Workspace of the links' frames: x y z from, x y z to.
+    noise : list of float
+        Torque residuals to expect, for the forecast.
+    sample_rate : float
+        Points per second in the files.
+    iterations : int
+        Iterations of the search for the reference.
+    seed : int
+        Seed of the search; the validation's is the next.
+
+    Raises
+    ------
+    InputError
+        If numbers have a wrong count or size, or no motion keeps to the limits.
+    NotFoundError
+        If the robot is unknown.
+    FileError
+        If a file cannot be used or written.
+    RankError
+        If the number of identifiable parameters cannot be certified.
     """
     from adaptctl.arrays import positive_per_joint
     from adaptctl.dynamics import load
@@ -106,14 +124,7 @@ def _each(given: Numbers) -> Any:
 
 
 def as_builtins(robot: str, motions: dict[str, RobotMotion], predicted: Forecast, collisions: bool) -> dict[str, Any]:
-    """Forecast of an identification in JSON's types: `robot`, as given; `durations`, s, of the `motions` by name;
-    `self_collision_checked`, the argument `collisions`, True where the motions were checked for collisions between
-    links; the `condition` number of the scaled regressor; `parameters` and `combinations`. For each base parameter
-    there are its standard `deviation`, SI units, and `relative`, the deviation divided by the size of the value in the
-    robot's file. None is what is infinite: a deviation of which the motion tells nothing, the condition number then,
-    and a relative one of a value that is 0. Combinations of parameters are in words, the least excited first, with
-    their `strength` (no unit): the range plausible before the motion divided by the deviation to be expected after it.
-    Nothing is raised."""
+    """Forecast of an identification in JSON's types; None is infinite."""
     from adaptctl.files import finite_or_none
 
     columns = zip(predicted.model.names, predicted.deviations.tolist(), predicted.relative.tolist(), strict=True)
@@ -146,8 +157,8 @@ def _validate_rate(rate: float) -> None:
     from adaptctl.errors import InputError
 
     positive_number(rate, "sample_rate: expected a positive number of Hz")
-    if rate > FASTEST:
-        raise InputError(f"sample_rate: expected at most {FASTEST} points a second, got {rate:g}")
+    if rate > MAX_SAMPLE_RATE:
+        raise InputError(f"sample_rate: expected at most {MAX_SAMPLE_RATE} points a second, got {rate:g}")
 
 
 def _write(folder: Path, name: str, motion: RobotMotion, joints: list[str], rate: float) -> None:

@@ -32,12 +32,7 @@ for entry in EXPERIMENTS:
 
 @app.command(name="list")
 def list_experiments(*, json: Json = False) -> None:
-    """Print the names of the experiments, with a line about each.
-
-    Experiments that installed packages offer come last, with the object that
-    defines them. With `json` a JSON object is printed instead, with `experiments`,
-    a list of `name` and `summary`, the same line.
-    """
+    """Print the names of the experiments, with a line about each."""
     summaries = [(entry.name, entry.summary) for entry in EXPERIMENTS]
     summaries += [(name, f"of {point.value}") for name, point in offered().items()]
     if json:
@@ -50,11 +45,7 @@ def list_experiments(*, json: Json = False) -> None:
 
 
 def offer_own(given: Sequence[str]) -> None:
-    """Register, as a subcommand of `experiment run`, the experiment that a command line names there, where it is a
-    Python file (.py) or one that an installed package offers; do nothing for all others. `given` are the words of the
-    command line after "adaptctl". Raises `FileError` for a file that is missing or cannot be imported, or defines no
-    experiment or several; `InputError` for a package's entry point that cannot be imported or is no class of an
-    experiment, for an experiment without a name and a title, and for a setting without a default."""
+    """Register the experiment of a Python file or a package that the command line names."""
     name = given[2] if list(given[:2]) == ["experiment", "run"] and len(given) > 2 else "-"
     if name.startswith("-") or name in (entry.name for entry in EXPERIMENTS):
         return
@@ -110,13 +101,29 @@ def _command(kind: type[Experiment], name: str) -> Callable[..., int]:
 
 
 def run_experiment(experiment: Experiment, out: Path, overwrite: bool, json: bool = False) -> int:
-    """Run an experiment, write its results to the folder `out` and print them, or with `json` a JSON object; returns
-    the exit code: 0, or 3 where its verdict on the controller is failure, or 130 where it was interrupted (Ctrl-C,
-    SIGTERM), after which what was computed is written.
+    """
+    Run an experiment, write its results and print them.
 
-    The folder is there whole or not at all; with `overwrite` it may hold an older run, which is replaced. Progress goes
-    to stderr. Raises `FileError` where the folder is not empty, cannot be written, or is being written by another run;
-    `KeyboardInterrupt` on an interruption that leaves no result; and what the experiment raises.
+    Parameters
+    ----------
+    experiment : Experiment
+        Experiment with its settings.
+    out : Path
+        Folder of the results, whole or not at all.
+    overwrite : bool
+        Replaces an older run in the folder.
+    json : bool, default False
+        Prints a JSON object.
+
+    Returns
+    -------
+    int
+        Exit code: 0, 3 for a failed verdict, 130 after an interruption, with what was computed.
+
+    Raises
+    ------
+    FileError
+        If the folder is not empty, cannot be written, or another run writes it.
     """
     from adaptctl.folders import replacing_folder
     from adaptctl.optional_packages import validate_for_results
@@ -137,9 +144,7 @@ def run_experiment(experiment: Experiment, out: Path, overwrite: bool, json: boo
 
 
 def as_builtins(name: str, result: Result, folder: Path) -> dict[str, Any]:
-    """JSON object, as a dict of Python's built-in types, of an experiment's `result`: its `experiment` name, whether it
-    is `complete`, the `verdict` on its controller, the `headline` and `facts` in words, and the `folder` of its files;
-    numbers are in summary.json there. Nothing is raised."""
+    """Result of an experiment in JSON's types; numbers are in its summary.json."""
     from adaptctl.recording.result import answers
 
     return {
@@ -155,8 +160,7 @@ def as_builtins(name: str, result: Result, folder: Path) -> dict[str, Any]:
 
 @contextmanager
 def notes_last() -> Iterator[None]:
-    """Context manager in which warnings are kept back, to be shown when it ends, below the printed output, also where
-    the block raises."""
+    """Context manager that shows warnings at its end, below the printed output."""
     kept: list[warnings.WarningMessage] = []
     try:
         with warnings.catch_warnings(record=True) as kept:
@@ -179,9 +183,7 @@ def _computed(experiment: Experiment, folder: Path, interruption: Interruption) 
 
 @contextmanager
 def shown_progress() -> Iterator[Callable[[str, float], None]]:
-    """Context manager with progress shown on stderr, where that is a terminal. It yields a function `progress(what,
-    share)`, to be called with a stage's name and the fraction of it that is done, 0 to 1: each stage has a bar with the
-    time left, or once it is done the time that it took. Where the block raises, the bars are removed."""
+    """Context manager that shows a bar for each stage on stderr, where that is a terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 

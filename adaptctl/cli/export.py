@@ -38,29 +38,46 @@ def export(
     floating_base: FloatingBase = False,
     json: bool = False,
 ) -> None:
-    """Write a robot's controller, gains by `adaptctl tune`, as code that needs no Python.
+    """
+    Write a robot's controller, with the gains of `adaptctl tune`, as code that needs no Python.
 
-    Writes C99 source or a WebAssembly module, with a manifest, into a folder that must not exist, and prints a summary,
-    or with `json` the manifest. `bandwidth` is the largest rate, the Λ of Slotine and Li's law, at which errors decay.
-    Raises `VerdictError`, unless `anyway`, where the arm does not learn with these gains in `adaptctl tune`, or in a
-    `check` diverges, rings, is stopped by its guards or does not learn, and where a build of the C does not repeat
-    Python's torques; `NotFoundError` for an unknown robot or law,
-    `InputError` for a name or number that is not allowed, float in
-    WebAssembly, a joint that moves no inertia or a mass matrix that is not positive definite, for which there are no
-    gains; `FileError` for a robot's file that cannot be
-    used and a folder that exists or cannot be written, `RankError` where the number of identifiable parameters cannot
-    be certified, `LoopError` where kinematic loops cannot be closed.
+    Parameters
+    ----------
+    out : Path
+        Folder to write, which must not exist.
+    law : str
+        Control law.
+    name : str
+        Begins all names in the code; the robot's unless given.
+    scalar : str
+        Kind of number in C.
+    language : str
+        C99 or WebAssembly.
+    bandwidth : float
+        Largest Λ, 1/s.
+    unguarded : bool
+        Leave out the guards of torques, positions and velocities.
+    check : bool
+        Simulate 600 s first; build and run the C where compilers are.
+    anyway : bool
+        Write it even where it fails in simulation.
+    json : bool
+        Print the manifest instead of a summary.
 
-    Args:
-        out: Folder to write, which must not exist.
-        name: Begins all names in the code; the robot's unless given.
-        scalar: Kind of number in C.
-        language: C99 or WebAssembly.
-        bandwidth: Largest Λ, 1/s.
-        unguarded: Leave out the guards of torques, positions and velocities.
-        check: Simulate 600 s first; build and run the C where compilers are.
-        anyway: Write it even where it fails in simulation.
-        json: Print the manifest instead of a summary.
+    Raises
+    ------
+    VerdictError
+        If the robot does not learn, a check fails, or a build of the C does not repeat Python's torques.
+    InputError
+        If an argument is not as above, or there are no gains.
+    NotFoundError
+        If the robot or the law is unknown.
+    FileError
+        If a file cannot be used, or the folder exists or cannot be written.
+    RankError
+        If the number of identifiable parameters cannot be certified.
+    LoopError
+        If kinematic loops cannot be closed.
     """
     from adaptctl.codegen import export as exported
     from adaptctl.codegen.builds import COMPILERS, builds
@@ -97,7 +114,8 @@ def export(
 def _print(done: Exported) -> None:
     manifest = done.manifest
     print(f"{done.directory}: {', '.join(done.files)}")
-    print(f"{manifest['flops']} operations per step, every {manifest['control_period']:g} s; guarded: {manifest['guarded']}")
+    period = f"{manifest['control_period']:g} s"
+    print(f"{manifest['flops']} operations per step, every {period}; guarded: {manifest['guarded']}")
     if manifest["check"]:
         first, last = (manifest["check"][f"rms_error_{which}_10_s"] for which in ("first", "last"))
         known = first is not None and last is not None

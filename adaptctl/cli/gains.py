@@ -58,23 +58,39 @@ def gains(
     floating_base: FloatingBase = False,
     json: Json = False,
 ) -> None:
-    """Design the gains of a robot's tracking loop, and print them with their margins, or with `json` a JSON object.
+    """
+    Design the gains of a robot's tracking loop, and print them with their margins.
 
-    By default they are those that `adaptctl tune` finds: Slotine and Li's Λ and the largest K that the control period
-    and the torque limits carry near a reference; with a delay of the torque K is less. Weights and poles are for the
-    error of each joint, in rad (m if prismatic) and s. Raises `GainError` where the control period is too long for the
-    gains (the JSON object's `sampled_gain` is above its `largest_sampled_gain`), `InputError` for numbers out of range,
-    poles that are not real or conjugate or not stable, `floating_base` with a robot that is no URDF file, a flag of
-    another `method`, and a typical inertia of a joint that is not positive; `FileError` for a robot's file that cannot
-    be used, `NotFoundError` for an unknown robot, `LoopError` where kinematic loops cannot be closed.
+    By default they are those that `adaptctl tune` finds. Weights and poles are for the error of each joint, in rad (m
+    if prismatic) and s.
 
-    Args:
-        method: How the error's poles are chosen.
-        bandwidth: Method bandwidth: largest Λ, 1/s; else 4.
-        damping_ratio: Method bandwidth: place two poles of this damping ratio instead of the largest K.
-        poles: Method poles: two, 1/s, real or conjugate, such as -6+2j -6-2j; else -8 -12.
-        weights: Method lqr: weights of squares of error, rate and acceleration; else 4096 0 1.
-        delay: Control periods from measurement to torque.
+    Parameters
+    ----------
+    method : str
+        Choice of the error's poles.
+    bandwidth : float
+        Method bandwidth: largest Λ, 1/s; else 4.
+    damping_ratio : float
+        Method bandwidth: place two poles of this damping ratio instead of the largest K.
+    poles : tuple of complex
+        Method poles: two, 1/s, real or conjugate, such as -6+2j -6-2j; else -8 -12.
+    weights : tuple of float
+        Method lqr: weights of squares of error, rate and acceleration; else 4096 0 1.
+    delay : int
+        Control periods from measurement to torque.
+
+    Raises
+    ------
+    GainError
+        If the control period is too long for the gains.
+    InputError
+        If an argument is out of range, of another method, or a joint's inertia is not positive.
+    NotFoundError
+        If the robot is unknown.
+    FileError
+        If the robot's file cannot be used.
+    LoopError
+        If kinematic loops cannot be closed.
     """
     from adaptctl.control import GainDesign
     from adaptctl.dynamics import load
@@ -134,22 +150,7 @@ def _validate_own(method: str, **given: object) -> None:
 
 
 def as_builtins(design: GainDesign, limited: tuple[str, ...] = ()) -> dict[str, Any]:
-    """A gain design in JSON's types. Each of the `joints` has the typical `inertia`, kg m^2 (kg if prismatic), for
-    which its loop is designed, and `least_inertia`, no unit, the least inertia of the joint at any of 200 random
-    configurations (by the rule, at 60 positions of the reference) while all other joints are free, divided by
-    `inertia`; `stiffness`, 1/s^2, and `rate`, 1/s, of the
-    feedback of the tracking error e (measured less desired), e'' = -stiffness e - rate e', with its time derivatives e'
-    and e''; its natural frequency `bandwidth`, rad/s, and `damping_ratio`, no unit; the gains of Slotine and Li's law,
-    `slotine_li_bandwidth`, 1/s, and `slotine_li_damping`, N m s/rad (N s/m), None where poles are not real;
-    `gain_margin` (no unit), `phase_margin` (rad), `delay_margin` (s) and `crossover` (rad/s), None for infinite or
-    none; and `limited_by`, the sentences `limited` on what limits its gains, None for gains that are not by the
-    rule.
-
-    For all joints it has `method`, `period`, s, and `delay`, in periods; `sampled_gain`, the period times the largest
-    eigenvalue of M^-1 K, with the mass matrix M and the velocity gains K, greatest over the configurations that were
-    searched, `largest_sampled_gain`, the most that is allowed, and `fastest`, the factor by which poles may be faster,
-    None for infinite; no units.
-    """
+    """A gain design in JSON's types."""
     from adaptctl.files import finite_or_none
 
     mechanism, cascade = design.mechanism, design.is_well_damped
@@ -186,10 +187,7 @@ def as_builtins(design: GainDesign, limited: tuple[str, ...] = ()) -> dict[str, 
 
 
 def report(design: GainDesign, limited: tuple[str, ...] = ()) -> Iterator[RenderableType]:
-    """Renderable parts, texts and tables of the package rich, of the report that `adaptctl gains` prints, from top to
-    bottom: the method, each joint's gains, the margins of each joint's loop, of all joints together the sampled
-    gain, the control period times the largest eigenvalue of M^-1 K, with the mass matrix M and the velocity gains K,
-    and the sentences `limited` on what limits each joint's gains, if there are any. Nothing is raised."""
+    """Parts of the report that `adaptctl gains` prints."""
     late = f" and a delay of {design.delay}" if design.delay else ""
     how = f": gains {METHODS[design.method]}, discretised for a control period of {design.control_period:g} s{late}"
     yield words((design.mechanism.name, "bold"), how)

@@ -41,33 +41,57 @@ def identify(
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
-    """Identify a robot's inertial and friction parameters from logs of its motion.
+    """
+    Identify a robot's inertial and friction parameters from logs of its motion.
 
-    Writes the identified robot, estimates, validation, summary, recording, figures and report into a folder, and prints
-    the outcome, or with `json` a JSON object. `energy_differences` is the length, s, of windows in which another
-    estimator equates work and energy: what it makes of torques that are off is told beside, in a folder of its own.
-    The name of an example in place of a log, without `robot`, takes the example's files. Raises `FileError` for
-    files that cannot be read or used and a folder that is not empty or cannot be written, `NotFoundError` for an
-    unknown robot, `InputError` for options of a wrong form or out of range, without a `robot`, and for logs that
-    are at rest, too short or slow, or not this robot's, `LoopError` where kinematic loops cannot be closed,
-    `MissingExtraError` for ROS bags without the extra `logs`, `AdaptctlError` where no consistent estimate is
-    found.
+    Writes the identified robot, estimates, validation, recording and report into a folder. The name of an example in
+    place of a log, without `robot`, takes the example's files.
 
-    Args:
-        logs: Logs: .csv, .parquet, or ROS bags (extra `logs`).
-        robot: The robot's file, .urdf, .xml (MJCF) or .toml: a first guess.
-        drives: TOML file: how motors turn joints, and which columns are theirs.
-        validate: Logs to judge by; else the last 40 % of the others.
-        columns: Columns, such as position=q{} torque=tau_{joint}; {} is a number from 1, {0} from 0.
-        units: Units of time, position, torque, velocity, such as position=deg.
-        rate: Sampling rate of logs whose stamps are no time.
-        topic: Topic of the joint states in a bag that has several.
-        skip: Steps to leave out: resample, unwrap, velocities, limits, standstill.
-        friction: Friction's terms, such as viscous,coulomb; else chosen.
-        cutoff: Cut-off of the filter; else chosen.
-        weight: Weight of the robot file's links as a prior; else chosen.
-        instruments: Instrumental variables, for encoders that are coarse or noisy.
-        energy_differences: Compare with energy differences over so many s: what each estimator amplifies.
+    Parameters
+    ----------
+    logs : list of Path
+        Logs: .csv, .parquet, or ROS bags (extra `logs`).
+    robot : str
+        The robot's file, .urdf, .xml (MJCF) or .toml: a first guess.
+    drives : Path
+        TOML file: how motors turn joints, and which columns are theirs.
+    validate : list of Path
+        Logs to judge by; else the last 40 % of the others.
+    columns : list of str
+        Columns, such as position=q{} torque=tau_{joint}; {} is a number from 1, {0} from 0.
+    units : list of str
+        Units of time, position, torque, velocity, such as position=deg.
+    sample_rate : float
+        Sampling rate of logs whose stamps are no time.
+    topic : str
+        Topic of the joint states in a bag that has several.
+    skip_steps : list of str
+        Steps to leave out: resample, unwrap, velocities, limits, standstill.
+    friction : str
+        Friction's terms, such as viscous,coulomb; else chosen.
+    cutoff : float
+        Cut-off of the filter; else chosen.
+    prior_weight : float
+        Weight of the robot file's links as a prior; else chosen.
+    instrumental_variables : bool
+        Instrumental variables, for encoders that are coarse or noisy.
+    energy_differences : float
+        Compare with energy differences over so many s: what each estimator amplifies.
+
+    Raises
+    ------
+    FileError
+        If a file cannot be used or written.
+    NotFoundError
+        If the robot is unknown.
+    InputError
+        If an option is out of range, or the logs are at rest, too short, too slow or not this robot's.
+    LoopError
+        If kinematic loops cannot be closed.
+    MissingExtraError
+        If a ROS bag is read without the extra `logs`.
+    AdaptctlError
+        If no consistent estimate is found.
     """
     from adaptctl.identification import identify as identified
     from adaptctl.identification.report import facts, verdict
@@ -106,9 +130,7 @@ def identify(
 
 
 def as_builtins(found: Identification, folder: Path) -> dict[str, Any]:
-    """JSON object, as a dict of Python's built-in types, of an identification: the `verdict` in a sentence, `facts`
-    (questions and answers) and `warnings` in words, and the `folder` of its files; numbers are in summary.json there.
-    Nothing is raised."""
+    """Identification in JSON's types; numbers are in its summary.json."""
     from adaptctl.identification.report import facts, verdict
     from adaptctl.recording.result import answers
 

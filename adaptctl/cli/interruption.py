@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 """Ctrl-C, and what batch systems send before they kill."""
 IMPORTING = "<frozen importlib._bootstrap>"
-SOON = 0.01
+RETRY_DELAY = 0.01
 """s after which a signal is sent again that came at a wrong moment"""
-PATIENCE = 3.0
+IMPORT_TIMEOUT = 3.0
 """s that an import is given to end"""
 
 _since: dict[int, float] = {}
@@ -26,18 +26,17 @@ _since: dict[int, float] = {}
 
 
 def raised(number: int, frame: FrameType | None) -> None:
-    """Handle a signal of this `number` by raising `KeyboardInterrupt`; `frame` is what was running, None for nothing.
-    In the midst of an import nothing is raised yet: the signal is sent again every 10 ms, for up to 3 s, or longer
-    while Python's own import code runs.
+    """
+    Handle a signal by raising `KeyboardInterrupt`, after an import that is under way.
 
-    That code takes a lock which every import needs: an exception between two of its lines leaves it taken, and other
-    threads wait for ever. What a module does while it is imported makes other errors of the exception, or loses it.
+    An exception within Python's import code would leave its lock taken for ever, and within a module's be changed or
+    lost: the signal is sent again every 10 ms, for up to 3 s.
     """
     innermost = frame is not None and frame.f_code.co_filename == IMPORTING
     waited = time.monotonic() - _since.setdefault(number, time.monotonic())
-    if innermost or (_importing(frame) and waited < PATIENCE):
+    if innermost or (_importing(frame) and waited < IMPORT_TIMEOUT):
         main = threading.main_thread().ident or 0
-        threading.Timer(SOON, signal.pthread_kill, (main, number)).start()
+        threading.Timer(RETRY_DELAY, signal.pthread_kill, (main, number)).start()
         return
     del _since[number]
     raise KeyboardInterrupt
@@ -53,23 +52,18 @@ def _importing(frame: FrameType | None) -> bool:
 
 
 class Interruption:
-    """Record of a user's request to end the program, made by a signal (Ctrl-C, SIGTERM): `asked` is True once there was
-    one. It is False at construction."""
+    """Record of a request to end the program; `asked` is True once there was one."""
 
     def __init__(self) -> None:
         self.asked = False
         self._held = False
 
     def hold(self) -> None:
-        """Record that results are being written from now on: the next signal is only noted, so that the writing ends,
-        and one more raises `KeyboardInterrupt`."""
+        """Only note the next signal, so that results are written; one more raises `KeyboardInterrupt`."""
         self._held = True
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
-        """Handle a signal of this `number`, in the manner of Python's signal handlers; `frame` is what was running.
-        Sets the attribute `asked` to True and raises `KeyboardInterrupt`, in the midst of an import a moment later. The
-        first signal after a call of `hold`, while results are being written, raises nothing: it prints a line on
-        stderr."""
+        """Handle a signal, in the manner of Python's signal handlers."""
         self.asked = True
         if self._held:
             self._held = False
@@ -78,13 +72,11 @@ class Interruption:
         raised(number, frame)
 
     def heeded(self, progress: Callable[[str, float], object]) -> Callable[[str, float], None]:
-        """A progress callback that passes its arguments, a stage's name and the fraction of it that is done, 0 to 1, on
-        to `progress`. Once a signal has asked for an end and the fraction is below 1, it raises `KeyboardInterrupt` and
-        passes nothing on.
+        """
+        Progress callback that raises `KeyboardInterrupt` once a signal has asked for an end.
 
-        Python loses an exception that a signal's handler raises inside a destructor or a callback of its own; this is
-        where the request is found again. The end of a stage passes, for the stage may just have ended because of the
-        request.
+        Python loses an exception that a handler raises inside a destructor or callback; here the request is found
+        again. The end of a stage passes.
         """
 
         def checked(what: str, share: float) -> None:
@@ -97,9 +89,7 @@ class Interruption:
 
 @contextmanager
 def interruptible() -> Iterator[Interruption]:
-    """Context manager in which Ctrl-C (SIGINT) and SIGTERM raise `KeyboardInterrupt` and are noted in the
-    `Interruption` that it yields; the earlier signal handlers are restored at its end. Outside the main thread, which
-    alone gets signals, it changes nothing."""
+    """Context manager in which SIGINT and SIGTERM raise `KeyboardInterrupt` and are noted."""
     interruption = Interruption()
 
     try:

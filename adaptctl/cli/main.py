@@ -27,17 +27,14 @@ DONE, FAILED, WRONG_INPUT, VERDICT, INTERRUPTED = 0, 1, 2, 3, 130
 
 
 def version() -> str:
-    """Version text that `adaptctl --version` prints, such as "adaptctl 1.0.0"; a function, since the import that it
-    needs takes a while. Nothing is raised."""
+    """Version text; a function, since the import that it needs takes a while."""
     import adaptctl
 
     return f"adaptctl {adaptctl.__version__}"
 
 
 def whole_numbers(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
-    """Raise `InputError` for an argument such as 1.5 where a whole number is meant, which cyclopts, the parser of
-    command lines, would round. It has cyclopts' signature of such checks: `arguments` are those parsed, with the texts
-    given; `app` and `commands` are not used."""
+    """Raise `InputError` for an argument such as 1.5 for a whole number, which cyclopts would round."""
     for argument in arguments:
         for token in argument.tokens if argument.hint is int else ():
             if not token.value.strip().removeprefix("-").isdecimal():
@@ -75,10 +72,23 @@ app.command(
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command line, `argv` or by default (None) that of the process, without the program's name; returns the exit
-    code: 0 when done, 1 when it failed, 2 when the input was wrong, 3 when the verdict on what ran is failure, 130 on
-    Ctrl-C. Errors of adaptctl and of the operating system become a line on stderr, as do adaptctl's warnings; other
-    errors, which are bugs, pass."""
+    """
+    Run a command line.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Words without the program's name. Default: those of the process.
+
+    Returns
+    -------
+    int
+        Exit code: 0 when done, 1 when it failed, 2 for wrong input, 3 for a failed verdict, 130 on Ctrl-C.
+
+    Notes
+    -----
+    Errors of adaptctl and of the operating system and warnings become a line on stderr; other errors are bugs and pass.
+    """
     given = list(sys.argv[1:] if argv is None else argv)
     with _warnings_as_notes():
         try:

@@ -40,15 +40,13 @@ UNBOUNDED = 10_000
 
 
 def print_json(content: Mapping[str, Any]) -> None:
-    """Print a mapping of JSON's types on stdout, indented by two characters. Raises `ValueError` for NaN and infinity,
-    which JSON does not have, and `TypeError` for values of other types."""
+    """Print a mapping of JSON's types on stdout, indented by two characters."""
     json.dump(content, sys.stdout, indent=2, allow_nan=False)
     sys.stdout.write("\n")
 
 
 def print_parts(parts: Iterable[RenderableType]) -> None:
-    """Print the parts of a report, texts and tables of the package rich, on stdout, one below the other, as wide as the
-    terminal. `OSError` passes where stdout cannot be written."""
+    """Print parts, one below the other, as wide as the terminal."""
     from rich.console import Console
 
     console = Console()
@@ -57,8 +55,7 @@ def print_parts(parts: Iterable[RenderableType]) -> None:
 
 
 def words(*parts: Words) -> Text:
-    """A text, `rich.text.Text`, of `parts` one after the other, each with its style if it has one. Nothing is
-    raised."""
+    """A text, `rich.text.Text`, of `parts` one after the other, each with its style if it has one."""
     from rich.text import Text
 
     return Text.assemble(*parts)
@@ -72,16 +69,14 @@ def stacked(*parts: RenderableType) -> Group:
 
 
 def titled(title: str, *parts: RenderableType) -> Group:
-    """A group, of the package rich, of an empty line, a title in bold, and `parts`, texts or tables, indented by two
-    characters. Nothing is raised."""
+    """Group of an empty line, a title in bold and indented parts."""
     from rich.padding import Padding
 
     return stacked(words(), words((title, "bold")), *(Padding(part, (0, 0, 0, 2), expand=False) for part in parts))
 
 
 def listed(rows: Iterable[Sequence[Words]], whole: bool = False) -> Table:
-    """A table, `rich.table.Table`, of `rows` of texts without lines and heads; where they are `whole`, the first column
-    is never folded. Nothing is raised."""
+    """Table without lines and heads; the first column is never folded where `whole`."""
     from rich.table import Table
 
     table = Table(box=None, show_header=False, pad_edge=False)
@@ -94,9 +89,7 @@ def listed(rows: Iterable[Sequence[Words]], whole: bool = False) -> Table:
 
 
 def headed(heads: Sequence[str], rows: Iterable[Sequence[Words]], align: str = "") -> Table:
-    """A table, `rich.table.Table`, with the columns' titles `heads` and `rows` of texts, flush right where the letter
-    of `align` for the column is "r", else left. What is too wide for its column goes on in the next line. Nothing is
-    raised."""
+    """Table with heads; columns whose letter of `align` is "r" are flush right."""
     from rich import box
     from rich.table import Table
 
@@ -109,8 +102,7 @@ def headed(heads: Sequence[str], rows: Iterable[Sequence[Words]], align: str = "
 
 
 def print_sections(sections: Iterable[Section]) -> None:
-    """Print the sections of a report on stdout, texts and tables; what only a page can show is left out. `OSError`
-    passes where stdout cannot be written."""
+    """Print the sections of a report on stdout, texts and tables; what only a page can show is left out."""
     for section in sections:
         parts = [_printed(part) for part in section.parts]
         print_parts([titled(section.title, *(part for part in parts if part is not None))])
@@ -149,9 +141,7 @@ def print_outcome(outcome: str, facts: Iterable[Fact], folder: Path, notes: Iter
 
 @dataclass(frozen=True)
 class WrappedTable:
-    """A table of numbers for a terminal of any width, printed by the package rich: `heads` are the columns' titles,
-    `rows` hold a text for each column. Where it is too wide, further columns go on in tables below, the first column
-    repeated in each, so that no number is cut. Nothing is checked at construction."""
+    """Table that goes on below where it is too wide, so that no number is cut."""
 
     heads: Sequence[str]
     rows: Sequence[Sequence[Words]]

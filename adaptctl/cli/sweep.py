@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from adaptctl.sweeps.study import SweepStudy
 
 STATUS_SCHEMA = "adaptctl/sweep/2"
-MANY = 20_000
+MAX_UNASKED_RUNS = 20_000
 """Runs that are not started without being asked for."""
 WHERE, WHAT = "Where it runs", "What is run"
 
@@ -45,36 +45,58 @@ def sweep(
     shard: Annotated[int, Parameter(group=WHERE)] = 256,
     **settings: Annotated[str, Parameter(help="Values of a setting: 4,8,12, 0..99, 0..5:11, or 0..5 to draw from.")],
 ) -> int:
-    """Run an experiment for every combination of settings.
+    """
+    Run an experiment for every combination of settings.
 
-    Writes the results of all runs, a row for each controller, to sweep.parquet in a folder, with report.html, and
-    prints a summary; runs that are in the folder already are not computed again. With `search` it looks for the
-    settings that make the results' column `minimise` least instead, and writes best.toml. The exit code is 0 when every
-    run has its rows, whatever they say.
+    Writes the results, a row for each controller, to sweep.parquet, with report.html; runs that are in the folder
+    already are not computed again. A search writes best.toml.
 
-    Raises `NotFoundError` for an unknown experiment, study or setting, `InputError` for values of a wrong form,
-    `samples` of a grid, a `shard` that is not from 1 to 100000, more than 20000 runs without `yes`, a folder that holds
-    another sweep or other files, TLS files of which some are not given, and a scheduler that cannot be reached,
-    `FileError` for files that cannot be read or written, `MissingExtraError` without the extra `sweep` or `search`,
-    `KeyboardInterrupt` on Ctrl-C, which leaves what a sweep has computed in its folder.
+    Parameters
+    ----------
+    target : str
+        An experiment, a shipped study, or a .toml file.
+    out : Path
+        Folder of the results; the same one resumes.
+    controllers : str
+        Those to run, apart by commas; all by default.
+    sampling : str
+        Combination of settings.
+    samples : int
+        Runs to draw, where they are not a grid.
+    precision : str
+        Precision of runs that are computed together: double by default; single is faster.
+    search : int
+        Search with so many runs instead (extra `search`).
+    objective : str
+        The column that a search makes small.
+    yes : bool
+        Begin, however many runs there are.
+    jobs : int
+        Processes here; one for each processor by default.
+    scheduler : str
+        A Dask scheduler: tcp://, tls://.
+    scheduler_file : Path
+        The file that a Dask scheduler wrote.
+    tls_ca : Path
+        Certificate authority of the scheduler.
+    tls_cert : Path
+        Certificate of this client.
+    tls_key : Path
+        Its key.
+    shard : int
+        Runs that are computed, and kept, together.
 
-    Args:
-        target: An experiment, a shipped study, or a .toml file.
-        out: Folder of the results; the same one resumes.
-        controllers: Those to run, apart by commas; all by default.
-        sampling: How settings are combined.
-        samples: Runs to draw, where they are not a grid.
-        precision: Of runs that are computed together: double by default; single is faster.
-        search: Search with so many runs instead (extra `search`).
-        minimise: The column that a search makes small.
-        yes: Begin, however many runs there are.
-        jobs: Processes here; one a processor by default.
-        scheduler: A Dask scheduler: tcp://, tls://.
-        scheduler_file: The file that a Dask scheduler wrote.
-        tls_ca: Certificate authority of the scheduler.
-        tls_cert: Certificate of this client.
-        tls_key: Its key.
-        shard: Runs that are computed, and kept, together.
+    Raises
+    ------
+    NotFoundError
+        If an experiment, study or setting is unknown.
+    InputError
+        If an argument is not as above, more than 20000 runs are asked for without `yes`, the folder holds other files,
+        or the scheduler cannot be reached.
+    FileError
+        If a file cannot be read or written.
+    MissingExtraError
+        If the extra `sweep` or `search` is not installed.
     """
     from adaptctl.sweeps.cluster import Cluster
     from adaptctl.sweeps.cluster import sweep as swept
@@ -111,13 +133,7 @@ def sweep(
 
 @app.command
 def status(folder: Path, *, json: Json = False) -> int:
-    """Print how far a sweep is, and what its rows say so far.
-
-    A sweep keeps its rows in files of so many runs each, its shards. With `json`
-    the number of `shards` that are there, that of all, `shards_in_all`, and of
-    `runs` are printed as a JSON object instead. Returns the exit code 0. Raises
-    `FileError` for a folder that holds no sweep.
-    """
+    """Print how far a sweep is, and what its rows say so far."""
     from adaptctl.sweeps.folder import saved_study
 
     study = saved_study(folder)
@@ -132,12 +148,7 @@ def status(folder: Path, *, json: Json = False) -> int:
 
 @app.command
 def report(folder: Path) -> int:
-    """Write report.html of what a sweep has so far: maps, the worst runs, and the commands that show them.
-
-    The file is written into the sweep's folder, and its path printed. Returns the
-    exit code 0. Raises `FileError` for a folder that holds no sweep or no rows yet,
-    and where the file cannot be written.
-    """
+    """Write report.html of what a sweep has so far into its folder."""
     from adaptctl.sweeps.report import write_report
 
     print(f"Read it:  {write_report(folder)}")
@@ -172,7 +183,7 @@ def _search(study: SweepStudy, minimise: str, trials: int, out: Path) -> int:
 
 def _validate_few(count: int, yes: bool) -> None:
     """Ask before a large grid that may have been meant smaller; refuse it where no terminal can answer."""
-    if count <= MANY or yes:
+    if count <= MAX_UNASKED_RUNS or yes:
         return
     if sys.stdin.isatty():
         print(f"{count} runs. Begin? [y/N] ", end="", file=sys.stderr, flush=True)

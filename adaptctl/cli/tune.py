@@ -41,22 +41,39 @@ def tune(
     floating_base: FloatingBase = False,
     json: Json = False,
 ) -> int:
-    """Choose a reference and gains for a robot, and print them, with what limits them and the errors of verifying runs,
-    or with `json` a JSON object. Returns the exit code: 0, or 3 where the arm as described does not learn with them.
+    """
+    Choose a reference and gains for a robot, verify them in closed loop and print them.
 
-    The law is Slotine and Li's, whose errors decay at rates Λ (1/s), with damping K (N m s/rad, N s/m if prismatic) and
-    adaptation gain Γ. In the options' help T is the control period (s), M the mass matrix, B viscous friction, Y the
-    regressor of the parameters, Y' its transpose, and λ_max the largest eigenvalue; `hold` and `adaptation` have no
-    unit. Raises `InputError` for numbers out of range, a joint that moves no inertia or a mass matrix that is not
-    positive definite, and `floating_base` with a robot that is no URDF file, `FileError` for a robot's file that cannot
-    be used, `NotFoundError` for an unknown robot, `LoopError` where kinematic loops cannot be closed.
+    T is the control period, M the mass matrix, B viscous friction, Y the regressor and λ_max the largest eigenvalue.
 
-    Args:
-        bandwidth: Largest Λ, 1/s.
-        hold: Largest T λ_max((M + T B)⁻¹K) along the reference.
-        adaptation: T λ_max(K⁻¹ Y Γ Y') along the reference.
-        search: Settings that are tried in closed loop besides those by rule.
-        seed: Seed of the reference, and of all else that is drawn.
+    Parameters
+    ----------
+    bandwidth : float
+        Largest Λ, 1/s.
+    sampling_ratio : float
+        Largest T λ_max((M + T B)⁻¹K) along the reference.
+    adaptation_ratio : float
+        T λ_max(K⁻¹ Y Γ Y') along the reference.
+    search : int
+        Settings that are tried in closed loop besides those by rule.
+    seed : int
+        Seed of the reference, and of all else that is drawn.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or 3 where the robot does not learn.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, a joint moves no inertia or the mass matrix is not positive definite.
+    NotFoundError
+        If the robot is unknown.
+    FileError
+        If the robot's file cannot be used.
+    LoopError
+        If kinematic loops cannot be closed.
     """
     from adaptctl.dynamics import load
     from adaptctl.tuning import tune as tuned
@@ -79,19 +96,16 @@ def tune(
 
 
 def as_builtins(tuning: Tuning) -> dict[str, Any]:
-    """A tuning in JSON's types. Each of the `joints` has Slotine and Li's gains, `bandwidth` (1/s) and `damping` (N m
-    s/rad, N s/m if prismatic), `initial_error` (rad, m), `torque_limit` (N m, N), `torque_share`, the largest fraction
-    of it that the reference asks (no unit), `limited_by`, words on what limits the gains, and the reference's `center`
-    and `amplitude` (rad, m) and `frequency` (Hz).
+    """
+    Tuning in JSON's types; None is infinite.
 
-    For all there are the control `period` T (s), the diagonal of the `adaptation` gain Gamma by parameter (its unit
-    squared per J), and the integration (`substeps` a period, `integrator`). Two numbers, no unit, are the greatest of
-    the sampled loop along the reference, stable below 2: `sampling_ratio`, the damping number, the largest eigenvalue
-    of T (M + T B)^-1 K, with the mass matrix M, viscous friction B and damping K, and `achieved_adaptation_ratio`, that
-    of T K^-1 Y Gamma Y', with the parameters' regressor Y and its transpose Y'. Each run of `verified` has its `name`,
-    `is_learning`, True where it stayed near the reference and errors fell to a third, root mean square errors (rad, m)
-    over the `first` second, the `last` two, and these with adaptation `off`, the `largest` error, and `limited`, the
-    fraction, 0 to 1, of the run's second half with a torque at its limit; None for infinite. `notes` are sentences.
+    Returns
+    -------
+    dict
+        For each of `joints` gains, error, limits and reference; control period, adaptation gain and integration;
+        `sampling_ratio` and `achieved_adaptation_ratio`, the greatest along the reference, stable below 2; each run of
+        `verified` with root mean square errors over its `first` second, its `last` two and with adaptation `off`;
+        `notes`.
     """
     mechanism, reference = tuning.mechanism, tuning.reference
     joints = [
@@ -130,9 +144,7 @@ def _verified(run: Verification) -> dict[str, Any]:
 
 
 def report(tuning: Tuning) -> Iterator[RenderableType]:
-    """Renderable parts, texts and tables of the package rich, of the report that `adaptctl tune` prints, from top to
-    bottom: a verdict of failure, where it is one, each joint's gains and reference, what limits the gains, the errors
-    of verifying runs, and notes, the last two where there are any. Nothing is raised."""
+    """Parts of the report that `adaptctl tune` prints."""
     if tuning.failed:
         yield words((f"FAILED: with these gains the arm does not learn: {tuning.verified[0]}", "bold red"))
     method = f"{tuning.substeps} steps of {type(tuning.integrator).__name__} a period of {tuning.control_period:g} s"

@@ -20,16 +20,13 @@ COMPILERS = {
     "zig cc": (sys.executable, "-m", "ziglang", "cc"),
 }
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
-PATIENCE = 300.0
+TIMEOUT = 300.0
 """s for a compiler, or for what it made"""
-TOLD = re.compile(r"torques within (\S+) of (\S+) N m")
+TORQUE_MESSAGE = re.compile(r"torques within (\S+) of (\S+) N m")
 
 
 class Build(NamedTuple):
-    """Outcome of building an exported controller by a `compiler` and running its test program: `passed`, True where it
-    repeats the torques recorded from Python; `message`, text of the program, or of the compiler's error; `difference`
-    and `largest`, the greatest magnitude of its torques' differences from Python's and of Python's torques, N m (N if
-    prismatic), None where the message states no such number."""
+    """Outcome of building exported code with a compiler and running its test."""
 
     compiler: str
     passed: bool
@@ -39,8 +36,7 @@ class Build(NamedTuple):
 
 
 def found_compilers() -> dict[str, str]:
-    """C compilers found on this computer, of cc, clang, tcc and zig cc: the first line of each one's version text by
-    its name. Raises `subprocess.TimeoutExpired` for one that does not print it within 300 s."""
+    """C compilers found on this computer and their versions."""
     found: dict[str, str] = {}
     for name, command in COMPILERS.items():
         if shutil.which(command[0]) is not None:
@@ -51,8 +47,7 @@ def found_compilers() -> dict[str, str]:
 
 
 def builds(done: Exported) -> tuple[Build, ...]:
-    """Builds of an exported controller by each of the compilers that are here, none where there are none, in a folder
-    that is removed again. Raises `subprocess.TimeoutExpired` after 300 s."""
+    """Builds of an exported controller by each compiler found, in a temporary folder."""
     return tuple(_built(done, compiler) for compiler in found_compilers())
 
 
@@ -66,10 +61,10 @@ def _built(done: Exported, compiler: str) -> Build:
             return Build(compiler, False, f"does not compile: {made.stderr.strip()[:200]}", None, None)
         ran = _run([program], done.directory)
     message = " ".join(ran.stdout.split())[:200]
-    told = TOLD.search(message)
+    told = TORQUE_MESSAGE.search(message)
     numbers = [float(told[group]) if told else math.nan for group in (1, 2)]
     return Build(compiler, ran.returncode == 0, message, *(x if math.isfinite(x) else None for x in numbers))
 
 
 def _run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=PATIENCE)
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=TIMEOUT)

@@ -20,16 +20,14 @@ Kind: TypeAlias = Literal["double", "float"]
 
 @dataclass(frozen=True)
 class CNumber:
-    """Kind of number in C code: `kind` is "double" or "float"; `names` maps magnitudes of constants to what they stand
-    for, such as a robot's parameter, to be written beside them in comments. Nothing is checked."""
+    """Kind of number in C code, double or float."""
 
     kind: Kind
     names: Mapping[float, str]
 
     @property
     def precision(self) -> Precision:
-        """Precision of the numbers, as a `Precision`: "double" (binary64) for C's double, "single" (binary32) for its
-        float."""
+        """Precision of the numbers."""
         return "double" if self.kind == "double" else "single"
 
     @property
@@ -43,16 +41,11 @@ class CNumber:
         return "" if self.kind == "double" else "f"
 
     def rounded(self, x: float) -> float:
-        """The float that stands for `x` in this kind of number: `x` itself for double; for float the nearest
-        single-precision number, the magnitude being first clipped to between about 1.2e-38 and 3.4e38. Zero, NaN and
-        infinities stay as they are. Nothing is raised."""
+        """Number that stands for `x`: itself for double, the nearest float, clipped to its range."""
         return x if self.kind == "double" else single(x)
 
     def constant(self, x: float) -> str:
-        """The C text of the number `x`, without a comment, a constant of the C type, double or float, that this object
-        stands for: decimal for whole numbers below 1e6 in size, HUGE_VAL or HUGE_VALF for infinity, else hexadecimal;
-        negative ones in parentheses. Compilers read back exactly what the method `rounded` gives: x itself for double,
-        the nearest single-precision number for float. Raises `ValueError` for NaN."""
+        """C text of a constant, without a comment."""
         if math.isinf(x):
             huge = f"HUGE_VAL{self.suffix.upper()}"  # INFINITY is a float
             return f"(-{huge})" if x < 0.0 else huge
@@ -62,16 +55,12 @@ class CNumber:
         return f"({text})" if text.startswith("-") else text
 
     def text(self, x: float) -> str:
-        """The C text of the number `x`, a constant of the C type, double or float, that this object stands for: decimal
-        for whole numbers below 1e6 in size, HUGE_VAL or HUGE_VALF for infinity, else hexadecimal; negative ones in
-        parentheses. Compilers read back exactly what the method `rounded` gives: x itself for double, the nearest
-        single-precision number for float. Where this object's `names`, a mapping from magnitudes to names, has |x|, a
-        comment with that name follows, such as a robot's parameter. Raises `ValueError` for NaN."""
+        """C text of a constant."""
         name = self.names.get(abs(x))
         return f"{self.constant(x)} /* {name} */" if name else self.constant(x)
 
 
-LONGEST = 90
+MAX_INLINE_LENGTH = 90
 """Characters of what is written in place of a name, where it is used once."""
 
 LIBRARY = {Op.SQRT: "sqrt", Op.ROUND: "rint", Op.ABSOLUTE: "fabs"}
@@ -84,16 +73,7 @@ Given = Callable[[int, int], str]
 
 
 class CStatements:
-    """Writer of C statements, expression by expression, that compute a piece of a routine (traced function): the whole
-    of it or, where it is long, one of several C functions that share the array `passed` of intermediate values. The
-    attribute `lines` is the list of the lines of C text written so far, the attribute `arrays` the total length of the
-    arrays that they declare.
-
-    Made of `prefix`, which begins all names in the C code; `number`, the `CNumber`, double or float; `piece`, the
-    `Piece`, which tells what earlier pieces left in `passed`; `symbols`, the C functions' names by `Routine`, for
-    calls; and `given`, a callable `given(i, k)` that returns the C text of scalar k of the routine's argument i, both
-    from 0. Nothing is checked.
-    """
+    """Writer of the C statements of a routine or a piece of it."""
 
     def __init__(
         self, prefix: str, number: CNumber, piece: Piece, symbols: Mapping[Routine, str], given: Given
@@ -107,10 +87,7 @@ class CStatements:
         self._turned: set[int] = set()
 
     def compute(self, x: Expression, *, named: bool) -> None:
-        """Append the statements that compute the expression `x`, whose operands have been computed before, unless its
-        value is stored already, as an input's is. With `named` its value gets a variable; without, the text of one that
-        is used once and has at most 90 characters is written where it is used instead. Raises `KeyError` for a call of
-        a routine without a name in `symbols`."""
+        """Append the statements that compute an expression, unless it is stored already."""
         if x.op is Op.CALL:
             self._call(x)
             return
@@ -121,7 +98,7 @@ class CStatements:
             self._text[x.index] = place
             return
         text = self._formula(x)
-        if not named and self._uses[x.index] <= 1 and len(text) <= LONGEST:
+        if not named and self._uses[x.index] <= 1 and len(text) <= MAX_INLINE_LENGTH:
             self._text[x.index] = f"({text})"
             return
         kind = "int" if x.op in TRUTHS else f"{self._prefix}_real"
@@ -129,20 +106,16 @@ class CStatements:
         self._text[x.index] = f"x{x.index}"
 
     def store(self, place: str, value: Expression | float) -> None:
-        """Append the assignment of `value`, an expression that has been computed or a constant, to `place`, the C text
-        of a variable or an array's element. Nothing is checked."""
+        """Append the assignment of a value to a place."""
         self.lines.append(f"{place} = {self.operand(value)};")
 
     def copy_where(self, condition: Expression, runs: Iterable[tuple[str, str, int]]) -> None:
-        """Append C statements that copy contiguous arrays where a `condition`, a comparison that has been computed, is
-        true: an `if` with one `memcpy` for each of `runs`. A run is the C text of the destination's first element, that
-        of the source's first element, and the number of elements. Nothing is checked."""
+        """Append copies of arrays where a condition holds."""
         copies = [f"    (void)memcpy(&{to}, &{of}, {n}u * sizeof({self._prefix}_real));" for to, of, n in runs]
         self.lines += [f"if ({self.operand(condition)}) {{", *copies, "}"]
 
     def operand(self, x: Expression | float) -> str:
-        """The C text of an operand `x`: of an expression whose value has been computed or is stored already, as an
-        input's is, or of a constant. Raises `KeyError` for an expression that is neither."""
+        """C text of a computed expression or a constant."""
         if not isinstance(x, Expression):
             return self._number.text(x)
         if x.index not in self._text:
@@ -202,9 +175,7 @@ class CStatements:
 
 
 def most_alive(expressions: Sequence[Expression], outputs: Iterable[Expression | float]) -> int:
-    """The greatest number of intermediate values that are live at one time, computed with a use to come, where
-    `expressions` are computed in this order: about as many numbers as the stack holds. Inputs and calls do not count;
-    those of `outputs`, expressions and constants, that nothing else uses are live to the end. Nothing is checked."""
+    """Greatest number of intermediate values that are live at one time, about the size of the stack."""
     last = {y.index: k for k, x in enumerate(expressions) for y in x.operands if isinstance(y, Expression)}
     own = {x.index for x in expressions if x.op not in (Op.INPUT, Op.CALL)}
     kept = {x.index for x in outputs if isinstance(x, Expression)}
@@ -218,10 +189,7 @@ def most_alive(expressions: Sequence[Expression], outputs: Iterable[Expression |
 
 
 def sine_source(prefix: str, number: CNumber) -> str:
-    """The C function, as text, of sine and cosine of an angle, `static void` and named `prefix` and "_sincos": its
-    parameters are the angle x in rad and pointers to where the sine and the cosine are to go, in this order. `number`
-    is the kind of number, double or float; the operations are those of the native code in Python. It gives NaN for
-    angles beyond about 1e6 rad in double, 8192 rad in float. Nothing is raised."""
+    """C function of the sine and cosine of an angle."""
     sine = sine_for(number.precision)
     near, far = _near(prefix, number, sine), sine.farthest
     bits, within = f"uint{8 * number.size}_t", "2 ulp" if number.kind == "double" else "1.2e-7"

@@ -17,7 +17,7 @@ from adaptctl.codegen.c_program import CProgram, Signature, helpers
 from adaptctl.codegen.closed_loop_check import RecordedTick, first_torque
 from adaptctl.codegen.gain_rules import GainRule, gain_rules
 from adaptctl.codegen.initialisation import start_of
-from adaptctl.codegen.interface import GIVEN, Field, Interface, status_bits
+from adaptctl.codegen.interface import ARGUMENTS, Field, Interface, status_bits
 from adaptctl.compilation.graph import Op
 from adaptctl.compilation.sine import sine_for
 from adaptctl.dynamics.loops.continuation import MAX_LOST_GAP
@@ -30,16 +30,7 @@ TOLERANCE: Mapping[Kind, float] = {"double": 1e-11, "float": 1e-3}
 
 
 class CPackage:
-    """C package of a controller: the texts of its C files, and the sizes, rules of gains and version that they state.
-
-    Made of `interface`, the controller's `Interface` (arguments, internal state and gains by name); `name`, which
-    begins all names in the code, a C identifier; and `kind`, the kind of number, "double" or "float". Of the
-    attributes, `number` is the `CNumber`, `program` the `CProgram` that writes its functions, `start` the `Start`, the
-    rules for the initial internal state, `memory` the fields of that state that are not empty, and `stack` about how
-    many bytes of stack a call of the law takes, 0 until `functions` has been asked for. Raises `InputError` where the
-    initial internal state depends on the arm's position in a way that cannot be exported, `TraceError` where the
-    function that computes it cannot be traced.
-    """
+    """C package of a controller: its files, sizes, rules of gains and version."""
 
     def __init__(self, interface: Interface, name: str, kind: Kind) -> None:
         self.interface, self.name, self.kind = interface, name, kind
@@ -50,11 +41,7 @@ class CPackage:
         self.stack = 0
 
     def files(self, ticks: Sequence[RecordedTick], last_state: Any) -> dict[str, str]:
-        """Contents of the C files by file name, NAME being the package's name: the source NAME.c; its headers for C,
-        NAME.h, and C++, NAME.hpp; CMakeLists.txt; the test test_NAME.c with its recorded numbers, vectors.h; and
-        example.c. `ticks`, at least one, have been recorded from the controller in Python for the test, `last_state` is
-        the controller's state after them. Raises `IndexError` for empty `ticks`, `TraceError` for a law that cannot be
-        traced."""
+        """Contents of the C files by name."""
         estimate = self.interface.estimate
         leaves = dict(zip((f.name for f in self.interface.memory), self.interface.memory_of(last_state), strict=True))
         recorded = {
@@ -81,9 +68,7 @@ class CPackage:
 
     @cached_property
     def functions(self) -> str:
-        """The C functions, as text, of the controller's law, of all that it calls, and of what the code's `init` calls
-        to compute the initial internal state. Asking for this property also sets the attribute `stack`, about how many
-        bytes of stack a call of the law takes. Raises `TraceError` for a law that cannot be traced."""
+        """C functions of the law and of the initial internal state."""
         name, start = self.name, self.start
         law = self.program.source(self.interface.law, self._law_signature())
         texts, self.stack = [law.text], law.stack
@@ -100,25 +85,19 @@ class CPackage:
 
     @cached_property
     def hash(self) -> str:
-        """Hash of the exported code, the first 16 hexadecimal digits, in capitals, of a SHA-256: of its functions, its
-        internal state's fields and initial values, and the names of its status bits. By it the code recognises a state
-        that other code has made. Raises `TraceError` for a law that cannot be traced."""
+        """First 16 digits of a SHA-256 of functions, state and status bits."""
         starts = [field.name + str(field.dimensions) + self._array(field.values) for field in self.memory]
         text = "\n".join([self.functions, *starts, str(self.interface.flags), str(self.start.configurations)])
         return hashlib.sha256(text.encode()).hexdigest()[:16].upper()
 
     @cached_property
     def rules(self) -> tuple[GainRule, ...]:
-        """Rules, a `GainRule` each, for the gains that the law reads in a control period, in their order: the C code's
-        function that checks gains applies them. They are found once, by asking the controller in Python for many gains.
-        Raises `TraceError` for a law that cannot be traced."""
+        """Rules for the gains, in their order."""
         return gain_rules(self.interface.controller, self.interface.gains)
 
     @property
     def state_bytes(self) -> int:
-        """Size in bytes of the controller's state in C, which the caller keeps for each arm. It has the internal state
-        twice, for each step writes the copy that is not in use, rounded up to 8 bytes; a hash of 8 bytes; and a version
-        and the index of the copy in use, 4 bytes each."""
+        """Size in bytes of the controller's state in C, which the caller keeps for each arm."""
         numbers = max(sum(field.size for field in self.memory), 1)
         return 16 + -(-2 * numbers * self.number.size // 8) * 8
 
@@ -165,10 +144,7 @@ class CPackage:
         }
 
     def filled(self, template: str, **more: Any) -> str:
-        """The text of the file `template`, such as "controller.h", of adaptctl.codegen's templates, filled with this
-        controller's functions, names and numbers and with the variables `more` by name. Raises
-        `jinja2.TemplateNotFound` for an unknown template, `jinja2.UndefinedError` where it needs a variable that is not
-        given, `TraceError` for a law that cannot be traced."""
+        """Text of a template filled with this controller's functions, names and numbers."""
         return filled(template, **self._content, **more)
 
     def _walk(self) -> dict[str, Any] | None:
@@ -212,7 +188,7 @@ class CPackage:
             return f"torque[{k}]" if part == 0 else f"next->{fields[part - 1].place(k)}"
 
         def before(part: int, k: int) -> tuple[int, int] | None:
-            return (part + len(GIVEN) - 1, k) if part else None
+            return (part + len(ARGUMENTS) - 1, k) if part else None
 
         return Signature(f"{name}_law", parameters, given, place, before)
 
@@ -251,8 +227,7 @@ class _Mark(NamedTuple):
 
 
 def title(interface: Interface) -> str:
-    """Title of a controller's exported code, in a line, from its `interface`: the law, with "guarded" where it is, the
-    arm and the control period in s, such as "SlotineLi, guarded for puma560, every 0.001 s". Nothing is raised."""
+    """Title of exported code, such as "SlotineLi, guarded for puma560, every 0.001 s"."""
     law = type(interface.innermost).__name__ + (", guarded" if interface.guarded else "")
     arm = interface.mechanism.name if interface.mechanism else f"{interface.controller.dof} joints"
     printable = "".join(c if c.isprintable() and c not in "*/\\" else " " for c in arm)
@@ -260,9 +235,7 @@ def title(interface: Interface) -> str:
 
 
 def filled(template: str, **content: object) -> str:
-    """The text of the file `template`, such as "README.wasm.md", of adaptctl.codegen's templates, filled with the
-    variables `content` by name. Raises `jinja2.TemplateNotFound` for an unknown template, `jinja2.UndefinedError` where
-    it needs a variable that is not given."""
+    """Text of a template filled with variables."""
     return _environment().get_template(f"{template}.jinja").render(**content)
 
 
@@ -288,8 +261,7 @@ def _gain_places(fields: Iterable[Field]) -> list[str]:
 
 
 def readme(package: CPackage) -> str:
-    """The README, in Markdown, of an exported C `package`: how to build, use and check its code. Raises `TraceError`
-    for a law that cannot be traced."""
+    """The README, in Markdown, of an exported C `package`: how to build, use and check its code."""
     return package.filled(
         "README.md",
         flops=package.interface.law.operations.flops,

@@ -19,16 +19,7 @@ Before = Callable[[int, int], Numbered | None]
 
 
 class ConditionalStore:
-    """Results of a `piece` of a `routine` that a condition can put back to an earlier value. (A routine is a traced
-    function; a piece is the whole of it or, where it is long, one of several functions that it is cut into.) Such a
-    result is a choice between a new value and the argument's scalar that the result replaces. The piece can store new
-    values as they are computed, and copy the earlier ones back at its end where the condition holds.
-
-    `before(j, k)` is a callable that returns the pair (i, l) of the argument's scalar, scalar l of argument i, that
-    scalar k of the result's part j replaces, None where it replaces none; all indices count from 0. The attribute
-    `conditions` maps each comparison to a list of pairs ((j, k), (i, l)): where it holds, the argument's scalar is
-    copied to the result's. The attribute `piece` is the piece without these choices. Nothing is checked.
-    """
+    """Results of a piece of a routine that a condition can put back to an earlier value."""
 
     def __init__(self, routine: Routine, piece: Piece, before: Before) -> None:
         uses = Counter(y for x in routine.body for y in x.operands if isinstance(y, Expression))
@@ -45,9 +36,7 @@ class ConditionalStore:
         self.piece = Piece(left, piece.kept, piece.found)
 
     def stored(self, x: Expression | float) -> Expression | float:
-        """The value to store at first for the result `x`, an expression or a constant: for a choice between an earlier
-        value and a new one, the new one, over which the earlier one may be copied at the end; `x` itself for any other.
-        Nothing is raised."""
+        """Value to store at first: of a choice the new one, over which the earlier may be copied."""
         if isinstance(x, Expression) and x in self._choices:
             kept: Expression | float = x.operands[2]
             return kept
@@ -74,11 +63,7 @@ def _nothing(_part: int, _k: int) -> None:
 
 @dataclass(frozen=True)
 class Signature:
-    """Signature of a C function that computes a routine (traced function): its `name`; its `parameters`, C texts of
-    their declarations; and three callables, whose indices count from 0. `given(i, k)` returns the C text of scalar k of
-    argument i, `place(j, k)` the C text of the variable or array element in which scalar k of the result's part j is
-    stored. `before(j, k)` returns the pair of the argument's index and of the scalar's index in it that this result
-    replaces in the next call, None, by default always, where it replaces none. Nothing is checked."""
+    """Signature of a C function: name, parameters, and texts of arguments and results."""
 
     name: str
     parameters: tuple[str, ...]
@@ -88,24 +73,20 @@ class Signature:
 
     @property
     def arguments(self) -> tuple[str, ...]:
-        """The names of the parameters, the last word of each one's declaration, in order. Raises `IndexError` for a
-        declaration that does not end with a word."""
+        """The names of the parameters, the last word of each one's declaration, in order."""
         return tuple(re.findall(r"\w+$", text)[0] for text in self.parameters)
 
 
 @dataclass(frozen=True)
 class CSource:
-    """Source of C functions: their `text`, and `stack`, about how many bytes of stack the last function takes with all
-    that it calls. Nothing is checked."""
+    """Text of C functions, and about how many bytes of stack the last takes."""
 
     text: str
     stack: int
 
 
 class CProgram:
-    """C functions of several routines (traced functions), among them those that they call, each of which is written
-    once. `prefix` begins all names, `number` is the `CNumber`, double or float; `operations` is the set of operations,
-    an `Op` each, that the functions written so far have; empty at first. Nothing is checked."""
+    """C functions of several routines, each written once."""
 
     def __init__(self, prefix: str, number: CNumber) -> None:
         self.prefix, self.number = prefix, number
@@ -114,16 +95,13 @@ class CProgram:
         self._stacks: dict[Routine, int] = {}
 
     def source(self, routine: Routine, signature: Signature) -> CSource:
-        """The `CSource`, text and stack, of a `routine` (traced function) as a C function with the given `signature`.
-        The functions of the routines that it calls stand before it, unless an earlier call returned them. Nothing is
-        checked: the signature must fit the routine."""
+        """C function of a routine with a signature."""
         texts = [self._called(inner) for inner in _callees(routine) if inner not in self._symbols]
         text, stack = self._functions(routine, signature)
         return CSource("\n".join([*texts, text]), stack)
 
     def on_arrays(self, routine: Routine, name: str, given: Sequence[str]) -> Signature:
-        """The signature of a function of that `name` that runs a `routine` on arrays: its arguments, by the names
-        `given`, and its results, out0, out1 and so on. Nothing is checked."""
+        """Signature of a function that runs a routine on arrays."""
         real, restrict = f"{self.prefix}_real", f"{self.prefix.upper()}_RESTRICT"
         inputs = [f"const {real} *{restrict} {argument}" for argument in given]
         outputs = [f"{real} *{restrict} out{k}" for k in range(len(routine.layout.sizes))]
@@ -184,9 +162,7 @@ class CProgram:
 
 
 def helpers(prefix: str, operations: set[Op]) -> str:
-    """The C functions, as text, of the smaller and of the larger of two numbers, NaN when either is: each where its
-    `Op` (MINIMUM, MAXIMUM) is in `operations`, empty text where neither is. They are named `prefix` and "_min" or
-    "_max", take the two numbers and return one. Nothing is raised."""
+    """C functions of the smaller and the larger of two numbers, where they are used."""
     texts = []
     for op, sign in ((Op.MINIMUM, "<"), (Op.MAXIMUM, ">")):
         if op in operations:

@@ -22,20 +22,17 @@ from adaptctl.simulation.rollout import KeptSamples
 from adaptctl.simulation.simulate import EpisodeRun, Stretch
 
 TICKS = 100
-AMPLITUDE, OFF = 0.1, 0.02
+AMPLITUDE, INITIAL_ERROR = 0.1, 0.02
 """rad or m: how far the default reference moves, and how far from it the arm is"""
-SLOWEST, SPREAD = 0.2, 0.06
+MIN_FREQUENCY, FREQUENCY_STEP = 0.2, 0.06
 """Hz: the first joint's frequency, and what each other has more"""
-MARGIN = 0.15
+LIMIT_MARGIN = 0.15
 """rad or m between the default reference's centre and the joints' limits"""
 
 
 @dataclass(frozen=True)
 class RecordedTick:
-    """A tick (the work of one control period) of a controller of r joints, recorded in Python for a test of its
-    exported code: the arguments `p` and `v` (r,), rad and rad/s (m, m/s if prismatic), and `reference`, a
-    `ReferencePoint`; and the results `torque` (r,), N m (N), and `status`, an integer, the sum of its guards' status
-    bits. Nothing is checked."""
+    """Arguments and results of a control step, recorded in Python for a test of exported code."""
 
     p: Array
     v: Array
@@ -45,11 +42,7 @@ class RecordedTick:
 
 
 def default_reference(interface: Interface) -> Reference:
-    """The reference on which a controller is checked by default, from its `interface`: `Sinusoids` of 0.1 rad or m
-    (0.05 m for a task space in the world). Their centre is the controller's home configuration, or the nearest one that
-    the joints' limits allow, in a task space its point there; their frequency is 0.2 Hz in the first coordinate and
-    0.06 Hz more in each further one. Where the law's reference is in another space than joints or the world, the centre
-    is 0. Nothing is raised."""
+    """Reference of the check unless one is given: sinusoids of 0.1 rad or m (0.05 m in a task space)."""
     law, size = interface.innermost, interface.controller.reference_size
     center, amplitude = centre(interface), AMPLITUDE
     if isinstance(law, TaskSpaceSlotineLi) and not law.reference_in_joints:
@@ -57,29 +50,21 @@ def default_reference(interface: Interface) -> Reference:
         center, amplitude = np.array(x.of), 0.5 * AMPLITUDE
     elif not interface.follows_joints:
         center = np.zeros(size)
-    return Sinusoids(center, np.full(size, amplitude), np.asarray(SLOWEST + SPREAD * np.arange(size)))
+    return Sinusoids(center, np.full(size, amplitude), np.asarray(MIN_FREQUENCY + FREQUENCY_STEP * np.arange(size)))
 
 
 def centre(interface: Interface) -> Array:
-    """The centre (r,), rad (m if prismatic), of the motion of the r joints in a controller's check, from its
-    `interface`. It is the home configuration, moved so far that it is at least 0.15 rad (m), or half the joint's range
-    where that is less, from joint limits; the home configuration itself where there are loops or no known mechanism.
-    Nothing is raised."""
+    """Center (r,) of the motion in the check: home, or as near to it as the limits allow."""
     home, mechanism = np.asarray(interface.controller.neutral_configuration, dtype=np.float64), interface.mechanism
     if mechanism is None or mechanism.description.loops is not None:
         return home
     lower, upper = position_range(mechanism)
-    margin = np.minimum(MARGIN, 0.5 * (upper - lower))
+    margin = np.minimum(LIMIT_MARGIN, 0.5 * (upper - lower))
     return np.clip(home, lower + margin, upper - margin)
 
 
 def record(interface: Interface, reference: Reference, ticks: int = TICKS) -> tuple[list[RecordedTick], Any]:
-    """A pair of a list of `RecordedTick`, the arguments and results of `ticks` control periods of the controller of an
-    `interface` in Python, and of the controller's state after them. The periods count from time 0; there are 100 by
-    default, and at least one. The motion is within 0.02 rad (m if prismatic) of `reference`, a function of time (s),
-    or, where that is in another space than the joints', of the home position or the nearest one well within the joint
-    limits (by 0.15 rad or m, or half a narrower range). Raises what the reference trajectory, `controller.init` and
-    `controller.step` raise, such as `NonFiniteError`; `IndexError` where `ticks` is 0."""
+    """Arguments and results of control steps in Python, and the state after them."""
     controller, rows = interface.controller, []
     time = np.asarray(interface.control_period * np.arange(ticks), dtype=np.float64)
     p, v = _motion(interface, reference, time)
@@ -93,8 +78,7 @@ def record(interface: Interface, reference: Reference, ticks: int = TICKS) -> tu
 
 
 def first_torque(interface: Interface, tick: RecordedTick, held: Array) -> Array:
-    """The torque (r,), N m (N), of the guarded controller of an `interface` in Python where a recorded `tick` is its
-    first and the torque `held` (r,), N m (N), is applied to the arm before. Raises what `init` and `step` do."""
+    """Torque (r,) of the controller where a tick is its first and another torque was applied before."""
     law: Any = interface.controller
     state = law.init(tick.p, np.zeros(law.dof), torque=held)
     torque: Array = law.step(state, tick.p, tick.v, tick.reference)[0]
@@ -105,7 +89,10 @@ def _motion(interface: Interface, reference: Reference, time: Array) -> tuple[Ar
     """Positions and velocities (T, r): along the reference where it is one of joints, a little off."""
     r = interface.controller.dof
     rate = np.asarray(2.0 * np.pi * (3.0 + np.arange(r)), dtype=np.float64)
-    off, slope = OFF * np.sin(rate * time[:, None] + 1.0), OFF * rate * np.cos(rate * time[:, None] + 1.0)
+    off, slope = (
+        INITIAL_ERROR * np.sin(rate * time[:, None] + 1.0),
+        INITIAL_ERROR * rate * np.cos(rate * time[:, None] + 1.0),
+    )
     if not interface.follows_joints:
         return centre(interface) + off, slope
     points = reference(time)
@@ -114,7 +101,7 @@ def _motion(interface: Interface, reference: Reference, time: Array) -> tuple[Ar
 
 DURATION = 600.0
 """s"""
-SMALL, LEARNED = 5e-3, 1.0 / 3.0
+SMALL_ERROR, LEARNED_SHARE = 5e-3, 1.0 / 3.0
 """rad or m, and share of the first error: a last error above both was not learned away"""
 FAILURES = {
     "stopped": "the guards stop the arm after {:g} s: use smaller gains, or wider limits",
@@ -126,21 +113,7 @@ FAILURES = {
 def check_closed_loop(
     interface: Interface, reference: Reference, duration: float = DURATION, anyway: bool = False
 ) -> dict[str, Any]:
-    """Outcome, a dict in JSON's types, of a simulation of the controller of an `interface` on its own mechanism along
-    `reference`, a function of time (s), for `duration` s, 600 unless given.
-
-    It has "duration", s; "reference", a dict of its class's name and, for `Sinusoids`, their numbers, by which the run
-    can be repeated; "failure", None, or what is wrong in words; "finite", True unless that ended the run; and
-    "rms_error_first_10_s" and "rms_error_last_10_s", the root mean square of the position errors over all joints
-    together, rad (m if prismatic), and over the first and the last 10 s (the whole of a shorter run), None where the
-    reference is not one of joints or they are not finite.
-
-    The run fails where it becomes non-finite, guards stop it or hear it ring, or a law that adapts does not learn: its
-    last error is above 5 mrad (mm) and a third of the first, in a run of 20 s or more. Raises `VerdictError` for that
-    unless `anyway`; `InputError` where no mechanism is known or it has more than 100 links, and for a reference for
-    another number of coordinates; `NonFiniteError` for a reference that is not finite; `TraceError` for a law that
-    cannot be traced.
-    """
+    """Outcome of a simulation of the controller on its mechanism, in JSON's types."""
     mechanism, controller = interface.mechanism, interface.controller
     if mechanism is None or len(mechanism.links) > MAX_COMPILED_LINKS:
         raise InputError("check: the controller names no mechanism that can be simulated; export it without the check")
@@ -171,10 +144,7 @@ def check_closed_loop(
 
 
 def stated(reference: Reference) -> dict[str, Any]:
-    """A `reference` in JSON's types, for a manifest: a dict of "kind", the name of its class, and, for `Sinusoids`,
-    "center" (r,) and "amplitude" (h, r), rad (m if prismatic), "frequency", Hz, and "phase", rad, (h, r) each, lists of
-    the numbers of h sinusoids for each of r coordinates, and "start_time", s, in which they fade in. Nothing is
-    raised."""
+    """Reference in JSON's types."""
     if not isinstance(reference, Sinusoids):
         return {"kind": type(reference).__name__}
     names = ("center", "amplitude", "frequency", "phase", "start_time")
@@ -220,6 +190,8 @@ def _sound(run: EpisodeRun) -> tuple[Stretch | None, str | None]:
 
 def _unlearned(interface: Interface, started: float, ended: float) -> str | None:
     """Words on a law that adapts and whose error (rad or m) did not become small; else None."""
-    if getattr(interface.innermost, "adaptation_law", None) is None or ended <= max(SMALL, LEARNED * started):
+    if getattr(interface.innermost, "adaptation_law", None) is None or ended <= max(
+        SMALL_ERROR, LEARNED_SHARE * started
+    ):
         return None
     return f"it does not learn: an error of {started:.3g} at first and {ended:.3g} in the end; use other gains"

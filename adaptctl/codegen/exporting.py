@@ -26,7 +26,7 @@ from adaptctl.version import __version__
 
 Language: TypeAlias = Literal["c", "wasm"]
 SCHEMA = "adaptctl/export/2"
-MOST_STACK = 16 * 1024
+MAX_STACK_BYTES = 16 * 1024
 """bytes, about, that a tick may take unless more is asked for"""
 _WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long register
@@ -36,28 +36,42 @@ typename using virtual export friend mutable explicit
 """
 RESERVED = frozenset(re.findall(r"\w+", _WORDS))
 """Words of C and C++."""
-LONGEST_NAME = 40
+MAX_NAME_LENGTH = 40
 
 
 @dataclass(frozen=True)
 class Exported:
-    """An exported controller: the absolute path of its folder, `directory`; the `name` that begins its code's names;
-    the names of the `files` in the folder, the manifest's last; and the contents of its `manifest`, a dict in JSON's
-    types, None for null. Nothing is checked.
+    """
+    Exported controller: its folder and manifest.
 
-    The manifest has "schema", "name", "adaptctl", "numpy" (versions), "spdx" (licence), "law", "adaptation" (names of
-    classes), "guarded", "control_period" (s), "mechanism" and "basis" (names and hashes), "joints", "gains" (by name,
-    SI units), "gains_sha256", "flops" (the number of additions, subtractions, multiplications, divisions and negations
-    in a control period), "operations" (the number of each kind), "state_numbers" (how many numbers the internal state
-    has), "scalar", "language", "check" (outcome of the simulation that checked it, None without), "tolerance" (of
-    torques, in parts of the largest) and "files" (their SHA-256); in C also "state_bytes", "stack_bytes_about",
-    "vectors" (ticks recorded) and "abi_hash", in WebAssembly "wasm_bytes".
+    Parameters
+    ----------
+    directory : Path
+        Absolute path of the folder.
+    name : str
+        Beginning of all names in the code.
+    files : tuple of str
+        Names of the files, the manifest's last.
+    manifest : dict
+        Contents of the manifest in JSON's types, see docs/export.md.
+
+    Examples
+    --------
+    >>> exported = adaptctl.export(law, tmp / "code", language="wasm", unguarded=True)
+    >>> exported.manifest["control_period"], exported.files[-1]
+    (0.001, 'manifest.json')
+    >>> len(repr(exported).splitlines())
+    1
     """
 
     directory: Path
     name: str
     files: tuple[str, ...]
     manifest: dict[str, Any]
+
+    def __repr__(self) -> str:
+        """Name and folder in one line."""
+        return f"<Exported {self.name!r} in {self.directory}: {len(self.files)} files>"
 
 
 @needed("adaptctl.export")
@@ -74,27 +88,58 @@ def export(
     large_stack: bool = False,
     anyway: bool = False,
 ) -> Exported:
-    """Write a controller's tick, its work of one control period, as C99 source or a WebAssembly module, in a folder
-    that needs no Python; returns the `Exported`, with its manifest.
+    """
+    Write a controller as C99 source or a WebAssembly module that needs no Python.
 
-    `directory` must not exist; folders above it are made, and it is there whole or not at all. `name` begins all names
-    in the code, a C identifier of at most 40 characters, a letter first and no keyword: the mechanism's name in lower
-    case unless given. `language` is "c" or "wasm", `scalar` the kind of number, "double" or in C "float". With `check`
-    the closed loop is simulated for 600 s along `reference`, and its root mean square errors in joints, rad (m if
-    prismatic), go into the manifest; in C, ticks recorded near the reference go into the code's tests. `reference` is a
-    function of time (s); None, the default, is for one of sinusoids of 0.1 rad or m (0.05 m in a task space) about the
-    home configuration, or as near to it as joint limits allow. A `check` that fails is an error; with `anyway` the code
-    is written all the same, and the manifest says what failed. A controller should be `SafetyFilter`: `unguarded` lets
-    one without guards go. `large_stack` allows more than about 16 kB of stack a tick in C.
+    Parameters
+    ----------
+    controller : Controller
+        Controller, preferably a `SafetyFilter`.
+    directory : str or Path
+        Folder to make; it must not exist, and is there whole or not at all.
+    name : str, optional
+        Beginning of all names in the code, a C identifier of at most 40 characters. Default: the mechanism's name in
+        lower case.
+    scalar : {"double", "float"}, default "double"
+        Kind of number; "float" in C alone.
+    language : {"c", "wasm"}, default "c"
+        Language of the code.
+    unguarded : bool, default False
+        Allows a controller without guards.
+    check : bool, default False
+        Simulates the closed loop for 600 s and writes the errors into the manifest.
+    reference : Reference, optional
+        Motion of the check and of the test ticks recorded in C. Default: sinusoids of 0.1 rad or m (0.05 m in a task
+        space) about the home configuration.
+    large_stack : bool, default False
+        Allows more than about 16 kB of stack in C.
+    anyway : bool, default False
+        Writes the code although the check fails; the manifest says why.
 
-    Raises `InputError` where `controller` is no `Controller`, overrides `step`, or has no guards without `unguarded`;
-    for another `name`, `scalar` or `language` than these and for float in WebAssembly; for a stack above about 16 kB
-    without `large_stack`, and for kinematic loops that single precision leaves open by 1e-5 m or rad; for a `reference`
-    that is not callable or has another number of coordinates than the controller's; and for a `check` that has no
-    mechanism to run on. Raises `VerdictError`, unless `anyway`, for a `check` that becomes non-finite, is stopped by
-    guards, rings or does not learn, `NonFiniteError` for a reference that is not
-    finite, `TraceError` for a law that cannot be traced, and `FileError` where `directory` is no path, exists or cannot
-    be written.
+    Returns
+    -------
+    Exported
+        Folder and manifest.
+
+    Raises
+    ------
+    InputError
+        If the controller has no guards or a `step` of its own, an argument is not as above, the stack is too large,
+        single precision leaves loops open, or a check has no mechanism.
+    VerdictError
+        If the check fails: it diverges, is stopped by guards, rings or does not learn.
+    NonFiniteError
+        If the reference is not finite.
+    TraceError
+        If the law cannot be traced.
+    FileError
+        If the folder exists or cannot be written.
+
+    Examples
+    --------
+    >>> exported = adaptctl.export(law, tmp / "code", unguarded=True)
+    >>> f"{exported.name}.c" in exported.files
+    True
     """
     validate_controller(controller)
     _validate_choice("scalar", scalar, get_args(Kind))
@@ -134,10 +179,11 @@ def _c_files(
 
     package = CPackage(interface, name, scalar)
     _ = package.functions
-    if package.stack > MOST_STACK and not large_stack:
+    if package.stack > MAX_STACK_BYTES and not large_stack:
         raise InputError(
-            f"controller: a tick would take about {package.stack // 1024} kB of stack, at most {MOST_STACK // 1024} kB "
-            "is common on small processors: choose another adaptation law, or ask for a large stack"
+            f"controller: a tick would take about {package.stack // 1024} kB of stack, at most "
+            f"{MAX_STACK_BYTES // 1024} kB is common on small processors: choose another adaptation law, or ask "
+            "for a large stack"
         )
     ticks, last = record(interface, reference)
     files: dict[str, str | bytes] = dict(package.files(ticks, last))
@@ -233,16 +279,16 @@ def _name(interface: Interface, name: str | None) -> str:
     """The name that was given, or one made of the mechanism's. Raises `InputError` for no C identifier."""
     if name is None:
         own = interface.mechanism.name if interface.mechanism else "controller"
-        name = re.sub(r"[^a-z0-9_]", "_", own.lower()).strip("_")[:LONGEST_NAME]
+        name = re.sub(r"[^a-z0-9_]", "_", own.lower()).strip("_")[:MAX_NAME_LENGTH]
         name = name if re.match(r"[a-z]", name) else f"arm_{name}"
         return f"{name}_" if name in RESERVED else name
     if (
         not isinstance(name, str)
-        or not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_]{{0,{LONGEST_NAME - 1}}}", name, re.ASCII)
+        or not re.fullmatch(rf"[A-Za-z][A-Za-z0-9_]{{0,{MAX_NAME_LENGTH - 1}}}", name, re.ASCII)
         or name in RESERVED
     ):
         raise InputError(
-            f"name: expected a C identifier of at most {LONGEST_NAME} letters, digits and underscores, a letter first "
-            f"and no word of C, got {printable(repr(name))}"
+            f"name: expected a C identifier of at most {MAX_NAME_LENGTH} letters, digits and underscores, "
+            f"a letter first and no word of C, got {printable(repr(name))}"
         )
     return name

@@ -15,21 +15,13 @@ from adaptctl.errors import AdaptctlError, GainError
 LARGEST_FACTOR = 1e4
 """A gain that may be this many times as large is taken to have no bound."""
 HALVINGS = 6
-BACK = 0.9
+BOUND_SHRINKING = 0.9
 """What is left of a bound that one position allows and another does not."""
 
 
 @dataclass(frozen=True)
 class GainRule:
-    """Rule for one of a controller's gains, an array, that exported code applies to check new values without Python. It
-    holds for each number of the gain by itself, the other gains unchanged.
-
-    `field` is the gain's `Field`, its name and values. `positive`, False by default, says that numbers must be above 0;
-    `signed`, True by default, that they may be below 0; `infinite`, False by default, that they may be infinite;
-    `bounds`, False by default, that the first half of them, lower bounds, must lie below the second. `most` has the
-    largest allowed numbers, in the field's shape and unit, where the control period limits them, None, the default,
-    where it does not. Nothing is checked.
-    """
+    """Rule for one of a controller's gains, an array, that exported code applies to check new values without Python."""
 
     field: Field
     positive: bool = False
@@ -40,10 +32,7 @@ class GainRule:
 
 
 def gain_rules(controller: Controller[Any], fields: tuple[Field, ...]) -> tuple[GainRule, ...]:
-    """The rules, a `GainRule` each, that a `controller`'s gains must satisfy, one for each of `fields`, the gains that
-    its law reads in a control period, in their order. They are found by trying the controller with gains of 0, of the
-    opposite sign, and of up to 1e4 times the values; a gain that is accepted at 1e4 times its values counts as
-    unlimited. Arguments are not checked: the fields must be those of the controller's gains."""
+    """Rules that a controller's gains must satisfy, in the gains' order."""
     return tuple(_rule(controller, field) for field in fields)
 
 
@@ -80,10 +69,7 @@ def _carried(controller: Controller[Any], name: str, values: Array) -> bool:
 
 
 def _most(controller: Controller[Any], name: str, values: Array) -> Array | None:
-    """The greatest gains that the period carries, all as many times as large; None where it does not ask.
-
-    Looked for where the arm carries least of its own damping, which takes a moment, and then tried everywhere.
-    """
+    """The greatest gains that the period carries, all as many times as large; None where it does not ask."""
     narrow = _at_its_worst(controller)
     if not np.isfinite(values).all():
         return None
@@ -96,7 +82,7 @@ def _most(controller: Controller[Any], name: str, values: Array) -> Array | None
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if _carried(narrow, name, middle * values) else (low, middle)
     while low > 1.0 and not _carried(controller, name, low * values):
-        low = max(BACK * low, 1.0)
+        low = max(BOUND_SHRINKING * low, 1.0)
     return np.asarray(low * values)
 
 

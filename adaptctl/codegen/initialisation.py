@@ -16,22 +16,13 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 
-ASIDE = 0.02
+PROBE_DISTANCE = 0.02
 """rad or m from home, where it is seen what depends on positions"""
 
 
 @dataclass(frozen=True)
 class Walk:
-    """Routines and data by which exported code closes a mechanism's kinematic loops, in small steps from the home
-    configuration to the initial positions of the r primary (independent) joints.
-
-    `step`, a traced `Routine` of p (r,) and q (n,), returns the closed configuration (n,) of the spanning tree's n
-    joints, rad (m if prismatic), at the primary joints' positions p, from one nearby, q. `regular`, a traced `Routine`
-    of q (n,), returns 1 where the loops at q are closed and a lower bound of the smallest singular value of their
-    Jacobian with respect to the dependent joints is at least 0.05 of that at the reference configuration, else 0.
-    `home` (n,) is the home configuration, `primary` has the indices of the primary joints among the n, `looped` those,
-    among the r, that move a loop; indices count from 0. Nothing is checked.
-    """
+    """Routines by which exported code closes kinematic loops in small steps from the home configuration."""
 
     step: Routine
     regular: Routine
@@ -43,11 +34,7 @@ class Walk:
 
 @dataclass(frozen=True)
 class Start:
-    """Rules by which exported code makes a controller's initial internal state from the configuration q (n,) of the
-    spanning tree's n joints, rad (m if prismatic), at rest. `configurations` has the zero-based indices of the state's
-    fields that begin as q itself; `computed` those of the fields that `more`, a traced `Routine` of q, computes, None
-    where there are none; `walk` is the `Walk` that closes the mechanism's loops, None for a tree. Fields in neither
-    have the same initial values at every q. Nothing is checked."""
+    """Rules by which exported code makes the initial internal state."""
 
     configurations: tuple[int, ...]
     computed: tuple[int, ...]
@@ -56,13 +43,9 @@ class Start:
 
 
 def start_of(interface: Interface, open_by: float) -> Start:
-    """The `Start`, rules for making the initial internal state, of the controller of an `interface`. It is found by
-    comparing the initial state at the home configuration with that at one up to 0.02 rad (m if prismatic) per joint
-    away. `open_by` is the closure residual, m or rad, below which kinematic loops count as closed. Raises `InputError`
-    where a field depends on the configuration, is not the configuration itself, and no adaptation law computes it;
-    `TraceError` where what computes it cannot be traced."""
+    """The `Start`, rules for making the initial internal state, of the controller of an `interface`."""
     law, mechanism = interface.controller, interface.mechanism
-    p = law.neutral_configuration + ASIDE * np.linspace(0.5, 1.0, law.dof)
+    p = law.neutral_configuration + PROBE_DISTANCE * np.linspace(0.5, 1.0, law.dof)
     aside = interface.memory_of(law.initial_state(p, np.zeros(law.dof)))
     moved = [k for k, (a, b) in enumerate(zip(interface.started, aside, strict=True)) if not np.array_equal(a, b)]
     q = None if mechanism is None else mechanism.configuration(p)

@@ -28,37 +28,23 @@ from adaptctl.simulation import Plant
 from adaptctl.simulation.effects import Payload
 from adaptctl.simulation.period import PlantState
 
-MOST = 60_000
+MAX_MODULE_BYTES = 60_000
 """bytes of a module in a page"""
-HEAVIEST = 0.25
+MAX_PAYLOAD_SHARE = 0.25
 """of the arm's mass, the payload that a slider goes up to"""
-LONGEST = 3000
+MAX_LAW_FLOPS = 3000
 """flops of a law, above which its loop is not traced at all"""
 
 
 @dataclass(frozen=True)
 class LiveArm:
-    """A closed loop of an arm of r joints that a web page runs live: `binary`, the WebAssembly module of one control
-    period, and `facts`, a dict in JSON's types of what the page must know to run it. Nothing is checked.
-
-    Indices of 64-bit floats in the module's memory are in `facts` those of the inputs, "state" (a list of vectors,
-    whose lengths are "sizes"), "time", "parameters", "friction" and "gains" (None without any), and those of the
-    outputs, "next" (the new state, as "state"), "torque", "error", "goal" (the reference's positions) and "places" (the
-    links' origins, "size" numbers, m). First values are "start" (the state's), "parameter" and "gain" (empty if any
-    gain is infinite). Of the arm and the law there are "joints" (names), "units" of errors ("mrad" or "mm" a joint),
-    "period" (s), "damping" (r,), the law's, N m s/rad (N s/m if prismatic), 1 where it has none, "groups" of gains that
-    one slider scales (a "name" and "places", pairs of the first one's index among all gains and their number),
-    "parents" (the index of each link's parent, -1 for the ground), "reach" (m), "load" (P,) (what a payload of 1 kg in
-    the last body's origin adds to the P parameters; empty for parameters under linear constraints) and "heaviest" (the
-    largest payload, kg).
-    """
+    """Closed loop that a web page runs live, as a WebAssembly module."""
 
     binary: bytes
     facts: dict[str, Any]
 
     def html(self, label: str) -> str:
-        """HTML, as text, of a section that draws the arm, runs it and needs nothing else; `label` is the name of the
-        run that it repeats. Raises `MissingExtraError` where a package for it is missing."""
+        """HTML of a section that draws the arm and runs it."""
         colors = [joint_color(j).hex for j in range(len(self.facts["joints"]))]
         binary = base64.b64encode(self.binary).decode("ascii")
         content = {"binary": binary, "facts": self.facts, "label": label, "colors": colors}
@@ -67,9 +53,7 @@ class LiveArm:
 
 @dataclass(frozen=True, eq=False)
 class LiveLoop:
-    """Equation of a closed loop over one control period, over scalars of any kind (floats, arrays, or symbols to be
-    compiled): `plant`, the arm, `controller`, its law, and `reference`, the sinusoids that its joints follow. Time,
-    gains, the arm's parameters and its friction are arguments, which a page can change. Nothing is checked."""
+    """Equation of a closed loop over one control period, for a web page."""
 
     plant: Plant
     controller: Controller[Any]
@@ -77,32 +61,18 @@ class LiveLoop:
 
     @property
     def state(self) -> dict[str, int]:
-        """Lengths, by name, of the columns (vectors) that pass from one control period to the next: the plant's "q",
-        "v", "drives" and "sensors", then the controller's internal state, "memory_0", "memory_1", ..."""
+        """Lengths of the columns that pass from one control period to the next, by name."""
         law = self.controller
         return self.plant.sizes | {f"memory_{k}": size for k, size in enumerate(law._memory_sizes.values())}
 
     @property
     def arguments(self) -> dict[str, int]:
-        """Lengths, by name, of all columns (vectors) that the loop's method `equation` takes: those of its property
-        `state`, then "time" (1), "parameters", the P inertial and friction parameters in the order of
-        `Mechanism.parameter_names`, "friction" (r joints) and, where the controller has tunable gains, "gains"."""
+        """Lengths of the columns that `equation` takes, by name."""
         parameters = {"parameters": self.plant.mechanism.equations.parameters, "friction": self.plant.dof}
         return self.state | {"time": 1} | parameters | self.controller.gain_sizes
 
     def equation(self, time: Column, friction: Column, **columns: Column) -> tuple[Column, ...]:
-        """The columns (vectors of scalars of any kind) of a closed loop of r joints and N links after one control
-        period. First come those of the loop's property `state`, in order; then the law's torque (r,), N m (N if
-        prismatic), not yet clipped; the tracking errors (positions minus the reference's) and the reference's
-        positions, (r,) each, rad (m if prismatic); and the origins of the N links in the world frame (3N,), m: x, y and
-        z of the first link first, in the order of `Mechanism.links`. Torque, errors, reference and origins are those at
-        the period's beginning.
-
-        `time` (1,) is in s, `friction` (r,) is viscous friction of the r joints besides the plant's, N m s/rad (N s/m);
-        `columns` are the others of the loop's property `arguments`, SI units: "q", "v", "drives" and "sensors" of the
-        plant, "memory_0", "memory_1", ..., the P inertial and friction "parameters" and, if any, "gains", the
-        controller's own where missing. Nothing is checked: names that are missing raise `KeyError`.
-        """
+        """Columns of the closed loop after one control period."""
         law = self.controller.substituted(columns[GAINS]) if GAINS in columns else self.controller
         p, v = self.plant.primary(columns["q"]), columns["v"]
         point = sinusoids_at(time[0], SinusoidNumbers(*(Column(x.tolist()) for x in self.reference.numbers)))
@@ -120,14 +90,7 @@ class LiveLoop:
 def live_arm(
     plant: Plant, controller: Controller[Any], reference: Reference, started: PlantState, parameters: Array
 ) -> LiveArm | str:
-    """The `LiveArm`, a WebAssembly module for a web page, of the closed loop of `plant`, `controller` and `reference`;
-    or, as text, the reason why it cannot be shown. The loop begins in the plant's state `started`, with the true
-    `parameters` (P,) of the arm, SI units, in the order of `Mechanism.parameter_names`. Reasons are: effects between
-    controller and joints, a reference that is no `Sinusoids`, a mechanism of more than 100 links, a law of more than
-    3000 floating-point operations, or a module of more than 60 kB.
-
-    Raises `TraceError` for a law that cannot be traced, and what `controller.init` raises for the state.
-    """
+    """WebAssembly module of a closed loop for a web page; or the reason why there is none."""
     if reason := _obstacle(plant, controller, reference):
         return reason
     loop = LiveLoop(plant, controller.fixed(), reference)  # type: ignore[arg-type]  # _obstacle saw that these are Sinusoids
@@ -135,9 +98,9 @@ def live_arm(
     routine = trace(loop.equation, loop.arguments, name="period")
     places = module.export("period", routine)
     binary = module.binary()
-    if len(binary) > MOST:
+    if len(binary) > MAX_MODULE_BYTES:
         size = f"{len(binary) / 1000:.0f} kB"
-        return f"its equations take {size} as WebAssembly, and a page gets at most {MOST // 1000} kB"
+        return f"its equations take {size} as WebAssembly, and a page gets at most {MAX_MODULE_BYTES // 1000} kB"
     memory = leaves(controller.init(started.p, started.v))
     first = [started.q, started.v, started.drives, started.sensors, *memory]
     own = dict(zip(loop.arguments, (at // 8 for at in places.inputs), strict=True))
@@ -158,8 +121,8 @@ def _obstacle(plant: Plant, controller: Controller[Any], reference: Reference) -
         return f"what stands between controller and joints ({names}) is not part of a live arm"
     if not isinstance(reference, Sinusoids):
         return f"its reference is no sum of sinusoids, but a {type(reference).__name__}"
-    if len(plant.mechanism.links) > MAX_COMPILED_LINKS or Interface(controller).law.operations.flops > LONGEST:
-        return f"its law takes too many operations for a module of {MOST // 1000} kB"
+    if len(plant.mechanism.links) > MAX_COMPILED_LINKS or Interface(controller).law.operations.flops > MAX_LAW_FLOPS:
+        return f"its law takes too many operations for a module of {MAX_MODULE_BYTES // 1000} kB"
     return ""
 
 
@@ -217,4 +180,4 @@ def _load(plant: Plant, parameters: Array) -> list[float]:
 def _heaviest(plant: Plant) -> float:
     """kg, about a quarter of the arm, with two digits."""
     masses = [abs(float(link.inertia[0])) for link in plant.mechanism.links]
-    return float(f"{max(HEAVIEST * sum(masses), 0.1):.1g}")
+    return float(f"{max(MAX_PAYLOAD_SHARE * sum(masses), 0.1):.1g}")

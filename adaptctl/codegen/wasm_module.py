@@ -26,8 +26,7 @@ ZERO = b"\x41\x00"
 
 
 def unsigned(n: int) -> bytes:
-    """The bytes of the whole number `n`, of at least 0, in WebAssembly's encoding of unsigned integers (LEB128: seven
-    bits in each byte, the lowest first). Raises `InputError` for a negative one, of which there is no such encoding."""
+    """Encoding of an unsigned integer (LEB128)."""
     if n < 0:
         raise InputError(f"WebAssembly: an unsigned integer: expected a whole number of at least 0, got {n}")
     out = bytearray()
@@ -39,26 +38,22 @@ def unsigned(n: int) -> bytes:
 
 
 def vector(items: Sequence[bytes]) -> bytes:
-    """The bytes of WebAssembly's encoding of a vector: the number of `items`, then these, each encoded already. Nothing
-    is raised."""
+    """The bytes of WebAssembly's encoding of a vector: the number of `items`, then these, each encoded already."""
     return unsigned(len(items)) + b"".join(items)
 
 
 def section(number: int, content: bytes) -> bytes:
-    """The bytes of a section of a WebAssembly module: its `number`, which tells its kind, its length, and its encoded
-    `content`. Raises `ValueError` for a number that is not from 0 to 255."""
+    """Bytes of a section: number, length, content."""
     return bytes([number]) + unsigned(len(content)) + content
 
 
 def signature(given: Iterable[bytes], made: Iterable[bytes]) -> bytes:
-    """The bytes of WebAssembly's encoding of a function's type, from the encoded types, one byte each, of its
-    arguments, `given`, and of its results, `made`. Nothing is checked."""
+    """Encoding of a function's type."""
     return b"\x60" + vector(list(given)) + vector(list(made))
 
 
 def body(locals_: Sequence[bytes], code: bytes) -> bytes:
-    """The bytes of a WebAssembly function in a module's code section: its length, its local variables, whose encoded
-    types `locals_` has in order, and its `code`, after which an end flag is put. Nothing is checked."""
+    """Bytes of a function: length, local variables, code."""
     groups = [unsigned(len(list(group))) + kind for kind, group in groupby(locals_)]
     content = vector(groups) + code + END
     return unsigned(len(content)) + content
@@ -70,14 +65,12 @@ def constant(x: float) -> bytes:
 
 
 def load(at: int) -> bytes:
-    """The bytes of the WebAssembly instructions that put the 64-bit float at the address `at`, bytes from the beginning
-    of memory, on the stack. Raises `InputError` for an address below 0."""
+    """Instructions that push the 64-bit float at an address."""
     return ZERO + b"\x2b\x03" + unsigned(at)
 
 
 def store(at: int, value: bytes) -> bytes:
-    """The bytes of the WebAssembly instructions that store a 64-bit float at the address `at`, bytes from the beginning
-    of memory; `value` is the code that puts it on the stack. Raises `InputError` for an address below 0."""
+    """Instructions that store a 64-bit float at an address."""
     return ZERO + value + b"\x39\x03" + unsigned(at)
 
 
@@ -90,8 +83,7 @@ TRUTHS, ANGLES = (Op.LESS, Op.LESS_EQUAL), {Op.SIN: 0, Op.COS: 1}
 
 
 class WasmPlaces(NamedTuple):
-    """A WebAssembly function that others call: its `number` in the module, and the addresses in memory, bytes, of its
-    arguments, `inputs`, and of the parts of its result, `outputs`. Nothing is checked."""
+    """Function that others call: its number, and the addresses of its arguments and results."""
 
     number: int
     inputs: Sequence[int]
@@ -99,14 +91,7 @@ class WasmPlaces(NamedTuple):
 
 
 class WasmCode:
-    """Code of one WebAssembly function, written expression by expression: `code` has its bytes so far, `locals` the
-    types of its local variables, WebAssembly's byte for each.
-
-    Made of `body`, all expressions to be written, which tells what is used more than once; `outputs`, the expressions
-    and constants that are its results; `given`, a callable `given(i, k)` that returns the code which puts scalar k of
-    argument i, both from 0, on the stack; and `parameters`, the number of WebAssembly parameters that the function has
-    (0 by default), whose indices come before those of the local variables. Nothing is checked.
-    """
+    """Code of one function, written expression by expression."""
 
     def __init__(
         self, body: Sequence[Expression], outputs: Iterable[Expression | float], given: Callable[[int, int], bytes],
@@ -121,11 +106,7 @@ class WasmCode:
         self._turned: dict[int, int] = {}
 
     def compute(self, x: Expression, sincos: Callable[[], int]) -> None:
-        """Write the WebAssembly code of the expression `x`, which is no call and no result of one, and whose operands
-        have been written before. Where it is used more than once, its value is stored in a new local variable; else its
-        code becomes part of the code that uses it. `sincos` is a callable that returns the index of the function of
-        sine and cosine, called where it is needed. Raises `KeyError` for an operation that this code has no instruction
-        for."""
+        """Write the code of an expression whose operands have been written."""
         if x.op in ANGLES:
             self._text[x.index] = GET + unsigned(self._sine(x.operands[0], sincos) + ANGLES[x.op])
             return
@@ -135,9 +116,7 @@ class WasmCode:
         self._text[x.index] = text
 
     def call(self, x: Expression, called: WasmPlaces, results: Iterable[Expression]) -> None:
-        """Append a call, the expression `x`, of the function `called`: its arguments are stored at their addresses in
-        memory; after the call the results that are used, the expressions `results`, are read from their addresses into
-        local variables. Raises `ValueError` where the function has another number of arguments."""
+        """Append a call and read the results that are used."""
         rest, routine = iter(x.operands), x.detail
         for at, size in zip(called.inputs, routine.inputs, strict=True):
             for k, y in enumerate(islice(rest, size)):
@@ -148,23 +127,17 @@ class WasmCode:
             self._text[result.index] = self.keep(load(called.outputs[part] + 8 * k), F64)
 
     def operand(self, x: Expression | float) -> bytes:
-        """The WebAssembly instructions, bytes, that push the value of `x` onto the stack; `x` is a constant or an
-        expression whose code has been written by `compute` or `call`. Raises `KeyError` for an expression that has not
-        been written."""
+        """Instructions that push the value of an expression."""
         return self._text[x.index] if isinstance(x, Expression) else constant(x)
 
     def keep(self, text: bytes, kind: bytes) -> bytes:
-        """Append the WebAssembly instructions `text`, which push one value, to the function, with one that stores the
-        value in a new local variable, so that they run once; return the instruction, bytes, that pushes the variable's
-        value. `kind` is the variable's type, WebAssembly's byte for it. Nothing is checked."""
+        """Store a pushed value in a new local variable; the instruction that pushes it is returned."""
         number = self.new(kind)
         self.code += text + SET + unsigned(number)
         return GET + unsigned(number)
 
     def new(self, kind: bytes) -> int:
-        """Add a local variable of the type `kind`, WebAssembly's byte for it, such as that of a 64-bit float, to the
-        function, and return its index, which counts from 0 and begins after the function's own parameters. Nothing is
-        checked."""
+        """Index of a new local variable."""
         self.locals.append(kind)
         return self._first + len(self.locals) - 1
 
@@ -191,8 +164,7 @@ FIRST = 64
 
 
 class WasmModule:
-    """A WebAssembly module of routines (traced functions) in double precision, empty at first: its method `export` adds
-    the function of a routine under a name, its method `binary` returns the module's bytes."""
+    """WebAssembly module of routines in double precision."""
 
     def __init__(self) -> None:
         self._types: list[bytes] = []
@@ -203,17 +175,13 @@ class WasmModule:
         self._turning: int | None = None
 
     def export(self, name: str, routine: Routine) -> WasmPlaces:
-        """Add a function that computes `routine`, a traced function, to the module, exported under `name`, and return
-        the addresses, `WasmPlaces`, of its arguments and results. It takes no WebAssembly parameters: it reads and
-        writes the module's memory at these addresses. A routine that was added before is not written again. Raises
-        `KeyError` for an operation that WebAssembly code is not written for."""
+        """Add a function of a routine; the addresses of its arguments and results are returned."""
         called = self._function(routine)
         self._exports[name] = called.number
         return called
 
     def binary(self) -> bytes:
-        """The module in WebAssembly's binary format, with the functions that were exported and the memory, exported as
-        "memory". Nothing is raised."""
+        """Module in WebAssembly's binary format."""
         pages = -(-self._memory // PAGE)
         memory = unsigned(6) + b"memory" + b"\x02\x00"
         names = [unsigned(len(name)) + name.encode() + b"\x00" + unsigned(k) for name, k in self._exports.items()]

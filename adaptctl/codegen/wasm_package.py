@@ -19,12 +19,7 @@ from adaptctl.version import __version__
 
 
 def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str, str | bytes], dict[str, Any]]:
-    """A pair: the files, by name, of a WebAssembly package of the controller of an `interface`, and the entries that
-    they add to the manifest. The files are the module, `name` and .wasm, a JavaScript class around it, `name` and .js,
-    and README.md; the entries "wasm_bytes", the module's size in bytes, and "tolerance", 1e-12, relative, of its
-    torques. `name` is an identifier; `scalar` is the kind of number, which must be "double". Raises `InputError` for
-    "float", and where the initial internal state depends on the arm's position in a way that cannot be exported;
-    `TraceError` for a law that cannot be traced."""
+    """Files of a WebAssembly package by name, and their entries in the manifest."""
     if scalar != "double":
         raise InputError("scalar: WebAssembly is exported in double; choose the language c for float")
     module, start = WasmModule(), start_of(interface, MAX_LOST_GAP)

@@ -29,19 +29,7 @@ _NOTHING = (Column(()), Column(()))
 
 
 class Sample(NamedTuple):
-    """The record of one control period of a closed loop: the state at its beginning, and the torques commanded and
-    applied on it. Its parts are Columns, vectors of scalars of any kind (floats, arrays, or symbols to be compiled), or
-    arrays, with leading axes for more periods or arms. Nothing is checked.
-
-    `q` (n,), rad (m if prismatic), are positions of the n joints of the plant's spanning tree; `v` (r,), rad/s (m/s),
-    velocities of its r primary (independent) joints; `measured_p` and `measured_v` (r,), in the same units, what the
-    sensors measured of these, (0,) without sensors; `energy` (1,), J, is kinetic plus potential. `torque` (r,), N m
-    (N), was commanded, and `applied` (r,) reached the joints; `clipped` (1,) is 1 where the command was beyond the
-    plant's torque limits, else 0. `estimate` (k,) has the controller's k parameter estimates, SI units, after the
-    period's evaluation of its law, k = 0 where it has none. `flags` (h,), named in `ClosedLoop.flags`, are 1 where an
-    actuator effect or a guard of the controller acted, else 0. `learning` (l,) has the l numbers that the adaptation
-    law records of its internal state, l = 0 where it records none.
-    """
+    """Record of one control period: the state at its beginning, torques, estimate, flags and internal state."""
 
     q: Any
     v: Any
@@ -58,14 +46,33 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """A closed loop of a `plant` and a `controller` as one step, a control period: at its beginning the controller
-    computes a torque from the plant's measured positions and velocities, and the plant holds it until the end.
+    """
+    Plant and controller as one step, a control period, over scalars of any kind.
 
-    These columns (vectors of scalars) pass from one period to the next, in this order: q, positions of the n joints of
-    the plant's spanning tree; v, velocities of its r primary (independent) joints; the internal states of the plant's
-    drives and sensors; where there are sensors, the last measurement; and the controller's internal state. Loops that
-    differ in tunable gains alone are equal, and share native code. Raises `InputError` where plant and controller
-    differ in their number r of joints.
+    Parameters
+    ----------
+    plant : Plant
+        Robot with r joints.
+    controller : Controller
+        Controller for r joints.
+
+    Raises
+    ------
+    InputError
+        If plant and controller differ in their number of joints.
+
+    Notes
+    -----
+    At a period's beginning the controller computes a torque from the measured positions and velocities; the plant holds
+    it until the end. Loops that differ in gains alone are equal and share native code.
+
+    Examples
+    --------
+    >>> loop = adaptctl.simulation.ClosedLoop(plant, law)
+    >>> loop
+    <ClosedLoop of 'two_link' and SlotineLi>
+    >>> loop.state["q"], loop.reference["reference_p"]
+    (2, 2)
     """
 
     plant: Plant
@@ -79,51 +86,51 @@ class ClosedLoop:
                 f"closed loop: the plant has {self.plant.dof} joints, the controller is for {self.controller.dof}"
             )
 
+    def __repr__(self) -> str:
+        """Robot and controller in one line."""
+        return f"<ClosedLoop of {self.plant.mechanism.name!r} and {type(self.controller).__name__}>"
+
     @cached_property
     def state(self) -> dict[str, int]:
-        """Lengths, by name, of the columns (vectors) that pass from one control period of the closed loop to the next.
-        They are "q", the n joints of the plant's spanning tree; "v", its r primary (independent) joints; "drives" and
-        "sensors", the internal states of the plant's effects; "measured_p" and "measured_v", r each, or 0 where nothing
-        is measured; and "memory_0", "memory_1", ..., the arrays of the controller's internal state."""
+        """Lengths, by name, of the columns that pass from one control period to the next."""
         measured = dict.fromkeys(("measured_p", "measured_v"), self.controller.dof if self._senses else 0)
         memory = {f"memory_{k}": len(part) for k, part in enumerate(leaves(self._blank))}
         return self.plant.sizes | measured | memory
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths, by name, of the columns (vectors) that are constant over a run of the closed loop: P for
-        "parameters", the plant's inertial and friction parameters in the order of `Mechanism.parameter_names`, and,
-        where there are any, g for "gains", the controller's tunable gains."""
+        """Lengths, by name, of the columns that are constant over a run: "parameters" and "gains"."""
         return {"parameters": self.plant.mechanism.equations.parameters} | self.controller.gain_sizes
 
     @property
     def reference(self) -> dict[str, int]:
-        """Lengths, by name, of a reference point's columns (vectors) "reference_p", "reference_v" and "reference_a"
-        (positions, velocities, accelerations): the number of joints r each, or for a task-space controller that of its
-        task-space coordinates."""
+        """Lengths, by name, of a reference point's columns."""
         return dict.fromkeys(REFERENCE, self.controller.reference_size)
 
     @property
     def noise(self) -> dict[str, int]:
-        """Length, by its name, of the column (vector) "noise" of the standard normal numbers (no unit) that the sensors
-        take in a control period: 2r for r joints, the positions' first, or 0 where there are no sensor effects and no
-        encoders on motors of elastic joints."""
+        """Length, by its name, of the column "noise": 2r standard normal numbers, or 0 without sensors."""
         return {"noise": self.plant.noise_size}
 
     def equation(self, **columns: Column) -> tuple[list[Column], Sample]:
-        """The closed loop's state after one control period and the `Sample` recorded of the period, a pair. The state
-        is a list of columns (vectors) in the order of the property `state`; the sample has the period's positions,
-        velocities, torques and energy (J). Scalars are of any kind: floats, arrays of samples, dual numbers, nodes of
-        an expression graph.
+        """
+        Write one control period over scalars of any kind.
 
-        `columns` are, in SI units, those of the state before the period: "q", "v", "drives", "sensors", "measured_p",
-        "measured_v" and "memory_0", "memory_1", ... (lengths in the property `state`); "parameters", the plant's P true
-        inertial and friction parameters, in the order of `Mechanism.parameter_names`, and "gains", the controller's
-        tunable numbers (lengths in the property `held`); "reference_p", "reference_v" and "reference_a", the
-        reference's positions, velocities and accelerations, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic)
-        (lengths in the property `reference`); "noise", the sensors' standard normal numbers, the positions' first.
-        Without "gains" the controller's own are taken. Raises `KeyError` where another is missing; lengths are not
-        checked.
+        Parameters
+        ----------
+        **columns : Column
+            Columns of the properties `state`, `held`, `reference` and `noise`, by name, SI units; without "gains" the
+            controller's own are used.
+
+        Returns
+        -------
+        tuple
+            Columns of the next state, in the order of `state`, and the `Sample` of the period.
+
+        Raises
+        ------
+        KeyError
+            If a column is missing; lengths are not checked.
         """
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]
@@ -143,9 +150,7 @@ class ClosedLoop:
 
     @cached_property
     def flags(self) -> tuple[str, ...]:
-        """Names of the flags in a `Sample`, the record of a control period, in their order. Each is 1 in a period in
-        which its effect or guard acted, else 0: first the plant's actuator effects that have a flag for a change of a
-        torque, then the guards of a `SafetyFilter` controller, such as "torque_limited"."""
+        """Names of the flags in a `Sample`: the actuator effects', then those of a `SafetyFilter`."""
         return (*self.plant.flags, *getattr(guards(self._blank), "_fields", ()))
 
     def __eq__(self, other: object) -> bool:
@@ -161,29 +166,64 @@ class ClosedLoop:
 
     @lru_cache(maxsize=8)  # noqa: B019  # some code is worth keeping, and its loop with it
     def compiled(self) -> Stepper:
-        """The compiled step of the loop, one control period in native code, one arm at a time, as a `Stepper`: its
-        method `ensemble` makes arms, which are given the reference and the noise of each period as signals. The code of
-        the 8 loops used last is kept. Raises `TraceError` where the controller's law cannot be traced into an
-        expression graph."""
+        """
+        Compile the step to native code.
+
+        Returns
+        -------
+        Stepper
+            Step of one control period; its `ensemble` makes robots. The code of the last 8 loops is kept.
+
+        Raises
+        ------
+        TraceError
+            If the controller's law cannot be traced into an expression graph.
+        """
         shared, name = self.reference | self.noise, type(self.controller).__name__
         return compile_step(self.step, state=self.state, constants=self.held, inputs=shared, lanes=1, name=name)
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
-        """The closed loop's state after one control period, then the fields of the `Sample` recorded of the period, all
-        in one tuple of columns (vectors of scalars of any kind). The state is in the order of the property `state`; it
-        is what the method `equation` returns. `columns` are by name, in SI units, those of the properties `state`,
-        `held`, `reference` and `noise`. Raises `KeyError` where one is missing; without "gains" the controller's own
-        are taken."""
+        """
+        Return `equation` as one flat tuple.
+
+        Parameters
+        ----------
+        **columns : Column
+            Columns by name, as in `equation`.
+
+        Returns
+        -------
+        tuple
+            Columns of the next state, then the fields of the `Sample`.
+
+        Raises
+        ------
+        KeyError
+            If a column is missing.
+        """
         passed_on, sample = self.equation(**columns)
         return (*passed_on, *sample)
 
     def begin(self, arms: Ensemble, state: PlantState, memory: Any) -> None:
-        """Set all M `arms`, an `Ensemble` of copies of this loop's compiled step, to the beginning of a run: to the
-        plants' `state` and the controller's internal state `memory`, which `Plant.init` and `Controller.init` return.
-        Tunable gains, if any, become the controller's. Each array in `state` and `memory` is (length,), the same for
-        all arms, or (M, length), length being that of its column. The plants' parameters, `arms.held["parameters"]`,
-        are not changed. Returns nothing. Raises `InputError` for arms of another loop and where arrays do not fit the
-        arms, `ValueError` for an internal state of another number of arrays."""
+        """
+        Set M robots to the beginning of a run.
+
+        Parameters
+        ----------
+        arms : Ensemble
+            Copies of the compiled step.
+        state : PlantState
+            State of `Plant.init`, for one robot or M.
+        memory : object
+            Internal state of `Controller.init`, for one robot or M.
+
+        Raises
+        ------
+        InputError
+            If the arms are of another loop or arrays do not fit.
+        ValueError
+            If the internal state has another number of arrays.
+        """
         self._validate_own(arms)
         plant = state.q, state.v, state.drives, state.sensors
         measured = (state.measured_p, state.measured_v) if self._senses else np.zeros((2, 0))
@@ -193,10 +233,28 @@ class ClosedLoop:
             arms.held[name] = self.controller.packed
 
     def now(self, arms: Ensemble, time: float, member: int = 0) -> tuple[PlantState, Any]:
-        """The plant's state and the controller's internal state, a pair, of one of the `arms` (copies of the compiled
-        step): the arm of zero-based index `member`, 0 by default. `time` (s) is put into the state as it is. The
-        state's `applied` (the torques applied), `clipped` and `flags` (flags of effects), which arms do not keep, are
-        zero. Raises `InputError` for an index that no arm has and for arms of another loop."""
+        """
+        Return the state of one robot.
+
+        Parameters
+        ----------
+        arms : Ensemble
+            Copies of the compiled step.
+        time : float
+            Time in s, put into the state as it is.
+        member : int, default 0
+            Index of the robot.
+
+        Returns
+        -------
+        tuple
+            The `PlantState`, whose `applied`, `clipped` and `flags` are zero, and the controller's internal state.
+
+        Raises
+        ------
+        InputError
+            If no robot has this index or the arms are of another loop.
+        """
         self._validate_own(arms)
         member = whole_number(member, "closed loop: member", 0, arms.members - 1)
         q, v, drives, sensors, *rest = (arms.state[name][member] for name in self.state)
@@ -223,7 +281,7 @@ class ClosedLoop:
 
 
 def not_compiled(plant: Plant, controller: Controller[Any]) -> str:
-    """The reason why a plant and a controller cannot be compiled together, in words; empty if they can."""
+    """Reason why plant and controller cannot be compiled together, empty if they can."""
     for part, kind in ((controller, Controller), (plant, Plant)):
         if type(part).step is not kind.step:
             return f"{type(part).__name__} has a step of its own"
@@ -232,8 +290,7 @@ def not_compiled(plant: Plant, controller: Controller[Any]) -> str:
 
 
 class Driven(ABC):
-    """Runs of a closed loop in the making, which native code takes a stretch of control periods at a time: `count` of
-    `steps` control periods of `period` s are done. Nothing is checked."""
+    """Native runs in the making, taken a stretch of control periods at a time."""
 
     loop: ClosedLoop
     steps: int
@@ -254,8 +311,7 @@ class Driven(ABC):
         return self.count >= self.steps
 
     def drive(self, progress: Callable[[float], object] | None) -> tuple[float, bool]:
-        """The time, s, that it takes to do all that is left, which this call does, and False if Ctrl-C ended it. In
-        between `progress`, if given, is called with the fraction done. Raises what `advance` and it raise."""
+        """Computing time in s to do all that is left, and False if Ctrl-C ended it."""
         complete, started = False, perf_counter()
         try:
             while not self.over:
@@ -268,16 +324,13 @@ class Driven(ABC):
         return perf_counter() - started, complete
 
     def ahead(self, most: int) -> Array:
-        """Times, s, of the next control periods, `most` at most and one at least, in which the true parameters stay as
-        they are. Nothing is raised."""
+        """Times in s of the next 1 to `most` control periods in which the true parameters stay as they are."""
         times = self.control_period * np.arange(self.count, min(self.steps, self.count + most))
         return np.asarray(times[: max(1, int(np.searchsorted(times, self.loop.plant.next_change_time(times[0]))))])
 
 
 def guards(memory: Any) -> tuple[Any, ...]:
-    """The flags of a controller's guards in `memory`, its internal state: where the controller is `SafetyFilter`, a
-    named tuple of columns or arrays (1,) each, such as `torque_limited`, that are 1 where that guard acted in the last
-    control period, else 0; an empty tuple for a controller without guards. Nothing is raised."""
+    """Flags of a `SafetyFilter` in its internal state, else an empty tuple."""
     flags = getattr(memory, "flags", ())
     return flags if isinstance(flags, tuple) else ()
 
@@ -293,22 +346,39 @@ def _untold(parameters: Array, state: PlantState, steps: int, clipped: int, ener
 
 @sent_as_made
 class Episode(NamedTuple):
-    """Episode of one arm: plant, state, reference trajectory and all else from which the function `simulate` runs it to
-    its end in native code. Nothing is checked.
+    """
+    Episode of one robot, all that `simulate` needs to run it in native code.
 
-    `plant` is the arm, now at `state`; `parameters` (P,) are its P true inertial and friction parameters, SI units, in
-    the order of `Mechanism.parameter_names`, without the loads of effects such as payloads; `reference` is the
-    trajectory, a function from T times (T,), s, to a `ReferencePoint` (positions, velocities, accelerations); `rng`
-    draws the sensors' noise, `Plant.noise_size` standard normal numbers a control period; `steps` is the number of
-    control periods left. `judge(q, v, point, torque)` returns rewards (...), no unit, and a mask (...), True where the
-    episode ends, from what was reached: configurations q (..., n) of the n joints of the spanning tree, rad (m if
-    prismatic), velocities v (..., r) of the r primary (independent) joints, rad/s (m/s), the `ReferencePoint` there and
-    the torques (..., r), N m (N), applied in the control period before.
+    Parameters
+    ----------
+    plant : Plant
+        Robot with r joints.
+    state : PlantState
+        Its initial state.
+    parameters : ndarray
+        True inertial and friction parameters (P,) without loads, SI units, ordered as `Mechanism.parameter_names`.
+    reference : Reference
+        Trajectory, a function of times (T,) in s.
+    rng : numpy.random.Generator
+        Source of the sensors' noise.
+    steps : int
+        Control periods left.
+    judge : callable
+        Function of q (..., n), v (..., r), the `ReferencePoint` and the torques (..., r) just applied that returns
+        rewards (...) and a mask (...) of episodes that end.
+    info : callable, optional
+        Function of parameters, state, steps, clipped count and energy (J) that returns what `Env.step` reports.
+        Default: an empty dict.
 
-    `info(parameters, state, steps, clipped, energy)` is what `Env.step` tells of a state of this energy, J, that was
-    reached after so many control periods, of which `clipped` had a clipped torque. An environment begins an episode
-    and returns it by `episode(seed=..., options=...)`, which draws what `reset` draws, and takes no step before the
-    next `reset`. It raises `NotImplementedError`, with the reason as its message, where its `step` does anything else.
+    Notes
+    -----
+    An environment offers episodes by a method `episode(seed=..., options=...)`, which draws what `reset` draws; it
+    raises `NotImplementedError` where its `step` does anything else.
+
+    Examples
+    --------
+    >>> env.episode(seed=0)
+    <Episode of 'two_link': 200 control periods>
     """
 
     plant: Plant
@@ -319,3 +389,7 @@ class Episode(NamedTuple):
     steps: int
     judge: Judge
     info: Callable[[Array, PlantState, int, int, float], dict[str, Any]] = _untold
+
+    def __repr__(self) -> str:
+        """Robot and length in one line."""
+        return f"<Episode of {self.plant.mechanism.name!r}: {self.steps} control periods>"

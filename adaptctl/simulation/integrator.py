@@ -26,22 +26,28 @@ Rates: TypeAlias = Callable[[Column, Column], Column]
 
 
 def own(q: Column, v: Column) -> Column:
-    """The time derivatives (n,), rad/s (m/s if prismatic), of the positions of a tree's n joints: its velocities v
-    (n,), the same column (vector), whatever the positions q (n,), rad (m). It is the default `rates` of an integrator's
-    step. Nothing is checked."""
+    """Rates of a tree's positions: its velocities (n,)."""
     return v
 
 
 class Integrator(Protocol):
-    """Protocol of a one-step integration method for second-order equations of motion q' = rates(q, v), v' =
-    acceleration(q, v), of a configuration q (n,), rad (m if prismatic), and velocities v (r,), rad/s (m/s). A prime is
-    a time derivative.
+    """
+    Protocol of one-step integration methods for q' = rates(q, v), v' = acceleration(q, v).
 
-    An implementation gives `stages`, `implicit` and `step(acceleration, q, v, dt, rates)`, which returns q and v `dt`
-    seconds later. `stages` is the number of accelerations that it evaluates in a step; `implicit` is True if
-    `acceleration` is to return accelerations with the friction of the step's end, not of its beginning. `rates` is for
-    mechanisms with loops, whose configuration has all n joints of the spanning tree, more than the r primary
-    (independent) ones.
+    Parameters
+    ----------
+    *args, **kwargs : object
+        Settings of an implementation.
+
+    Notes
+    -----
+    An implementation has `stages`, the number of accelerations in a step, and `implicit`, True if `acceleration` is to
+    use the friction of the step's end.
+
+    Examples
+    --------
+    >>> isinstance(adaptctl.simulation.RungeKutta4().stages, int)
+    True
     """
 
     stages: ClassVar[int]
@@ -50,29 +56,56 @@ class Integrator(Protocol):
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,) of all n joints, rad (m if prismatic), and velocities v (r,) of the r primary
-        (independent) ones, rad/s (m/s), `dt` seconds after the q and v given, as new columns.
+        """
+        Advance positions and velocities by one step; numbers are not checked.
 
-        `acceleration` gives the time derivative (r,) of v, rad/s^2 (m/s^2), at (q, v), or for an implicit method its
-        mean over the step, and `rates` gives that of q (n,), rad/s (m/s), there: by default v itself, as for a tree,
-        where all joints are primary. Vectors are Columns of scalars of any kind (floats, arrays, or symbols to be
-        compiled). No number is checked: NaN goes through; columns of unlike lengths raise `ValueError`.
+        Parameters
+        ----------
+        acceleration : callable
+            Accelerations (r,) at (q, v) in rad/s^2 (m/s^2 if prismatic); for an implicit method their mean over the
+            step.
+        q : Column
+            Positions (n,) of the spanning tree's joints, rad (m).
+        v : Column
+            Velocities (r,) of the primary joints, rad/s (m/s).
+        dt : float
+            Step in s.
+        rates : callable, optional
+            Time derivatives (n,) of q at (q, v). Default: v, as for a tree.
+
+        Returns
+        -------
+        tuple of Column
+            Positions (n,) and velocities (r,) after the step.
         """
         ...
 
 
 def validate_integrator(given: object) -> None:
-    """Raise `InputError` unless `given` is an `Integrator`, an object with the members `step` and `implicit` such as
-    `RungeKutta4()`. A class given for an object is refused."""
+    """Raise `InputError` unless `given` is an object with the members `step` and `implicit`."""
     if isinstance(given, type) or not (hasattr(given, "step") and hasattr(given, "implicit")):
         raise InputError(f"integrator: expected an Integrator, such as RungeKutta4(), got {given!r:.80}")
 
 
 @dataclass(frozen=True)
 class RungeKutta4:
-    """The classical Runge-Kutta method of order 4 (Kutta 1901), an `Integrator` of equations of motion: explicit, with
-    four evaluations of the acceleration (`stages`) a step. Friction is that at each stage's velocities: not
-    `implicit`."""
+    """
+    Classical Runge-Kutta method of order 4.
+
+    Notes
+    -----
+    Explicit, with four accelerations per step [1]_; the error of a step is of order dt^5.
+
+    References
+    ----------
+    .. [1] W. Kutta, "Beitrag zur näherungsweisen Integration totaler Differentialgleichungen", Zeitschrift für
+       Mathematik und Physik 46, 1901.
+
+    Examples
+    --------
+    >>> adaptctl.simulation.RungeKutta4().stages
+    4
+    """
 
     stages: ClassVar[int] = 4
     implicit: ClassVar[bool] = False
@@ -80,13 +113,26 @@ class RungeKutta4:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,) of all n joints, rad (m if prismatic), and velocities v (r,) of the r primary
-        (independent) ones, rad/s (m/s), `dt` seconds after the q and v given, with an error in this step of order dt^5.
+        """
+        Advance positions and velocities by one step; numbers are not checked.
 
-        `acceleration` gives the time derivative (r,) of v, rad/s^2 (m/s^2), at (q, v), and `rates` gives that of q
-        (n,), rad/s (m/s), there: by default v itself, as for a tree, where all joints are primary. Vectors are Columns
-        of scalars of any kind (floats, arrays, or symbols to be compiled). No number is checked: NaN goes through;
-        columns of unlike lengths raise `ValueError`.
+        Parameters
+        ----------
+        acceleration : callable
+            Accelerations (r,) at (q, v) in rad/s^2 (m/s^2 if prismatic).
+        q : Column
+            Positions (n,) of the spanning tree's joints, rad (m).
+        v : Column
+            Velocities (r,) of the primary joints, rad/s (m/s).
+        dt : float
+            Step in s.
+        rates : callable, optional
+            Time derivatives (n,) of q at (q, v). Default: v, as for a tree.
+
+        Returns
+        -------
+        tuple of Column
+            Positions (n,) and velocities (r,) after the step.
         """
         half = 0.5 * dt
         u1, a1 = rates(q, v), acceleration(q, v)
@@ -102,12 +148,22 @@ class RungeKutta4:
 
 @dataclass(frozen=True)
 class SemiImplicitEuler:
-    """The symplectic (semi-implicit) Euler method of order 1, an `Integrator` of equations of motion: one evaluation of
-    the acceleration (`stages`) a step, positions moved by the new velocities.
+    """
+    Symplectic (semi-implicit) Euler method of order 1.
 
-    Where the acceleration depends on positions alone, its energy error stays bounded; with the velocity terms of an arm
-    it does so only approximately (Hairer, Lubich and Wanner 2006, section I.1). Friction is that of the step's
-    beginning: not `implicit`.
+    Notes
+    -----
+    One acceleration per step; the new velocities move the positions. The energy error stays bounded where accelerations
+    depend on positions alone, only approximately with a robot's velocity terms [1]_.
+
+    References
+    ----------
+    .. [1] E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration, 2006, section I.1.
+
+    Examples
+    --------
+    >>> adaptctl.Plant(arm, 0.001, integrator=adaptctl.simulation.SemiImplicitEuler()).integrator
+    SemiImplicitEuler()
     """
 
     stages: ClassVar[int] = 1
@@ -116,13 +172,26 @@ class SemiImplicitEuler:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,) of all n joints, rad (m if prismatic), and velocities v (r,) of the r primary
-        (independent) ones, rad/s (m/s), `dt` seconds after the q and v given, with an error in this step of order dt^2.
+        """
+        Advance positions and velocities by one step; numbers are not checked.
 
-        `acceleration` gives the time derivative (r,) of v, rad/s^2 (m/s^2), at (q, v), and `rates` gives that of q
-        (n,), rad/s (m/s), at (q, the new velocities): by default those velocities themselves, as for a tree, where all
-        joints are primary. Vectors are Columns of scalars of any kind (floats, arrays, or symbols to be compiled). No
-        number is checked: NaN goes through; columns of unlike lengths raise `ValueError`.
+        Parameters
+        ----------
+        acceleration : callable
+            Accelerations (r,) at (q, v) in rad/s^2 (m/s^2 if prismatic).
+        q : Column
+            Positions (n,) of the spanning tree's joints, rad (m).
+        v : Column
+            Velocities (r,) of the primary joints, rad/s (m/s).
+        dt : float
+            Step in s.
+        rates : callable, optional
+            Time derivatives (n,) of q at (q, new v). Default: the new v, as for a tree.
+
+        Returns
+        -------
+        tuple of Column
+            Positions (n,) and velocities (r,) after the step.
         """
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, after), after
@@ -130,17 +199,24 @@ class SemiImplicitEuler:
 
 @dataclass(frozen=True)
 class LinearlyImplicitEuler:
-    """The linearly implicit Euler method of order 1, an `Integrator` with the friction of the step's end, linearised:
-    stable however stiff friction is.
+    r"""
+    Linearly implicit Euler method of order 1, stable however stiff friction is.
 
-        (M + dt B) (v_1 - v) = dt (torque - C v - g - B v),  p_1 = p + dt (v + v_1)/2
+    Notes
+    -----
+    .. math:: (M + \Delta t\,B)(v_1 - v) = \Delta t\,(\tau - C v - g - B v), \quad p_1 = p + \Delta t\,(v + v_1)/2
 
-    A step of `dt` s takes positions p, rad (m if prismatic), and velocities v, rad/s (m/s), of r joints to p_1 and v_1,
-    (r,) each. M (r, r) is the mass matrix in kg m^2 (kg); torque, the velocity torques C v and gravity's g are in N m
-    (N), and B v is the friction at v, B (r,) in N m s/rad (N s/m): Coulomb friction by the secant of its curve from
-    rest to v, so that at steady speed it has the value of the curve. One acceleration (`stages`) a step, `implicit` in
-    friction alone. With torque and gravity held, friction alone never reverses a velocity (a Rosenbrock method of one
-    stage: Hairer and Wanner 1996, section IV.7).
+    B v is the friction at v, for Coulomb friction by the secant of its curve from rest to v: exact at steady speed.
+    With torque and gravity held, friction alone never reverses a velocity. It is a Rosenbrock method of one stage [1]_.
+
+    References
+    ----------
+    .. [1] E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, 1996, section IV.7.
+
+    Examples
+    --------
+    >>> adaptctl.simulation.LinearlyImplicitEuler().implicit
+    True
     """
 
     stages: ClassVar[int] = 1
@@ -149,43 +225,49 @@ class LinearlyImplicitEuler:
     def step(
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
-        """Configuration q (n,) of all n joints, rad (m if prismatic), and velocities v_1 (r,) of the r primary
-        (independent) ones, rad/s (m/s), `dt` seconds after the q and v given, with an error in this step of order dt^2.
+        """
+        Advance positions and velocities by one step; numbers are not checked.
 
-        `acceleration` gives (v_1 - v)/dt (r,), rad/s^2 (m/s^2), at (q, v), friction of the step's end included; `rates`
-        gives the time derivative of q (n,), rad/s (m/s), at (q, (v + v_1)/2): by default that velocity itself, as for a
-        tree, where all joints are primary. Vectors are Columns of scalars of any kind (floats, arrays, or symbols to be
-        compiled). No number is checked: NaN goes through; columns of unlike lengths raise `ValueError`.
+        Parameters
+        ----------
+        acceleration : callable
+            Mean accelerations (r,) over the step from (q, v), with the friction of its end, in rad/s^2 (m/s^2 if
+            prismatic).
+        q : Column
+            Positions (n,) of the spanning tree's joints, rad (m).
+        v : Column
+            Velocities (r,) of the primary joints, rad/s (m/s).
+        dt : float
+            Step in s.
+        rates : callable, optional
+            Time derivatives (n,) of q at the mean velocity. Default: that velocity, as for a tree.
+
+        Returns
+        -------
+        tuple of Column
+            Positions (n,) and velocities (r,) after the step.
         """
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, 0.5 * (v + after)), after
 
 
-STABLE = 2.5
+MAX_RATE_STEP = 2.5
 """Of rate times step: Runge and Kutta's method is stable up to 2.78 on the real axis."""
-MOST = 8
+MAX_EXPLICIT_SUBSTEPS = 8
 """steps of Runge and Kutta's method in a control period"""
-IMPLICIT = 4
+MIN_IMPLICIT_SUBSTEPS = 4
 """at least so many steps of the linearly implicit one: within 0.4 mrad of 144 to 556 of the other on arms with stiff
 friction"""
 
 
-RESOLVED = 1.0
+MAX_FREQUENCY_STEP = 1.0
 """Of a spring's frequency times step: Runge and Kutta's method loses 0.7 % of an oscillation's amplitude a radian."""
-MOST_FOR_SPRINGS = 2000
+MAX_SPRING_SUBSTEPS = 2000
 """steps in a control period"""
 
 
 def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> float:
-    """The fastest decay rate of a velocity by friction, 1/s, 0 without friction: the largest magnitude of an eigenvalue
-    of M^-1 B at any of 200 random configurations within the limits of the r joints. M (r, r) is the mass matrix, B (r,
-    r) the slope of the friction torque over velocity at rest, where it is steepest, N m s/rad (N s/m if prismatic). The
-    configurations are the same at every call.
-
-    Friction is that of the `mechanism`'s drives and of `effects` in the joints, none by default. Raises `InputError`
-    where the mass matrix is singular, for settings of effects that do not fit r joints, and where loops reach none of
-    the configurations.
-    """
+    """Fastest decay rate of a velocity by friction in 1/s, over 200 random configurations."""
     extra = sum((np.diag(effect.max_slope(mechanism.dof)) for effect in effects), np.zeros((mechanism.dof,) * 2))
     description = mechanism.description
     columns = range(description.num_energy_parameters, len(description.parameter_names))
@@ -203,8 +285,7 @@ def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> 
 
 
 class Integration(NamedTuple):
-    """An integration of the motion over one control period: `integrator`, the method, in `substeps` equal steps.
-    Nothing is checked."""
+    """Integration method of a control period and its number of equal steps."""
 
     substeps: int
     integrator: Integrator
@@ -217,18 +298,32 @@ def integration(
     integrator: Integrator | None = None,
     transmission: Transmission | None = None,
 ) -> Integration:
-    """The `Integration` of a control period of `control_period` (s), an integrator and its number of equal steps,
-    chosen so that friction cannot make it unstable and it follows the oscillations of elastic joints, if there are any.
+    """
+    Return the integration that stays stable with the given friction and elastic joints.
 
-    `effects` are those in the joints, such as friction, besides the `mechanism`'s drives; `transmission` has the
-    springs of elastic joints, None for rigid ones; `integrator` is the method asked for, which gets as many steps as it
-    needs. None, the default, chooses Runge and Kutta's method in the fewest steps that friction allows, 1 without it,
-    or, where that is more than MOST (8), the linearly implicit Euler method, whose steps friction does not bound. An
-    implicit method gets at least IMPLICIT (4).
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Robot with r joints.
+    effects : sequence of JointEffect
+        Friction besides that of the drives.
+    control_period : float
+        Control period in s.
+    integrator : Integrator, optional
+        Method asked for. Default: `RungeKutta4` where 8 steps are enough for friction, else `LinearlyImplicitEuler`.
+    transmission : Transmission, optional
+        Springs of elastic joints. Default: rigid joints.
 
-    Raises `InputError` where friction or springs act on a singular mass matrix, for effects that do not fit the joints,
-    for an `integrator` without an integrator's members, where springs would need more than MOST_FOR_SPRINGS (2000)
-    steps, and, with friction or springs, where loops reach none of 200 random configurations.
+    Returns
+    -------
+    Integration
+        Method and number of steps.
+
+    Raises
+    ------
+    InputError
+        If the mass matrix is singular, effects do not fit, loops reach no configuration, or springs need more than 2000
+        steps.
     """
     if integrator is not None:
         validate_integrator(integrator)
@@ -236,21 +331,18 @@ def integration(
     if transmission is not None:
         waves, decay = transmission.rates(mechanism, sampled_configurations(mechanism))
     friction = friction_rate(mechanism, effects)
-    resolved = _few(math.ceil(waves * control_period / RESOLVED), mechanism)
-    too_stiff = integrator is None and friction * control_period / STABLE > MOST
+    resolved = _few(math.ceil(waves * control_period / MAX_FREQUENCY_STEP), mechanism)
+    too_stiff = integrator is None and friction * control_period / MAX_RATE_STEP > MAX_EXPLICIT_SUBSTEPS
     if too_stiff or (integrator is not None and integrator.implicit):
-        return Integration(max(IMPLICIT, resolved), integrator or LinearlyImplicitEuler())
-    stable = math.ceil((friction + decay) * control_period / STABLE)
+        return Integration(max(MIN_IMPLICIT_SUBSTEPS, resolved), integrator or LinearlyImplicitEuler())
+    stable = math.ceil((friction + decay) * control_period / MAX_RATE_STEP)
     return Integration(max(1, resolved, stable), integrator or RungeKutta4())
 
 
 def validate_substeps(mechanism: Mechanism, transmission: Transmission, control_period: float, substeps: int) -> None:
-    """Raise `InputError` where `substeps` explicit integration steps of a control period of `control_period` (s) are
-    too few to be stable with the springs and dampers of a mechanism's elastic joints, `transmission`: step times the
-    fastest frequency (rad/s) or decay (1/s) must be at most 2.5. It is also raised where more than MOST_FOR_SPRINGS
-    (2000) steps are needed, and where the mass matrix without rotors is singular."""
+    """Raise `InputError` where explicit steps are too few to be stable with elastic joints."""
     waves, decay = transmission.rates(mechanism, sampled_configurations(mechanism))
-    needed = _few(math.ceil(control_period * max(waves, decay) / STABLE), mechanism)
+    needed = _few(math.ceil(control_period * max(waves, decay) / MAX_RATE_STEP), mechanism)
     if substeps < needed:
         raise InputError(
             f"elastic joints: {substeps} substeps of {control_period:g} s are too few for springs that oscillate at "
@@ -260,11 +352,12 @@ def validate_substeps(mechanism: Mechanism, transmission: Transmission, control_
 
 
 def _few(steps: int, mechanism: Mechanism) -> int:
-    if steps <= MOST_FOR_SPRINGS:
+    if steps <= MAX_SPRING_SUBSTEPS:
         return steps
     raise InputError(
         f"elastic joints: springs and dampers this stiff, with the inertias of {mechanism.name}, would need {steps} "
-        f"steps in a control period, and {MOST_FOR_SPRINGS} are the most: make them softer, or leave the joints rigid"
+        f"steps in a control period, and {MAX_SPRING_SUBSTEPS} are the most: make them softer, or leave the "
+        "joints rigid"
     )
 
 

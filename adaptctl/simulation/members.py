@@ -22,8 +22,7 @@ Seeds: TypeAlias = int | NDArray[np.object_] | None
 
 
 def checked_seeds(given: object) -> Seeds:
-    """The seeds `given` of many arms' noise: None, a whole number of at least 0, or, made of a list or array of such
-    numbers, an array of them of the same shape. Raises `InputError` for all else, such as 2.0, texts and booleans."""
+    """Seeds of many arms' noise: None, one whole number or an array of them; others raise `InputError`."""
     if given is None:
         return None
     each = np.asarray(given, dtype=np.object_)
@@ -33,9 +32,7 @@ def checked_seeds(given: object) -> Seeds:
 
 
 class Noise(NamedTuple):
-    """Source of sensor noise for M = `members` arms: independent standard normal numbers, without a unit, `size` of
-    them for each arm in a control period. `generators` has one random generator for all arms, or one for each. Nothing
-    is checked."""
+    """Source of standard normal sensor noise for many arms."""
 
     generators: Sequence[np.random.Generator]
     members: int
@@ -43,10 +40,7 @@ class Noise(NamedTuple):
 
     @classmethod
     def of(cls, seed: Seeds, members: int, batch: int, size: int) -> list[Noise]:
-        """Sources of sensor noise for `members` arms, a list with one `Noise` for each group of at most `batch` arms,
-        in the arms' order; an arm takes `size` numbers in a control period. `seed` is one whole number for all arms,
-        None for another noise each time, or an array of one for each arm, whose noise then does not depend on the other
-        arms; the same seeds give the same noise. Raises `ValueError` for a seed below 0."""
+        """Sources of noise for groups of at most `batch` arms; with one seed each an arm's noise is its own."""
         counts = [min(batch, members - first) for first in range(0, members, batch)]
         if isinstance(seed, np.ndarray) and size:
             each = [np.random.default_rng(int(x)) for x in seed]
@@ -56,9 +50,7 @@ class Noise(NamedTuple):
         return [cls([np.random.default_rng(x)], n, size) for x, n in zip(sources, counts, strict=True)]
 
     def drawn(self, steps: int) -> Array:
-        """Standard normal numbers (steps, M, size), without a unit, of the next `steps` control periods of M arms,
-        `size` for each arm in a period. Each call draws new ones, the same sequence for the same seeds. Raises
-        `ValueError` for `steps` below 0."""
+        """Standard normal numbers (steps, M, size) of the next control periods."""
         if len(self.generators) == 1:
             return self.generators[0].standard_normal((steps, self.members, self.size))
         return np.stack([rng.standard_normal((steps, self.size)) for rng in self.generators], axis=1)
@@ -67,14 +59,7 @@ class Noise(NamedTuple):
 def differing(
     controller: Controller[Any] | Sequence[Controller[Any]], gains: Mapping[str, ArrayLike]
 ) -> tuple[Controller[Any], dict[str, Array]]:
-    """One controller that stands for those of M arms, and the tunable numbers in which they differ, a pair. The numbers
-    are arrays by name, in the shapes and units of `controller.numbers`, the same for all arms, or with a leading axis
-    of M. They are those of a sequence of controllers, which differ in their numbers alone, or the `gains` given for one
-    controller, which its constructor checks for each arm.
-
-    Raises `InputError` for an empty sequence, for what is no `Controller`, for controllers that differ in more or come
-    with gains, and for arrays of another shape or of no numbers, `NotFoundError` for an unknown name, and what the
-    controller's class raises for its numbers, such as `GainError`."""
+    """One controller for M arms, and the numbers in which they differ, by name."""
     one = controller if isinstance(controller, Controller) else _first_of(controller)
     if one is not controller and one.numbers:
         if gains:
@@ -94,24 +79,18 @@ def differing(
 
 
 def arms_of(controller: Controller[Any], given: Mapping[str, Array]) -> dict[str, tuple[int, ...]]:
-    """The leading axes of each gain `given` by its name in `controller.numbers`: (M,) where it has a row for each of M
-    arms, () where it is the same for all. Raises `KeyError` for an unknown name."""
+    """Leading axes of gains by name: (M,) where there is a row for each arm, () else."""
     return {name: x.shape[: x.ndim - controller.numbers[name].ndim] for name, x in given.items()}
 
 
 def gains_of(controller: Controller[Any], given: Mapping[str, Array], count: int) -> dict[str, Array]:
-    """All tunable numbers of `count` arms, by their names in `controller.numbers`: arrays (count, ...) in the shapes
-    and units there, the controller's own where not `given`. The dict is empty where no gain is given. Nothing is
-    checked."""
+    """All gains (count, ...) of the arms by name, the controller's own where not given."""
     own = controller.numbers if given else {}
     return {name: np.broadcast_to(given.get(name, x), (count, *x.shape)) for name, x in own.items()}
 
 
 def _require(controller: Controller[Any], each: Mapping[str, Array]) -> None:
-    """Raise what the controller's class raises for its numbers, unless each arm's would make a controller.
-
-    The largest of every number are tried first: where they are accepted, so is what needs less, without a search for
-    each set (`validate_sampling_ratio`)."""
+    """Raise the errors of the controller's class, unless each arm's numbers would make a controller."""
     with suppress(InputError):
         controller.tuned({name: x.max(axis=0) for name, x in each.items()})
     rows = np.concatenate([x.reshape(len(x), -1) for x in each.values()], axis=1)
@@ -130,23 +109,21 @@ def _first_of(given: object) -> Controller[Any]:
     return laws[0]
 
 
-LONGEST = 2**24
+MAX_FLOAT32_PERIODS = 2**24
 """Control periods that single precision can count."""
 
 
 def validate_single(loop: ClosedLoop, steps: int) -> None:
-    """Raise `InputError` unless a closed loop can be simulated in single precision (float32) for so many `steps`,
-    control periods. It cannot where that leaves the mechanism's kinematic loops open by more than 1e-5 m or rad; with
-    an adaptation law whose internal state is a k x k matrix for k parameters, as its small eigenvalues would be lost;
-    and for more than 2^24 periods, the most that it counts. Raises `LoopError`, a subclass of it, where loops cannot be
-    closed."""
+    """Raise `InputError` unless a closed loop can be simulated in single precision."""
     validate_single_precision(loop.plant.mechanism, "precision")
     for part in _parts(loop.controller):
         if isinstance(part, AdaptationLaw) and part.needs_double:
             kind = type(part).__name__
             raise InputError(f"precision: single precision loses the matrix in which {kind} forgets: use double")
-    if steps > LONGEST:
-        raise InputError(f"precision: single precision counts to {LONGEST} control periods, got {steps}: use double")
+    if steps > MAX_FLOAT32_PERIODS:
+        raise InputError(
+            f"precision: single precision counts to {MAX_FLOAT32_PERIODS} control periods, got {steps}: use double"
+        )
 
 
 def _parts(law: Tunable) -> Iterator[Tunable]:

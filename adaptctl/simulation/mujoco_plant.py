@@ -34,23 +34,7 @@ _SILENT = ("actuator_gainprm", "actuator_biasprm")
 
 @dataclass(frozen=True, eq=False)
 class MuJoCoPlant(Plant):
-    """A plant that is the arm of a MuJoCo model, moved by MuJoCo under torques, N m (N if prismatic), that are held
-    over each control period of `control_period` (s).
-
-    Besides `model`, which must be given, its arguments are those of `Plant`: `mechanism`, the arm's r joints as this
-    package models them, `control_period`, and `torque_limits`, N m (N), one number or one a joint, None for the
-    mechanism's effort limits; `effects` must be empty, `substeps` and `integrator` are not used. `MuJoCoPlant.of` makes
-    the mechanism of the model. `body` names the arm's root body, None for the one root body that moves. The torques act
-    at the joints (`qfrc_applied`), clipped to the limits; the model's own actuators get no control. Each period is
-    integrated by MuJoCo in equal steps that are no longer than the model's own time step. The model is copied, never
-    changed. `PlantState.drives` holds the state of the whole scene, from which `step` goes on.
-
-    Actuators of the arm that do not apply torques, such as position servos, would act against the controller: they
-    raise `InputError` unless `servos_off` is True (False by default), which switches them off. Raises `InputError` also
-    without a model, for effects, for a mechanism of another number of joints, for a period or limits that are not
-    positive, for ball and free joints and, with `body` None, where not exactly one root body moves; `NotFoundError` for
-    an unknown `body`.
-    """
+    """Plant that is the arm of a MuJoCo model, moved by MuJoCo under torques held over each control period."""
 
     model: mujoco.MjModel | None = None
     body: str | None = None
@@ -74,16 +58,7 @@ class MuJoCoPlant(Plant):
     def of(
         cls, robot: str | Path | Mechanism | mujoco.MjModel, control_period: float, body: str | None = None, **more: Any
     ) -> MuJoCoPlant:
-        """The `MuJoCoPlant` of a `robot`'s MuJoCo model, with a `control_period` in s. The robot is a model
-        (`mujoco.MjModel`), the path of an MJCF scene (.xml, .mjcf), or another robot, a `Mechanism` or anything that
-        `load` takes, of whose links a model is made. `body` names the arm's root body, None for the one root body that
-        moves; `more` are other arguments of `MuJoCoPlant`, such as `torque_limits`, N m (N if prismatic), and
-        `servos_off`.
-
-        Raises `MissingExtraError` without MuJoCo, `FileError` for a file that cannot be read, `NotFoundError` for an
-        unknown name or body, and `InputError` for a robot that MuJoCo cannot model, for ball and free joints and for
-        what the class itself refuses, such as servos.
-        """
+        """Plant of a robot's MuJoCo model: an MJCF scene, a `MjModel`, or one made of another robot."""
         model = as_mujoco(robot)
         own = robot if isinstance(robot, Mechanism) else None
         return cls(own or Mechanism.from_mujoco(model, body), control_period, model=model, body=body, **more)
@@ -91,14 +66,7 @@ class MuJoCoPlant(Plant):
     def init(
         self, p: ArrayLike, v: ArrayLike, parameters: ArrayLike | None = None, noise: ArrayLike | None = None
     ) -> PlantState:
-        """The state at time zero, a `PlantState`, of one arm at positions `p`, rad (m if prismatic), and velocities
-        `v`, rad/s (m/s), (r,) each; all else in the scene is in the model's initial state. `parameters` (P,), SI units,
-        are the arm's P true inertial and friction parameters, in the order of `Mechanism.parameter_names`, None for the
-        mechanism's own; `noise` is not used, for there are no sensors.
-
-        Raises `InputError` on a wrong shape, for parameters that no rigid bodies can have and for friction other than
-        viscous and Coulomb, `NonFiniteError` on NaN or infinity.
-        """
+        """State of one arm at time zero; all else in the scene is in the model's initial state."""
         p, v = (self._vector(x, what).astype(np.float64) for x, what in ((p, "p"), (v, "v")))
         scene = self._scene.having(parameters)
         return self._state(0.0, *scene.started(p, v), np.zeros(self.dof), False)
@@ -110,14 +78,7 @@ class MuJoCoPlant(Plant):
         parameters: ArrayLike | None = None,
         noise: ArrayLike | None = None,
     ) -> PlantState:
-        """The state, a `PlantState`, of one arm a control period after `state`, under a torque (r,) of r joints, N m (N
-        if prismatic), clipped to the limits and held.
-
-        `parameters` (P,), SI units, are the P true inertial and friction parameters in this period, in the order of
-        `Mechanism.parameter_names`, None for the mechanism's own; `noise` is not used. Raises `InputError` on a wrong
-        shape and for parameters that no rigid bodies can have or of friction other than viscous and Coulomb,
-        `NonFiniteError` on NaN or infinity in torque or parameters and where the motion becomes non-finite.
-        """
+        """State of one arm a control period later, under a torque that is clipped and held."""
         given = self._finite(torque)
         applied = self.limited(given)
         p, v, drives = self._scene.having(parameters).moved(state.drives, applied)
@@ -130,8 +91,7 @@ class MuJoCoPlant(Plant):
         return self._state(state.time + self.control_period, p, v, drives, applied, clipped)
 
     def compile(self) -> None:
-        """Compile the plant's energy to native code now, not at its first use: all else is computed by MuJoCo. Raises
-        what the compiler raises."""
+        """Compile the energy to native code; MuJoCo computes all else."""
         _ = self._energy
 
     def _state(self, time: float, p: Array, v: Array, drives: Array, applied: Array, clipped: bool) -> PlantState:
@@ -139,8 +99,7 @@ class MuJoCoPlant(Plant):
 
     @cached_property
     def arm(self) -> MujocoArm:
-        """The part of the MuJoCo model that is the arm, a `MujocoArm`: its root body, and its bodies and joints by
-        their indices in the model. Nothing is raised: the arm was checked when the plant was made."""
+        """Arm's part of the MuJoCo model."""
         from adaptctl.description.readers.mujoco_arm import MujocoArm
 
         return MujocoArm.of(self.model, self.body)
@@ -220,12 +179,7 @@ class _Scene:
 
 
 def as_mujoco(robot: str | Path | Mechanism | mujoco.MjModel) -> mujoco.MjModel:
-    """A MuJoCo model (`mujoco.MjModel`) of a `robot`: the model itself if it is one, that of an MJCF scene's file
-    (.xml, .mjcf), or one made of the links of a `Mechanism` or of another robot that `load` takes, by name or path.
-
-    Raises `MissingExtraError` without MuJoCo, `FileError` for a file that cannot be read, `NotFoundError` for an
-    unknown name, and `InputError` for a robot that MuJoCo cannot model, such as one with loops.
-    """
+    """MuJoCo model of a robot: itself, that of a scene's file, or one made of a mechanism's links."""
     try:
         import mujoco
     except ImportError as error:
@@ -242,9 +196,9 @@ def as_mujoco(robot: str | Path | Mechanism | mujoco.MjModel) -> mujoco.MjModel:
     return (robot if isinstance(robot, Mechanism) else load(robot)).to_mujoco()
 
 
-TIMES, HORIZON = 201, 20.0
+CONTACT_SAMPLES, CONTACT_HORIZON = 201, 20.0
 """at how many times references are looked at, and for how long, s"""
-NEARER, ATTEMPTS = 0.8, 20
+SHRINKING_FACTOR, MAX_SHRINKINGS = 0.8, 20
 """by which references are drawn in towards the scene's own posture, and how often"""
 
 Pair = tuple[str, str]
@@ -252,11 +206,7 @@ Pair = tuple[str, str]
 
 
 def contacts_at(plant: MuJoCoPlant, positions: Array) -> Counter[Pair]:
-    """Counts of the pairs of bodies in contact over n positions (n, r), rad (m if prismatic), of the r joints of a
-    MuJoCo `plant`'s arm: for each pair of names, at how many of the positions the two bodies penetrate each other. One
-    of a pair is a body of the arm, and the one of lower index in the model stands first. All else is in the model's
-    initial state; a body without a name is called "body" and its index. Raises `ValueError` for another number of
-    joints."""
+    """Number of positions (n, r) at which each pair of bodies is in contact, by their names."""
     import mujoco
 
     model, arm = plant.model, plant.arm
@@ -272,23 +222,19 @@ def contacts_at(plant: MuJoCoPlant, positions: Array) -> Counter[Pair]:
 
 
 def contacts_along(plant: MuJoCoPlant, reference: Reference) -> Counter[Pair]:
-    """Counts of the pairs of bodies in contact along a `reference` of the r joints of a MuJoCo `plant`'s arm: for each
-    pair of names, at how many of TIMES (201) times, evenly from 0 to HORIZON (20) s, the two bodies penetrate each
-    other. One of a pair is a body of the arm, and the one of lower index in the model stands first. Raises `ValueError`
-    for a reference of another number of joints."""
-    return contacts_at(plant, reference(np.linspace(0.0, HORIZON, TIMES)).p)
+    """Number of times along a reference at which each pair of bodies is in contact."""
+    return contacts_at(plant, reference(np.linspace(0.0, CONTACT_HORIZON, CONTACT_SAMPLES)).p)
 
 
 def warn_of_contacts(plant: MuJoCoPlant, reference: Reference) -> None:
-    """Warn (`ReferenceWarning`) where the arm of a MuJoCo `plant`, on the `reference` of its r joints, touches itself
-    or the scene at any of 201 times over the first 20 s: the message names the pair of bodies that touches most often.
-    Raises `ValueError` for a reference of another number of joints."""
+    """Warn (`ReferenceWarning`) where the arm on the reference touches itself or the scene."""
     if not (found := contacts_along(plant, reference)):
         return
     (one, other), count = found.most_common(1)[0]
     more = f", and {len(found) - 1} more pairs of bodies" if len(found) > 1 else ""
     warnings.warn(
-        f"{plant.mechanism.name}: on the reference, {one!r} and {other!r} touch at {count} of {TIMES} times{more}, "
+        f"{plant.mechanism.name}: on the reference, {one!r} and {other!r} touch at {count} of {CONTACT_SAMPLES} "
+        f"times{more}, "
         "which pushes the arm off, as the controller's model has no contacts: choose another reference, or exclude the "
         "pair in the scene",
         ReferenceWarning,
@@ -297,20 +243,12 @@ def warn_of_contacts(plant: MuJoCoPlant, reference: Reference) -> None:
 
 
 def clear_of_contacts(plant: MuJoCoPlant, drawn: Sinusoids) -> Sinusoids:
-    """A reference, sums of sinusoids, on which the arm of a MuJoCo `plant` touches neither itself nor the scene at any
-    of 201 times over the first 20 s. It is `drawn` itself or, where the arm touches on that, a copy that stays nearer
-    to the arm's posture q_0 in the model's initial state. Trial k, from 1 to 19, has the centre q_0 + 0.8^k (c - q_0),
-    c being that of `drawn`, amplitudes 0.8^k times as large, and the same frequencies, phases and start time; the first
-    one clear of contacts is returned.
-
-    Raises `InputError` where the arm touches something in the last trial too, `ValueError` for another number of
-    joints.
-    """
+    """Sinusoids on which the arm touches neither itself nor the scene."""
     if not contacts_along(plant, drawn):
         return drawn
     model, arm = plant.model, plant.arm
     home = np.array([model.qpos0[model.jnt_qposadr[j]] for j in arm.joints])  # type: ignore[union-attr]
-    for share in (NEARER**k for k in range(1, ATTEMPTS)):
+    for share in (SHRINKING_FACTOR**k for k in range(1, MAX_SHRINKINGS)):
         center = home + share * (drawn.center - home)
         nearer = Sinusoids(center, share * drawn.amplitude, drawn.frequency, drawn.phase, start_time=drawn.start_time)
         if not contacts_along(plant, nearer):

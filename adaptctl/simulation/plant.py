@@ -27,24 +27,53 @@ from adaptctl.simulation.transmission import Motors, Transmission
 
 _DOUBLE = np.dtype(np.float64)
 
-MOST_SUBSTEPS = 1_000_000
+MAX_SUBSTEPS = 1_000_000
 """steps of the integrator in one control period"""
 
 
 @dataclass(frozen=True, eq=False)
 class Plant(Tunable):
-    """Simulated arm: r primary (independent) joints of a `mechanism`, driven by torques, N m (N if prismatic), each
-    held over a control period.
+    """
+    Simulated robot, driven by joint torques that are held over each control period.
 
-    `control_period` (s) is integrated in `substeps` equal steps of the `integrator`; `torque_limits`, N m (N), one
-    number or one a joint (r,), bound the torques' magnitudes, infinity meaning no bound, None the mechanism's effort
-    limits. `effects`, in any order, none by default, are what real arms have besides rigid links and drives: delays and
-    limits of torques, friction and springs in the joints, sensors, and loads. Joints have no stops.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Robot with r primary (independent) joints. Joints have no stops.
+    control_period : float
+        Time in s for which a torque is held.
+    substeps : int, default 1
+        Equal integration steps per control period, 1 to 1000000; stiff friction and elastic joints need more.
+    integrator : Integrator, default RungeKutta4()
+        Integration method.
+    torque_limits : array_like, optional
+        Largest magnitudes of the torques, N m (N if prismatic): one number or (r,), infinity for no bound. Default: the
+        mechanism's effort limits.
+    effects : iterable of Effect, default ()
+        Delays and limits of torques, friction and springs in the joints, sensors and loads, in any order. Default: an
+        ideal robot.
 
-    Parameters are an argument of `step`, so one plant serves an arm with any payload; so is sensors' noise: equal calls
-    give equal bits. Up to 100 links run as native code, more in Python. Raises `InputError` for a period not positive
-    and finite, limits not positive, `substeps` not a whole number from 1 to 1000000 or too few for elastic joints, no
-    integrator, links without mass that move none with mass, and effects that do not fit.
+    Raises
+    ------
+    InputError
+        If the period is not positive and finite, a limit is not positive, `substeps` is out of range or too small for
+        elastic joints, a massless link moves no mass, or an effect does not fit.
+
+    Notes
+    -----
+    Inertial parameters and sensor noise are arguments of `step`: one plant serves a robot with any payload, and equal
+    calls give equal bits. Up to 100 links run as native code, more in Python.
+
+    Examples
+    --------
+    >>> plant = adaptctl.Plant(arm, 0.001)
+    >>> plant
+    <Plant of 'two_link': period 0.001 s, effects: none>
+    >>> state = plant.init([0.3, 0.5], [0.0, 0.0])
+    >>> for _ in range(10):
+    ...     state = plant.step(state, [20.0, 5.0])
+    >>> round(state.time, 3), state.p.shape
+    (0.01, (2,))
     """
 
     mechanism: Mechanism
@@ -59,7 +88,7 @@ class Plant(Tunable):
         validate_kind(self.mechanism, Mechanism, "plant", "as load(...) gives one")
         period = positive_number(self.control_period, "control_period: expected a positive time in s")
         object.__setattr__(self, "control_period", period)
-        whole_number(self.substeps, "substeps", 1, MOST_SUBSTEPS)
+        whole_number(self.substeps, "substeps", 1, MAX_SUBSTEPS)
         validate_integrator(self.integrator)
         self.mechanism.validate_mass()
         object.__setattr__(self, "torque_limits", torque_limits(self.mechanism, self.torque_limits))
@@ -69,6 +98,11 @@ class Plant(Tunable):
             validate_ten_a_link(self.mechanism)
         if self._transmission is not None and not self.integrator.implicit:
             validate_substeps(self.mechanism, self._transmission, self.control_period, self.substeps)
+
+    def __repr__(self) -> str:
+        """Robot, period and effects in one line."""
+        effects = ", ".join(type(effect).__name__ for effect in self.effects) or "none"
+        return f"<{type(self).__name__} of {self.mechanism.name!r}: period {self.control_period} s, effects: {effects}>"
 
     @property
     def dof(self) -> int:
@@ -87,43 +121,106 @@ class Plant(Tunable):
 
     @cached_property
     def noise_size(self) -> int:
-        """Number of standard normal numbers that sensors of r joints take a control period: 2r, positions' first, or 0
-        without sensor effects and without encoders on motors of elastic joints."""
+        """Number of standard normal numbers that the sensors take in a control period: 2r, or 0 without sensors."""
         return 2 * self.dof if self._effects.sensors or self._effects.senses_motors else 0
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """Lengths of the columns (vectors) passed from one control period to the next, by name: "q", the n joints of
-        the spanning tree; "v", the r primary (independent) ones; "drives", the actuator effects' internal states and,
-        with elastic joints, 2r numbers of the motors; "sensors", the sensor effects'."""
+        """Lengths of the columns passed from one control period to the next: "q", "v", "drives" and "sensors"."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
         joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self.is_elastic else 0
         return joints | {"drives": len(memories[0]) + motors, "sensors": len(memories[1])}
 
     def parameters(self, own: Array, time: float) -> Array:
-        """True inertial and friction parameters (..., P) at `time` (s), SI, ordered as `Mechanism.parameter_names`:
-        `own` (..., P), of arms alone, plus effects' loads. Raises `InputError` for too few for a payload's link."""
+        """
+        Return the true parameters at a time, loads included.
+
+        Parameters
+        ----------
+        own : ndarray
+            Inertial and friction parameters (..., P) without loads, SI units, ordered as `Mechanism.parameter_names`.
+        time : float
+            Time in s.
+
+        Returns
+        -------
+        ndarray
+            Parameters (..., P), SI units.
+
+        Raises
+        ------
+        InputError
+            If there are too few parameters for a payload's link.
+        """
         return self._effects.loaded(own, self._links, time)
 
     def next_change_time(self, time: float) -> float:
-        """Time, s, until which the true parameters stay as at `time` (s), at least `time`; infinity for ever."""
+        """
+        Return the time until which the true parameters stay as they are.
+
+        Parameters
+        ----------
+        time : float
+            Time in s.
+
+        Returns
+        -------
+        float
+            Time in s, at least `time`; infinity if nothing changes any more.
+        """
         return min((load.next_change_time(time) for load in self.loads), default=math.inf)
 
     def payload(self, time: float) -> float:
-        """The total mass of the effects' loads, such as payloads, at `time` (s), kg; 0 without loads."""
+        """
+        Return the total mass of the loads.
+
+        Parameters
+        ----------
+        time : float
+            Time in s.
+
+        Returns
+        -------
+        float
+            Mass in kg, 0 without loads.
+        """
         return sum(load.mass(time) for load in self.loads)
 
     def init(
         self, p: ArrayLike, v: ArrayLike, parameters: ArrayLike | None = None, noise: ArrayLike | None = None
     ) -> PlantState:
-        """State of one arm or many at time zero, at positions `p`, rad (m if prismatic), and velocities `v`, rad/s
-        (m/s), (..., r). Its last torque holds the r joints at rest against gravity for the P true inertial and friction
-        `parameters` (..., P), SI, ordered as `Mechanism.parameter_names`, None for the mechanism's own with loads; it
-        stretches elastic joints' springs, whose motors move as fast as the links. `noise` (..., 2r) is the first
-        measurement's, standard normal, positions' first, None for zero. Raises `SingularityError` where loops cannot be
-        followed to p, `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity; parameters are used only with
-        actuator effects or elastic joints, noise only with sensors."""
+        """
+        Return the state of one robot or many at time zero.
+
+        Parameters
+        ----------
+        p : array_like
+            Positions (..., r) in rad (m if prismatic).
+        v : array_like
+            Velocities (..., r) in rad/s (m/s).
+        parameters : array_like, optional
+            True parameters (..., P), SI units, ordered as `Mechanism.parameter_names`; used with actuator effects or
+            elastic joints only. Default: the mechanism's, loads included.
+        noise : array_like, optional
+            Standard normal numbers (..., 2r) of the first measurement, the positions' first; used with sensors only.
+            Default: zero.
+
+        Returns
+        -------
+        PlantState
+            State whose last torque holds the joints at rest against gravity and stretches the springs of elastic
+            joints.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong.
+        NonFiniteError
+            If a number is NaN or infinite.
+        SingularityError
+            If kinematic loops cannot be followed to p.
+        """
         p = vectors(p, self.dof, f"{self.mechanism.name}: p")
         v = vectors(v, self.dof, f"{self.mechanism.name}: v")
         shape = *same_samples(p=p, v=v), self.dof
@@ -148,11 +245,33 @@ class Plant(Tunable):
         parameters: ArrayLike | None = None,
         noise: ArrayLike | None = None,
     ) -> PlantState:
-        """State of one arm a control period after `state`; the `torque` (r,) of r joints, N m (N), is clipped and held.
-        `parameters` (P,), SI, ordered as `Mechanism.parameter_names`, are the true inertial and friction ones, None for
-        the mechanism's own with loads as at the state's time. `noise` (2r,) is the sensors', standard normal,
-        positions' first, None for zero, not checked. Raises `InputError` on a wrong shape and `NonFiniteError` on NaN
-        or infinity in positions, velocities, torque or parameters, or in the motion."""
+        """
+        Advance one robot by a control period under a held torque.
+
+        Parameters
+        ----------
+        state : PlantState
+            State at the beginning of the period.
+        torque : array_like
+            Commanded torque (r,) in N m (N if prismatic), clipped to `torque_limits`.
+        parameters : array_like, optional
+            True parameters (P,), SI units, ordered as `Mechanism.parameter_names`. Default: the mechanism's, with the
+            loads at the state's time.
+        noise : array_like, optional
+            Standard normal numbers (2r,) of the sensors, the positions' first, not checked. Default: zero.
+
+        Returns
+        -------
+        PlantState
+            State at the end of the period.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong.
+        NonFiniteError
+            If an argument or the motion is NaN or infinite.
+        """
         true = self._true(state.time) if parameters is None else parameters
         moving = state.q, state.v, self._finite(torque), true
         if self._chained:
@@ -168,15 +287,57 @@ class Plant(Tunable):
         return PlantState(time, p, v, q, measured_p, measured_v, applied, clipped > 0.0, flags, drives, sensors)
 
     def limited(self, torque: ArrayLike) -> Array:
-        """The torque (r,) of r joints, N m (N if prismatic), clipped to plus and minus `torque_limits`. Raises
-        `InputError` on a wrong shape and `NonFiniteError` on NaN or infinity."""
+        """
+        Clip a torque to `torque_limits`.
+
+        Parameters
+        ----------
+        torque : array_like
+            Torque (r,) in N m (N if prismatic).
+
+        Returns
+        -------
+        ndarray
+            Clipped torque (r,).
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong.
+        NonFiniteError
+            If the torque is NaN or infinite.
+        """
         return np.minimum(np.maximum(self._finite(torque), -self._limits), self._limits)
 
     def energy(self, state: PlantState, parameters: ArrayLike | None = None) -> float:
-        """Kinetic plus potential energy of one arm, J, gravity's zero at the base's origin, with elastic joints'
-        springs and motors; `parameters` (P,), SI, inertial and friction, are ordered as `Mechanism.parameter_names`,
-        None for the mechanism's own with loads. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or
-        infinity."""
+        """
+        Return the kinetic plus potential energy of one robot.
+
+        Parameters
+        ----------
+        state : PlantState
+            State of the robot.
+        parameters : array_like, optional
+            True parameters (P,), SI units, ordered as `Mechanism.parameter_names`. Default: the mechanism's, with
+            loads.
+
+        Returns
+        -------
+        float
+            Energy in J, springs and motors of elastic joints included; gravity's zero is at the base's origin.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong.
+        NonFiniteError
+            If the energy is NaN or infinite.
+
+        Examples
+        --------
+        >>> bool(np.isfinite(plant.energy(plant.init(p, v))))
+        True
+        """
         true = self._true(state.time) if parameters is None else parameters
         motors = (state.drives,) if self.is_elastic else ()
         ((energy,),) = self._energy(state.q, state.v, true, *motors)
@@ -189,12 +350,35 @@ class Plant(Tunable):
         _ = self._advance, self._energy
 
     def positions(self, q: Array) -> Array:
-        """Positions (..., r), rad (m), of the r primary (independent) joints among all n of the tree, q (..., n)."""
+        """
+        Select the primary joints among all joints of the spanning tree.
+
+        Parameters
+        ----------
+        q : ndarray
+            Positions (..., n) of the tree's joints, rad (m if prismatic).
+
+        Returns
+        -------
+        ndarray
+            Positions (..., r).
+        """
         return q if self._primary is None else q[..., self._primary]
 
     def is_valid_configuration(self, q: Array) -> NDArray[np.bool_]:
-        """Mask (...) of configurations q (..., n), rad (m), of the tree's n joints: True where the loops' regularity is
-        at least 0.05 and primary joints are within the description's bounds; True for a tree. Nothing is checked."""
+        """
+        Tell configurations that are regular and within the description's bounds.
+
+        Parameters
+        ----------
+        q : ndarray
+            Positions (..., n) of the spanning tree's joints, rad (m if prismatic).
+
+        Returns
+        -------
+        ndarray of bool
+            Mask (...), True where the loops' regularity is at least 0.05 and the bounds hold; True for a tree.
+        """
         if self.mechanism.continuation is None:
             return np.ones(q.shape[:-1], dtype=np.bool_)
         inside = self.mechanism.description.within_conditions(self.positions(q))
@@ -202,21 +386,32 @@ class Plant(Tunable):
 
     @cached_property
     def equation(self) -> ControlPeriod:
-        """Equation of a control period, a `ControlPeriod`, which makes of a mapping of Columns, vectors of scalars of
-        any kind (SI units), a `PeriodOutcome`: the next state, measurements and torques applied. The mapping has "q"
-        (n,), the tree's n joints, "v" and "torque" (r,), of the r primary (independent) ones, "parameters" (P,),
-        inertial and friction, "noise" (2r,), standard normal, empty without sensors, and the effects' internal states
-        "drives" and "sensors"; a missing one raises `KeyError`."""
+        """Equation of a control period, from a mapping of named Columns to a `PeriodOutcome`."""
         settings = self.control_period, self.substeps, self.integrator
         motion = held_motion(self.mechanism, *settings, self._effects.joints, self._transmission)
         primary = tuple(self.mechanism.description.primary)
         return ControlPeriod(motion, self._effects, tuple(self._limits.tolist()), primary, self.control_period)
 
     def energy_equation(self, q: Column, v: Column, parameters: Column, drives: Column) -> Scalar:
-        """Kinetic plus potential energy, J, with springs and motors, a scalar. Columns, vectors of scalars of any kind,
-        are q (n,), rad (m), of the spanning tree's n joints, v (r,), rad/s (m/s), of the r primary (independent) ones,
-        true `parameters` (P,), inertial and friction, SI, ordered as `Mechanism.parameter_names`, and `drives`, used
-        for elastic joints alone, which ends in their motors' positions and velocities (2r,). Nothing is checked."""
+        """
+        Write the energy over scalars of any kind.
+
+        Parameters
+        ----------
+        q : Column
+            Positions (n,) of the spanning tree's joints, rad (m if prismatic).
+        v : Column
+            Velocities (r,) in rad/s (m/s).
+        parameters : Column
+            True parameters (P,), SI units.
+        drives : Column
+            Internal states of the drives; with elastic joints its end has the motors' positions and velocities (2r,).
+
+        Returns
+        -------
+        Scalar
+            Kinetic plus potential energy in J.
+        """
         regressor, springs = self.mechanism.equations.energy_regressor(q, v), self._transmission
         if springs is None:
             rigid: Scalar = regressor @ parameters
@@ -227,7 +422,19 @@ class Plant(Tunable):
         return elastic
 
     def primary(self, q: Column) -> Column:
-        """Positions (r,), rad (m), of the r primary (independent) joints among all n of the tree, the vector q (n,)."""
+        """
+        Select the primary joints' positions from a Column.
+
+        Parameters
+        ----------
+        q : Column
+            Positions (n,) of the spanning tree's joints, rad (m if prismatic).
+
+        Returns
+        -------
+        Column
+            Positions (r,).
+        """
         return q if self._primary is None else Column(q[i] for i in self._primary)
 
     @cached_property
@@ -363,8 +570,7 @@ def _shared(structure: Structure, name: str) -> Callable[..., Any]:
 
 
 def validate_ten_a_link(mechanism: Mechanism) -> None:
-    """Raise `InputError` for a mechanism with linear relations among its inertial parameters, which are then fewer than
-    ten for each link and those of its drives: the parameters with a payload would not satisfy them."""
+    """Raise `InputError` for linear relations among the inertial parameters, which payloads would break."""
     if len(mechanism.inertial_parameters) < len(mechanism.description.inertial_parameters):
         raise InputError(
             f"payload: {mechanism.name} has relations among its parameters, which a payload would not keep to: take "

@@ -19,15 +19,14 @@ from adaptctl.control.references import SinusoidNumbers, Sinusoids, sinusoids_at
 from adaptctl.errors import InputError, NonFiniteError, ReferenceWarning
 from adaptctl.scalars import Column, column
 
-TIMES, STEP = 41, 1e-4
+DERIVATIVE_SAMPLES, DIFFERENCE_STEP = 41, 1e-4
 """how many times are looked at, and the step of central differences, s"""
-ALLOWED = 0.05
+DERIVATIVE_TOLERANCE = 0.05
 """of the largest derivative, at the median: a corner of a path here and there is none"""
 
 
 def validate_point(point: object) -> None:
-    """Raise `InputError` unless `point`, the value that a reference trajectory returned, has the attributes p, v and a
-    of a `ReferencePoint`: positions, velocities and accelerations. Their shapes are not checked."""
+    """Raise `InputError` unless a reference returned positions, velocities and accelerations."""
     if not all(hasattr(point, name) for name in ReferencePoint._fields):
         raise InputError(
             f"reference: expected it to return ReferencePoint(p, v, a), each (n, r) at times (n,), got a "
@@ -36,24 +35,21 @@ def validate_point(point: object) -> None:
 
 
 def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: float, stacklevel: int = 2) -> None:
-    """Warn (`ReferenceWarning`) where a `reference`'s velocities or accelerations are not the derivatives of its
-    positions and velocities, naming the r joints by their `names`, r texts. Derivatives are central differences at 41
-    times within `duration` (s). A joint is named where the median, over these times, of the absolute difference is
-    above 5 % of its largest derivative, plus 1e-6. At most one warning is given, and nothing is checked where the
-    duration is below some 0.2 ms. `stacklevel` says which line the warning points to, as in `warnings.warn`: at 1 the
-    call of this function, at 2, the default, the call of its caller. Raises `InputError` where the reference returns no
-    `ReferencePoint`."""
-    time = STEP + (duration - 2.0 * STEP) * (np.arange(TIMES) + 0.382) / TIMES
+    """Warn (`ReferenceWarning`) where velocities or accelerations are not the derivatives of positions."""
+    time = (
+        DIFFERENCE_STEP
+        + (duration - 2.0 * DIFFERENCE_STEP) * (np.arange(DERIVATIVE_SAMPLES) + 0.382) / DERIVATIVE_SAMPLES
+    )
     if not time[0] < time[-1]:
         return
-    before, now, after = points = [reference(time + shift) for shift in (-STEP, 0.0, STEP)]
+    before, now, after = points = [reference(time + shift) for shift in (-DIFFERENCE_STEP, 0.0, DIFFERENCE_STEP)]
     for point in points:
         validate_point(point)
     for what, of, stated, low, high in (
         ("velocity", "position", now.v, before.p, after.p),
         ("acceleration", "velocity", now.a, before.v, after.v),
     ):
-        wrong = _wrong(np.asarray(stated), (np.asarray(high) - np.asarray(low)) / (2.0 * STEP))
+        wrong = _wrong(np.asarray(stated), (np.asarray(high) - np.asarray(low)) / (2.0 * DIFFERENCE_STEP))
         if wrong:
             joints = ", ".join(names[j] if j < len(names) else f"{j}" for j in wrong)
             warnings.warn(
@@ -68,7 +64,7 @@ def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: fl
 def _wrong(stated: Array, slope: Array) -> list[int]:
     """Indices of the joints whose stated derivatives (T, r) differ from those by finite differences."""
     scale = np.maximum(np.abs(stated), np.abs(slope)).max(axis=0)
-    return np.flatnonzero(np.median(np.abs(stated - slope), axis=0) > ALLOWED * scale + 1e-6).tolist()
+    return np.flatnonzero(np.median(np.abs(stated - slope), axis=0) > DERIVATIVE_TOLERANCE * scale + 1e-6).tolist()
 
 
 REFERENCE = ("reference_p", "reference_v", "reference_a")
@@ -78,14 +74,7 @@ BLOCK = 128
 
 
 def sampled(reference: Reference, times: Array, size: int, out: Array | None = None) -> ReferencePoint:
-    """The points of a `reference` of `size` coordinates (joints) at `times` (T,), s, a `ReferencePoint`: positions,
-    velocities and accelerations, (T, size) each, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic). They are
-    views of one array (T, 3, size): `out`, which is overwritten, or a new one where `out` is None. The shape of `out`
-    is not checked.
-
-    Raises `InputError` where the reference returns no reference point or one of another shape, `NonFiniteError` for NaN
-    or infinity in it; what the reference itself raises goes through.
-    """
+    """Points (T, size) of a reference at times (T,), checked, as views of one array (T, 3, size)."""
     points = np.empty((len(times), 3, size)) if out is None else out
     parts = ReferencePoint(*points.swapaxes(0, 1))
     if isinstance(reference, Sinusoids) and len(reference.center) == size:
@@ -100,14 +89,7 @@ def sampled(reference: Reference, times: Array, size: int, out: Array | None = N
 
 
 class Preview:
-    """Preview of a `reference` of r = `dof` joints: a row of numbers for each `control_period` (s). A row has
-    positions, rad (m if prismatic), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2), of the period's
-    beginning, then positions at each of the h times `look_ahead` (h,), s, after it.
-
-    Rows are computed for `block` periods at once, BLOCK (128) by default, so that a control step costs no evaluation of
-    its own; only the blocks asked for last are kept. Raises at construction and in its methods `InputError` where the
-    reference's points have another shape, `NonFiniteError` where they have NaN or infinity.
-    """
+    """Reference of each control period and its positions ahead, computed many periods at once."""
 
     def __init__(
         self, reference: Reference, dof: int, control_period: float, look_ahead: Array, block: int = BLOCK
@@ -118,11 +100,7 @@ class Preview:
         self._keep([0])
 
     def row(self, step: int) -> Array:
-        """The row (3r + h r,) of the control period of zero-based index `step`, of r joints. It has the reference's
-        positions, rad (m if prismatic), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2), (r,) each, at the
-        period's beginning, then its positions at each of the h times after that for which the preview was made. Raises
-        `InputError` where the reference's points have another shape, `NonFiniteError` where they have NaN or infinity.
-        """
+        """Row (3r + h r,) of a control period: positions, velocities, accelerations, positions ahead."""
         block, place = divmod(step, self._size)
         if block not in self._blocks:
             self._keep([block])
@@ -130,11 +108,7 @@ class Preview:
         return row
 
     def rows(self, steps: NDArray[np.int64]) -> Array:
-        """The rows (k, 3r + h r) of the control periods of zero-based indices `steps` (k,), of r joints. Each has the
-        reference's positions, rad (m if prismatic), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2), (r,)
-        each, at the period's beginning, then its positions at each of the h times after that for which the preview was
-        made. Raises `InputError` where the reference's points have another shape, `NonFiniteError` where they have NaN
-        or infinity."""
+        """Rows (k, 3r + h r) of control periods."""
         needed, which = np.unique(steps // self._size, return_inverse=True)
         self._keep(needed.tolist())
         rows: Array = np.stack(list(self._blocks.values()))[which, steps % self._size]
@@ -185,15 +159,7 @@ def _checked(point: ReferencePoint, name: str, count: int, size: int) -> Array:
 
 @dataclass(frozen=True)
 class ReferenceForm:
-    """Form in which a compiled step comes by its reference points: positions, rad (m if prismatic), velocities, rad/s
-    (m/s), and accelerations, rad/s^2 (m/s^2), of `size` joints. With h = `terms` sinusoids for each joint, the step
-    computes them from the numbers (amplitudes, frequencies and so on) of each arm's own `Sinusoids`; with 0, the
-    default, they come from outside as samples, one point for all arms or, where `each` is True, one for each arm.
-
-    The properties have the lengths, by name, of the step's columns (vectors): `held`, constant over a run for each arm,
-    the numbers of its sinusoids, in the order of `SinusoidNumbers`, the r numbers of the first term first; `shared`,
-    other in each control period and the same for all arms, the time (s) or the reference point; `driven`, other in each
-    period and for each arm. Forms that are equal share native code. Nothing is checked."""
+    """Form of a compiled step's reference: samples from outside, or sums of `terms` sinusoids."""
 
     size: int
     terms: int = 0
@@ -218,20 +184,14 @@ class ReferenceForm:
         return dict.fromkeys(REFERENCE, self.size) if self.each and not self.terms else {}
 
     def point(self, columns: Mapping[str, Column], ahead: float = 0.0) -> ReferencePoint:
-        """The reference point of a control period, made of those of the `columns`, vectors of scalars of any kind
-        (floats, arrays, or symbols to be compiled), that the properties name. It is of `ahead` s later, 0 by default,
-        where it is computed. Raises `KeyError` where a column is missing."""
+        """Reference point of a control period, `ahead` s later where it is computed."""
         if not self.terms:
             return ReferencePoint(*(columns[name] for name in REFERENCE))
         numbers = SinusoidNumbers(*(columns[name] for name in SinusoidNumbers._fields))
         return sinusoids_at(columns["time"][0] + ahead, numbers)
 
     def numbers(self, references: Sequence[Reference | None]) -> SinusoidNumbers:
-        """The numbers, a `SinusoidNumbers`, of M `references`, all of them `Sinusoids`, for r joints and h sinusoids a
-        joint, the form's `size` and `terms`. They are center (M, r) and amplitude (M, h r), rad (m if prismatic),
-        frequency, Hz, and phase, rad, (M, h r) each, with the r numbers of the first term first, and start_time (M, 1),
-        s. Sums of fewer sinusoids are filled up with terms of amplitude 0. Raises `KeyError` for a reference that is no
-        `Sinusoids`, `ValueError` for sums of more terms."""
+        """Numbers of M sums of sinusoids, filled up with terms of amplitude 0."""
         known: dict[int, SinusoidNumbers] = {}
         for one in references:
             if isinstance(one, Sinusoids) and id(one) not in known:
@@ -242,11 +202,7 @@ class ReferenceForm:
 
 @dataclass(frozen=True, eq=False)
 class ReferencesOfMany:
-    """References of M arms, `references`, one for all or one for each, and the `form` in which a compiled step gets
-    their points: as samples from outside, or computed from the numbers of sinusoids. Each point has positions, rad (m
-    if prismatic), velocities, rad/s (m/s), and accelerations, rad/s^2 (m/s^2), of `size` joints. `arms` is (M,), or ()
-    where one reference was given for any number of arms. `ReferencesOfMany.of` checks them; the class itself checks
-    nothing."""
+    """References of M arms, sampled or as the numbers of sinusoids."""
 
     references: Sequence[Reference]
     form: ReferenceForm
@@ -255,10 +211,7 @@ class ReferencesOfMany:
 
     @classmethod
     def of(cls, given: Reference | Sequence[Reference], size: int) -> ReferencesOfMany:
-        """The references of many arms, from `given`, one for all or a sequence with one for each, whose points are of
-        `size` joints. One for all, or the same object for each, is sampled. Where several are all `Sinusoids` with
-        equal numbers of terms, they are kept as the numbers of these; else all are sampled. Raises `InputError` for a
-        reference that is not callable, and for an empty sequence."""
+        """References of many arms from one for all or one for each, checked."""
         if callable(given):
             return cls([given], ReferenceForm(size), size, ())
         references = list(given) if isinstance(given, Sequence) else []
@@ -270,24 +223,18 @@ class ReferencesOfMany:
         return cls(references, _form(references, size), size, arms)
 
     def of_arms(self, arms: slice) -> ReferencesOfMany:
-        """The references, in the same form, of those arms that the slice `arms`, with a start and a stop, selects; this
-        object itself where one reference is for all arms. Nothing is checked."""
+        """References of the arms in a slice."""
         if self._is_shared:
             return self
         return replace(self, references=self.references[arms], arms=(arms.stop - arms.start,))
 
     @property
     def held(self) -> Mapping[str, Array]:
-        """The values, by name, of the references' columns that are constant over a run for each of M arms; empty where
-        references are sampled. For `Sinusoids` of h terms for each of r joints they are "center" (M, r) and "amplitude"
-        (M, h r), rad (m if prismatic), "frequency", Hz, and "phase", rad, (M, h r) each, with the r numbers of the
-        first term first, and "start_time" (M, 1), s."""
+        """Values of the columns that are constant over a run, by name; empty where references are sampled."""
         return {} if self._numbers is None else self._numbers._asdict()
 
     def start(self) -> tuple[Array, Array]:
-        """Positions, rad (m if prismatic), and velocities, rad/s (m/s), of the references at time zero: (M, n) each for
-        M arms, n numbers a point; (n,) where one is for all. Raises, where references are sampled, `InputError` for
-        points of another shape and `NonFiniteError` for NaN or infinity."""
+        """Positions and velocities of the references at time zero."""
         if self._numbers is not None:
             point = sinusoids_at(0.0, SinusoidNumbers(*map(column, self._numbers)))
             return stacked(point.p.of, self.arms), stacked(point.v.of, self.arms)
@@ -295,12 +242,7 @@ class ReferencesOfMany:
         return points.p[0], points.v[0]
 
     def signals(self, time: Array) -> Mapping[str, Array]:
-        """The values, by name, of the references' columns that change in each control period, in the T periods that
-        begin at the times `time` (T,), s. Where the step computes the points from the numbers of sinusoids, there is
-        "time" (T, 1) alone. Where references are sampled, there are "reference_p", positions, rad (m if prismatic),
-        "reference_v", velocities, rad/s (m/s), and "reference_a", accelerations, rad/s^2 (m/s^2): (T, M, n) for M arms,
-        n numbers a point, or (T, n) where one reference is for all. Raises then `InputError` for points of another
-        shape and `NonFiniteError` for NaN or infinity."""
+        """Values of the columns that change in each control period, by name."""
         if self.form.terms:
             return {"time": time[:, None]}
         return dict(zip(REFERENCE, self._points(time), strict=True))

@@ -24,66 +24,49 @@ if TYPE_CHECKING:
     import gymnasium
 
 
-MOST = 2**62
+MAX_KEPT_SAMPLES = 2**62
 """Greatest number of samples that are kept, however long the time asked for: no run has as many."""
 
 
 @dataclass(frozen=True)
 class KeptSamples:
-    """Rule for the control periods of a run that are kept as samples: those of indices 0, `every`, 2 `every`, ..., all
-    by default (`every` 1). Of these only the latest `most` are kept, or all where that is None, the default.
-
-    Samples are kept in the rows of an array, which is filled from row 0; when all `most` rows are filled, the oldest is
-    overwritten. Nothing is checked at construction; `KeptSamples.of` checks.
-    """
+    """Rule for the control periods kept as samples: one in `every`, of these the latest `most`."""
 
     every: int = 1
     most: int | None = None
 
     @classmethod
     def of(cls, every: int, last: float | None, period: float) -> KeptSamples:
-        """The `KeptSamples`, a rule for keeping the control periods of indices 0, `every`, 2 `every`, ... of a run as
-        samples: those of its last `last` seconds, at least one sample, or all where `last` is None. `period` (s) is the
-        control period, which is not checked. Raises `InputError` for an `every` that is not an int of at least 1, and
-        for a `last` that is not a positive finite number."""
+        """Rule that keeps one in `every` control periods of the last `last` seconds; bad values raise `InputError`."""
         if isinstance(every, bool) or not isinstance(every, int) or every < 1:
             raise InputError(f"record_every: expected a whole number of control periods, at least 1, got {every!r}")
         if last is None:
             return cls(every)
         if isinstance(last, bool) or not isinstance(last, int | float) or not 0.0 < last < np.inf:
             raise InputError(f"keep_last: expected a positive time in s, got {last!r}")
-        return cls(every, max(1, round(min(last / (every * period), MOST))))
+        return cls(every, max(1, round(min(last / (every * period), MAX_KEPT_SAMPLES))))
 
     def room(self, steps: int) -> int:
-        """Number of rows, one for each kept sample, that the array of samples of a run of `steps` control periods
-        needs: `steps` divided by the rule's `every`, rounded up, and at most its `most`. Nothing is checked."""
+        """Number of rows that the samples of a run of `steps` control periods need."""
         needed = -(-steps // self.every)
         return needed if self.most is None else min(needed, self.most)
 
     def row(self, period: int) -> int | None:
-        """The index of the row in which the sample of control period `period`, counted from 0, is kept; None where it
-        is not kept, since `period` is no multiple of the rule's `every`. Nothing is checked."""
+        """Row in which the sample of a control period is kept, None where it is not."""
         sample, rest = divmod(period, self.every)
         return None if rest else sample if self.most is None else sample % self.most
 
     def among(self, first: int, count: int) -> slice:
-        """The slice that selects the control periods to be kept from an array with a row for each of `count` successive
-        control periods: those whose zero-based index in the run is a multiple of the rule's `every`. `first` is the
-        index of the first period in the run. Nothing is checked."""
+        """Slice of the kept ones among `count` successive control periods from index `first`."""
         return slice(-first % self.every, count, self.every)
 
     def rows(self, first: int, count: int) -> NDArray[np.int64]:
-        """The zero-based indices (s,) of the rows, in the array of samples, for the s samples that are kept of `count`
-        successive control periods; `first` is the index of the first period in the run, from 0. Where s is more than
-        the rule's `most`, the number of rows, indices repeat, and the later sample is the one to keep. Nothing is
-        checked."""
+        """Rows (s,) of samples kept of `count` control periods from index `first`; the last of equal rows counts."""
         samples = np.arange(-(-first // self.every), -(-(first + count) // self.every))
         return samples if self.most is None else samples % self.most
 
     def order(self, count: int) -> slice | NDArray[np.int64]:
-        """The rows of the array of samples that are filled after `count` control periods of a run, the oldest sample
-        first. They are a slice or, where older samples have been overwritten, an array (s,) of the zero-based indices
-        of all s rows. Nothing is checked."""
+        """Rows that are filled after `count` control periods, the oldest sample first."""
         samples = -(-count // self.every)
         if self.most is None or samples <= self.most:
             return slice(0, samples)
@@ -104,27 +87,50 @@ def rollout(
     record_every: int = 1,
     keep_last: float | None = None,
 ) -> Rollout:
-    """The run, a `Rollout`, of a Gymnasium environment driven by a controller, from reset to termination or truncation.
+    """
+    Run a controller in a Gymnasium environment step by step, from reset to the episode's end.
 
-    Any environment will do, wrapped or not, whose `env.unwrapped` has a `control_period` (s) and `observation_slices`,
-    a mapping from the names p, v, reference_p, reference_v and reference_a to slices of the observation: measured
-    positions and velocities and the reference's positions, velocities and accelerations, r joints each, in rad, rad/s
-    and rad/s^2 (m, m/s and m/s^2 if prismatic). `seed` and `options` are passed to `env.reset`, None for its own
-    defaults.
+    Parameters
+    ----------
+    env : gymnasium.Env
+        Environment, wrapped or not, whose unwrapped one has a `control_period` in s and `observation_slices`, see
+        Notes.
+    controller : Controller
+        Controller for the environment's r joints.
+    seed : int, optional
+        Seed of `env.reset`. Default: its generator goes on.
+    options : dict, optional
+        Options of `env.reset`. Default: none.
+    progress : callable, optional
+        Called some hundred times with the fraction done, 0 to 1, if the run's length is known.
+    record_every : int, default 1
+        Control periods from one sample to the next; 1 records all.
+    keep_last : float, optional
+        Length in s of the end of the run that is kept; no memory is allocated for more. Default: the whole run.
 
-    `info` may have keys that are recorded: `applied_torque` (r,), N m (N), the commanded torque where it is missing;
-    `energy` (J), NaN where missing; `clipped`, the number of control periods with a clipped torque so far, 0 where
-    missing; and `time` (s), the number of control periods times their length where missing. It may have the true
-    positions `p` and velocities `v`, and `flags`, a mapping from names of events to numbers; the controller's state may
-    have a NamedTuple `flags` of arrays (1,), such as that of `SafetyFilter`. `progress`, if given, is called about a
-    hundred times with the fraction done, 0 to 1, where the run's length is known. The run has a sample of one in
-    `every` control periods, the first one included, and only those of its last `last` seconds, None for the whole run;
-    no memory is allocated for more.
+    Returns
+    -------
+    Rollout
+        The run; after Ctrl-C what was computed, with `complete` False.
 
-    Ctrl-C ends the run but keeps what was computed; the run's `complete` is then False. Raises `InputError` for an
-    environment that cannot be driven or has another number of joints than the controller, an `every` that is not a
-    whole number of at least 1, and a `last` that is not positive and finite; what controller and environment raise,
-    such as `NonFiniteError`, passes.
+    Raises
+    ------
+    InputError
+        If the environment cannot be driven or has another number of joints, `record_every` is not a whole number of at
+        least 1 or `keep_last` is not positive and finite. Errors of controller and environment pass.
+
+    Notes
+    -----
+    `observation_slices` maps p, v, reference_p, reference_v and reference_a to slices of the observation, r joints
+    each. These keys of `info` are recorded if present: `time`, `applied_torque` (r,), `energy`, `clipped` (count so
+    far), true `p` and `v`, and `flags`, a mapping from names of events to numbers. So are the `flags` of the
+    controller's state (`SafetyFilter`).
+
+    Examples
+    --------
+    >>> run = adaptctl.rollout(env, law, seed=0)
+    >>> run.p.shape, run.complete
+    ((200, 2), True)
     """
     loop = _SteppedRun(env, controller, seed, options, record_every, keep_last)
     interval = max(1, (loop.steps or 0) // 100)
@@ -223,16 +229,7 @@ class _SteppedRun:
 
 
 def interface(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> tuple[list[slice], float]:
-    """The slices of an environment's observation that a controller needs, and the environment's control period (s), a
-    pair. The list has five slices of the observation (n,), a vector of n numbers, in the order p, v, reference_p,
-    reference_v, reference_a (positions, velocities, and the reference's positions, velocities and accelerations).
-
-    They are read from `env.unwrapped.observation_slices`, a mapping from these names, and
-    `env.unwrapped.control_period`. Raises `InputError` for an `env` that is no Gymnasium environment and a `controller`
-    that is no `Controller`, where the slices or the period are missing or of another kind (the period must be a float),
-    a name is missing, observations are not of shape (n,), or the slices or the action have another number of joints
-    than the `controller`.
-    """
+    """Observation slices of p, v and the reference's parts, and the control period (s), checked."""
     import gymnasium
 
     validate_kind(env, gymnasium.Env, "environment", "as gymnasium.make(...) gives one")
@@ -263,15 +260,13 @@ def _validate_joints(env: gymnasium.Env[Any, Any], controller: Controller[Any], 
 
 
 def known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
-    """The greatest number of control periods that an environment's episode takes: the least of `env.unwrapped.steps`
-    and `env.spec.max_episode_steps` that is a positive int, None where neither is one. Nothing is raised."""
+    """Greatest number of control periods of an episode, None where it is not known."""
     limits = (getattr(env.unwrapped, "steps", None), getattr(env.spec, "max_episode_steps", None))
     return min((steps for steps in limits if isinstance(steps, int) and steps > 0), default=None)
 
 
 def _units(env: gymnasium.Env[Any, Any]) -> tuple[str, ...]:
-    """Units of position of the joints of an environment's plant, "rad" or "m" each; none where its plant is not
-    known."""
+    """Units of the joints' positions, "rad" or "m" each; empty where the plant is not known."""
     mechanism = getattr(getattr(env.unwrapped, "plant", None), "mechanism", None)
     return position_units(mechanism) if isinstance(mechanism, Mechanism) else ()
 

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     import pyarrow
 
 SCHEMA = "adaptctl/rollout/2"
-WHOLE = ("control_period", "wall_time", "complete", "terminated")
+RUN_ENTRIES = ("control_period", "wall_time", "complete", "terminated")
 """Entries on the whole run that every run has."""
-KEPT = (*WHOLE, "every", "position_units")
+STORED_ENTRIES = (*RUN_ENTRIES, "every", "position_units")
 """Entries on the whole run in a run's file."""
 POSITION, VELOCITY, FORCE = ("rad", "m"), ("rad/s", "m/s"), ("N m", "N")
 """Units of a joint's position, of its velocity and of its torque or force: where it is revolute, where prismatic."""
-OF_JOINTS = {
+JOINT_UNITS = {
     "p": POSITION,
     "v": VELOCITY,
     "reference_p": POSITION,
@@ -38,26 +38,13 @@ OF_JOINTS = {
     "measured_v": VELOCITY,
 }
 """Arrays of a run that have a column a joint, by name, with their units where a joint is revolute, where prismatic."""
-OF_TIME = {"time": "s", "clipped": "1", "energy": "J", "reward": "1"}
-OF_LAWS = ("estimate", "logged_state")
+SAMPLE_UNITS = {"time": "s", "clipped": "1", "energy": "J", "reward": "1"}
+CONTROLLER_ARRAYS = ("estimate", "logged_state")
 """A run's arrays of as many columns as the controller has."""
 
 
 class RolloutFile:
-    """Writer of a run's Parquet file at `path`, a context manager to which samples are appended as they come: a row for
-    each sample, columns of float64 such as `time`, `p.joint1`, `estimate.0` and `flag.payload`, with their units as
-    metadata.
-
-    When the context ends the file appears, whole; after an error there is none, and a file that was there before stays.
-    `joints` (r,) names the r = `dof` joints, None for joint1, joint2, ..., and `position_units` (r,) has "rad" for
-    revolute joints and "m" for prismatic ones; empty, the default, as if all were revolute. The attribute `about`, a
-    dict to be set before the end, maps names to what the file says of the whole run, in numbers and texts that JSON can
-    hold.
-
-    Raises `InputError` for other than r different names and for other than r of these units, `MissingExtraError`
-    without pyarrow; entering or leaving the context raises `FileError` where the file cannot be written or nothing was
-    appended.
-    """
+    """Writer of a run's Parquet file, which appears when the context ends without an error."""
 
     def __init__(
         self, path: str | Path, dof: int, joints: Sequence[str] | None = None, position_units: Sequence[str] = ()
@@ -74,16 +61,7 @@ class RolloutFile:
         return self
 
     def append(self, columns: Mapping[str, Array | None], flags: Mapping[str, Array]) -> None:
-        """Append T samples of r joints to the file. `columns` maps the names of a `Rollout`'s arrays to their values in
-        SI units: "time", "clipped", "energy" and "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a",
-        "torque", "applied", "measured_p" and "measured_v" (T, r), None for one that the file is to leave out;
-        "estimate" (T, k), the controller's k parameter estimates, and "logged_state" (T, l), the l numbers that the
-        adaptation law records of its internal state. `flags` maps names of events to arrays (T,). Both have the same
-        names at every call; later calls without samples write nothing.
-
-        Raises `KeyError` where an array is missing, `ValueError` for other columns than at the first call, and
-        `OSError` where writing fails.
-        """
+        """Append T samples, by the names of a `Rollout`'s arrays; all calls have the same names."""
         import pyarrow.parquet as pq
 
         if self._writer is not None and not len(columns["time"]):  # type: ignore[arg-type]
@@ -107,8 +85,7 @@ class RolloutFile:
 
 
 def joint_names(dof: int, given: Sequence[str] | None) -> list[str]:
-    """Names (r,) of r = `dof` joints: those `given`, or joint1, joint2, ... for None. Raises `InputError` unless there
-    are r different texts."""
+    """Names (r,) of the joints, checked: those given, or joint1, joint2, ..."""
     if given is None:
         return [f"joint{j + 1}" for j in range(dof)]
     names = [] if isinstance(given, str) or not isinstance(given, Iterable) else list(given)
@@ -122,8 +99,7 @@ def joint_names(dof: int, given: Sequence[str] | None) -> list[str]:
 
 
 def stated_units(dof: int, given: Sequence[str]) -> tuple[str, ...]:
-    """Units of position of r = `dof` joints, a tuple (r,): those `given`, "rad" (revolute) or "m" (prismatic) each; an
-    empty tuple where none are given. Raises `InputError` for another number of units, for others, and for a text."""
+    """Joint units (r,), "rad" or "m", checked; empty where none are given."""
     if not isinstance(given, Iterable) or isinstance(given, str) or any(unit not in POSITION for unit in given):
         raise InputError(f"position_units: expected {dof} of rad and m, got {printable(repr(given))}")
     if len(given) not in (0, dof):
@@ -138,18 +114,7 @@ def rollout_table(
     about: Mapping[str, object] = MappingProxyType({}),
     position_units: Sequence[str] = (),
 ) -> pyarrow.Table:
-    """The samples of a run as an Arrow table: a row for each of T samples, columns of float64 such as `time`,
-    `p.joint1`, `estimate.0` and `flag.payload`. Units are the columns' metadata; the entries of `about`, which JSON
-    must be able to hold, are the table's own metadata, none by default.
-
-    `columns` maps the names of a `Rollout`'s arrays to their values in SI units: "time", "clipped", "energy" and
-    "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a", "torque", "applied", "measured_p" and
-    "measured_v" (T, r), None for one that is left out; "estimate" (T, k), the controller's k parameter estimates, and
-    "logged_state" (T, l), the l numbers that the adaptation law records of its internal state. `flags` maps names of
-    events to arrays (T,); `joints` (r,) names the r joints, and `position_units` (r,) has "rad" for revolute joints and
-    "m" for prismatic ones; empty, the default, as if all were revolute. Raises `KeyError` where an array is missing,
-    `ValueError` for other than r units, and `ModuleNotFoundError` without pyarrow.
-    """
+    """Samples as an Arrow table of float64, the units of its columns and `about` as metadata."""
     import pyarrow as pa
 
     slides = [unit == "m" for unit in position_units] or [False] * len(joints)
@@ -160,19 +125,7 @@ def rollout_table(
 
 
 def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
-    """The contents of a run's Parquet file at `path`, a tuple of three mappings by name: arrays, events, and entries on
-    the whole run. The first has the arrays of a `Rollout` of T samples of r joints in SI units, read-only: "time",
-    "clipped", "energy" and "reward" (T,); "p", "v", "reference_p", "reference_v", "reference_a", "torque", "applied",
-    "measured_p" and "measured_v" (T, r), in the file's order of joints; and "estimate" (T, k), the controller's k
-    parameter estimates, and "logged_state" (T, l), the l numbers that the adaptation law records of its internal state.
-    The second has arrays (T,) of events, 1 where there was one. The third has, of the whole run, "control_period" and
-    "wall_time", s, "complete" and "terminated", bools, "every", the number of control periods from one sample to the
-    next, and "position_units", a list of "rad" or "m" for each joint, empty where they are not known. Arrays of joints,
-    events and entries that the file lacks are missing; "estimate" and "logged_state" are then (T, 0).
-
-    Raises `FileError` for a file that cannot be read, was not written as a run by this package or is damaged, and
-    `ModuleNotFoundError` without pyarrow.
-    """
+    """Arrays, events, and entries on the whole run from a run's Parquet file."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -188,7 +141,7 @@ def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array],
         raise FileError(f"{path}: not a run of ours: expected the schema {SCHEMA!r}, got {found!r}{more}")
     try:
         columns, flags = _arrays(table)
-        return columns, flags, {name: json.loads(about[name]) for name in KEPT if name in about}
+        return columns, flags, {name: json.loads(about[name]) for name in STORED_ENTRIES if name in about}
     except (KeyError, TypeError, ValueError) as error:
         raise FileError(f"{path}: {type(error).__name__}: {error}; it is not whole") from error
 
@@ -197,12 +150,12 @@ def _file_columns(
     columns: Mapping[str, Array | None], flags: Mapping[str, Array], joints: Mapping[str, bool]
 ) -> Iterator[tuple[str, tuple[str, Array]]]:
     """Names of a file's columns, and their units and values, of joints that slide or turn."""
-    yield from ((name, (unit, np.asarray(columns[name]))) for name, unit in OF_TIME.items())
-    for name, units in OF_JOINTS.items():
+    yield from ((name, (unit, np.asarray(columns[name]))) for name, unit in SAMPLE_UNITS.items())
+    for name, units in JOINT_UNITS.items():
         values = columns[name]
         for (joint, slides), column in zip(joints.items(), () if values is None else values.T, strict=False):
             yield f"{name}.{joint}", (units[slides], np.ascontiguousarray(column))
-    for name in OF_LAWS:
+    for name in CONTROLLER_ARRAYS:
         for i, column in enumerate(np.asarray(columns[name]).T):
             yield f"{name}.{i}", ("", np.ascontiguousarray(column))
     yield from ((f"flag.{name}", ("", values)) for name, values in flags.items())
@@ -210,7 +163,7 @@ def _file_columns(
 
 def _arrays(table: Any) -> tuple[dict[str, Array], Mapping[str, Array]]:
     """A run's arrays and its flags, of the columns of its file."""
-    parts: dict[str, list[Array]] = {name: [] for name in (*OF_JOINTS, *OF_LAWS)}
+    parts: dict[str, list[Array]] = {name: [] for name in (*JOINT_UNITS, *CONTROLLER_ARRAYS)}
     flags: dict[str, Array] = {}
     for name in table.column_names:
         kind, _, rest = name.partition(".")
@@ -220,6 +173,6 @@ def _arrays(table: Any) -> tuple[dict[str, Array], Mapping[str, Array]]:
         elif rest:
             parts[kind].append(values)
     gathered = {name: frozen(np.stack(columns, axis=-1)) for name, columns in parts.items() if columns}
-    single = {name: frozen(table[name].to_numpy().copy()) for name in OF_TIME}
-    blank = {name: frozen(np.empty((table.num_rows, 0))) for name in OF_LAWS}
+    single = {name: frozen(table[name].to_numpy().copy()) for name in SAMPLE_UNITS}
+    blank = {name: frozen(np.empty((table.num_rows, 0))) for name in CONTROLLER_ARRAYS}
     return blank | single | gathered, MappingProxyType(flags)

@@ -18,11 +18,11 @@ from adaptctl.caching import sent_as_made
 from adaptctl.errors import FileError, InputError
 from adaptctl.optional_packages import needed
 from adaptctl.simulation.rollout_file import (
-    KEPT,
-    OF_JOINTS,
-    OF_LAWS,
-    OF_TIME,
-    WHOLE,
+    CONTROLLER_ARRAYS,
+    JOINT_UNITS,
+    RUN_ENTRIES,
+    SAMPLE_UNITS,
+    STORED_ENTRIES,
     RolloutFile,
     joint_names,
     read_rollout,
@@ -36,34 +36,70 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-MOST_SAMPLES = 4000
+MAX_PLOTTED_SAMPLES = 4000
 """as many a curve are drawn at most"""
-LAST = 2.0
+FINAL_WINDOW = 2.0
 """s at the end over which an error is averaged"""
 
 
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """Closed-loop run of an arm of r joints, simulated or real, as T samples; every array is read-only. Nothing is
-    checked at construction.
+    """
+    Record of a closed-loop run of r joints, simulated or real, as T samples.
 
-    Sample k is the state at `time[k]`, the beginning of a control period, and the torque commanded on it; there is one
-    sample in `every` control periods. Positions are in rad (m if prismatic), velocities in rad/s (m/s), accelerations
-    in rad/s^2 (m/s^2), torques in N m (N).
+    Parameters
+    ----------
+    time : ndarray
+        Times (T,) in s at which the control periods of the samples begin.
+    p, v : ndarray
+        Positions in rad (m if prismatic) and velocities in rad/s (m/s), (T, r); the true ones where known.
+    reference_p, reference_v, reference_a : ndarray
+        The reference's positions, velocities and accelerations (T, r).
+    torque : ndarray
+        Commanded torques (T, r) in N m (N).
+    applied : ndarray
+        Torques after the limits (T, r) in N m (N).
+    clipped : ndarray
+        Whether a torque was clipped (T,), 1 or 0.
+    energy : ndarray
+        Energy (T,) in J, NaN where not known.
+    reward : ndarray
+        Rewards (T,) of the control periods that begin.
+    estimate : ndarray
+        Parameter estimates (T, k) in SI units; k = 0 for a controller without.
+    control_period : float
+        Control period in s.
+    wall_time : float
+        Time in s that the run took.
+    complete : bool, default True
+        False for a run that was cut off.
+    terminated : bool, default False
+        True if the environment ended the run early.
+    info : dict, optional
+        Last `info` of the environment. Default: empty.
+    measured_p, measured_v : ndarray, optional
+        Measured positions and velocities (T, r). Default: p and v.
+    flags : mapping, optional
+        Arrays (T,) by the names of events, such as "torque_limited", 1 or 0; "payload" is the mass held in kg.
+    every : int, default 1
+        Control periods from one sample to the next.
+    logged_state : ndarray, optional
+        Numbers (T, l) that the adaptation law records of its internal state. Default: none.
+    position_units : tuple of str, default ()
+        Joint units (r,), "rad" or "m"; empty where not known.
 
-    (T,): `time`, s; `clipped`, 1 where a torque was clipped, else 0; `energy`, J, NaN where not known; `reward` of the
-    control period that begins, no unit. `flags` maps names of events to arrays (T,): 1 where there was one, such as
-    "torque_limited", else 0; "payload" is the mass held, kg. (T, r): positions `p` and velocities `v`, the true ones
-    where the environment gives them; `reference_p`, `reference_v`, `reference_a`; `torque`, the one commanded, and
-    `applied`, the one after the limits; `measured_p` and `measured_v`, None where these are p and v. `estimate` (T, k)
-    is the controller's k parameter estimates in SI units, k = 0 where it has none; `learning` (T, l) the l numbers that
-    the adaptation law records of its internal state, l = 0 where it records none.
+    Notes
+    -----
+    Sample k has the state at ``time[k]`` and the torque commanded on it. Arrays are read-only; nothing is checked.
+    `rollout`, `simulate` and `RunLogger` make runs, `from_arrays` and `load` read them.
 
-    `control_period`, s; `wall_time`, s, that the run took; `complete`, False if it was interrupted; `terminated`, True
-    if the environment ended it early; `info`, the last dict of that name that it gave, empty by default;
-    `position_units` (r,), "rad" for revolute joints and "m" for prismatic ones, empty, the default, where that is not
-    known.
+    Examples
+    --------
+    >>> run
+    <Rollout of 2 joints: 200 samples in 0.2 s, complete>
+    >>> run.error.shape
+    (200, 2)
     """
 
     time: Array
@@ -90,38 +126,62 @@ class Rollout:
     logged_state: Array = field(default_factory=partial(np.empty, (0, 0)))
     position_units: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        """Numbers of joints and samples, and the duration."""
+        end = "complete" if self.complete else "cut off"
+        return f"<Rollout of {self.p.shape[-1]} joints: {len(self.time)} samples in {self.duration:.6g} s, {end}>"
+
     @property
     def sample_time(self) -> float:
-        """Time between successive samples of the run, s: its `every` times its `control_period`."""
+        """Time between successive samples in s."""
         return self.every * self.control_period
 
     @property
     def duration(self) -> float:
-        """Duration of the run in closed loop, s, from time zero to its end, rounded up to a whole sample."""
+        """Duration of the run in s, rounded up to a whole sample."""
         first = round(float(self.time[0]) / self.control_period) if len(self.time) else 0
         return (first + len(self.time) * self.every) * self.control_period
 
     @property
     def error(self) -> Array:
-        """Tracking errors p - p_d (T, r), rad or m: the positions of T samples of r joints minus the reference's."""
+        """Tracking errors p - p_d (T, r) in rad (m if prismatic)."""
         return self.p - self.reference_p
 
     @property
     def velocity_error(self) -> Array:
-        """Velocity errors v - v_d (T, r), rad/s or m/s: the velocities of T samples of r joints minus the
-        reference's."""
+        """Velocity errors v - v_d (T, r) in rad/s (m/s if prismatic)."""
         return self.v - self.reference_v
 
     @needed("Rollout.save")
     def save(self, path: str | Path, joints: Sequence[str] | None = None) -> None:
-        """Write the run to a Parquet file at `path`, whole or not at all, which `adaptctl identify` reads too. There is
-        a row for each sample, and columns of float64: one for `time`, `clipped`, `energy` and `reward`, one a joint for
-        arrays (T, r), such as `p.joint1`, one a number for `estimate` and `learning`, such as `estimate.0`, and one an
-        event, such as `flag.payload`, with their units as metadata, as if all joints were revolute where
-        `position_units` is empty. `joints` (r,) names the r joints, None for joint1, joint2, ...
+        """
+        Write the run to a Parquet file, whole or not at all.
 
-        The environment's last `info` is left out. Raises `InputError` for other than r different names, `FileError`
-        where the file cannot be written, and `MissingExtraError` without pyarrow.
+        Parameters
+        ----------
+        path : str or Path
+            File to write; `Rollout.load` and ``adaptctl identify`` read it.
+        joints : sequence of str, optional
+            Joint names (r,). Default: joint1, joint2, ...
+
+        Raises
+        ------
+        InputError
+            If the names are not r different ones.
+        FileError
+            If the file cannot be written.
+        MissingExtraError
+            If pyarrow is not installed.
+
+        Notes
+        -----
+        Columns are as in `to_arrow`; `info` is left out.
+
+        Examples
+        --------
+        >>> run.save(tmp / "run.parquet")
+        >>> adaptctl.Rollout.load(tmp / "run.parquet").p.shape
+        (200, 2)
         """
         with RolloutFile(path, self.p.shape[1], joints, self.position_units) as file:
             file.append(self._columns, self.flags)
@@ -129,47 +189,99 @@ class Rollout:
 
     @needed("Rollout.to_arrow")
     def to_arrow(self, joints: Sequence[str] | None = None) -> pyarrow.Table:
-        """The run as an Arrow table: a row for each sample, and columns of float64. There is one for `time`, `clipped`,
-        `energy` and `reward`, one a joint for arrays (T, r), such as `p.joint1`, one a number for `estimate` and
-        `learning`, such as `estimate.0`, and one an event, such as `flag.payload`, with their units as metadata, as if
-        all joints were revolute where `position_units` is empty. `joints` (r,) names the r joints, None for joint1,
-        joint2, ... Raises `InputError` for other than r different names, `MissingExtraError` without pyarrow."""
+        """
+        Return the run as an Arrow table with a row for each sample.
+
+        Parameters
+        ----------
+        joints : sequence of str, optional
+            Joint names (r,). Default: joint1, joint2, ...
+
+        Returns
+        -------
+        pyarrow.Table
+            Columns of float64 such as ``time``, ``p.joint1``, ``estimate.0`` and ``flag.payload``; their units are
+            metadata, those of revolute joints where `position_units` is empty.
+
+        Raises
+        ------
+        InputError
+            If the names are not r different ones.
+        MissingExtraError
+            If pyarrow is not installed.
+
+        Examples
+        --------
+        >>> run.to_arrow().column_names[:2]
+        ['time', 'clipped']
+        """
         names = joint_names(self.p.shape[1], joints)
         return rollout_table(self._columns, self.flags, names, self._about, self.position_units)
 
     @property
     def _columns(self) -> dict[str, Array | None]:
-        return {name: getattr(self, name) for name in (*OF_TIME, *OF_JOINTS, *OF_LAWS)}
+        return {name: getattr(self, name) for name in (*SAMPLE_UNITS, *JOINT_UNITS, *CONTROLLER_ARRAYS)}
 
     @property
     def _about(self) -> dict[str, object]:
-        return {name: getattr(self, name) for name in KEPT}
+        return {name: getattr(self, name) for name in STORED_ENTRIES}
 
     def to_pandas(self, joints: Sequence[str] | None = None) -> pandas.DataFrame:
-        """The run as a pandas data frame: a row for each sample, and columns of float64 in SI units: rad (m if
-        prismatic), s, N m (N), J. There is one for `time`, `clipped`, `energy` and `reward`, one a joint for arrays (T,
-        r), such as `p.joint1`, one a number for `estimate` and `learning`, such as `estimate.0`, and one an event, such
-        as `flag.payload`. `joints` (r,) names the r joints, None for joint1, joint2, ... Raises `InputError` for other
-        than r different names, `MissingExtraError` without pandas or pyarrow."""
+        """
+        Return the run as a pandas data frame with a row for each sample.
+
+        Parameters
+        ----------
+        joints : sequence of str, optional
+            Joint names (r,). Default: joint1, joint2, ...
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns as in `to_arrow`, SI units.
+
+        Raises
+        ------
+        InputError
+            If the names are not r different ones.
+        MissingExtraError
+            If pandas or pyarrow is not installed.
+        """
         with needed("Rollout.to_pandas"):
             return self.to_arrow(joints).to_pandas()
 
     @needed("Rollout.plot")
     def plot(self, joints: Sequence[str] | None = None) -> Figure:
-        """A Matplotlib figure of the run over time (s): positions (rad or m) on the reference, tracking errors (mrad or
-        mm), applied torques (N m or N), and parameter estimates (SI units) if there are any. `joints` (r,) names the
-        curves of the r joints, None for joint1, joint2, ... Raises `InputError` for other than r different names,
-        `MissingExtraError` without matplotlib."""
+        """
+        Plot positions, tracking errors, applied torques and parameter estimates over time.
+
+        Parameters
+        ----------
+        joints : sequence of str, optional
+            Names (r,) of the curves. Default: joint1, joint2, ...
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Figure with errors in mrad (mm if prismatic) and the rest in SI units.
+
+        Raises
+        ------
+        InputError
+            If the names are not r different ones.
+        MissingExtraError
+            If matplotlib is not installed.
+        """
         return self._figure(joints)
 
     @needed("the figure of a Rollout")
     def _repr_html_(self) -> str:
         """Notebook's view of the run: its figure, with the numbers that matter."""
-        last = self.error[self.time >= self.time[-1] - LAST] if len(self.time) else self.error
+        last = self.error[self.time >= self.time[-1] - FINAL_WINDOW] if len(self.time) else self.error
         rms = 1e3 * float(np.sqrt(np.mean(last**2))) if last.size else float("nan")
         end = "stopped by an error" if self.terminated else "to the end" if self.complete else "cut off"
         text = f"{len(self.time):,} control periods of {self.control_period:g} s, {self.p.shape[1]} joints; {end}; "
-        head = f"<p><b>Rollout</b> {text}RMS error over the last {LAST:g} s: {rms:.3g} mrad (mm)</p>"
+        head = f"<p><b>Rollout</b> {text}RMS error over the last {FINAL_WINDOW:g} s: {rms:.3g} mrad (mm)</p>"
         if not len(self.time):
             return head
         buffer, about = io.BytesIO(), "positions, errors, torques and estimates over time"
@@ -184,7 +296,7 @@ class Rollout:
         panels += [(self.applied, "torque [N m or N]")]
         panels += [(self.estimate, "estimates")] if self.estimate.shape[1] else []
         figure = Figure(figsize=(8.0, 1.9 * len(panels)), layout="constrained")
-        every = slice(None, None, max(1, -(-len(self.time) // MOST_SAMPLES)))
+        every = slice(None, None, max(1, -(-len(self.time) // MAX_PLOTTED_SAMPLES)))
         for axes, (values, label) in zip(figure.subplots(len(panels), 1, sharex=True), panels, strict=True):
             axes.plot(self.time[every], values[every], linewidth=1.2)
             axes.set_ylabel(label, size=8)
@@ -214,19 +326,51 @@ class Rollout:
         complete: bool = True,
         position_units: Sequence[str] = (),
     ) -> Rollout:
-        """A `Rollout` of a run that was logged elsewhere, from positions `p`, rad (m if prismatic), `torque`, the one
-        commanded, N m (N), and the reference's positions `reference_p`, rad (m): arrays (T, r) of T samples, at least
-        2, of r joints, one a `control_period` (s).
+        """
+        Make a run of arrays that were logged elsewhere.
 
-        Velocities `v` and the reference's velocities and accelerations `reference_v` and `reference_a`, (T, r) each, in
-        rad/s and rad/s^2 (m/s, m/s^2), are differences of the positions unless given, central, one-sided at both ends;
-        `applied` (T, r), N m (N), the torque at the joints, is the one commanded unless given; `time` (T,), s, counts
-        control periods from zero unless given. `estimate` (T, k) is the controller's k parameter estimates, SI units,
-        None where it has none; `complete` is False for a run that was cut off; `position_units` (r,) has "rad" for
-        revolute joints and "m" for prismatic ones, empty, the default, where that is not to be kept. Energy and reward
-        are not known: NaN, and zero; `clipped` is 1 where `applied` is not `torque`. Raises `InputError` on shapes that
-        do not fit, a period that is not positive, times that do not increase or other than r of these units,
-        `NonFiniteError` on NaN and infinity.
+        Parameters
+        ----------
+        p : array_like
+            Positions (T, r) in rad (m if prismatic), T at least 2.
+        torque : array_like
+            Commanded torques (T, r) in N m (N).
+        reference_p : array_like
+            The reference's positions (T, r).
+        control_period : float
+            Time from one sample to the next in s.
+        v : array_like, optional
+            Velocities (T, r). Default: differences of the positions, central, one-sided at both ends.
+        reference_v, reference_a : array_like, optional
+            The reference's velocities and accelerations (T, r). Default: differences.
+        applied : array_like, optional
+            Torques at the joints (T, r). Default: those commanded.
+        estimate : array_like, optional
+            Parameter estimates (T, k) in SI units. Default: none.
+        time : array_like, optional
+            Times (T,) in s. Default: control periods from zero.
+        complete : bool, default True
+            False for a run that was cut off.
+        position_units : sequence of str, default ()
+            Joint units (r,), "rad" or "m".
+
+        Returns
+        -------
+        Rollout
+            Run with NaN for the energy, zero reward, and `clipped` 1 where `applied` is not `torque`.
+
+        Raises
+        ------
+        InputError
+            If shapes do not fit, the period is not positive, times do not increase or units are unknown.
+        NonFiniteError
+            If a number is NaN or infinite.
+
+        Examples
+        --------
+        >>> logged = adaptctl.Rollout.from_arrays(run.p, run.torque, run.reference_p, 0.001)
+        >>> bool(np.allclose(logged.error, run.error))
+        True
         """
         period = positive_number(control_period, "control_period: expected a positive time in s")
         p = numbers(p, "p")
@@ -261,11 +405,29 @@ class Rollout:
     @classmethod
     @needed("Rollout.load")
     def load(cls, path: str | Path) -> Rollout:
-        """The run that `Rollout.save` wrote to the Parquet file `path`. Raises `FileError` for a file that cannot be
-        read, was not written so or is damaged, and `MissingExtraError` without pyarrow."""
+        """
+        Read a run that `Rollout.save` or `simulate` wrote.
+
+        Parameters
+        ----------
+        path : str or Path
+            Parquet file.
+
+        Returns
+        -------
+        Rollout
+            The run.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read, is damaged or was not written so.
+        MissingExtraError
+            If pyarrow is not installed.
+        """
         columns, flags, about = read_rollout(path)
         try:
-            whole = {name: about[name] for name in KEPT if name in about or name in WHOLE}
+            whole = {name: about[name] for name in STORED_ENTRIES if name in about or name in RUN_ENTRIES}
             units = stated_units(columns["p"].shape[1], whole.pop("position_units", ()))
             return cls(**columns, flags=flags, **whole, position_units=units)
         except (KeyError, TypeError, ValueError) as error:

@@ -17,30 +17,55 @@ from adaptctl.files import validate_place
 from adaptctl.simulation.rollout_file import RolloutFile, joint_names, stated_units
 from adaptctl.simulation.run import Rollout
 
-SHARE_OF_MEMORY = 0.5
+MAX_MEMORY_SHARE = 0.5
 """of the computer's, that a log may take"""
 
 
 class RunLogger:
-    """Log of a control loop of `dof` joints (r), one sample a `control_period` (s); its method `rollout` makes it a
-    `Rollout`.
+    """
+    Logger for a real control loop, with bounded memory, whose log becomes a `Rollout`.
 
-    The last `capacity` samples are kept, 300 000 by default, which is 300 s at 1 kHz, in memory that is all allocated
-    at construction; older ones are overwritten, and the property `lost` counts them. `append` neither allocates nor
-    touches files, so a loop at 1 kHz can call it. The attribute `count` is the number of samples appended, `faulty` of
-    those left out for a wrong length, NaN or infinity. `estimates` is the number k of the controller's parameter
-    estimates, 0 by default; `joints` (r,) names the joints in the file, None for joint1, joint2, ..., and
-    `position_units` (r,) has "rad" for revolute joints and "m" for prismatic ones, empty, the default, where that is
-    not to be kept.
+    Parameters
+    ----------
+    dof : int
+        Number r of joints.
+    control_period : float
+        Time from one sample to the next in s.
+    path : str or Path, optional
+        Parquet file that is written when the context ends. Default: no file.
+    estimates : int, default 0
+        Number k of the controller's parameter estimates.
+    capacity : int, default 300000
+        Number of latest samples that are kept: 300 s at 1 kHz. All memory is allocated at construction.
+    joints : tuple of str, optional
+        Joint names (r,) in the file. Default: joint1, joint2, ...
+    position_units : tuple of str, default ()
+        Joint units (r,), "rad" or "m".
 
-    As a context manager it warns (`LostSamplesWarning`) at the end if samples were overwritten or left out, and saves
-    the run to a Parquet file at `path`, None for no file, if there are at least two samples. It also does so when an
-    exception ends the loop; the run's `complete` is then False.
+    Raises
+    ------
+    InputError
+        If a number, name or unit is not as above, or the log would take over half of the computer's memory.
+    FileError
+        If the file cannot be written.
+    MissingExtraError
+        If a path is given and pyarrow is not installed.
 
-    Raises `InputError` for a period that is not positive, counts that are not whole numbers of at least 1 (`dof`), 0
-    (`estimates`) or 2 (`capacity`), `joints` that are not r different names, `position_units` that are not r of these
-    units, and a capacity that takes over half of the computer's memory. With a `path`, raises `FileError` if it cannot
-    be written, `MissingExtraError` without pyarrow.
+    Notes
+    -----
+    `append` neither allocates nor touches files, so a loop at 1 kHz can call it. `count` is the number of samples
+    appended, `faulty` of those left out, `lost` of those overwritten. When the context ends, also by an exception, lost
+    or faulty samples raise a `LostSamplesWarning`, and at least two samples are saved.
+
+    Examples
+    --------
+    >>> with adaptctl.RunLogger(2, period, tmp / "log.parquet") as log:
+    ...     for k in range(3):
+    ...         log.append(k * period, p, v, reference(k * period), torque=[0.0, 0.0])
+    >>> log
+    <RunLogger: 3 samples, 0 lost, 0 faulty>
+    >>> log.rollout().p.shape
+    (3, 2)
     """
 
     def __init__(
@@ -69,10 +94,13 @@ class RunLogger:
         self.count, self.faulty = 0, 0
         """samples that were appended; samples left out since they did not fit or were not finite"""
 
+    def __repr__(self) -> str:
+        """Number of samples in one line."""
+        return f"<RunLogger: {self.count} samples, {self.lost} lost, {self.faulty} faulty>"
+
     @property
     def lost(self) -> int:
-        """Number of samples that have been overwritten by later ones, since more were appended than the log's
-        `capacity`."""
+        """Number of samples that later ones have overwritten."""
         return max(0, self.count - len(self._rows))
 
     def append(
@@ -85,14 +113,23 @@ class RunLogger:
         applied: ArrayLike | None = None,
         estimate: ArrayLike = (),
     ) -> None:
-        """Append a sample at `time` (s) to the log, of r joints: the measured positions `p`, rad (m if prismatic), and
-        velocities `v`, rad/s (m/s), the positions, velocities and accelerations of the `reference`, in rad, rad/s and
-        rad/s^2 (m, m/s and m/s^2 if prismatic), and the `torque` commanded, N m (N), (r,) each.
+        """
+        Append a sample to the log; a faulty one is left out and counted, and nothing is raised.
 
-        `applied` (r,) is the torque applied, N m (N), None where that is the one commanded; `estimate` (k,) is the
-        controller's k parameter estimates, SI units, which may be left out only where k = 0. A sample with an array of
-        another length or with NaN or infinity never stops a loop: it is left out and counted in the log's `faulty`.
-        Nothing is raised.
+        Parameters
+        ----------
+        time : float
+            Time in s.
+        p, v : array_like
+            Measured positions in rad (m if prismatic) and velocities in rad/s (m/s), (r,).
+        reference : ReferencePoint
+            The reference's positions, velocities and accelerations (r,).
+        torque : array_like
+            Commanded torque (r,) in N m (N).
+        applied : array_like, optional
+            Torque at the joints (r,) in N m (N). Default: the commanded one.
+        estimate : array_like, default ()
+            Parameter estimates (k,) in SI units.
         """
         row = self._sample
         try:
@@ -109,8 +146,24 @@ class RunLogger:
             self.faulty += 1
 
     def rollout(self, complete: bool = True) -> Rollout:
-        """The run so far, a `Rollout`, its oldest sample first; `complete` is True, the default, or False for a run
-        that was cut off. Raises `InputError` where there are fewer than two samples or their times do not increase."""
+        """
+        Return the run so far, its oldest sample first.
+
+        Parameters
+        ----------
+        complete : bool, default True
+            False for a run that was cut off.
+
+        Returns
+        -------
+        Rollout
+            The run.
+
+        Raises
+        ------
+        InputError
+            If there are fewer than two samples or their times do not increase.
+        """
         if self.count < 2:
             raise InputError(f"a run needs at least 2 samples, got {self.count} ({self.faulty} faulty)")
         first = self.count % len(self._rows) if self.lost else 0
@@ -147,8 +200,8 @@ class RunLogger:
 
 def _validate_memory(size: int, capacity: int) -> None:
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if size > SHARE_OF_MEMORY * memory:
+    if size > MAX_MEMORY_SHARE * memory:
         raise InputError(
             f"capacity: {capacity} samples take {size / 1e9:.3g} GB, and this computer has {memory / 1e9:.3g}: at most "
-            f"{int(SHARE_OF_MEMORY * memory / size * capacity)} fit into half of that"
+            f"{int(MAX_MEMORY_SHARE * memory / size * capacity)} fit into half of that"
         )

@@ -20,13 +20,13 @@ from adaptctl.simulation.closed_loop import ClosedLoop, Driven, Episode, Sample,
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.references import REFERENCE, sampled
 from adaptctl.simulation.rollout import KeptSamples, interface, known_steps, rollout
-from adaptctl.simulation.rollout_file import KEPT, RolloutFile
+from adaptctl.simulation.rollout_file import STORED_ENTRIES, RolloutFile
 from adaptctl.simulation.run import Rollout
 
 if TYPE_CHECKING:
     import gymnasium
 
-CHUNK, LONGEST = 2000, 10_000
+FIRST_CHUNK, MAX_CHUNK = 2000, 10_000
 """Control periods in one native call: in the first, if the run is as long, and at most."""
 
 
@@ -41,26 +41,59 @@ def simulate(
     keep_last: float | None = None,
     stream: str | Path | None = None,
 ) -> Rollout:
-    """The run, a `Rollout`, of an environment driven by a controller, from reset to termination or truncation, computed
-    in native code: to round-off what `rollout`, which goes step by step, returns for the same arguments.
+    """
+    Simulate a controller in an environment in native code, from reset to the episode's end.
 
-    Controller, effects and plant are compiled into one step, which is taken thousands of times in each call; in between
-    `progress`, if given, is called with the fraction done, 0 to 1, and Ctrl-C is heard, which keeps what was computed.
-    `seed` and `options` are those of `env.reset`, None for its own defaults. Afterwards the environment's generator is
-    where `rollout` leaves it, and the environment takes no step before it is reset.
+    The result equals that of `rollout` to round-off. Environments and controllers that cannot be compiled together are
+    driven by `rollout`, with a `NotCompiledWarning` that says why.
 
-    The run has a sample of one in `every` control periods, the first one included, and only those of its last `last`
-    seconds, None for the whole run: however long it is, it takes no more memory than these. `stream` is the path of a
-    Parquet file, None for none, to which all samples that `every` chooses are written as they come, also those before
-    the `last`. It appears when the run ends, and `Rollout.load` reads it.
+    Parameters
+    ----------
+    env : gymnasium.Env
+        A `TrackingEnv` of up to 100 links, or an environment with a `plant` and a method `episode`, in no wrappers but
+        those of `gymnasium.make`.
+    controller : Controller
+        Controller with a `law` and no `step` of its own, for the environment's r joints.
+    seed : int, optional
+        Seed of `env.reset`. Default: its generator goes on.
+    options : dict, optional
+        Options of `env.reset`. Default: none.
+    progress : callable, optional
+        Called with the fraction done, 0 to 1.
+    record_every : int, default 1
+        Control periods from one sample to the next; 1 records all.
+    keep_last : float, optional
+        Length in s of the end of the run that is kept in memory. Default: the whole run.
+    stream : str or Path, optional
+        Parquet file for all samples, also those before `keep_last`; it appears when the run ends. Default: none.
 
-    It takes a `TrackingEnv`, or another environment with a `plant` and a method `episode(seed=..., options=...)` that
-    returns its `Episode`, in no wrappers but those of `gymnasium.make`; a controller that has a `law` and no `step` of
-    its own; and at most 100 links. Anything else is driven by `rollout`, with a `NotCompiledWarning`
-    that says why; `stream` then has only the samples of the run returned. Raises `InputError` for an environment that
-    cannot be driven by this controller, an `every` that is not a whole number of at least 1, and a `last` that is not
-    positive and finite; `NonFiniteError` where the motion becomes non-finite; and for `stream` `FileError` where it
-    cannot be written, `MissingExtraError` without pyarrow.
+    Returns
+    -------
+    Rollout
+        The run; after Ctrl-C what was computed, with `complete` False.
+
+    Raises
+    ------
+    InputError
+        If the controller does not fit the environment, `record_every` is not a whole number of at least 1 or
+        `keep_last` is not positive and finite.
+    NonFiniteError
+        If the motion becomes NaN or infinite.
+    FileError
+        If `stream` cannot be written.
+    MissingExtraError
+        If `stream` is given and pyarrow is not installed.
+
+    Notes
+    -----
+    Afterwards the environment's generator is where `rollout` leaves it, and the environment takes no step before it is
+    reset.
+
+    Examples
+    --------
+    >>> run = adaptctl.simulate(env, law, seed=0)
+    >>> run.p.shape
+    (200, 2)
     """
     _, period = interface(env, controller)
     kept = KeptSamples.of(record_every, keep_last, period)
@@ -85,15 +118,14 @@ def simulate(
         return EpisodeRun(episode, controller, kept).driven(progress)
     with RolloutFile(stream, controller.dof, None, position_units(episode.plant.mechanism)) as file:
         result = EpisodeRun(episode, controller, kept, file).driven(progress)
-        file.about = {name: getattr(result, name) for name in KEPT}
+        file.about = {name: getattr(result, name) for name in STORED_ENTRIES}
     return result
 
 
 def _episode(
     env: gymnasium.Env[Any, Any], controller: Controller[Any], seed: int | None, options: dict[str, Any] | None
 ) -> Episode:
-    """The episode that an environment begins; `NotImplementedError`, before anything is drawn, if it has none that can
-    be compiled."""
+    """Episode that an environment begins; `NotImplementedError` if it cannot be compiled."""
     from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 
     wrapper, inner = env, env.unwrapped
@@ -112,8 +144,7 @@ def _episode(
 
 
 class Stretch(NamedTuple):
-    """Control periods of a run that were taken in one call: `time` (n + 1,), s, of their beginnings and the end; a
-    `Sample` of arrays (n, ...); the reference (n + 1, r); rewards (n,); and the masses (n,) held, kg, at the ends."""
+    """Control periods taken in one native call: times (n + 1,), samples, reference, rewards and masses held."""
 
     time: Array
     sample: Sample
@@ -123,10 +154,7 @@ class Stretch(NamedTuple):
 
 
 class EpisodeRun(Driven):
-    """A run in the making of an `episode` under a `controller`, in native code. Of its samples those are kept that
-    `kept` says, and those that it chooses are written to `file`, if there is one. `lost` is the time, s, at which a
-    number became non-finite, None while none did. Raises `InputError` for a controller for another number of joints,
-    `TraceError` for a law that cannot be traced."""
+    """Native run in the making of an `episode` under a `controller`; keeps the samples chosen by `kept`."""
 
     def __init__(
         self,
@@ -140,7 +168,7 @@ class EpisodeRun(Driven):
         self.arms = self.loop.compiled().ensemble(1)
         self.loop.begin(self.arms, episode.state, controller.init(*_measured(episode.state)))
         self.whole = file is None and kept == KeptSamples()  # then the buffers are the result, and nothing is copied
-        self.longest = self.steps if self.whole else min(LONGEST, self.steps)
+        self.longest = self.steps if self.whole else min(MAX_CHUNK, self.steps)
         self.records, self.signals = (
             self.arms.allocate_outputs(self.longest + 1),
             self.arms.signals(self.longest + 1),
@@ -152,8 +180,7 @@ class EpisodeRun(Driven):
         self.lost: float | None = None
 
     def driven(self, progress: Callable[[float], object] | None = None) -> Rollout:
-        """The run, a `Rollout`, taken to its end, or to Ctrl-C; in between `progress` is called with the fraction done.
-        Raises `NonFiniteError` where the motion becomes non-finite."""
+        """Run taken to its end, or to Ctrl-C."""
         return self._result(*self.drive(progress))
 
     @property
@@ -167,8 +194,7 @@ class EpisodeRun(Driven):
         return self.terminated or super().over
 
     def advance(self) -> Stretch:
-        """The next `Stretch` of control periods, in which the true parameters stay as they are; it counts when all of
-        it is done. Raises `NonFiniteError` where the motion becomes non-finite."""
+        """Next stretch in which the true parameters stay as they are; it counts when all of it is done."""
         time = self._times()
         reference = self._reference(time)
         self.arms.held["parameters"] = self._parameters(time[0])
@@ -235,8 +261,7 @@ class EpisodeRun(Driven):
         return self.end._replace(time=time, applied=sample.applied[-1].copy(), clipped=clipped, flags=flags)
 
     def _judged(self, sample: Sample, reference: ReferencePoint) -> tuple[Array, bool]:
-        """Rewards of the control periods up to the end of the run or the first number that is not finite; and True if
-        the episode ended itself."""
+        """Rewards up to the end or the first number that is not finite; True if the episode ended itself."""
         count, after = len(sample.q), slice(self._first + 1, self._first + len(sample.q) + 1)
         q, v = self.recorded.q[after], self.recorded.v[after]
         q[-1], v[-1] = self.arms.state["q"][0], self.arms.state["v"][0]
@@ -251,9 +276,8 @@ class EpisodeRun(Driven):
             return bool(np.isfinite(torque).all()) and math.isfinite(self.arms.state.blocks.sum())
 
     def _times(self) -> Array:
-        """The times of the next stretch and its end: few control periods at first, for a run may soon be over, then as
-        many as fit in one call, as long as nothing changes."""
-        times = self.ahead(min(LONGEST, max(CHUNK, 4 * self.count)))
+        """Times of the next stretch and its end: few at first, for a run may soon be over."""
+        times = self.ahead(min(MAX_CHUNK, max(FIRST_CHUNK, 4 * self.count)))
         return np.append(times, self.control_period * (self.count + len(times)))
 
     def _parameters(self, time: float) -> Array:

@@ -25,7 +25,7 @@ from adaptctl.simulation.members import Noise, Seeds, arms_of, checked_seeds, di
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.references import REFERENCE, ReferenceForm, ReferencesOfMany, warn_of_derivatives
 from adaptctl.simulation.summaries import (
-    SETTLED,
+    FINAL_WINDOW,
     ErrorSums,
     first_rise,
     judged_by,
@@ -38,7 +38,7 @@ from adaptctl.simulation.summaries import (
     watched,
 )
 
-BATCH, STRETCH, MEMORY = 512, 2000, 2**23
+BATCH, MAX_STRETCH, MAX_CALL_BYTES = 512, 2000, 2**23
 """Arms and control periods, at most, and bytes that one native call reads and writes, so that these fit the caches: one
 batch of arms takes a stretch of time after the other. In between progress is reported, and Ctrl-C handled."""
 RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estimate")
@@ -47,31 +47,67 @@ RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estima
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Rollouts:
-    """Many closed-loop runs (M) of r joints, as T samples each and summaries of tracking errors, p - reference_p; every
-    array is read-only. Nothing is checked at construction.
+    r"""
+    Record of M closed-loop runs of r joints: T samples each, and summaries of the tracking errors.
 
-    Sample k has the states at `time[k]` and the torques commanded on them. The errors are of all control periods until
-    a run diverged, whether or not they are sampled. Runs are independent: NaN in one does not touch the others.
+    Parameters
+    ----------
+    time : ndarray
+        Times (T,) of the samples in s.
+    p, v : ndarray
+        Positions in rad (m if prismatic) and velocities in rad/s (m/s), (T, M, r).
+    reference_p, reference_v : ndarray
+        The reference's positions and velocities (T, M, r).
+    torque : ndarray
+        Commanded torques (T, M, r) in N m (N).
+    applied : ndarray
+        Torques at the joints (T, M, r) in N m (N).
+    estimate : ndarray
+        Parameter estimates (T, M, k) in SI units; k = 0 for a controller without.
+    parameters : ndarray
+        True inertial and friction parameters (M, P) without loads, SI units, ordered as `Mechanism.parameter_names`.
+    rms_error : ndarray
+        Root mean square errors (M, r) in rad (m); NaN in a run that diverged without a finite `divergence_bound`.
+    largest_error : ndarray
+        Largest magnitudes of the errors (M, r), NaN likewise.
+    final_rms_error : ndarray
+        Root mean square errors (M, r) over the last 2 s; NaN in shorter runs and those that diverged before.
+    settling_time : ndarray
+        Times (M,) in s after which every error stayed within `tolerance`; NaN if the last one did not.
+    diverged_at : ndarray
+        Times (M,) in s at which an error was first not finite or above `divergence_bound`; NaN if none was.
+    diverged_joint : ndarray of int
+        Indices (M,) of the joint that diverged first, -1 if none did.
+    lyapunov_rise : ndarray
+        Largest rises (M,) of V from one control period to the next in J; NaN where V is not known: in single precision,
+        for other controllers, and with loads or elastic joints.
+    control_period : float
+        Control period in s.
+    wall_time : float
+        Computing time in s.
+    complete : bool
+        False after Ctrl-C.
 
-    `time` (T,), s. (T, M, r): positions `p` and `reference_p`, rad (m if prismatic), velocities `v` and `reference_v`,
-    rad/s (m/s), `torque`, the one commanded, and `applied`, the one at the joints, N m (N). `estimate` (T, M, k), the
-    controllers' k parameter estimates, k = 0 where they have none; `parameters` (M, P), the P true inertial and
-    friction parameters without the effects' loads, in the order of `Mechanism.parameter_names`; both in SI units.
+    Notes
+    -----
+    Sample k has the states at ``time[k]`` and the torques commanded on them; the errors are of all control periods.
+    Arrays are read-only, nothing is checked, and NaN in one run does not touch the others.
 
-    (M, r), rad (m): `rms_error`, root mean square, `largest_error`, largest magnitude, and `final_rms_error`, root mean
-    square over the last SETTLED (2) s, NaN in shorter runs and those that diverged before; the first two are NaN in a
-    run that diverged where no bound for divergence was asked for. (M,): `return_time`, s, after which every error
-    stayed within the bounds asked for, NaN where the last one did not or the run diverged; `diverged_at`, s, at which
-    an error was first not finite or beyond the bound for divergence, NaN where none was, and `diverged_joint`, the
-    index from 0 of the first joint whose error was, else -1.
+    The Lyapunov function of Slotine and Li is
 
-    `lyapunov_rise` (M,), J, is the largest rise from one control period to the next of Slotine and Li's Lyapunov
-    function V = s^T H s/2 + e^T Gamma^-1 e/2, 0 where it never rose. s = v - v_d + Lambda (p - p_d) is the sliding
-    variable, p_d and v_d the reference, Lambda the bandwidth, H the mass matrix, e the estimate minus the true
-    parameters, Gamma the adaptation gain, T the transpose; an adaptation law may have a second term of its own. It is
-    NaN where V is not known: in single precision, for other controllers, and with loads or elastic joints.
+    .. math:: V = \tfrac12 s^T M s + \tfrac12 \tilde\theta^T \Gamma^{-1} \tilde\theta, \quad s = v - v_d + \Lambda (p -
+    p_d),
 
-    `control_period`, s; `wall_time`, s, that the runs took; `complete`, False if they were interrupted.
+    with the mass matrix M, the estimation error :math:`\tilde\theta`, the adaptation gain :math:`\Gamma` and the
+    bandwidth :math:`\Lambda`; an adaptation law may add a term.
+
+    Examples
+    --------
+    >>> runs = adaptctl.simulate_many(plant, law, reference, duration=0.05, batch_size=3)
+    >>> runs
+    <Rollouts: 3 runs of 2 joints, 50 samples each>
+    >>> runs.p.shape, runs.rms_error.shape
+    ((50, 3, 2), (3, 2))
     """
 
     time: Array
@@ -94,18 +130,19 @@ class Rollouts:
     wall_time: float
     complete: bool
 
+    def __repr__(self) -> str:
+        """Numbers of runs, joints and samples."""
+        runs, joints = self.rms_error.shape
+        return f"<Rollouts: {runs} runs of {joints} joints, {len(self.time)} samples each>"
+
     @property
     def error(self) -> Array:
-        """Tracking errors p - p_d (T, M, r), rad or m: the positions of T samples of M runs of r joints minus the
-        reference's."""
+        """Tracking errors p - p_d (T, M, r) in rad (m if prismatic)."""
         return self.p - self.reference_p
 
     @property
     def finite(self) -> Array:
-        """Mask (M,) of bools, True for each of M runs whose field `largest_error` is finite. They are the runs that did
-        not diverge and, if any bound `beyond` (rad or m) given to `simulate_many` was finite, those that did too, as
-        their largest error is of the time before. The field `diverged_at` (M,), s, distinguishes these: it is NaN for a
-        run that did not diverge."""
+        """Mask (M,) of the runs whose `largest_error` is finite: all that did not diverge beyond every bound."""
         return np.asarray(np.isfinite(self.largest_error).all(axis=-1))
 
 
@@ -129,35 +166,73 @@ def simulate_many(
     progress: Callable[[float], object] | None = None,
     precision: Precision = "double",
 ) -> Rollouts:
-    """Closed-loop runs, a `Rollouts`, of a controller on a plant of r joints: M at once, of `duration` (s) each. They
-    differ in the arguments that are given with one row for each run.
+    """
+    Simulate M closed loops at once in native code.
 
-    `controller` is one for all runs or a sequence of M, which may differ in their `numbers`, such as gains, alone;
-    `reference` is one for all or a sequence of M; `Sinusoids` with equal numbers of terms are not stored as samples.
-    `parameters` (P,) or (M, P), SI units, are the P true inertial and friction ones, in the order of
-    `Mechanism.parameter_names`, the mechanism's own when not given; `p`, rad (m if prismatic), and `v`, rad/s (m/s),
-    (r,) or (M, r), are where the arms start, on their references when not given; `memory` is the controllers' initial
-    internal state, such as estimates, in the form in which `controller.init` gives it for one arm or for M, which is
-    taken when it is not given; `members` is M, needed where nothing else has M rows, else 1. `gains` are numbers of the
-    controller by their names in `controller.numbers`, of the shapes there or with a leading axis of M, the controller's
-    own when not given. `seed` is that of the sensors' noise, one for all or M: with one each, an arm's noise does not
-    depend on who else runs; None draws another noise each time.
+    Runs differ in the arguments that have one row for each run, such as parameters or gains.
 
-    Every `every`-th control period is recorded as a sample, the first one included; None records no samples. Summaries
-    of the errors are of all control periods. `within` (rad or m, a number or (r,), infinite unless given) bounds the
-    errors for `return_time`; a run counts as diverged once an error is not finite or larger than `beyond` (rad or m, a
-    number or (r,), infinite unless given). `threads` is the number of threads. `precision` is "double" or "single": in
-    single precision twice as many arms fit a register, but `lyapunov_rise` is NaN, since round-off would hide it.
-    `progress`, if given, is called in between with the fraction done, 0 to 1, and Ctrl-C keeps what was computed.
-    Nothing ends a run early.
+    Parameters
+    ----------
+    plant : Plant
+        Robot with r joints and up to 100 links.
+    controller : Controller or sequence of Controller
+        One for all runs, or M that differ in their `numbers` (gains) alone.
+    reference : Reference or sequence of Reference
+        One for all runs or M. Sums of equally many sinusoids (`Sinusoids`) are computed natively; others are sampled.
+    duration : float
+        Length of every run in s.
+    batch_size : int, optional
+        Number M of runs. Default: the rows of the other arguments, else 1.
+    parameters : array_like, optional
+        True inertial and friction parameters (P,) or (M, P), SI units, ordered as `Mechanism.parameter_names`. Default:
+        the mechanism's.
+    p, v : array_like, optional
+        Initial positions in rad (m if prismatic) and velocities in rad/s (m/s), (r,) or (M, r). Default: on the
+        reference.
+    memory : object, optional
+        Initial internal state of the controllers, for one run or for M. Default: that of `controller.init`.
+    gains : mapping, optional
+        Numbers of the controller by their names in `controller.numbers`, in their shapes or with a leading axis of M.
+        Default: the controller's.
+    seed : int or sequence of int, optional
+        Seed of the sensors' noise, one for all or M; with M a run's noise does not depend on the others. Default: new
+        noise each time.
+    record_every : int or None, default 1
+        Control periods from one sample to the next; None records no samples.
+    tolerance : array_like, default infinity
+        Bound of the errors for `settling_time` in rad (m), one number or (r,).
+    divergence_bound : array_like, default infinity
+        Error in rad (m), one number or (r,), above which a run counts as diverged.
+    threads : int, default 1
+        Number of threads.
+    progress : callable, optional
+        Called with the fraction done, 0 to 1.
+    precision : {"double", "single"}, default "double"
+        Single precision fits twice as many runs in a register; `lyapunov_rise` is then NaN, lost in round-off.
 
-    Raises `InputError` for a duration that is below a control period or infinite, an `every`, `threads` or `members`
-    that is not a whole number of at least 1, a `seed` that is not one of at least 0, shapes that do not fit and unlike
-    numbers of rows, controllers that differ in more than numbers or come with `gains`, a controller with a task-space
-    reference or a `step` of its own, in single precision a case that needs double (`validate_single`), and for more
-    than 100 links; `NonFiniteError` for NaN or infinity in `parameters`, `p` or `v` and NaN in a
-    bound, `NotFoundError` for an unknown name in `gains` and what a new controller raises for theirs, and
-    `SingularityError` where loops cannot be followed to `p`.
+    Returns
+    -------
+    Rollouts
+        Samples and summaries; after Ctrl-C what was computed, with `complete` False. Nothing else ends a run early.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, shapes or numbers of rows do not fit, controllers differ in more than numbers, or
+        the case cannot be compiled or needs double precision.
+    NonFiniteError
+        If `parameters`, `p`, `v` or a bound is NaN, or one of the first three is infinite.
+    NotFoundError
+        If `gains` has an unknown name.
+    SingularityError
+        If kinematic loops cannot be followed to p.
+
+    Examples
+    --------
+    >>> masses = np.array([0.9, 1.0, 1.1])[:, None] * arm.inertial_parameters
+    >>> runs = adaptctl.simulate_many(plant, law, reference, duration=0.05, parameters=masses)
+    >>> bool(runs.finite.all())
+    True
     """
     law, differ = differing(controller, gains or {})
     run = _Runs(ClosedLoop(plant, law), reference, duration, record_every, threads, precision)
@@ -196,8 +271,7 @@ def _compiled(loop: ClosedLoop, form: ReferenceForm, precision: Precision) -> St
 
 
 class _Batch(NamedTuple):
-    """Arms that take a stretch of time together: which of all they are, the native code's copies of them, their
-    references and the source of their noise."""
+    """Runs that are advanced together: their indices, native copies, references and noise."""
 
     members: slice
     arms: Ensemble
@@ -233,7 +307,7 @@ class _Runs(Driven):
         if precision == "single":
             validate_single(loop, self.steps)
         self.references = ReferencesOfMany.of(reference, loop.controller.reference_size)
-        self.final = max(0, self.steps - round(SETTLED / self.control_period))
+        self.final = max(0, self.steps - round(FINAL_WINDOW / self.control_period))
         first = reference[0] if isinstance(reference, Sequence) else reference
         warn_of_derivatives(first, [joint.name for joint in loop.plant.mechanism.primary_joints], duration, 4)
 
@@ -251,8 +325,7 @@ class _Runs(Driven):
         bounds: Mapping[str, Array],
         given: Mapping[str, ArrayLike | None],
     ) -> None:
-        """Put every arm where it starts: at `parameters`, `p` and `v`, those of the mechanism and on the reference
-        unless given."""
+        """Put every arm where it starts."""
         loop, start = self.loop, self.references.start()
         own = {"parameters": loop.plant.mechanism.inertial_parameters, "p": start[0], "v": start[1]}
         rows = {name: checked(_given(given[name], x), x.shape[-1], name) for name, x in own.items()}
@@ -296,11 +369,10 @@ class _Runs(Driven):
                 columns[name] = each
 
     def _longest(self, stepper: Stepper) -> int:
-        """The number of control periods in one native call, at most: as many as keep what it reads and writes, besides
-        the arms' states, within the caches."""
+        """Greatest number of control periods in one native call whose data fit the caches."""
         numbers = sum(stepper.columns[Source.DRIVEN].values())
         numbers += sum(map(math.prod, stepper.outputs)) if self.every == 1 else 0
-        return max(1, min(STRETCH, MEMORY // (8 * min(BATCH, len(self.parameters)) * max(1, numbers))))
+        return max(1, min(MAX_STRETCH, MAX_CALL_BYTES // (8 * min(BATCH, len(self.parameters)) * max(1, numbers))))
 
     def _remembered(self, memory: Any) -> list[Any]:
         """The parts of a memory of this controller."""
@@ -313,8 +385,7 @@ class _Runs(Driven):
         return parts
 
     def advance(self) -> None:
-        """A stretch of time: as far as memory allows, and where not all samples are kept, up to the next one that is.
-        It counts when all arms have done it."""
+        """Take a stretch of time, up to the next sample where not all are kept."""
         first, every, plant = self.count, self.every, self.loop.plant
         end = self.steps if every in (None, 1) else min(first + -first % (every or 1) + 1, self.steps)
         time = self.ahead(min(end - first, self.longest))
@@ -379,8 +450,7 @@ def _validate_compilable(loop: ClosedLoop) -> None:
 
 
 def _members(given: int | None, rows: Mapping[str, tuple[int, ...]]) -> int:
-    """Number of arms: as given, or as the arguments that have a row each say. Raises `InputError` where they
-    disagree."""
+    """Number of arms as given, or of the rows of the arguments, checked."""
     named_rows = {name: axes for name, axes in rows.items() if axes} | (
         {} if given is None else {"batch_size": (given,)}
     )

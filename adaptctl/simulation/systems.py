@@ -27,14 +27,31 @@ if TYPE_CHECKING:
 
 @needed("mechanism_system")
 def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.NonlinearIOSystem:
-    """A continuous-time python-control system of the forward dynamics of a mechanism, called `name`. It has 2r states,
-    which are the outputs, positions p, rad (m if prismatic), and velocities v, rad/s (m/s), of the r primary
-    (independent) joints, and r inputs, the torques, N m (N).
+    """
+    Return the forward dynamics of a mechanism as a continuous-time python-control system.
 
-    Signals are ``torque[0]``, ..., ``p[0]``, ..., ``v[0]``, ..., in the order of the primary joints. With loops, p is
-    followed from the reference configuration at every evaluation, which raises `SingularityError` where it cannot be,
-    and `NonFiniteError` for NaN or infinity; of a tree of up to 100 joints an evaluation is not checked, NaN goes
-    through. Raises `MissingExtraError` without python-control.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Robot with r primary joints.
+    name : str, default "mechanism"
+        Name of the system.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        System with the inputs ``torque[0]``, ... in N m (N if prismatic) and the states and outputs ``p[0]``, ... in
+        rad (m) and ``v[0]``, ... in rad/s (m/s).
+
+    Raises
+    ------
+    MissingExtraError
+        If python-control is not installed.
+
+    Notes
+    -----
+    With loops an evaluation follows p from the reference configuration and raises `SingularityError` where it cannot,
+    `NonFiniteError` for NaN or infinity. A tree of up to 100 joints is not checked.
     """
     r, accelerations = mechanism.dof, _accelerations(mechanism)
 
@@ -46,15 +63,33 @@ def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.N
 
 @needed("plant_system")
 def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem:
-    """A discrete-time python-control system of a plant, called `name`, that takes one step in each control period. For
-    r primary (independent) joints it has 2r states, which are the outputs: positions ``p[0]``, ..., rad (m if
-    prismatic), then velocities ``v[0]``, ..., rad/s (m/s). Its r inputs are the torques ``torque[0]``, ..., N m (N),
-    held over the period. The plant's torque limits and friction are included.
+    """
+    Return a plant as a discrete-time python-control system that steps once per control period.
 
-    Raises `InputError` for a plant with effects other than in the joints, which friction is, as its state is more than
-    p and v, and `MissingExtraError` without python-control. An evaluation raises `NonFiniteError` for NaN or infinity
-    and where the motion becomes non-finite, and `SingularityError` where loops cannot be closed or are near a
-    singularity.
+    Parameters
+    ----------
+    plant : Plant
+        Robot with r primary joints and effects in the joints alone; its torque limits hold.
+    name : str, default "plant"
+        Name of the system.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        System with the inputs ``torque[0]``, ... in N m (N if prismatic) and the states and outputs ``p[0]``, ... in
+        rad (m) and ``v[0]``, ... in rad/s (m/s).
+
+    Raises
+    ------
+    InputError
+        If the plant has effects other than in the joints: its state is then more than p and v.
+    MissingExtraError
+        If python-control is not installed.
+
+    Notes
+    -----
+    An evaluation raises `NonFiniteError` for NaN, infinity and motions that diverge, `SingularityError` where loops
+    cannot be closed.
     """
     r = plant.dof
     if any(not isinstance(effect, JointEffect) for effect in plant.effects):
@@ -71,17 +106,31 @@ def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem
 def controller_system(
     controller: Controller[Any], control_period: float, name: str = "controller"
 ) -> control.NonlinearIOSystem:
-    """A discrete-time python-control system of a controller, called `name`, whose control law is evaluated every
-    `period` (s).
+    """
+    Return a controller as a discrete-time python-control system.
 
-    Its inputs are positions p, rad (m if prismatic), velocities v, rad/s (m/s), r each for r joints, and the
-    reference's positions, velocities and accelerations, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic), r
-    each (or as many as a task space has coordinates, in m, m/s, m/s^2): ``p[0]``, ..., ``v[0]``, ...,
-    ``reference_p[0]``, ..., ``reference_v[0]``, ..., ``reference_a[0]``, ... Its outputs are r torques, ``torque[0]``,
-    ..., N m (N). Its state, ``memory[0]``, ..., is the law's internal state, the estimate first where there is one;
-    `controller_start` returns the initial one. Raises `InputError` for a period that is not positive and finite, or is
-    not the controller's own where it has one, and `MissingExtraError` without python-control; an evaluation raises what
-    `controller.step` raises.
+    Parameters
+    ----------
+    controller : Controller
+        Controller of r joints.
+    control_period : float
+        Sampling time in s.
+    name : str, default "controller"
+        Name of the system.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        System with the inputs ``p[0]``, ..., ``v[0]``, ..., ``reference_p[0]``, ..., ``reference_v[0]``, ...,
+        ``reference_a[0]``, ..., the outputs ``torque[0]``, ... and the states ``memory[0]``, ..., the estimate first.
+        `controller_start` returns the initial state.
+
+    Raises
+    ------
+    InputError
+        If the period is not positive and finite or not the controller's own.
+    MissingExtraError
+        If python-control is not installed.
     """
     import control
 
@@ -108,10 +157,30 @@ def controller_system(
 
 
 def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
-    """The initial state (n,) of a controller's python-control system, as `controller_system` makes it: the n numbers of
-    the controller's initial internal state in one array. The arm is at positions p, rad (m if prismatic), and
-    velocities v, rad/s (m/s), (r,) each. Raises `InputError` on a wrong shape, `NonFiniteError` on NaN or infinity, and
-    `SingularityError` where loops cannot be closed or are near a singularity."""
+    """
+    Return the initial state of a controller's python-control system.
+
+    Parameters
+    ----------
+    controller : Controller
+        Controller of r joints.
+    p, v : ndarray
+        Positions in rad (m if prismatic) and velocities in rad/s (m/s), (r,).
+
+    Returns
+    -------
+    ndarray
+        Internal state (n,) as one array.
+
+    Raises
+    ------
+    InputError
+        If a shape is wrong.
+    NonFiniteError
+        If a number is NaN or infinite.
+    SingularityError
+        If kinematic loops cannot be closed.
+    """
     for what, given in (("p", numbers(p, "p")), ("v", numbers(v, "v"))):
         if given.shape != (controller.dof,):
             raise InputError(f"{what}: expected shape ({controller.dof},), of one arm, got {given.shape}")
@@ -122,18 +191,30 @@ def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
 def closed_loop_system(
     plant: Plant, controller: Controller[Any], name: str = "closed_loop"
 ) -> control.InterconnectedSystem:
-    """A discrete-time python-control system of a plant and a controller in closed loop, called `name`, sampled every
-    control period of the plant.
+    """
+    Return plant and controller in closed loop as a discrete-time python-control system.
 
-    Inputs are the reference's positions, velocities and accelerations, in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if
-    prismatic), ``reference_p[0]``, ..., ``reference_v[0]``, ..., ``reference_a[0]``, ..., r each for r joints (or as
-    many as a task space has, in m); outputs are positions ``p[0]``, ..., rad (m), and velocities ``v[0]``, ..., rad/s
-    (m/s), r each. The state is the plant's, p and v (2r,), then the controller's internal state, such as its estimate.
+    Parameters
+    ----------
+    plant : Plant
+        Robot with r joints and effects in the joints alone.
+    controller : Controller
+        Controller of r joints.
+    name : str, default "closed_loop"
+        Name of the system.
 
-    Raises `InputError` where plant and controller differ in their number of joints or, if the controller has a period
-    of its own, in their period, and for a plant with effects other than those in the joints, such as friction;
-    `MissingExtraError` without python-control. An evaluation raises `NonFiniteError` for NaN or infinity and where the
-    motion becomes non-finite, `SingularityError` where loops cannot be closed or are near a singularity.
+    Returns
+    -------
+    control.InterconnectedSystem
+        System with the inputs ``reference_p[0]``, ..., ``reference_v[0]``, ..., ``reference_a[0]``, ... and the outputs
+        ``p[0]``, ... and ``v[0]``, .... Its state is p, v (2r,), then the controller's internal state.
+
+    Raises
+    ------
+    InputError
+        If joints or periods differ, or the plant has effects other than in the joints.
+    MissingExtraError
+        If python-control is not installed.
     """
     import control
 
@@ -159,7 +240,7 @@ def _of_joints(update: Any, r: int, name: str, **timing: float) -> control.Nonli
 
 
 def _ticked(controller: Controller[Any], control_period: float) -> float:
-    """The period, s. Raises `InputError` unless it is positive and the controller's own, where that has one."""
+    """Period in s, checked against the controller's own."""
     control_period = positive_number(control_period, "control_period: expected a positive time in s")
     own = getattr(controller, "control_period", None)
     if own is not None and not math.isclose(own, control_period):

@@ -16,9 +16,7 @@ from adaptctl.simulation.effects import ElasticJoints
 
 
 class Motors(NamedTuple):
-    """Motors of r elastic joints, before the springs, reflected to the joints (as seen through the gears). They have
-    positions `theta`, rad (m if prismatic), velocities `w`, rad/s (m/s), and inertias `inertia`, kg m^2 (kg): Columns
-    (r,), vectors of scalars of any kind (floats, arrays, or symbols to be compiled). Nothing is checked."""
+    """Positions, velocities and inertias (r,) of the motors, seen at the joints."""
 
     theta: Column
     w: Column
@@ -26,20 +24,7 @@ class Motors(NamedTuple):
 
 
 class Springs(NamedTuple):
-    """Torque f (r,) of the springs and dampers of r elastic joints on their links over an integration step of `dt` (s),
-    as an affine function of the links' joint velocities v_1 (r,) at the step's end: joint by joint, f = held + slope
-    (w_1 - v_1), where the motor's velocity w_1 at the end follows from f.
-
-    The fields are Columns (r,), vectors of scalars of any kind (floats, arrays, or symbols to be compiled). The motors
-    have positions theta and velocities w, the links' joints p and v; the index 1 is for the end of the step. The
-    springs' stretch at the end is taken to be (theta - p) + dt (u + u_1)/2, where u = w - v. The motors' equation, J
-    (w_1 - w) = dt (tau - f), is solved for w_1, J being their reflected inertias and tau their torque, which leaves f
-    affine in v_1. With dt = 0, f is the springs' and dampers' torque at the beginning.
-
-    `held`, N m (N if prismatic), is f for w_1 = v_1; `slope`, N m s/rad (N s/m), is the change of f per unit of w_1 -
-    v_1; `v`, rad/s (m/s), are the joint velocities at the beginning; `motors` has theta, w and J then; `given`, N m
-    (N), is tau. Nothing is checked.
-    """
+    """Torque of elastic joints' springs over a step, an affine function of the links' velocities at its end."""
 
     held: Column
     slope: Column
@@ -50,25 +35,17 @@ class Springs(NamedTuple):
 
     @property
     def firm(self) -> Column:
-        """The damping (r,), N m s/rad (N s/m if prismatic), by which the springs' torque on the links of r elastic
-        joints decreases for every rad/s (m/s) that a link's joint velocity gains by the end of the integration step. It
-        is positive, a `Column` (vector of scalars of any kind), and depends on the springs' stiffness and damping, the
-        motors' inertia and the step's length."""
+        """Damping (r,) that the springs give the links over the step."""
         return self._share * self.motors.inertia
 
     @property
     def torque(self) -> Column:
-        """The torque (r,), N m (N if prismatic), of the springs on the links of r elastic joints over an integration
-        step, for links' joint velocities that are at the step's end what they were at its beginning; a `Column` (vector
-        of scalars of any kind). For other velocities it decreases by the property `firm` times their gain."""
+        """Torque (r,) on the links for velocities that do not change."""
         driven = self.motors.inertia * (self.motors.w - self.v) + self.dt * (self.given - self.held)
         return self.held + self._share * driven
 
     def spin(self, after: Column) -> Column:
-        """The mean acceleration (r,), rad/s^2 (m/s^2 if prismatic), of the motors of r elastic joints over the
-        integration step, reflected to the joints (as seen through the gears), a `Column` (vector of scalars of any
-        kind). `after` (r,), rad/s (m/s), are the links' joint velocities at the step's end. Raises `ValueError` for
-        another number of joints than r."""
+        """Mean acceleration (r,) of the motors, seen at the joints, over the step."""
         return self._yielding * (self.given - self.held - self.slope * (self.motors.w - after))
 
     @property
@@ -82,15 +59,7 @@ class Springs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Transmission:
-    """The transmission of a mechanism's r elastic joints: the springs and dampers between its motors and its links.
-    `Transmission.of` makes and checks it; the class itself checks nothing.
-
-    `stiffness`, N m/rad (N/m if prismatic), and `damping`, N m s/rad (N s/m), are (r,) arrays; so is `inertia`, kg m^2
-    (kg), the motors' reflected inertia (as seen at the joint, through the gears) besides the rotors modelled. `rotors`
-    (r,) has for each joint the index of its rotor's inertia among the mechanism's P inertial and friction parameters
-    (in the order of `Mechanism.parameter_names`), None where it has none; `primary` (r,) are the indices of the primary
-    (independent) joints among the spanning tree's n.
-    """
+    """Springs, dampers and motors of elastic joints."""
 
     stiffness: Array
     damping: Array
@@ -100,10 +69,7 @@ class Transmission:
 
     @classmethod
     def of(cls, mechanism: Mechanism, joints: ElasticJoints) -> Transmission:
-        """The `Transmission` of a `mechanism` whose r joints are elastic, with the springs, dampers and motor inertias
-        of `joints`. Raises `InputError` for settings of `joints` that are negative, not finite or do not fit r joints,
-        where a joint's motor has no inertia, a rotor turns with several joints, or linear relations bind the inertial
-        parameters."""
+        """Transmission of a mechanism with elastic joints, checked."""
         description, r = mechanism.description, mechanism.dof
         if len(mechanism.inertial_parameters) < len(description.inertial_parameters):
             raise InputError(
@@ -121,35 +87,22 @@ class Transmission:
         return found
 
     def motors(self, parameters: Column) -> Column:
-        """Reflected inertias (r,) of the motors of r elastic joints, kg m^2 (kg of a prismatic joint): their inertias
-        as seen at the joints, through the gears, rotors included. The rotors' are taken from `parameters` (P,), the
-        mechanism's P inertial and friction parameters in SI units, in the order of `Mechanism.parameter_names`. Both
-        are Columns, vectors of scalars of any kind (floats, arrays, or symbols to be compiled). Raises `IndexError`
-        where `parameters` is too short."""
+        """Inertias (r,) of the motors, seen at the joints, rotors included."""
         own = self.inertia.tolist()
         return Column(x if j is None else x + parameters[j] for x, j in zip(own, self.rotors, strict=True))
 
     def links(self, parameters: Column) -> Column:
-        """Inertial and friction parameters (P,) without rotors, SI units: the mechanism's P `parameters` (P,), in the
-        order of `Mechanism.parameter_names`, with the rotors' inertias replaced by zero, over Columns, vectors of
-        scalars of any kind (floats, arrays, or symbols to be compiled). Nothing is checked."""
+        """Parameters (P,) with the rotors' inertias replaced by zero."""
         return Column(0.0 if j in self.rotors else x for j, x in enumerate(parameters))
 
     def springs(self, q: Column, v: Column, motors: Motors, torque: Column, dt: float) -> Springs:
-        """The torques of the springs of r elastic joints over an integration step of `dt` (s), a `Springs`. The links'
-        joints are at positions q (n,), rad (m if prismatic), of all n of the spanning tree, and velocities v (r,),
-        rad/s (m/s); the `motors` have positions and velocities of their own, and are driven by a `torque` (r,), N m
-        (N). All are Columns, vectors of scalars of any kind (floats, arrays, or symbols to be compiled). Raises
-        `ValueError` or `IndexError` for columns that are too short."""
+        """The torques of the springs of r elastic joints over an integration step of `dt` (s), a `Springs`."""
         half = (0.5 * dt) * column(self.stiffness)
         held = column(self.stiffness) * self._stretch(q, motors) + half * (motors.w - v)
         return Springs(held, column(self.damping) + half, v, motors, torque, dt)
 
     def energy(self, q: Column, motors: Motors) -> Scalar:
-        """Kinetic energy of the motors plus elastic energy of the springs of r elastic joints, J, a scalar of the kind
-        given. The joints are at positions q (n,), rad (m if prismatic), of all n of the spanning tree; the `motors`
-        have positions, velocities and inertias (r,). All are Columns, vectors of scalars of any kind (floats, arrays,
-        or symbols to be compiled). Raises `ValueError` or `IndexError` for columns that are too short."""
+        """Kinetic energy of the motors plus elastic energy of the springs in J."""
         stretch = self._stretch(q, motors)
         total: Scalar = 0.5 * (motors.w @ (motors.inertia * motors.w) + stretch @ (column(self.stiffness) * stretch))
         return total
@@ -158,9 +111,7 @@ class Transmission:
         return motors.theta - Column(q[i] for i in self.primary)
 
     def rates(self, mechanism: Mechanism, p: Array) -> tuple[float, float]:
-        """The fastest oscillation of the springs, rad/s, and the fastest decay by the dampers, 1/s, two floats, at any
-        of k positions p (k, r), rad (m if prismatic), of the `mechanism`'s r primary (independent) joints. Raises
-        `InputError` where the mass matrix without rotors is singular."""
+        """Fastest oscillation (rad/s) and fastest decay (1/s) of the springs at positions (k, r)."""
         own = column(mechanism.inertial_parameters)
         links = mechanism.with_parameters(np.array(self.links(own).of, dtype=np.float64))
         mass = links.mass_matrix(p)

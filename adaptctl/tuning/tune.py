@@ -20,7 +20,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, VerdictError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import Integrator, Plant
-from adaptctl.simulation.integrator import MOST, integration
+from adaptctl.simulation.integrator import MAX_EXPLICIT_SUBSTEPS, integration
 from adaptctl.tuning.default_gains import (
     DEFAULT_BANDWIDTH,
     DEFAULT_SAMPLING_RATIO,
@@ -358,7 +358,8 @@ def _notes(mechanism: Mechanism, found: FeasibleReference, carried: FeasibleGain
     if wrong := mechanism.description.inconsistent_links:
         yield f"no rigid body has the inertial parameters of {', '.join(wrong)}"
     if plant.integrator.implicit:
-        yield f"friction is too stiff for {MOST} explicit steps a period: {plant.substeps} implicit ones are taken"
+        explicit = f"{MAX_EXPLICIT_SUBSTEPS} explicit steps a period"
+        yield f"friction is too stiff for {explicit}: {plant.substeps} implicit ones are taken"
 
 
 def _run_remarks(verified: tuple[Verification, ...], possible: bool) -> Iterator[str]:

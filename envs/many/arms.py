@@ -23,9 +23,9 @@ from adaptctl.scalars import Column, Scalar, where
 from adaptctl.simulation.plant import validate_ten_a_link
 from adaptctl.simulation.references import Preview, ReferenceForm
 
-LARGEST = 1e300
+MAX_SQUARED_SUM = 1e300
 """Squares summed below which a motion has not run away."""
-BLOCK = 64
+PREVIEW_BLOCK = 64
 """Control periods in which a reference is sampled at once."""
 
 Numbers = NDArray[np.int64]
@@ -41,18 +41,13 @@ effects named in `Plant.flags`.
 
 
 def put(told: Told, arms: Numbers, others: Told) -> None:
-    """Replace the rows of the arms of indices `arms` (k,), zero-based, in `told` by the k rows of `others`, in
-    place."""
+    """Replace the rows of some arms in place."""
     for name, values in told.items():
         values[arms] = others[name]
 
 
 class Facts(NamedTuple):
-    """Named tuple of what one control period of one arm gives besides its state and observation, a scalar each (float,
-    array over arms, or symbol to be compiled); conditions are 1.0 for true, 0.0 for false. `finite` asks that the
-    squares of all joint positions and velocities sum to less than 1e300; `sure`, that a lower bound proves loops away
-    from singularities and positions within the file's conditions, 0 where one has to look. Nothing is checked.
-    """
+    """Facts on one control period of one arm besides its state, a scalar each."""
 
     reward: Any
     """without what ending costs"""
@@ -67,15 +62,7 @@ class Facts(NamedTuple):
 
 
 class Arms:
-    """State of N arms, each as in a `TrackingEnv` with the settings of `single`: the method `advance` takes a control
-    period of all arms together in native code, the method `begin` starts new episodes of some.
-
-    `count` is N; `precision`, "double" by default or "single", is that of the native code. Attributes: `steps` and
-    `clipped` (N,), the numbers of control periods since the reset and of those with a clipped torque; `parameters` (N,
-    P), the P true inertial and friction parameters now, payloads included, SI units, in the order of
-    `Mechanism.parameter_names`, read-only; `payload` (N,), the mass in kg that load effects add. Raises `InputError`
-    for another precision, and where single precision cannot close the mechanism's loops.
-    """
+    """State of N arms that take their control periods together in native code."""
 
     def __init__(self, single: TrackingEnv, count: int, precision: Precision = "double") -> None:
         self.single, self.count, self.precision = single, count, precision
@@ -98,11 +85,7 @@ class Arms:
         self._lanes: Any = None  # an `Ensemble`, once there are references
 
     def begin(self, arms: Numbers, options: Mapping[str, Any]) -> Told:
-        """First results (`Told`), k rows, of new episodes of the k arms of zero-based indices `arms`, which this call
-        begins. `options` are those of `TrackingEnv.reset`, one value for all N arms or N of them; others are ignored,
-        and what is missing is that of the single environment. Raises `InputError`, naming the arm, for a bad value (its
-        subclass `NonFiniteError` for one that is not finite), `SingularityError` where loops cannot be followed to the
-        start."""
+        """First results of new episodes of some arms."""
         single, chosen, r = self.single, ArmOptions(self.count, arms), self._dof
         error = chosen.numbers(options.get("initial_error", single.initial_error), r, "initial_error")
         own, last = single.mechanism.inertial_parameters, len(single.mechanism.description.bodies) - 1
@@ -130,12 +113,7 @@ class Arms:
         }
 
     def advance(self, torque: Array, moving: Numbers) -> Told:
-        """Results (`Told`), N rows, of one control period, by which this call advances all N arms under the torques
-        `torque` (N, r) of r joints each, N m (N if prismatic), clipped to the torque limits and held. `moving` are the
-        indices, zero-based, of the arms whose rows count; rows of other arms are arbitrary. Raises `InputError` for
-        torques that do not broadcast to (N, r), `NonFiniteError`, naming the arm and the time, where the motion of a
-        moving arm diverges: its positions and velocities are not finite, or their squares sum to 1e300 or more. Torques
-        are not checked for NaN."""
+        """Results of one control period of all arms under torques (N, r)."""
         self.steps += 1
         held, time = self._lanes.held, self.single.control_period * self.steps
         held["torque"] = torque
@@ -167,14 +145,11 @@ class Arms:
 
     @property
     def positions(self) -> Array:
-        """True positions (N, r) of the r primary (independent) joints of all N arms now, rad (m if prismatic), once
-        they have started."""
+        """True positions (N, r)."""
         return self.single.plant.positions(self._lanes.state["q"])
 
     def rows(self, arms: Numbers) -> Array:
-        """The references' rows (k, 3r + r L) of the k arms of indices `arms`, which have started, now: positions,
-        velocities and accelerations of r joints, then positions at each of L look-ahead times, in rad, rad/s, rad/s^2
-        (m, m/s, m/s^2 if prismatic)."""
+        """Rows (k, 3r + r L) of some arms' references."""
         steps = self.steps[arms]
         if self._terms:
             if self._terms not in self._kernels:
@@ -208,7 +183,7 @@ class Arms:
 
     def _sample(self) -> None:
         """Have samples of each of the references, of which arms may share one."""
-        settings = self._dof, self.single.control_period, self.single.look_ahead, BLOCK
+        settings = self._dof, self.single.control_period, self.single.look_ahead, PREVIEW_BLOCK
         known = {id(preview.reference): preview for preview in self._previews}
         given = {id(one): one for one in self._references if one is not None}
         self._previews = [known.get(key) or Preview(one, *settings) for key, one in given.items()]
@@ -225,8 +200,7 @@ class Arms:
             self._lanes.held["parameters"] = self.parameters
 
     def _ensemble(self) -> Ensemble:
-        """Native code's copies of the arms, all zero: of a control period of the plant, and what is observed and judged
-        after it."""
+        """Native copies of the arms, all zero."""
         if self._terms not in self._steppers:
             plant = self.single.plant
             held = {"torque": plant.dof, "noise": plant.noise_size} | self._reference
@@ -263,7 +237,7 @@ class Arms:
         judged = self.single.judgement.equation(p, after.v, wanted_p, wanted_v, after.applied)
         facts = Facts(
             judged.reward,
-            where(after.q @ after.q + after.v @ after.v < LARGEST, 1.0, 0.0),
+            where(after.q @ after.q + after.v @ after.v < MAX_SQUARED_SUM, 1.0, 0.0),
             judged.lost,
             self._surely_works(after.q, p),
             plant.energy_equation(after.q, after.v, columns["parameters"], after.drives),
@@ -307,8 +281,7 @@ class Arms:
             told["energy"][due] = self._energy.map(q, told["v"][due], self._load(due), drives)
 
     def _terminated(self, facts: Facts) -> Flags:
-        """Mask of the arms that are lost, or whose loops are where they may not work; those in doubt are computed
-        exactly."""
+        """Mask of the arms whose episode ends; those in doubt are computed exactly."""
         terminated: Flags = facts.lost > 0.0
         doubtful = np.flatnonzero(facts.sure < 1.0) if self._loops else self.all[:0]
         if doubtful.size:

@@ -29,45 +29,52 @@ if TYPE_CHECKING:
 @sent_as_made
 class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     """
-    ## Description
+    Tracking task of N robots at once, whose steps are taken together in native code.
 
-    A vector environment of N arms of r joints, each in a `TrackingEnv` of its own, in which it is to follow a reference
-    trajectory under joint torques. The arms take their steps together in native code: as many at a time as a register
-    of the processor holds. Whatever the card of `TrackingEnv` says holds for every arm; this one says what many of them
-    add. Arm i is the single environment with its seed, options and actions, to round-off.
+    Parameters
+    ----------
+    num_envs : int, default 1
+        Number N of arms.
+    autoreset_mode : AutoresetMode or str, default "NextStep"
+        Way in which an arm begins again, see Notes.
+    reset_options : Mapping, optional
+        Options of every reset that is not given others, those at which arms begin again included. Default: none.
+    precision : {"double", "single"}, default "double"
+        Single precision fits twice as many arms in a register, with 7 digits instead of 16: some 1e-6 rad in 100 steps.
+    **settings : object
+        Arguments of `TrackingEnv`, the same for all arms; `reference` may also be a list of N.
 
-    ```python
-    import gymnasium
-    env = gymnasium.make_vec("adaptctl.envs:adaptctl/Puma560Tracking-v0", num_envs=1024)
-    ```
+    Raises
+    ------
+    InputError
+        If a number, mode or precision is not as above, the mechanism has more than 100 links, or single precision
+        leaves its loops open.
+    NotFoundError
+        If an option is unknown. Other errors are those of `TrackingEnv`; those in `reset_options` and lists of
+        references are raised at the reset.
 
-    `adaptctl/SemiDirectDriveTracking-v0` and `adaptctl/Tracking-v0` likewise, or `VectorTrackingEnv(1024, robot=...)`.
-    With `vectorization_mode="sync"` Gymnasium loops over single environments instead.
+    Notes
+    -----
+    The card of `TrackingEnv` holds for every arm; this one adds what is different. Arm i is the single environment with
+    its seed, options and actions, to round-off. Mechanisms have at most 100 links.
 
     ## Action space
 
-    `Box(-limit, limit, (N, r), float64)`: torques in N m (N of prismatic joints), `limit` being the torque limits. What
-    is out of bounds is clipped and counted; NaN and infinity raise `NonFiniteError`, which names the joint and the arm,
-    a wrong shape `InputError`, before anything moves.
+    `Box(-limit, limit, (N, r), float64)`: torques in N m (N). What is out of bounds is clipped and counted; NaN and
+    infinity raise `NonFiniteError`, which names the joint and the arm, a wrong shape `InputError`, before anything
+    moves.
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (N, 5r + r L), float64)` for L look-ahead times, in rad, rad/s, rad/s^2 (m, m/s, m/s^2 if
-    prismatic), for every arm as in `TrackingEnv`: positions `p`, velocities `v`, `reference_p`, `reference_v` and
-    `reference_a`, r each, and the reference's positions at the L times ahead. `observation_slices` has slices of the
-    columns by name, for `observation[:, env.unwrapped.observation_slices["p"]]`. `Controller.step` takes these columns
-    as they are.
+    `Box(-1e6, 1e6, (N, 5r + r L), float64)`, a row for each arm. `observation_slices` has slices of the columns by
+    name; `Controller.step` takes these columns as they are.
 
     ## Rewards and episode end
 
-    `rewards`, no unit, `terminations` and `truncations`, bools, are (N,): an arm's episode is terminated when an error
-    passes `error_bound`, or a mechanism with loops nears a singularity or breaks a condition of its file, and truncated
-    at `duration`. An arm that ends disturbs no other. A motion that diverges to non-finite values raises
-    `NonFiniteError`, which names the arm; then reset all.
+    `rewards`, `terminations` and `truncations` are (N,). An arm that ends disturbs no other. A motion that diverges
+    raises `NonFiniteError`, which names the arm; then reset all.
 
     ## Beginning again
-
-    `metadata["autoreset_mode"]` says what happens to arms whose episode ends (`gymnasium.vector.AutoresetMode`):
 
     | `autoreset_mode` | An arm whose episode has ended                                                        |
     |------------------|---------------------------------------------------------------------------------------|
@@ -75,43 +82,29 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     | `"SameStep"`     | begins again at once; `info` has `final_obs` and `final_info`                         |
     | `"Disabled"`     | waits for `reset(options={"reset_mask": mask})`, `mask` (N,) of bools                 |
 
-    ## Seeds
-
-    `reset(seed=s)` gives arm i the seed s + i, whole numbers of at least 0; a list has one for each, None for an arm
-    that goes on as it would.
-
     ## Information
 
-    As in `TrackingEnv`, with a leading axis of arms: `time`, `parameters`, `applied_torque`, `energy`, `clipped`, and
-    with effects `p`, `v` and `flags`. For every key a mask `_key` (N,) says which arms have it. `parameters` and the
-    masks are read-only.
-
-    ## Arguments
-
-    Those of `TrackingEnv`, the same for all arms, but `reference`, which may also be a list of N, and
-
-    | Argument         | Default      | Meaning                                                                        |
-    |------------------|--------------|--------------------------------------------------------------------------------|
-    | `num_envs`       | 1            | the number N of arms                                                           |
-    | `autoreset_mode` | `"NextStep"` | see above                                                                      |
-    | `reset_options`  | `None`       | options of every reset, where it is not given others, those that arms begin again with included |
-    | `precision`      | `"double"`   | `"single"` for twice as many arms in a register, 7 digits instead of 16: arm i is then the single environment to some 1e-6 rad in 100 steps |
-
-    Mechanisms may have at most 100 links. Raises `InputError` for more, for `num_envs` that is no whole number of at
-    least 1, another mode or precision, and a mechanism whose loops single precision leaves open; `NotFoundError` for
-    unknown options, and what `TrackingEnv` raises. What is wrong in `reset_options` or a list of references is raised
-    at the reset.
+    As in `TrackingEnv`, with a leading axis of arms; for every key a mask `_key` (N,) says which arms have it.
+    `parameters` and the masks are read-only.
 
     ## Options at reset
 
-    Those of `TrackingEnv`, for all arms or one each: `initial_error` also (N, r), `parameters`, P an arm, also (N, P),
-    `payload` and `trajectory` also a list of N. Sums of sinusoids (`Sinusoids`, random ones) are evaluated natively by
-    each arm's own numbers; other references are sampled, which is slower.
+    Those of `TrackingEnv`, for all arms or one each: `initial_error` also (N, r), `parameters` also (N, P), `payload`
+    and `trajectory` also a list of N. Sums of sinusoids (`Sinusoids`, random ones) are computed natively; other
+    references are sampled, which is slower.
 
     ## Version history
 
     * v0: first version
-    """  # noqa: E501  # tables
+
+    Examples
+    --------
+    >>> import gymnasium
+    >>> settings = {"robot": arm, "reference": reference, "duration": 0.1}
+    >>> many = gymnasium.make_vec("adaptctl.envs:adaptctl/Tracking-v0", num_envs=3, **settings)
+    >>> many.reset(seed=0, options={"initial_error": 0.1})[0].shape
+    (3, 14)
+    """
 
     kind: ClassVar[type[TrackingEnv]] = TrackingEnv
     """Class of the single environment that each arm is in."""
@@ -154,23 +147,35 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """First observations (N, n), n = 5r + r L, and `info` of new episodes of all N arms, which this call begins;
-        with `autoreset_mode` "Disabled" alone, only of those in the option `reset_mask`, bools (N,), not all False. A
-        row of observations has, for r joints and L look-ahead times, the measured positions and velocities, the
-        reference's positions, velocities and accelerations, (r,) each, then its positions at each time ahead in turn;
-        rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic). `info` has `time`, `parameters`, `applied_torque`, `energy`
-        and `clipped` and, with effects, `p`, `v` and `flags`, as in `step`, and for each key a mask `_key` (N,) of the
-        arms that have started.
+        """
+        Begin new episodes.
 
-        `seed` s gives arm i, from 0, the seed s + i, a list has one for each arm, and None lets the random numbers go
-        on. `options`, None for those in `reset_options` alone, replace these, for all arms or one each: `payload` (a
-        mass in kg, a `Payload`, or a mapping with `mass`, kg, `center` (3,), m, and `inertia` (3, 3), kg m^2, about
-        that centre, in the last link's frame), `trajectory` (a `Reference`, a seed or "random"), `initial_error` (one
-        number, (r,) or (N, r), rad, m if prismatic) and `parameters`, (P,) or (N, P), the P true inertial and friction
-        ones, SI units, in the order of `Mechanism.parameter_names`. Raises `InputError` for bad seeds and options (its
-        subclasses `NotFoundError` for unknown options, `NonFiniteError`, naming the arm, for numbers that are not
-        finite); `SingularityError` where loops cannot be followed to the start; Gymnasium's `ResetNeeded` for a part of
-        the arms before the first reset of all.
+        Parameters
+        ----------
+        seed : int or sequence, optional
+            Seed s gives arm i the seed s + i; a list has one for each arm, None where its random numbers go on.
+            Default: all go on.
+        options : Mapping, optional
+            Options at reset, see the class; with `autoreset_mode` "Disabled" also `reset_mask` (N,). Default:
+            `reset_options`.
+
+        Returns
+        -------
+        tuple
+            First observations (N, n) and `info`, see the class.
+
+        Raises
+        ------
+        InputError
+            If a seed or an option is bad.
+        NotFoundError
+            If an option is unknown.
+        NonFiniteError
+            If an option is not finite.
+        SingularityError
+            If loops cannot be followed to the start.
+        gymnasium.error.ResetNeeded
+            If some arms are reset before the first reset of all.
         """
         given = dict(known_options(options, (*OPTIONS, "reset_mask")))
         mask = self._mask(given.pop("reset_mask", None))
@@ -188,25 +193,27 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return result["observation"], self._info(result, mask)
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
-        """Observations (N, n), n = 5r + r L, rewards (N,), unitless, `terminated` and `truncated`, bools (N,), and
-        `info` after one control period, by which this call advances all N arms. `actions` are torques (N, r), N m (N if
-        prismatic), held and clipped to the torque limits. A row of observations has, for r joints and L look-ahead
-        times, the measured positions and velocities, the reference's positions, velocities and accelerations, (r,)
-        each, then its positions at each time ahead in turn; rad, rad/s, rad/s^2 (m, m/s, m/s^2 if prismatic). A reward
-        is minus the sums over the joints of squared position errors, squared velocity errors and (torque/limit)^2, each
-        times its weight (`RewardWeights`), less the weight `termination` where terminated.
+        """
+        Advance all arms by a control period.
 
-        `terminated` is True where a joint's error passes its bound or kinematic loops come near a singularity (the
-        smallest singular value of their closure Jacobian below 0.05 of that at the reference configuration) or leave
-        bounds that the robot's file states, `truncated` where the duration is over. `info` has `time` (N,), s,
-        `parameters` (N, P), the P true inertial and friction ones (SI units, in the order of
-        `Mechanism.parameter_names`), `applied_torque` (N, r), N m (N), `energy` (N,), kinetic plus potential, J, and
-        `clipped` (N,), the number of actions clipped so far; with effects also the true `p` and `v` (N, r) and `flags`,
-        a dict of events; for each key a mask `_key` (N,) of arms; with `autoreset_mode` "SameStep" `final_obs` and
-        `final_info` of episodes that ended. Raises `InputError` on a wrong shape and `NonFiniteError`, naming joint and
-        arm, on NaN and infinity, before anything has moved; `NonFiniteError`, naming the arm, for a motion that
-        diverges to non-finite values; Gymnasium's `ResetNeeded` before the first reset, and with `autoreset_mode`
-        "Disabled" where an arm's episode is over.
+        Parameters
+        ----------
+        actions : array_like
+            Torques (N, r) in N m (N if prismatic), clipped to the limits and held.
+
+        Returns
+        -------
+        tuple
+            Observations (N, n), rewards (N,), `terminated` and `truncated` (N,), and `info`, see the class.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong.
+        NonFiniteError
+            If an action or a motion is NaN or infinite.
+        gymnasium.error.ResetNeeded
+            If an arm is not running.
         """
         again = self._over if self.autoreset_mode is AutoresetMode.NEXT_STEP else self._none
         self._validate_running(self._over & ~again)
@@ -225,9 +232,19 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return result["observation"], reward, terminated, truncated, ended | self._info(result, self._all)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Tuple of RGB images (480, 640, 3), uint8, one an arm, each of the arm now and a translucent ghost of it on
-        its reference; None, with a warning in Gymnasium's log, without a render mode. Raises Gymnasium's `ResetNeeded`
-        before the first reset."""
+        """
+        Draw every robot and a translucent ghost of it on its reference.
+
+        Returns
+        -------
+        tuple of ndarray or None
+            RGB images (480, 640, 3), uint8; None, with a warning of Gymnasium, without a render mode.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            If there was no reset.
+        """
         self._validate_running(self._none)
         if self.render_mode is None:
             gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
@@ -286,8 +303,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return [(arm, int(own)) for arm, own in chosen]
 
     def _mask(self, given: Any) -> Flags:
-        """Mask of the arms that are to be reset. Raises `InputError` for another shape or mode, `ResetNeeded` before
-        the first reset."""
+        """Mask of the arms that are to be reset, checked."""
         if given is None:
             return self._all
         mask = np.array(given)
@@ -319,22 +335,63 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
 
 class Puma560VectorTrackingEnv(VectorTrackingEnv):
-    """Vector environment of N PUMA 560 arms, six joints each: a `VectorTrackingEnv` with the arguments and defaults of
-    `Puma560TrackingEnv`. Actions are (N, 6), torques in N m; observations (N, 42): positions, velocities, the
-    reference's positions, velocities and accelerations, and its positions 0.05 and 0.2 s ahead, six each, rad, rad/s,
-    rad/s^2. Raises what `VectorTrackingEnv` raises: `InputError` for bad values, of these `NotFoundError` for an
-    unknown built-in robot, render mode or reset option and `FileError` for a bad file."""
+    """
+    Tracking task of N PUMA 560 arms: a `VectorTrackingEnv` with the defaults of `Puma560TrackingEnv`.
+
+    Parameters
+    ----------
+    num_envs : int, default 1
+        Number N of arms.
+    autoreset_mode : AutoresetMode or str, default "NextStep"
+        Way in which an arm begins again.
+    reset_options : Mapping, optional
+        Options of every reset that is not given others.
+    precision : {"double", "single"}, default "double"
+        Precision of the numbers.
+    **settings : object
+        Arguments of `Puma560TrackingEnv`, the same for all arms.
+
+    Notes
+    -----
+    Actions are (N, 6), observations (N, 42).
+
+    Examples
+    --------
+    >>> from adaptctl.envs import Puma560VectorTrackingEnv
+    >>> Puma560VectorTrackingEnv(2).action_space.shape
+    (2, 6)
+    """
 
     kind = Puma560TrackingEnv
 
 
 class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
-    """Vector environment of N semi-direct-drive arms, three primary (independent) joints each: a `VectorTrackingEnv`
-    with the arguments and defaults of `SemiDirectDriveTrackingEnv`. Actions are (N, 3), torques in N m; observations
-    (N, 21): positions, velocities, the reference's positions, velocities and accelerations, and its positions 0.05 and
-    0.2 s ahead, three each, rad, rad/s, rad/s^2. Raises what `VectorTrackingEnv` raises: `InputError` for bad values,
-    of these `NotFoundError` for an unknown built-in robot, render mode or reset option and `FileError` for a bad
-    file."""
+    """
+    Tracking task of N arms with a five-bar linkage, with the defaults of `SemiDirectDriveTrackingEnv`.
+
+    Parameters
+    ----------
+    num_envs : int, default 1
+        Number N of arms.
+    autoreset_mode : AutoresetMode or str, default "NextStep"
+        Way in which an arm begins again.
+    reset_options : Mapping, optional
+        Options of every reset that is not given others.
+    precision : {"double", "single"}, default "double"
+        Precision of the numbers.
+    **settings : object
+        Arguments of `SemiDirectDriveTrackingEnv`, the same for all arms.
+
+    Notes
+    -----
+    Actions are (N, 3), observations (N, 21).
+
+    Examples
+    --------
+    >>> from adaptctl.envs import SemiDirectDriveVectorTrackingEnv
+    >>> SemiDirectDriveVectorTrackingEnv.kind.__name__
+    'SemiDirectDriveTrackingEnv'
+    """
 
     kind = SemiDirectDriveTrackingEnv
 
@@ -344,10 +401,7 @@ def _copied(result: Told) -> Told:
 
 
 def masked(values: Mapping[str, Any], mask: Flags) -> dict[str, Any]:
-    """Entries of a vector environment's `info` in Gymnasium's form, a dict: the `values` by name, arrays with a row for
-    each of N arms, or mappings, and for each name the `mask` (N,), bools, by the name with an underscore before it. In
-    arrays of numbers the rows of arms outside the mask become zero; mappings and arrays of objects are not changed.
-    Nothing is checked."""
+    """Entries of a vector environment's `info` with Gymnasium's masks; numbers of arms outside the mask become zero."""
     info: dict[str, Any] = {}
     partial = not mask.all()
     for name, value in values.items():

@@ -35,27 +35,22 @@ THRESHOLD = float(np.sqrt(np.finfo(np.float64).eps))
 """The paper's, of singular values as a share of the largest: the square root of the machine precision."""
 ROUND_OFF = 1e-15
 """(N m)^2 or percent: what is left when every component is kept stays below"""
-CLOSE = (0.05, 0.01, 0.001)
+CLOSE_TORQUE_ERRORS = (0.05, 0.01, 0.001)
 """Root mean square torque errors, over the torque's own, that may be called very close; the first one judges."""
 
 
 def index(row: str, link: str) -> int:
-    """Index, from 0, among all of a mechanism's parameters, ten a link, of the one in a `row` ("m", "mc_x", "I_x" or
-    "I_xx", ...) and the column of a `link` ("1", "2", ...) of the paper's tables. Raises `ValueError` for a row that is
-    no parameter, `InputError` for a link below 1."""
+    """Index among a mechanism's parameters of an entry of the paper's tables."""
     return 10 * (whole_count(int(link), "link", 1) - 1) + PARAMETERS.index(NAMES.get(row, row))
 
 
 def sign(row: str) -> float:
-    """Sign that converts a parameter in a `row` of the paper's tables into this package's: -1 for products of
-    inertia."""
+    """Sign from the paper's convention to this package's: -1 for products of inertia."""
     return -1.0 if row in PRODUCTS else 1.0
 
 
 def parameters(table: Printed, half_units: bool = False) -> Array:
-    """Inertial parameters (10 N,) of N links in a printed `table`, in this package's order, signs and SI units, blanks
-    as zeros; with `half_units`, half a unit of the last printed digit of each instead. Raises `InputError` for an entry
-    that is no number."""
+    """Parameters (10 N,) of a printed table in this package's order and signs."""
     out = np.zeros(10 * len(table.columns))
     for row, link, text in table.entries():
         if text != BLANK:
@@ -65,14 +60,12 @@ def parameters(table: Printed, half_units: bool = False) -> Array:
 
 
 def paper_rank(singular_values: Array) -> Array:
-    """Rank of each of several matrices (...) by the paper's rule (section 3.1): how many of its `singular_values`
-    (..., P), in descending order, are above its threshold. Raises `IndexError` for a single number."""
+    """Rank of matrices by the paper's rule (section 3.1)."""
     return np.count_nonzero(singular_values > THRESHOLD * singular_values[..., :1], axis=-1)
 
 
 class StatedMotion(NamedTuple):
-    """Motion of an arm of r joints along a sinusoid: `time` (T,) in s, positions `p` (T, r) in rad, and torque
-    regressors `Y` (T, r, P), N m per SI unit: Y D is the torque (T, r) of the parameters D (P,)."""
+    """Motion of an arm along a sinusoid with its torque regressors."""
 
     time: Array
     p: Array
@@ -81,9 +74,7 @@ class StatedMotion(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """Arm of a study, a `mechanism`, with what follows from it, computed when first asked for. `bounds` names the
-    paper's table of its ranges and `priority` that of the order in which its parameters are removed. For a
-    semi-direct-drive arm the bounded coordinates u are p1, p2 and p2 - p3."""
+    """Arm of a study, a `mechanism`, with what follows from it, computed when first asked for."""
 
     study: Study
     mechanism: Mechanism
@@ -115,16 +106,14 @@ class Arm:
         )
 
     def states(self, generator: np.random.Generator, samples: int, velocity_scale: float) -> tuple[Array, Array]:
-        """Random positions (rad) and velocities (rad/s), (`samples`, r) each, drawn by `generator`; `velocity_scale`
-        times the arm's bound is the largest velocity."""
+        """Random positions and velocities (samples, r)."""
         lower, upper, fastest = self.box
         u = generator.uniform(lower, upper, (samples, len(lower)))
         return self.positions(u), velocity_scale * generator.uniform(-fastest, fastest, u.shape)
 
     @cached_property
     def motion(self) -> StatedMotion:
-        """Motion over one period of the study's sinusoid: every bounded coordinate moves through its whole range, all
-        in phase."""
+        """Motion over one period of the study's sinusoid, all coordinates in phase."""
         rate, (lower, upper, _) = 2.0 * np.pi * self.study.frequency, self.box
         time = np.linspace(0.0, 1.0 / self.study.frequency, self.study.motion_samples)
         sine, cosine = np.sin(rate * time)[:, None], np.cos(rate * time)[:, None]
@@ -148,9 +137,7 @@ class Arm:
 
     @cached_property
     def reductions(self) -> tuple[Reduction, ...]:
-        """Reductions, one a seed, which write the parameters as a sum of essential components, along the right singular
-        vectors of H, in descending order of energy (section 3 of the paper). Raises `RankError` where the rank cannot
-        be certified."""
+        """Reductions to essential components in descending order of energy, one for each seed."""
         _, values, right = np.linalg.svd(self.differences @ self.space.basis, full_matrices=False)
         energies = values[..., None] * (right @ self.space.basis.T)
         drawn = (replace(self.space, energies=partial(np.asarray, own), states="a draw") for own in energies)
@@ -181,8 +168,7 @@ class Arm:
 
     @cached_property
     def basis(self) -> FundamentalBasis:
-        """Fundamental basis in the printed order of removal, with exact right angles. Raises `RankError` where the rank
-        cannot be certified."""
+        """Fundamental basis in the printed order of removal, with exact right angles."""
         return fundamental_basis(self.space, self.order)
 
     @property
@@ -208,22 +194,23 @@ class Arm:
         return float(getattr(own, end))
 
     def error(self, row: str, column: str) -> Array | RoundOff:
-        """Energy errors (%) and mean square torque errors ((N m)^2) of the draws, by joint in a `row` and number of
-        components in a `column` of Table 3 or 10; round-off with all components."""
+        """Energy and mean square torque errors of the draws in an entry of Table 3 or 10."""
         s = int(column)
         energy, joint = row == ENERGY, 0 if row == ENERGY else int(row.removeprefix("joint")) - 1
         own = self.percent_errors[:, s] if energy else self.torque_errors[:, s, joint]
         return RoundOff(float(np.median(own)), ROUND_OFF) if s == self.space.rank else own
 
     def fewest(self, enough: int) -> tuple[str, float]:
-        """Medians over the draws, in words, of the fewest components with which every joint's RMS torque error is
-        within a share of its torque's; and on which share of the draws the first needs `enough` or more."""
+        """Medians of the fewest components that keep torque errors small, in words."""
         squares = np.mean((self.motion.Y @ self.parameters) ** 2, axis=0)
         needed = []
-        for share in CLOSE:
+        for share in CLOSE_TORQUE_ERRORS:
             fine = (self.torque_errors <= share**2 * squares).all(axis=-1)
             needed.append(fine.shape[1] - np.logical_and.accumulate(fine[:, ::-1], axis=1).sum(axis=1))
-        said = (f"{np.median(count):.0f} within {percent(share)}" for share, count in zip(CLOSE, needed, strict=True))
+        said = (
+            f"{np.median(count):.0f} within {percent(share)}"
+            for share, count in zip(CLOSE_TORQUE_ERRORS, needed, strict=True)
+        )
         return ", ".join(said), float(np.mean(needed[0] >= enough))
 
     def rank_share(self, claim: str) -> float:
@@ -233,10 +220,7 @@ class Arm:
 
 @dataclass(frozen=True)
 class Study:
-    """Settings of a replication of the `paper` with the arms that follow from them, computed when first asked for:
-    `seeds` draws of `samples` states from `seed` on, velocities up to `velocity_scale` times the paper's bound;
-    `frequency` (Hz) and `motion_samples` of the sinusoid for torques; and `unequal`, the fraction by which one side of
-    the nearly parallel arm is longer than the opposite one."""
+    """Settings of a replication and the arms that follow from them."""
 
     paper: Paper
     seed: int

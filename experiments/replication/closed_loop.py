@@ -44,8 +44,7 @@ NOTE = (
 
 @dataclass(frozen=True)
 class ArmOnPath(TaskSpaceTracking):
-    """Experiment of one arm of the two, whose tip starts as far off the path as the other's: Slotine and Li's law in
-    joints from zero on the k fundamental (base) parameters, with adaptation off, and on all parameters."""
+    """Experiment of one arm of the two on a path."""
 
     name: ClassVar[str] = "serial-versus-graph"
     title: ClassVar[str] = "{robot}: a tip on a path in space"
@@ -81,9 +80,7 @@ Compared = Mapping[ArmWithTip, Comparison]
 
 
 def side_by_side(seed: int, duration: float, period: float, progress: Progress) -> Result:
-    """Result of both arms on the path for a `duration` (s), one after the other, with a control `period` (s).
-    `progress(what, share)` is called with the arm and what is done, and the fraction of it; Ctrl-C
-    (`KeyboardInterrupt`) keeps what is done, and is raised where nothing is."""
+    """Result of both arms on the path for a `duration` (s), one after the other, with a control `period` (s)."""
     found, complete = dict[ArmWithTip, Comparison](), False
     try:
         for arm in ARMS:
@@ -120,8 +117,7 @@ def _told(progress: Progress, arm: str, what: str, share: float) -> None:
 
 
 def _summary(arm: ArmWithTip, comparison: Comparison) -> dict[str, Any]:
-    """Summary of an arm's runs, with its numbers of joints, those that are cut to make a tree of loops included, and of
-    operations of the Slotine-Li regressor, closing loops not counted."""
+    """Summary of an arm's runs, with numbers of joints and operations."""
     mechanism, columns = comparison.mechanism, comparison.basis.columns
     loops, costs = mechanism.description.loops, {"reduced": equation_costs(mechanism, columns)}
     costs["full"] = equation_costs(mechanism)

@@ -19,9 +19,7 @@ PANELS = 3
 def bands(
     name: str, caption: str, ylabel: str, panels: Mapping[str, tuple[Array, Mapping[int, float]]], first: int = 0
 ) -> Drawing:
-    """Drawing called `name` of positive values of all seeds over the number of components, from `first` on, on a
-    logarithmic scale: a panel for each of `panels`, by title, with values (seeds, n) and printed numbers by the number
-    of components; a negative one is an upper bound."""
+    """Drawing of positive values of all seeds over the number of components."""
 
     def draw() -> Figure:
         rows, columns = -(-len(panels) // PANELS), min(len(panels), PANELS)
@@ -46,8 +44,7 @@ def bands(
 
 
 def torques(name: str, arm: Arm, joint: int, curves: Mapping[str, Array]) -> Drawing:
-    """Drawing of Figure 4 or 6, called `name` ("figure-4"): torques (T,), N m, of a `joint`, counted from 1, along the
-    motion of an `arm`, by label in `curves`."""
+    """Drawing of Figure 4 or 6: torques of a joint along a motion."""
 
     def draw() -> Figure:
         figure = sheet(3.6)

@@ -23,14 +23,12 @@ if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
 
 BLANK, MARK = ".", "x"
-HALF = 0.5 + 1e-9
+ROUNDING_UNITS = 0.5 + 1e-9
 """units of the last digit that a rounded number may be off, halves being rounded themselves"""
 
 
 class Outturn(Enum):
-    """Enumeration of verdicts on what the paper prints: GIVEN, an input used as printed; REPRODUCED, computed again;
-    IN_SHAPE, which depends on what is not printed and lies among the values computed for what was chosen here; ERRATUM,
-    shown to be wrong; NOT_REPRODUCED, outside of all that was computed, and not shown to be wrong."""
+    """Verdicts on what the paper prints."""
 
     GIVEN = "given"
     REPRODUCED = "reproduced"
@@ -40,12 +38,7 @@ class Outturn(Enum):
 
 
 class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Table, figure or section of the paper: its `title`; where numbers are compared, their `columns` and `rows`, texts
-    by label with an entry for each column, a dot for a blank. `tolerance`, in the numbers' unit, is how far a computed
-    value may be off, half a unit of the last printed digit where it is less; `inputs` is True where the numbers are
-    used as printed; `errata` names, by row, columns whose entries are shown to be wrong. `claims` are judged with it;
-    `summary`, what was `chosen` and `evidence` are words with computed values in braces; `holds` is its verdict where
-    nothing printed is compared, and the computation agrees. Raises `ValueError` for a row of another length."""
+    """Table, figure or section of the paper with its printed entries."""
 
     title: str
     summary: str = ""
@@ -70,15 +63,12 @@ class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
             yield from ((label, column, text) for column, text in zip(self.columns, row.split(), strict=True))
 
     def values(self, *labels: str) -> Array:
-        """Numbers (rows, columns) of the rows with these `labels`, without any of all rows. Raises `KeyError` for an
-        unknown label, `ValueError` for an entry that is no number."""
+        """Numbers (rows, columns) of the rows with these `labels`, without any of all rows."""
         return np.array([[float(text) for text in self.rows[label].split()] for label in labels or self.rows])
 
 
 class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Quotation that is judged: `where`, its section; `quote`, the sentence; `numbers` in question, as text; what was
-    `measured` and `found`, with computed values in braces; its verdict where it `holds`, which is where the computation
-    agrees, on a share of the draws of `at_least` so much, and where it `fails`."""
+    """Sentence of the paper that is judged."""
 
     where: str
     quote: str
@@ -91,8 +81,7 @@ class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class Paper(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Contents of the paper that can be computed again: `items` in its order and `claims`, by short names; and the
-    `meanings` of verdicts."""
+    """Contents of the paper that can be computed again."""
 
     schema: Literal["adaptctl/paper/1"]
     meanings: dict[Outturn, str]
@@ -109,8 +98,7 @@ def printed() -> Paper:
 
 @dataclass(frozen=True)
 class Number:
-    """Number as printed: `text`; `value`; `unit`, that of its last digit; and `digits`, by which agreement is measured:
-    its decimals where it has some and no exponent, since a column shares them, else its significant digits."""
+    """Number as printed, with the unit of its last digit."""
 
     text: str
     value: float
@@ -130,10 +118,9 @@ class Number:
             raise InputError(f"{text!r} is not a printed number") from error
 
     def digits_met(self, computed: float) -> int:
-        """Count of printed digits with which a `computed` value agrees: all within half a unit of the last, one less
-        for each tenfold of that. Raises `ValueError` for NaN, `OverflowError` for infinity."""
+        """Count of printed digits with which a computed value agrees."""
         off = abs(computed - self.value) / self.unit
-        lost = 0 if off <= HALF else math.ceil(math.log10(2.0 * off) - 1e-12)
+        lost = 0 if off <= ROUNDING_UNITS else math.ceil(math.log10(2.0 * off) - 1e-12)
         return max(self.digits - lost, 0)
 
     def styled(self, computed: float) -> str:
@@ -145,9 +132,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Check:
-    """Comparison of one printed entry with what is computed: its `row` and `column`; the texts `printed` and
-    `computed`; the `verdict`; how many `digits` of `of_digits` agree (None where not counted); and `low` and `high`,
-    the least and the greatest value over the random draws (None without draws)."""
+    """Comparison of one printed entry with what is computed."""
 
     row: str
     column: str
@@ -171,8 +156,7 @@ class Check:
 
 
 class RoundOff(NamedTuple):
-    """Computed value of what is zero in exact arithmetic: `value`, and the `bound` that it and the printed number stay
-    below."""
+    """Computed value of what is zero in exact arithmetic, and its bound."""
 
     value: float
     bound: float
@@ -187,11 +171,7 @@ Holds: TypeAlias = bool | float | tuple[bool, float]
 
 
 def check(table: Printed, row: str, column: str, text: str, computed: Computed) -> Check:
-    """Comparison of the printed `text` in a `row` and `column` of a `table` with what is `computed`: a bool, whether a
-    parameter is kept, with a cross or a blank; the values (seeds,) of random draws, among which the number is IN_SHAPE,
-    half a unit of its last digit allowed; `RoundOff`; or a number, which is REPRODUCED within half a unit of the last
-    digit or the table's tolerance, and GIVEN where it is an input. What disagrees is an ERRATUM where the table says
-    so, else NOT_REPRODUCED. Raises `InputError` for a text that is no number."""
+    """Comparison of a printed text with a bool, values of random draws, or a value of the paper's own data."""
     unlike = Outturn.ERRATUM if column in table.errata.get(row, ()) else Outturn.NOT_REPRODUCED
     if isinstance(computed, bool):
         marks = (MARK if text == MARK else "", MARK if computed else "")
@@ -206,7 +186,7 @@ def check(table: Printed, row: str, column: str, text: str, computed: Computed) 
         middle = printed.styled(float(np.median(computed)))
         return Check(row, column, text, middle, Outturn.IN_SHAPE if inside else unlike, low=low, high=high)
     shown, digits = printed.styled(computed), (printed.digits_met(computed), printed.digits)
-    if abs(computed - printed.value) > max(table.tolerance, HALF * printed.unit):
+    if abs(computed - printed.value) > max(table.tolerance, ROUNDING_UNITS * printed.unit):
         return Check(row, column, text, shown, unlike)
     return Check(row, column, text, shown, *((Outturn.GIVEN,) if table.inputs else (Outturn.REPRODUCED, *digits)))
 
@@ -219,8 +199,7 @@ def checked(table: Printed, entry: Entry) -> tuple[Check, ...]:
 
 
 class Claim(NamedTuple):
-    """Judged statement: its `section` and `quote`; what was `measured` and `found`, in words; `verdict`; and
-    `share_of_seeds`, the fraction of the random draws on which it holds (None without draws)."""
+    """Judged statement of the paper."""
 
     section: str
     quote: str
@@ -239,10 +218,7 @@ class Evidence(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Computation:
-    """Computed values of an item: `numbers` for the braces in its words, of which a list of several is for a
-    sentence said of each; `entry`, a function of row and column that gives what an entry is compared with; `claims`,
-    whether each of its claims holds, or on which share of the draws, or both; whether all of it `agrees`, where
-    nothing printed is compared; `relations` among parameters, texts by their heading; and `drawings`."""
+    """Computed values of an item, for its entries, claims and words."""
 
     numbers: Mapping[str, Any] = field(default_factory=dict)
     entry: Entry | None = None
@@ -254,8 +230,7 @@ class Computation:
 
 @dataclass(frozen=True, eq=False)
 class Item:
-    """Table, figure or section that was computed again: `name`, as on the command line; `title`; `verdict`; `summary`;
-    sentences on what was `chosen`; judged `claims`; `evidence`; `checks` of its entries; and what was `found`."""
+    """Table, figure or section that was computed again."""
 
     name: str
     title: str
@@ -269,8 +244,7 @@ class Item:
 
 
 def judged_item(name: str, paper: Paper, found: Computation, numbers: Mapping[str, Any]) -> Item:
-    """Judged item called `name`: entries and claims of the `paper` against what was `found`, in the paper's words,
-    whose braces are filled with that and with further `numbers`. Raises `KeyError` for an unknown name."""
+    """Judged item: entries and claims of the paper against what was found."""
     said = paper.items[name]
     checks, known = checked(said, found.entry) if found.entry else (), {**numbers, **found.numbers}
     claims = tuple(_claim(paper.claims[key], found.claims[key], known) for key in said.claims)
@@ -314,9 +288,7 @@ def inside(checks: Sequence[Check]) -> int:
 
 
 def judged(checks: Sequence[Check], claims: Sequence[Claim] = ()) -> Outturn:
-    """Verdict on an item from the `checks` of its entries and its `claims`: NOT_REPRODUCED if a check is, or if there
-    are claims and none holds; else ERRATUM if a check or a claim is one; else the most frequent verdict of the checks
-    other than GIVEN, and GIVEN if there are none."""
+    """Verdict on an item from its checks and claims."""
     verdicts = [check.verdict for check in checks if check.verdict is not Outturn.GIVEN]
     if Outturn.NOT_REPRODUCED in verdicts or (claims and all(c.verdict is Outturn.NOT_REPRODUCED for c in claims)):
         return Outturn.NOT_REPRODUCED

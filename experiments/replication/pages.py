@@ -40,8 +40,7 @@ TONES = dict(zip(Outturn, (Tone.QUIET, Tone.GOOD, Tone.FAIR, Tone.ODD, Tone.BAD)
 
 @dataclass(frozen=True, eq=False)
 class Replication:
-    """Replication of the paper, finished or interrupted: `items` in the paper's order; the `study` behind them; the
-    experiment's name, `title` and `settings`; the `seconds` that it took; and `complete`, False where interrupted."""
+    """Replication of the paper, finished or interrupted."""
 
     experiment: str
     title: str
@@ -71,15 +70,13 @@ class Replication:
         return Result(self.complete, headline(self), tuple(facts(self)), Verdict(), self.write)
 
     def write(self, folder: Path, progress: Progress) -> Path:
-        """Write summary, draws, figures, recording and report into a `folder`, all or none, and return it; `progress`
-        is called with what is written and the fraction done. Raises `FileError` where a file cannot be written."""
+        """Folder with summary, draws, figures, recording and report, all or none."""
         tables = {TRACE: partial(write_draws, study=self.study)}
         return report(self).write(folder, summary(self), tables=tables, progress=progress)
 
 
 def counts(checks: Iterable[Check]) -> dict[str, int]:
-    """Counts of `checks`: all that is printed, those of each verdict, and of those reproduced how many are so to the
-    last digit (crosses and blanks among them) and to one digit less."""
+    """Counts of checks by verdict, and of reproduced ones by digits."""
     found = list(checks)
     by = Counter(check.verdict for check in found)
     short = [(c.of_digits or 0) - (c.digits or 0) for c in found if c.verdict is Outturn.REPRODUCED]
@@ -218,8 +215,7 @@ def _cell(check: Check | None) -> str | Cell:
 
 
 def write_draws(path: str | Path, study: Study) -> None:
-    """Write a Parquet file at `path` of all draws that a `study` has made so far, a row for each arm, seed and
-    component, with its singular value, weight and energy error. Raises `FileError` where it cannot be written."""
+    """Write a Parquet file of all draws, a row for each arm, seed and component."""
     arms, columns = study.drawn, list[Quantity]()
     seeds = np.arange(study.seed, study.seed + study.seeds)[:, None]
     kinds: dict[tuple[str, str, str], Callable[[Arm], Array]] = {

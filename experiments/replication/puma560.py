@@ -34,7 +34,7 @@ from adaptctl.identifiability.regrouping import removable
 from adaptctl.identifiability.sampling import random_states
 from adaptctl.recording.drawing import Drawing
 
-TIGHT = 1e-8
+ROUNDED_RANK_TOLERANCE = 1e-8
 """A tolerance that takes what a rounded right angle leaves for independence."""
 QUARTERS = {
     "3.1416/2": 3.1416 / 2,
@@ -45,7 +45,7 @@ QUARTERS = {
 """Right angles (rad) as programs and calculators round them."""
 QUARTER = "3.14159/2"
 """The rounded right angle whose vector stands beside Table 8, and that tilts the base under Table 10."""
-TURNS = (-1, 0, 1, -1, 1, 0)
+TWIST_RIGHT_ANGLES = (-1, 0, 1, -1, 1, 0)
 """The PUMA's twists, in right angles."""
 NULL_COMBINATIONS = ("I_y1 - I_x3 - I_z3", "I_x3 + I_y3 - I_x4 - I_z4", "I_x4 + I_y4 + I_y5 - I_z5 - I_x6 - I_y6")
 """Made of parameters that Table 5 keeps; with exact right angles they change no torque."""
@@ -236,26 +236,21 @@ def table5(study: Study) -> Computation:
 
 
 def rounded_set(mechanism: Mechanism, quarter: float, priority: Priority) -> tuple[tuple[int, ...], float, Array]:
-    """Set that theorem 4.1 keeps on a PUMA 560 with `quarter` (rad) for pi/2 in all its twists: parameters are removed
-    in the order of `priority` where their rows of V2 are independent of those removed before, to 1e-8. A triple: the
-    indices that are kept, the condition number of F2' V2, and D_I (P,) of equation 25, SI units. Raises `RankError`
-    where the rank cannot be certified."""
+    """Set that theorem 4.1 keeps with a rounded pi/2 in all twists of the PUMA 560."""
     links = tuple(
         replace(link, joint_to_link=Pose(rotation_about((1, 0, 0), n * quarter), link.joint_to_link.translation))
-        for link, n in zip(mechanism.links, TURNS, strict=True)
+        for link, n in zip(mechanism.links, TWIST_RIGHT_ANGLES, strict=True)
     )
     space = essential_space(Mechanism(replace(mechanism.description, links=links)))
     essential = space.project(mechanism.inertial_parameters)
-    removed = list(removable(space.null_basis, priority.indices(space.parameter_names), TIGHT))
+    removed = list(removable(space.null_basis, priority.indices(space.parameter_names), ROUNDED_RANK_TOLERANCE))
     square = space.null_basis[removed]
     independent = essential - space.null_basis @ np.linalg.solve(square, essential[removed])
     return tuple(sorted(set(range(len(essential))) - set(removed))), float(np.linalg.cond(square)), independent
 
 
 def combination(text: str, links: int = 6) -> Array:
-    """Coefficients (10 N,) among the parameters of N = `links` links of a `text` such as "I_y1 - I_x3 - I_z3", in the
-    paper's names. Raises `ValueError` for an unknown name, `InputError` for a link below 1, `IndexError` for one
-    beyond N."""
+    """Coefficients (10 N,) of a text such as "I_y1 - I_x3 - I_z3"."""
     out, texts = np.zeros(10 * links), ("+ " + text).split()
     for mark, term in zip(texts[::2], texts[1::2], strict=True):
         out[index(term[:-1], term[-1])] = sign(term[:-1]) * (1.0 if mark == "+" else -1.0)
@@ -263,8 +258,7 @@ def combination(text: str, links: int = 6) -> Array:
 
 
 def torque_share(arm: Arm, text: str) -> float:
-    """Largest torque that the combination `text` of an arm's parameters makes at 500 random states, over the largest
-    that one of its terms makes alone: round-off where it changes none. Raises as `combination`."""
+    """Largest torque of a combination of parameters over that of its terms: round-off where it has none."""
     vector = combination(text)
     p, v, a = np.random.default_rng(0).normal(size=(3, 500, arm.mechanism.dof))
     Y = arm.mechanism.torque_regressor(p, v, a)
@@ -296,9 +290,7 @@ def table7(study: Study) -> Computation:
 
 
 def excess(space: EssentialSpace, real: Printed, essential: Printed, free: Array) -> float:
-    """Least possible max_i |(V1 V1' D)_i - E_i| / h_i over all D (P,) that round to the table `real` where `free` (P,)
-    of bools allows a difference; E are the numbers of the table `essential` and h half units of their last digits. At
-    most 1 means that the tables agree. Raises `ArithmeticError` where the linear program is not solved."""
+    """Least excess of differences over rounding, by a linear program: at most 1 where rounding explains all."""
     tolerance = parameters(essential, half_units=True)
     slack = np.where(free, parameters(real, half_units=True), 0.0)
     project = space.basis @ space.basis.T / tolerance[:, None]

@@ -174,9 +174,7 @@ def section53(study: Study) -> Computation:
 
 @dataclass(frozen=True, eq=False)
 class Decoupling:
-    """Linear relations among the k fundamental parameters of `basis` under which all off-diagonal entries of the mass
-    matrix vanish in every configuration (section 5.3): `relations` (m, k), each with one parameter that no other has,
-    and `alone`, how many relations each entry needs alone, by name such as "M12"."""
+    """Linear relations of parameters under which the mass matrix is diagonal everywhere (section 5.3)."""
 
     basis: FundamentalBasis
     alone: Mapping[str, int]
@@ -184,8 +182,7 @@ class Decoupling:
 
     @classmethod
     def of(cls, arm: Arm, basis: FundamentalBasis) -> Decoupling:
-        """Relations that decouple an `arm` at 200 random positions; what is below 1e-9 of the largest counts as
-        zero."""
+        """Relations that decouple an arm at 200 random positions."""
         weightless = Mechanism(replace(arm.mechanism.description, gravity=np.zeros(3)))
         p, _ = arm.states(np.random.default_rng(0), 200, 1.0)
         rest, unit = np.zeros_like(p), np.eye(arm.mechanism.dof)

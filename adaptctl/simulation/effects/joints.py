@@ -25,21 +25,45 @@ KINDS = (DriveParameter.VISCOUS, DriveParameter.COULOMB, DriveParameter.STRIBECK
 
 @dataclass(frozen=True, eq=False)
 class Friction(JointEffect):
-    """Joint friction: viscous, Coulomb and Stribeck friction, greatest at the start of a motion and falling while the
-    lubricant's film builds up.
+    r"""
+    Viscous, Coulomb and Stribeck friction of the joints, which the controller's model does not have.
 
-        torque = viscous v + (coulomb + stribeck/(1 + (v/speed)^2)) sign(v)
+    Parameters
+    ----------
+    viscous : array_like, default 0.0
+        Viscous friction in N m s/rad (N s/m if prismatic), one number or (r,).
+    coulomb : array_like, default 0.0
+        Coulomb friction in N m (N), one number or (r,).
+    stribeck : array_like, default 0.0
+        Excess of static over Coulomb friction in N m (N), one number or (r,).
+    speed : float, default 0.1
+        Speed in rad/s (m/s) at which half of that excess is gone.
 
-    (Hess and Soom 1990; Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.2.) v are the joints' velocities
-    in rad/s (m/s of a prismatic joint). `stribeck` is the excess of static over Coulomb friction, half of which is gone
-    at `speed` (rad/s, m/s), one number, 0.1 by default. `viscous` (N m s/rad, N s/m), `coulomb` and `stribeck` (N m, N)
-    are one number or one a joint (r,), zero by default. The sign is smoothed to v/sqrt(v^2 + 0.01^2), also for a
-    drive's Coulomb friction, so the arm creeps where a real one sticks.
+    Raises
+    ------
+    InputError
+        If the speed is not positive and finite; `Plant` checks the rest.
 
-    This friction acts on the r primary (independent) joints of the plant alone; the controller's model has none of it.
-    The friction of the mechanism's drives is in the plant and in the model, where it can be adapted; this comes on top.
-    Raises `InputError` for a speed that is not positive and finite; a `Plant` raises it for other numbers that are
-    negative, not finite or do not fit its r joints.
+    Notes
+    -----
+    .. math:: \tau = f_v v + \left(f_c + \frac{f_s}{1 + (v/v_s)^2}\right) \operatorname{sign}(v)
+
+    [1]_ [2]_. The sign is smoothed to v/sqrt(v^2 + 0.01^2), so the robot creeps where a real one sticks. It comes on
+    top of the drives' friction, which the model has too.
+
+    References
+    ----------
+    .. [1] D. P. Hess, A. Soom, "Friction at a lubricated line contact operating at oscillating sliding velocities",
+       Journal of Tribology, 1990.
+    .. [2] B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, "A survey of models, analysis tools and compensation
+       methods for the control of machines with friction", Automatica, 1994, section 2.2.
+
+    Examples
+    --------
+    >>> from adaptctl.simulation.effects import Friction
+    >>> rough = adaptctl.Plant(arm, period, effects=[Friction(viscous=0.5, coulomb=[2.0, 0.5])])
+    >>> Friction(viscous=0.5, coulomb=[2.0, 0.5]).max_slope(2).tolist()
+    [200.5, 50.5]
     """
 
     viscous: ArrayLike = 0.0
@@ -51,24 +75,18 @@ class Friction(JointEffect):
         validate_positive(self.speed, "friction: speed", "rad/s")
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless each of `viscous`, `coulomb` and `stribeck` is one finite number of at least 0 or
-        one for each of `dof` (r) joints. The names `links` and `control_period` (s) are not used."""
+        """Raise an error where the settings do not fit a plant."""
         if not np.isfinite(self._each(dof)).all():
             raise InputError("friction: expected finite numbers")
 
     def torque(self, v: Column) -> Column:
-        """The friction torque (r,) of r joints, N m (N for a prismatic joint), at their velocities v (r,), rad/s (m/s).
-        It has the sign of v, so the equations of motion subtract it from the drives' torque. Both are Columns,
-        vectors of scalars of any kind: floats, arrays, or symbols to be compiled. Raises `InputError` for settings that
-        are negative, NaN or do not fit r joints."""
+        """Resisting torque (r,) at velocities v."""
         terms = zip(KINDS, self._each(len(v)).tolist(), strict=True)
         each = (Column(values) * Column(friction(kind, x, self.speed) for x in v) for kind, values in terms)
         return sum(each, Column.zeros(len(v)))
 
     def max_slope(self, dof: int) -> Array:
-        """The greatest slope (r,) of each joint's friction torque over its velocity, N m s/rad (N s/m for a prismatic
-        joint), for `dof` (r) joints: the one at rest, viscous + (coulomb + stribeck)/0.01. Raises `InputError` for
-        settings that are negative, NaN or do not fit r joints."""
+        """Greatest slopes (r,) of the torque over velocity: those at rest."""
         viscous, coulomb, stribeck = self._each(dof)
         return viscous + (coulomb + stribeck) / COULOMB_SMOOTHING_SPEED
 
@@ -84,27 +102,45 @@ LINK, MOTOR = "link", "motor"
 
 @dataclass(frozen=True, eq=False)
 class ElasticJoints(Effect):
-    """Plant effect of elastic joints: the motors of r joints turn the links through springs and dampers (Spong 1987).
+    r"""
+    Springs and dampers between the motors and the links of r joints.
 
-        J w' = torque - f,   M(q) v' + C v + g + friction = f,   f = stiffness (theta - p) + damping (w - v)
+    Parameters
+    ----------
+    stiffness : array_like
+        Stiffness k in N m/rad (N/m if prismatic), positive, one number or (r,).
+    damping : array_like, default 0.0
+        Damping d in N m s/rad (N s/m), one number or (r,).
+    motor_inertia : array_like, default 0.0
+        Inertia in kg m^2 (kg) that is added to the rotor inertia of the drives, one number or (r,).
+    encoders : {"link", "motor"}, default "link"
+        Place of the encoders: behind the springs, or before them, as on most robots.
 
-    The motors, reflected to the joints (as seen through the gears), have positions theta and velocities w, the joints p
-    and v: (r,) each, in rad and rad/s (m and m/s for a prismatic joint); a prime is a time derivative. `torque` (r,) is
-    the motors' and f the springs', N m (N). M is the links' mass matrix at the configuration q (n,) of all n joints of
-    the spanning tree, C v the velocity torques, g gravity's. J is the motors' inertia, kg m^2 (kg): the rotor inertia
-    of the mechanism's drives, which then no longer turns with the links, plus `motor_inertia`. The stiffer the springs,
-    the nearer is the plant to the rigid one with that rotor inertia. Friction stays with the links. Rotors turn about
-    their joints' axes alone, as Spong assumes: their energy does not depend on how the links that carry them move.
+    Raises
+    ------
+    InputError
+        If `encoders` is another text. `Plant` checks numbers, refuses rotors that turn with several joints and
+        relations among inertial parameters, and needs enough substeps for an explicit integrator.
 
-    `stiffness` (N m/rad, N/m), `damping` (N m s/rad, N s/m) and `motor_inertia` are one number or one a joint (r,), the
-    last two zero by default. `encoders` says where the encoders are: "link" (the default), behind the spring, or
-    "motor", before it, where controllers measure theta and w, as on most robots. The last 2r numbers of
-    `PlantState.drives` are theta, then w.
+    Notes
+    -----
+    .. math:: J \dot w = \tau - f, \quad M(q) \dot v + C v + g + \tau_f = f, \quad f = k(\theta - p) + d(w - v)
 
-    Construction raises `InputError` for other `encoders` and checks nothing else. A `Plant` raises it unless stiffness
-    is positive, damping and motor inertia are at least 0, all are finite and fit its r joints, and every J is positive.
-    A `Plant` also raises it for a rotor that turns with several joints, relations among the inertial parameters, a mass
-    matrix that is singular without the rotors, and too few substeps for an explicit integrator.
+    [1]_ with the motors' positions :math:`\theta` and velocities w, seen at the joints, which are the last 2r numbers
+    of `PlantState.drives`. J is the drives' rotor inertia, which then no longer turns with the links, plus
+    `motor_inertia`. Friction stays with the links; rotors turn about their joints' axes alone. See docs/simulation.md.
+
+    References
+    ----------
+    .. [1] M. W. Spong, "Modeling and control of elastic joint robots", Journal of Dynamic Systems, Measurement, and
+       Control, 1987.
+
+    Examples
+    --------
+    >>> from adaptctl.simulation.effects import ElasticJoints
+    >>> soft = adaptctl.Plant(arm, period, substeps=4, effects=[ElasticJoints(2000.0, motor_inertia=0.05)])
+    >>> soft.is_elastic, soft.sizes["drives"]
+    (True, 4)
     """
 
     stiffness: ArrayLike
@@ -117,20 +153,32 @@ class ElasticJoints(Effect):
             raise InputError(f"elastic joints: encoders: expected {LINK!r} or {MOTOR!r}, got {self.encoders!r}")
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless stiffness is positive, damping and motor inertia are at least 0, all are finite,
-        and each is one number or one for each of `dof` (r) joints. The names `links` and `control_period` (s) are not
-        used."""
+        """Raise an error where the settings do not fit a plant."""
         stiffness = self.each("stiffness", dof)
         if not np.all(stiffness > 0.0):
             raise InputError(f"elastic joints: stiffness: expected positive numbers, got {stiffness.tolist()}")
         self.each("damping", dof), self.each("motor_inertia", dof)
 
     def each(self, name: str, dof: int) -> Array:
-        """The values (r,) of one setting, one for each of `dof` (r) joints, read-only: `name` is "stiffness" (N m/rad,
-        N/m of a prismatic joint), "damping" (N m s/rad, N s/m) or "motor_inertia" (kg m^2, kg).
+        """
+        Return a setting as one number for each joint.
 
-        Raises `InputError` for values that are no numbers, negative, not finite or of another shape than one number or
-        (r,), `AttributeError` for a `name` that is no attribute of the class.
+        Parameters
+        ----------
+        name : str
+            "stiffness", "damping" or "motor_inertia".
+        dof : int
+            Number r of joints.
+
+        Returns
+        -------
+        ndarray
+            Values (r,) in the setting's unit, read-only.
+
+        Raises
+        ------
+        InputError
+            If a value is negative, not finite, or of another shape.
         """
         values = at_least_zero(getattr(self, name), dof, f"elastic joints: {name}")
         if not np.isfinite(values).all():
@@ -138,21 +186,35 @@ class ElasticJoints(Effect):
         return values
 
 
-SYMMETRIC = 1e-9
+SYMMETRY_TOLERANCE = 1e-9
 """Parts of a tensor's largest entry that round-off, or the digits of a file, may make two of its entries differ."""
 
 
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """Payload, a rigid body held by a link of a robot: `mass` in kg, `center` of mass (3,) in m in that link's frame,
-    and `inertia` tensor (3, 3) in kg m^2 about that centre, along the same axes. Centre and inertia are zero by
-    default: a point mass in the frame's origin.
+    """
+    Rigid body held by a link.
 
-    Raises `InputError` for a `mass` that is negative or not a number (a boolean is not one), a wrong shape, numbers
-    that are not finite or that make an inertial parameter above 1e20, and an inertia, unless zero, that no rigid body
-    has: not symmetric within 1e-9 of its largest entry, or principal moments that break the triangle inequality.
-    `inertia` is made exactly symmetric.
+    Parameters
+    ----------
+    mass : float
+        Mass in kg.
+    center : array_like, optional
+        Center of mass (3,) in m in the link's frame. Default: the frame's origin.
+    inertia : array_like, optional
+        Inertia tensor (3, 3) in kg m^2 about the center of mass, along the frame's axes. Default: zero, a point mass.
+
+    Raises
+    ------
+    InputError
+        If the mass is negative, a shape is wrong, numbers are not finite or too large (1e20), or no rigid body has this
+        inertia.
+
+    Examples
+    --------
+    >>> adaptctl.simulation.effects.Payload(0.5, center=[0.0, 0.0, 0.1]).mass
+    0.5
     """
 
     mass: float
@@ -175,13 +237,30 @@ class Payload:
 
     @classmethod
     def of(cls, given: float | Mapping[str, Any] | Payload) -> Payload:
-        """A `Payload`, a rigid body held by a link, made of what is `given`: a mass in kg, or a mapping with `mass`
-        (kg) and perhaps `center` of mass (3,) in m, in that link's frame, and `inertia` tensor (3, 3) in kg m^2 about
-        the centre of mass, zero by default; a `Payload` is returned as it is.
+        """
+        Make a payload of a mass or a mapping.
 
-        Raises `InputError` for anything else, for a mass that is missing or negative, a wrong shape, numbers that are
-        not finite or too large, and an inertia that no rigid body has; `NotFoundError`, a subclass of it, for an
-        unknown entry.
+        Parameters
+        ----------
+        given : float, Mapping or Payload
+            Mass in kg, or a mapping with `mass` and perhaps `center` and `inertia`; a `Payload` is returned as it is.
+
+        Returns
+        -------
+        Payload
+            The payload.
+
+        Raises
+        ------
+        InputError
+            If no rigid body is described.
+        NotFoundError
+            If the mapping has an unknown entry.
+
+        Examples
+        --------
+        >>> adaptctl.simulation.effects.Payload.of({"mass": 0.5, "center": [0.0, 0.0, 0.1]}).mass
+        0.5
         """
         if isinstance(given, Payload):
             return given
@@ -195,13 +274,33 @@ class Payload:
         return cls(**given)
 
     def added_to(self, parameters: ArrayLike, link: int) -> Array:
-        """The P inertial and friction parameters (..., P) of a mechanism with the payload added to the link of
-        zero-based index `link`: a copy of `parameters` (..., P), SI units, in which that link's ten are changed.
+        """
+        Add the payload to the parameters of a link.
 
-        The parameters begin with ten a link: m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg
-        m^2 about the origin of the link's frame; the drives' (rotor inertias and friction), if any, follow. Raises
-        `InputError` for parameters that are no numbers or too few to include the link's, and for a `link` that is not a
-        whole number of at least 0; NaN and infinity among the parameters pass.
+        Parameters
+        ----------
+        parameters : array_like
+            Inertial and friction parameters (..., P), SI units; ten for each link first: m, mc_x, mc_y, mc_z, I_xx,
+            I_xy, I_yy, I_xz, I_yz, I_zz about the frame's origin.
+        link : int
+            Index of the link.
+
+        Returns
+        -------
+        ndarray
+            Copy (..., P) with the link's ten changed.
+
+        Raises
+        ------
+        InputError
+            If there are no ten parameters of such a link.
+
+        Examples
+        --------
+        >>> payload = adaptctl.simulation.effects.Payload(0.5)
+        >>> heavier = payload.added_to(arm.inertial_parameters, 1)
+        >>> round(float((heavier - arm.inertial_parameters).sum()), 3)
+        0.5
         """
         loaded = numbers(parameters, "payload: parameters").copy()
         whole_number(link, "payload: link", 0, (loaded.shape[-1] if loaded.ndim else 0) // 10 - 1)
@@ -221,7 +320,7 @@ def _validate_bounded(mass: float, center: Array, tensor: Array) -> None:
 
 def _is_inertia(tensor: Array) -> bool:
     """True if a body has this tensor (3, 3) about its centre of mass."""
-    if np.abs(tensor - tensor.T).max() > SYMMETRIC * np.abs(tensor).max():
+    if np.abs(tensor - tensor.T).max() > SYMMETRY_TOLERANCE * np.abs(tensor).max():
         return False
     second_moments = 0.5 * np.trace(tensor) * np.eye(3) - tensor
     return bool(np.linalg.eigvalsh(second_moments)[0] >= -1e-12 * np.trace(tensor))
@@ -229,17 +328,38 @@ def _is_inertia(tensor: Array) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class PayloadHeld(LoadEffect):
-    """Plant effect of a payload, a rigid body that a link holds from the time `start` until the time `stop` (s): from 0
-    on and for ever by default. `link` is the link's name, None, the default, for the last link that has mass.
+    """
+    Payload that a link holds for some time.
 
-    `payload` is a `Payload`, a mass in kg, or a mapping with `mass` (kg) and perhaps `center` of mass (3,) in m, in the
-    link's frame, and `inertia` tensor (3, 3) in kg m^2 about the centre; it is stored as a `Payload`. When it is picked
-    up it already moves with the link, and when it is dropped it moves on: the arm's velocities do not jump.
+    Parameters
+    ----------
+    payload : Payload, float or Mapping
+        Rigid body, a mass in kg, or a mapping as in `Payload.of`.
+    start : float, default 0.0
+        Time in s at which it is picked up.
+    stop : float, default infinity
+        Time in s at which it is dropped.
+    link : str, optional
+        Name of the link. Default: the last link that has mass.
 
-    Raises `InputError` where `payload` cannot be made into a `Payload`, such as a mapping without `mass` or a negative
-    mass, and unless `start` is finite and before `stop`; `NotFoundError`, a subclass of it, for a mapping with unknown
-    entries. A `Plant` raises `NotFoundError` for a link that it does not have or that has no mass, `InputError` for a
-    mechanism with relations among its inertial parameters.
+    Raises
+    ------
+    InputError
+        If no payload is described, or `start` is not finite and before `stop`.
+    NotFoundError
+        If a mapping has an unknown entry, or, in a `Plant`, if there is no such link with mass.
+
+    Notes
+    -----
+    The payload already moves with the link when it is picked up, and moves on when it is dropped: velocities do not
+    jump.
+
+    Examples
+    --------
+    >>> from adaptctl.simulation.effects import PayloadHeld
+    >>> carrying = adaptctl.Plant(arm, period, effects=[PayloadHeld(0.5, start=1.0, stop=2.0)])
+    >>> [carrying.payload(t) for t in (0.0, 1.5, 2.5)]
+    [0.0, 0.5, 0.0]
     """
 
     payload: Payload | float | Mapping[str, Any]
@@ -254,31 +374,19 @@ class PayloadHeld(LoadEffect):
             raise InputError(f"payload: expected a start before its stop, got {self.start} and {self.stop} s")
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `NotFoundError` unless this effect's `link`, the name of the link that holds the payload, is None or
-        among `links`, the names of the links with ten inertial parameters each. The number of joints `dof` and
-        `control_period` (s) are not used."""
+        """Raise an error where the settings do not fit a plant."""
         self._place(links)
 
     def mass(self, time: float) -> float:
-        """The mass, kg, that the payload adds at `time` (s): its own while it is held, `start` <= `time` < `stop` of
-        this effect, else 0. Nothing is raised."""
+        """Mass in kg that is held at a time."""
         return Payload.of(self.payload).mass if self.start <= time < self.stop else 0.0
 
     def next_change_time(self, time: float) -> float:
-        """The first time after `time` (s) at which the payload is picked up or dropped, s; infinity where there is
-        none. Nothing is raised."""
+        """First time in s after `time` at which the payload is picked up or dropped."""
         return next((change for change in (self.start, self.stop) if time < change), math.inf)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The P inertial and friction parameters (..., P) of a mechanism at `time` (s): while the payload is held, a
-        copy of `parameters` (..., P), SI units, with the payload added to the ten of its link; otherwise `parameters`
-        itself, unchecked.
-
-        The parameters begin with ten for each of the `links` (names), in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy,
-        I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame; the drives' (rotor inertias
-        and friction), if any, follow. While the payload is held, raises `NotFoundError` where its link is not among
-        `links`, `InputError` for parameters that are no numbers or too few to include that link's.
-        """
+        """Parameters (..., P), with the payload while it is held."""
         if not self.start <= time < self.stop:
             return parameters
         return Payload.of(self.payload).added_to(parameters, self._place(links))

@@ -20,14 +20,27 @@ KINDS = (ActuatorEffect, SensorEffect, JointEffect, LoadEffect, ElasticJoints)
 
 @dataclass(frozen=True)
 class PlantEffects:
-    """Effects of one plant, what it has besides rigid links and ideal drives, sorted by where they act; each tuple is
-    empty by default.
+    """
+    Effects of one plant, sorted by where they act.
 
-    `actuators` change torques between controller and joints, and `sensors` measurements between joints and controller,
-    each in the order in which the signal passes them; `joints` are torques in the joints, `loads` change the inertial
-    parameters, and `elastic` makes the joints elastic, None for rigid ones. A torque is delayed, then limited, then
-    limited in rate, then lags; positions are read by encoders, then velocities are found from them. `PlantEffects.of`
-    sorts and checks them; the class itself checks nothing.
+    Parameters
+    ----------
+    actuators : tuple of ActuatorEffect, default ()
+        Effects on torques, in the order in which these pass: delay, limit, rate limit, lag.
+    sensors : tuple of SensorEffect, default ()
+        Effects on measurements, in the order in which these pass: encoders, then velocities from positions.
+    joints : tuple of JointEffect, default ()
+        Torques in the joints, such as friction.
+    loads : tuple of LoadEffect, default ()
+        Changes of the inertial parameters, such as payloads.
+    elastic : ElasticJoints, optional
+        Springs of elastic joints. Default: rigid joints.
+
+    Examples
+    --------
+    >>> from adaptctl.simulation.effects import ActuatorLag, ControlDelay, PlantEffects
+    >>> [type(effect).__name__ for effect in PlantEffects.of([ActuatorLag(0.01), ControlDelay(1)]).actuators]
+    ['ControlDelay', 'ActuatorLag']
     """
 
     actuators: tuple[ActuatorEffect, ...] = ()
@@ -38,13 +51,23 @@ class PlantEffects:
 
     @classmethod
     def of(cls, effects: Iterable[Effect]) -> PlantEffects:
-        """The `PlantEffects` of a plant, made of `effects`, a list or another iterable of effects in any order: sorted
-        into actuator, sensor, joint and load effects and elastic joints. Actuator and sensor effects are ordered by
-        their `rank`, the order in which signals pass them.
+        """
+        Sort effects by where they act.
 
-        Raises `InputError` for an element that is no `Effect`, for an effect of none of these five kinds, for an effect
-        alone that is not in a list, and for two actuator effects, two sensor effects or two elastic joints of one
-        class; joint and load effects may repeat.
+        Parameters
+        ----------
+        effects : iterable of Effect
+            Effects in any order.
+
+        Returns
+        -------
+        PlantEffects
+            The effects, sorted.
+
+        Raises
+        ------
+        InputError
+            If an element is no such effect, or two actuator effects, sensor effects or elastic joints are of one class.
         """
         given = listed(effects)
         for effect in given:
@@ -63,64 +86,123 @@ class PlantEffects:
         )
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` where an effect's settings do not fit a plant of `dof` (r) joints, as its own `require`
-        finds. Such are settings that are negative, NaN or neither one number nor one for each joint, and a filter's
-        cutoff too high for the `control_period` (s). Raise `NotFoundError`, a subclass of it, where a payload's link is
-        not among `links`, the names of those with ten inertial parameters each."""
+        """
+        Raise an error where an effect does not fit a plant.
+
+        Parameters
+        ----------
+        dof : int
+            Number r of joints.
+        links : tuple of str
+            Names of the links with ten inertial parameters each.
+        control_period : float
+            Control period in s.
+
+        Raises
+        ------
+        InputError
+            If a setting is out of range or has not one number or r, or a filter's cutoff is too high.
+        NotFoundError
+            If a payload's link is not among `links`.
+        """
         elastic = () if self.elastic is None else (self.elastic,)
         for effect in (*self.actuators, *self.sensors, *self.joints, *self.loads, *elastic):
             effect.validate(dof, links, control_period)
 
     @property
     def senses_motors(self) -> bool:
-        """True if the encoders sit on the motors of elastic joints, before the springs; False for encoders on the links
-        and for rigid joints."""
+        """True if encoders sit on the motors of elastic joints."""
         return self.elastic is not None and self.elastic.encoders == MOTOR
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """Names of the flags of the actuator effects that flag control periods in which they change a torque, such as
-        "torque_limited", in the order in which a torque passes the effects; empty where none has a flag."""
+        """Names of the actuator effects' flags, in the order in which a torque passes."""
         return tuple(effect.flag for effect in self.actuators if effect.flag is not None)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """The P inertial and friction parameters (..., P) of a mechanism with all loads at `time` (s), such as
-        payloads, added to `parameters` (..., P), SI units, those without loads; these themselves where there is no
-        load.
+        """
+        Return the parameters with all loads added.
 
-        The parameters begin with ten for each of the `links` (names), in their order: m, mc_x, mc_y, mc_z, I_xx, I_xy,
-        I_yy, I_xz, I_yz, I_zz, in kg, kg m, kg m^2 about the origin of the link's frame; the drives' (rotor inertias
-        and friction), if any, follow. While a payload is held, raises `NotFoundError` where its link is not among
-        `links`, `InputError` for parameters that are no numbers or too few to include that link's.
+        Parameters
+        ----------
+        parameters : ndarray
+            Inertial and friction parameters (..., P) without loads, SI units.
+        links : tuple of str
+            Names of the links with ten inertial parameters each, in their order.
+        time : float
+            Time in s.
+
+        Returns
+        -------
+        ndarray
+            Parameters (..., P).
+
+        Raises
+        ------
+        InputError
+            If there are too few parameters.
+        NotFoundError
+            If a payload's link is not among `links`.
         """
         for load in self.loads:
             parameters = load.loaded(parameters, links, time)
         return parameters
 
     def drive_memory(self, torque: Array, control_period: float) -> Array:
-        """The initial internal states of all actuator effects, concatenated to one array (..., h) in the order in which
-        a torque passes the effects; h is the number of scalars that the effects keep, 0 without actuator effects.
-        `torque` (..., r), N m (N for a prismatic joint), is the torque that has held the r joints; `control_period` is
-        in s. Nothing is checked."""
+        """
+        Return the initial internal states of all actuator effects.
+
+        Parameters
+        ----------
+        torque : ndarray
+            Torque (..., r) that held the joints, N m (N if prismatic).
+        control_period : float
+            Control period in s.
+
+        Returns
+        -------
+        ndarray
+            Internal states (..., h), one effect after the other.
+        """
         return _joined((effect.initial_state(torque, control_period) for effect in self.actuators), torque.shape[:-1])
 
     def sensor_memory(self, p: Array, v: Array, control_period: float) -> Array:
-        """The initial internal states of all sensor effects, concatenated to one array (..., h) in the order in which
-        measurements pass the effects; h is the number of scalars that the effects keep, 0 without sensor effects. The
-        arms of r joints are at positions p (..., r), rad (m if prismatic), and velocities v (..., r), rad/s (m/s), of
-        the first measurement; `control_period` is in s. Nothing is checked."""
+        """
+        Return the initial internal states of all sensor effects.
+
+        Parameters
+        ----------
+        p : ndarray
+            Positions (..., r) in rad (m if prismatic).
+        v : ndarray
+            Velocities (..., r) in rad/s (m/s).
+        control_period : float
+            Control period in s.
+
+        Returns
+        -------
+        ndarray
+            Internal states (..., h), one effect after the other.
+        """
         return _joined((effect.initial_state(p, v, control_period) for effect in self.sensors), p.shape[:-1])
 
     def driven(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column, Column]:
-        """The torque (r,) that all actuator effects together pass on to r joints over one `control_period` (s), the
-        effects' internal state (h,) after it, and flags (k,). Torques are in N m (N for a prismatic joint). There is a
-        flag for each of the k names in this object's property `flags`: 1 where that effect changed any joint's torque,
-        else 0.
+        """
+        Return the torque that all actuator effects together pass on.
 
-        `torque` (r,) is the one commanded, `memory` (h,) the effects' internal state after the period before, one
-        effect after the other. Vectors are Columns of scalars of any kind: floats, arrays, or symbols to be compiled.
-        Raises `InputError` for settings that do not fit r joints; a lag or a rate limit raises `ValueError` for an
-        internal state that is too short.
+        Parameters
+        ----------
+        torque : Column
+            Commanded torque (r,) in N m (N if prismatic).
+        memory : Column
+            Internal states (h,).
+        control_period : float
+            Control period in s.
+
+        Returns
+        -------
+        tuple of Column
+            Torque (r,), internal states (h,) and flags (k,), 1 where an effect changed a torque.
         """
         still = np.zeros(len(torque))
         parts = _split(memory, [len(effect.initial_state(still, control_period)) for effect in self.actuators])
@@ -137,15 +219,26 @@ class PlantEffects:
     def measured(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The positions (r,), rad (m if prismatic), and velocities (r,), rad/s (m/s), of r joints as all sensor effects
-        together measure them, and the effects' internal state (h,) after the measurement.
+        """
+        Return positions and velocities as all sensor effects together measure them.
 
-        `p` and `v` (r,), in the same units, are the true ones, of the motors where encoders sit on these (this object's
-        property `senses_motors`); `memory` (h,) is the effects' internal state before the measurement, one effect after
-        the other; `noise` (2r,) has standard normal numbers (unitless), the positions' first, each effect getting the
-        same ones; `control_period` is in s. Vectors are Columns of scalars of any kind: floats, arrays, or symbols to
-        be compiled. Raises `InputError` for settings that do not fit r joints, `ValueError`, with filtered differences,
-        for an internal state that is too short and, with encoders, for noise of another length.
+        Parameters
+        ----------
+        p : Column
+            True positions (r,), rad (m if prismatic); the motors' where encoders sit on these.
+        v : Column
+            True velocities (r,), likewise, rad/s (m/s).
+        noise : Column
+            Standard normal numbers (2r,), the positions' first.
+        memory : Column
+            Internal states (h,).
+        control_period : float
+            Control period in s.
+
+        Returns
+        -------
+        tuple of Column
+            Positions (r,), velocities (r,) and internal states (h,).
         """
         still = np.zeros(len(p))
         parts = _split(memory, [len(effect.initial_state(still, still, control_period)) for effect in self.sensors])
@@ -157,9 +250,7 @@ class PlantEffects:
 
 
 def differs(asked: Column, given: Column) -> Scalar:
-    """Flag, a scalar, of a torque that was changed: 1 where any of r joints was `given` another torque than `asked`,
-    else 0. Both are Columns (r,), N m (N if prismatic): vectors of scalars of any kind (floats, arrays, or symbols to
-    be compiled). Raises `ValueError` for columns of unlike lengths."""
+    """Flag of a changed torque: 1 where any joint was given another than asked, else 0."""
     largest: Any = 0.0
     for x, y in zip(asked, given, strict=True):
         largest = maximum(largest, absolute(x - y))
@@ -184,8 +275,7 @@ def _rank(effect: Any) -> int:
 
 
 def listed(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """The `effects`, a list or another iterable in any order, as a tuple in that order. The elements are not checked.
-    Raises `InputError` where `effects` is not iterable, such as one effect alone."""
+    """Effects as a tuple; what is not iterable raises `InputError`."""
     if not isinstance(effects, Iterable):
         raise InputError(f"effects: expected several, such as [ControlDelay(2)], got {effects!r}")
     return tuple(effects)

@@ -17,21 +17,36 @@ from adaptctl.simulation.effects.effect import SensorEffect, at_least_zero, vali
 _WHOLE = 1.5 * 2.0**52
 """Adding and subtracting it rounds a double below 2^51 to the nearest whole number, ties to even."""
 
-FINEST = 1e-12
+MIN_RESOLUTION = 1e-12
 """rad (m): counts of a finer resolution are not whole numbers any more in double precision"""
 
 
 @dataclass(frozen=True, eq=False)
 class Encoder(SensorEffect):
-    """Joint encoders: they measure positions in whole counts of `resolution` (rad or m), the nearest, after adding
-    Gaussian noise of standard deviation `noise` (rad or m).
+    """
+    Joint encoders with noise and quantization.
 
-    Velocities get Gaussian noise of standard deviation `velocity_noise` (rad/s or m/s), as of a tachometer; use
-    `FilteredDifferences` where they come from the positions. Each setting is one number or one a joint (r,), 0 by
-    default: no rounding and no noise. An encoder of n counts a turn behind a gear of ratio g has a resolution of 2
-    pi/(n g) rad at the joint. `rank` is 0, the effect's position in the order from the joints to the controller: before
-    other sensor effects. The class itself checks nothing; a `Plant` raises `InputError` for settings that are negative,
-    not finite or do not fit its r joints, and for a resolution below 1e-12 rad (m if prismatic), unless 0.
+    Parameters
+    ----------
+    resolution : array_like, default 0.0
+        Count in rad (m if prismatic), 2 pi/(n g) for n counts behind a gear of ratio g, one number or (r,); 0 for no
+        rounding, else at least 1e-12.
+    noise : array_like, default 0.0
+        Standard deviation of Gaussian noise before the rounding, rad (m).
+    velocity_noise : array_like, default 0.0
+        Standard deviation of Gaussian noise of a tachometer in rad/s (m/s); use `FilteredDifferences` for velocities
+        made of positions.
+
+    Notes
+    -----
+    `Plant` checks the settings. First of the sensor effects.
+
+    Examples
+    --------
+    >>> from adaptctl.simulation.effects import Encoder
+    >>> measured = adaptctl.Plant(arm, period, effects=[Encoder(resolution=0.25)])
+    >>> measured.init([0.3, 0.6], [0.0, 0.0]).measured_p.tolist()
+    [0.25, 0.5]
     """
 
     resolution: ArrayLike = 0.0
@@ -41,34 +56,22 @@ class Encoder(SensorEffect):
     rank: ClassVar[int] = 0
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless each of `resolution`, `noise` and `velocity_noise` is one finite number of at least
-        0 or one for each of `dof` (r) joints, and each resolution is 0 or at least 1e-12 rad (m if prismatic). The
-        names `links` and `control_period` (s) are not used."""
+        """Raise an error where the settings do not fit a plant."""
         for name in ("resolution", "noise", "velocity_noise"):
             if not np.isfinite(at_least_zero(getattr(self, name), dof, f"encoder: {name}")).all():
                 raise InputError(f"encoder: {name}: expected finite numbers, got {getattr(self, name)}")
         steps = np.asarray(self.resolution)
-        if np.any((steps > 0.0) & (steps < FINEST)):
-            raise InputError(f"encoder: resolution: expected 0 or at least {FINEST:g}, got {steps.tolist()}")
+        if np.any((steps > 0.0) & (steps < MIN_RESOLUTION)):
+            raise InputError(f"encoder: resolution: expected 0 or at least {MIN_RESOLUTION:g}, got {steps.tolist()}")
 
     def initial_state(self, p: Array, v: Array, control_period: float) -> Array:
-        """An empty internal state (0,), one for all arms: encoders keep nothing from one measurement to the next.
-        Positions `p` and velocities `v` (..., r) of the r joints and `control_period` (s) are not used. Nothing is
-        raised."""
+        """Internal state before the first control period."""
         return np.zeros(0)
 
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The measured positions (r,) and velocities (r,) of r joints, and the `memory` (0,) as it was. Positions, rad
-        (m if prismatic), have noise and are rounded to whole counts of the encoder's `resolution` (not where that is
-        0); velocities, rad/s (m/s), have noise.
-
-        `p` and `v` (r,), in the same units, are the true positions and velocities, and `noise` (2r,) holds standard
-        normal numbers (unitless), the positions' first; `control_period` (s) is not used. Vectors are Columns of
-        scalars of any kind: floats, arrays, or symbols to be compiled. Raises `InputError` for settings that are
-        negative, NaN or do not fit r joints, `ValueError` for columns of other lengths.
-        """
+        """Measured positions and velocities, and the internal state after them."""
         dof = len(p)
         jitter, steps, shake = (
             at_least_zero(values, dof, "encoder").tolist()
@@ -85,18 +88,36 @@ def _rounded(x: Scalar) -> Scalar:
 
 @dataclass(frozen=True)
 class FilteredDifferences(SensorEffect):
-    """Sensor effect that estimates velocities from measured positions: backward differences through a first-order
-    low-pass filter.
+    r"""
+    Velocities from measured positions by backward differences and a first-order low-pass filter.
 
-        w_k = a w_(k-1) + (1 - a) (p_k - p_(k-1))/T_c,   a = exp(-2 pi cutoff T_c)
+    Parameters
+    ----------
+    cutoff : float
+        Cutoff frequency f in Hz, below half the sampling rate.
 
-    w (r,) is the estimate for r joints in rad/s (m/s of a prismatic joint), p (r,) the measured position in rad (m), k
-    counts control periods, T_c is their length in s, and `cutoff` is in Hz, one number for all joints. Before the first
-    measurement w is the true velocity v, and p is taken to have been p - T_c v. This is the derivative that controllers
-    use in practice (Astrom and Hagglund, Advanced PID Control, 2006, section 3.3); it is late by about T_c/2 + 1/(2 pi
-    cutoff) s. An encoder's count of c rad (m) makes it jump by (1 - a) c/T_c. `rank` is 1, the effect's position in the
-    order from the joints to the controller: after encoders. Raises `InputError` for a cutoff that is not positive and
-    finite, and in a `Plant` for one of at least half the sampling rate, 0.5/T_c.
+    Raises
+    ------
+    InputError
+        If the cutoff is not positive and finite or, in a `Plant`, at least half the sampling rate.
+
+    Notes
+    -----
+    .. math:: w_k = a\,w_{k-1} + (1 - a)(p_k - p_{k-1})/T_c, \quad a = e^{-2 \pi f T_c}
+
+    is the derivative that controllers use in practice [1]_. It is late by about T_c/2 + 1/(2 pi f); a count of c makes
+    it jump by (1 - a) c/T_c. At first w is the true velocity. Acts after encoders.
+
+    References
+    ----------
+    .. [1] K. J. Åström, T. Hägglund, Advanced PID Control, 2006, section 3.3.
+
+    Examples
+    --------
+    >>> from adaptctl.simulation.effects import FilteredDifferences
+    >>> filtered = adaptctl.Plant(arm, period, effects=[FilteredDifferences(50.0)])
+    >>> bool(np.allclose(filtered.init(p, v).measured_v, v))
+    True
     """
 
     cutoff: float
@@ -107,8 +128,7 @@ class FilteredDifferences(SensorEffect):
         validate_positive(self.cutoff, "filtered differences: cutoff", "Hz")
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise `InputError` unless the cutoff (Hz) is below half the sampling rate, 0.5/`control_period` (s), which is
-        taken to be positive. The number of joints `dof` and the names `links` are not used."""
+        """Raise an error where the settings do not fit a plant."""
         if self.cutoff >= 0.5 / control_period:
             raise InputError(
                 f"filtered differences: a cutoff of {self.cutoff:g} Hz is not below half the sampling rate, "
@@ -116,22 +136,13 @@ class FilteredDifferences(SensorEffect):
             )
 
     def initial_state(self, p: Array, v: Array, control_period: float) -> Array:
-        """The filter's initial internal state (..., 2r) for arms of r joints at positions p (..., r), rad (m if
-        prismatic), with velocities v (..., r), rad/s (m/s). It has the positions (..., r) one `control_period` (s)
-        earlier, p - control_period v, then the velocity estimate (..., r), which is v. Shapes are not checked."""
+        """Internal state before the first control period."""
         return np.concatenate((p - control_period * v, v), axis=-1)
 
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """The positions p (r,) of r joints, unchanged, the velocities (r,) estimated from them, and the filter's
-        internal state (2r,) after them: p, then the estimate. Positions are in rad (m if prismatic), velocities in
-        rad/s (m/s).
-
-        `memory` (2r,), p and the estimate, is the internal state of the period before, `control_period` is in s; the
-        velocities v (r,) and `noise` (2r,) are not used. Vectors are Columns of scalars of any kind: floats, arrays, or
-        symbols to be compiled. Raises `ValueError` for an internal state of another length.
-        """
+        """Measured positions and velocities, and the internal state after them."""
         dof, kept = len(p), math.exp(-2.0 * math.pi * self.cutoff * control_period)
         before, rate = Column(memory.of[:dof]), Column(memory.of[dof:])
         after = kept * rate + ((1.0 - kept) / control_period) * (p - before)
