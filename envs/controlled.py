@@ -62,7 +62,6 @@ class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.uti
         """Torque (r,) under an action (a,), the controller's state after it, and additions to `info`."""
 
     def _look(self, observation: Array) -> None:
-        """Take what is observed."""
         p, v, *reference = (np.asarray(observation, dtype=np.float64)[..., part] for part in self._parts)
         self._seen = p, v, ReferencePoint(*reference)
 

@@ -57,7 +57,6 @@ class Renderer:
         return self._caption.over(_pixels(picture), time)
 
     def _arm(self, p: Array, ghost: Color | None = None) -> list[ConvexPart]:
-        """The mechanism's shapes in the world."""
         rotations, origins = link_poses(self._mechanism, p)
         solids = []
         for shape in self._parts.shapes:
@@ -113,7 +112,6 @@ class Renderer:
 
 
 def _pixels(picture: Array) -> NDArray[np.uint8]:
-    """The mean of each pixel's rays, as bytes."""
     steps = range(OVERSAMPLING)
     mean = sum(picture[i::OVERSAMPLING, j::OVERSAMPLING] for i in steps for j in steps) / OVERSAMPLING**2
     return np.clip(255.0 * mean + 0.5, 0.0, 255.0).astype(np.uint8)

@@ -272,7 +272,6 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return self._observation(started), self._info(started.parameters, started.state, 0, 0)
 
     def _started(self, seed: int | None, options: dict[str, Any] | None) -> RunningEpisode:
-        """The episode that now begins."""
         super().reset(seed=seed)
         given, r = known_options(options, OPTIONS), self.plant.dof
         error = initial_error_of(given.get("initial_error", self.initial_error), r)

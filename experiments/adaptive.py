@@ -212,7 +212,6 @@ class AdaptiveTracking(Learning):
 
 
 def _apart(one: ControllerRun, other: ControllerRun) -> float:
-    """Largest difference of positions, rad or m, at common times."""
     common = min(len(one.rollout.time), len(other.rollout.time))
     return float(np.abs(one.rollout.p[:common] - other.rollout.p[:common]).max())
 

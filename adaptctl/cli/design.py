@@ -162,7 +162,6 @@ def _detail(
 
 
 def _driven(study: DesignStudy, seed: int, **given: Any) -> tuple[DrivenArm, ...]:
-    """Runs in closed loop, which a person sees going on."""
     from adaptctl.cli.experiment import shown_progress
     from adaptctl.design.driving import driven
 

@@ -119,7 +119,6 @@ def excite(
 
 
 def _each(given: Numbers) -> Any:
-    """One number for all joints, one each, or none."""
     return (given[0] if len(given) == 1 else list(given)) if given else None
 
 

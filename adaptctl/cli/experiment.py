@@ -68,7 +68,6 @@ def __getattr__(name: str) -> Callable[..., int]:
 
 
 def _command(kind: type[Experiment], name: str) -> Callable[..., int]:
-    """Command that runs experiments of a kind."""
     from adaptctl.experiments.experiment import text
 
     try:

@@ -136,7 +136,6 @@ class CStatements:
         return f"{LIBRARY[x.op]}{end}({a})"
 
     def _turn(self, x: Expression) -> None:
-        """Sine and cosine of an angle, both at once."""
         angle = x.operands[0]
         if angle.index not in self._turned:
             self._turned.add(angle.index)
@@ -216,7 +215,6 @@ static void {prefix}_sincos({prefix}_real x, {prefix}_real *{prefix.upper()}_RES
 
 
 def _near(prefix: str, number: CNumber, sine: Sine) -> str:
-    """The statements up to `near_s`, `near_c` and `shifted`."""
     routine = trace(lambda x: sine.reduced(x[0]), {"x": 1})
     code = CStatements(prefix, number, Piece(routine.body, {}, {}), {}, lambda _part, _k: "x")
     wanted = {x.index for x in routine.outputs if isinstance(x, Expression)}

@@ -103,7 +103,6 @@ class CPackage:
 
     @cached_property
     def _content(self) -> dict[str, Any]:
-        """Variables of all templates, by name."""
         interface, law = self.interface, self.interface.controller
         fields, flags = interface.memory, interface.flags
         return {
@@ -193,7 +192,6 @@ class CPackage:
         return Signature(f"{name}_law", parameters, given, place, before)
 
     def _values(self, field: Field) -> str:
-        """Initial values, each with what it is called."""
         if not field.values.shape:
             return self.number.constant(float(field.values))
         flat = field.values.ravel().tolist()
@@ -208,7 +206,6 @@ class CPackage:
         return "{ " + ", ".join(map(self.number.constant, np.ravel(values).tolist())) + " }"
 
     def _plain(self, values: Array) -> str:
-        """Numbers in double precision, whatever the code's own."""
         return "{ " + ", ".join(map(CNumber("double", {}).constant, np.ravel(values).tolist())) + " }"
 
     def _tick(self, tick: RecordedTick) -> dict[str, Any]:

@@ -110,7 +110,6 @@ class CProgram:
         )
 
     def _called(self, routine: Routine) -> str:
-        """The function of a routine that others call."""
         name = re.sub(r"[^A-Za-z0-9_]", "_", routine.name).strip("_") or "part"
         self._symbols[routine] = f"{self.prefix}_{name}_{len(self._symbols)}"
         given = [f"in{k}" for k in range(len(routine.inputs))]

@@ -211,7 +211,6 @@ def _written(
 
 
 def _manifest(interface: Interface, name: str, facts: dict[str, Any]) -> dict[str, Any]:
-    """Contents of the manifest, in JSON's types."""
     mechanism, model, law = interface.mechanism, interface.model, interface.controller
     gains = {field.name: _jsonable(field.values) for field in interface.all_gains}
     columns = list(model.names) if model is not None else None
@@ -240,7 +239,6 @@ def _manifest(interface: Interface, name: str, facts: dict[str, Any]) -> dict[st
 
 
 def _jsonable(values: Any) -> Any:
-    """Numbers in JSON, which has no infinity."""
     plain = np.asarray(values).tolist()
     return json.loads(json.dumps(plain).replace("-Infinity", '"-infinity"').replace("Infinity", '"infinity"'))
 

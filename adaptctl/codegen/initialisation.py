@@ -57,7 +57,6 @@ def start_of(interface: Interface, open_by: float) -> Start:
 
 
 def _computed(interface: Interface, fields: tuple[int, ...]) -> Routine:
-    """The start of the adaptation law's memory over scalars."""
     law: Any = interface.innermost
     names = [interface.memory[k].name for k in fields]
     if not isinstance(law, AdaptiveController) or law.adaptation_law is None:

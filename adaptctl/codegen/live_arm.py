@@ -155,7 +155,6 @@ def _facts(loop: LiveLoop, own: dict[str, int], made: list[int], layout: Layout)
 
 
 def _groups(controller: Controller[Any]) -> Iterator[dict[str, Any]]:
-    """Gains that a slider makes larger or smaller together."""
     names = {"bandwidth": "Λ, bandwidth", "damping": "K, damping", "gain": "Γ, adaptation gain"}
     found: dict[str, list[list[int]]] = {}
     first = 0
@@ -178,6 +177,5 @@ def _load(plant: Plant, parameters: Array) -> list[float]:
 
 
 def _heaviest(plant: Plant) -> float:
-    """kg, about a quarter of the arm, with two digits."""
     masses = [abs(float(link.inertia[0])) for link in plant.mechanism.links]
     return float(f"{max(MAX_PAYLOAD_SHARE * sum(masses), 0.1):.1g}")

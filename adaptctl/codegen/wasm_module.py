@@ -249,5 +249,4 @@ class WasmModule:
 
 
 def _integer(n: int) -> bytes:
-    """A whole number below 64, of 64 bits."""
     return b"\x42" + bytes([n])

@@ -272,7 +272,6 @@ class ClosedLoop:
 
     @cached_property
     def _blank(self) -> Any:
-        """A memory, to learn its layout from."""
         return self.controller.initial_state(self.controller.neutral_configuration, np.zeros(self.controller.dof))
 
     @property

@@ -127,7 +127,6 @@ def validate_single(loop: ClosedLoop, steps: int) -> None:
 
 
 def _parts(law: Tunable) -> Iterator[Tunable]:
-    """A law, and the laws that it is made of."""
     yield law
     for part in law.tunable_parts.values():
         yield from _parts(part)

@@ -111,8 +111,6 @@ def held_motion(
 
 
 def _rigid(equations: Equations, integrator: Integrator, friction: Sequence[JointEffect], dt: float) -> Bodies:
-    """The links, with what brakes the joints."""
-
     def explicit(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
         """Rates of the configuration and of the velocities: together, for loops need their Jacobian for both."""
         return equations.rates(q, v), equations.forward_dynamics(q, v, torque, parameters)
@@ -162,7 +160,6 @@ def joined(links: Column, motors: Column) -> Column:
 
 
 def _secants(friction: Sequence[JointEffect], v: Column) -> Column:
-    """Friction of the effects over velocity (r,), N m s/rad."""
     total = sum((effect.torque(v) for effect in friction), Column.zeros(len(v)))
     steepest = np.sum([effect.max_slope(len(v)) for effect in friction], axis=0)
     moving = [absolute(x) > MIN_SECANT_SPEED for x in v]

@@ -439,7 +439,6 @@ class Plant(Tunable):
 
     @cached_property
     def _advance(self) -> Callable[..., tuple[Any, ...]]:
-        """A control period on arrays; equal plants share it."""
         return _shared(self.structure, "_advancing")
 
     def _advancing(self) -> Callable[..., tuple[Any, ...]]:
@@ -457,7 +456,6 @@ class Plant(Tunable):
 
     @cached_property
     def _energy(self) -> Callable[..., tuple[Array]]:
-        """Energy on arrays; plants of one mechanism share it."""
         return _shared(self.structure, "_measuring")
 
     def _measuring(self) -> Callable[..., tuple[Array]]:
@@ -517,7 +515,6 @@ class Plant(Tunable):
 
     @cached_property
     def _transmission(self) -> Transmission | None:
-        """The springs of elastic joints."""
         return None if self._effects.elastic is None else Transmission.of(self.mechanism, self._effects.elastic)
 
     @cached_property
@@ -564,7 +561,6 @@ class Plant(Tunable):
 
 @lru_cache(maxsize=64)
 def _shared(structure: Structure, name: str) -> Callable[..., Any]:
-    """Result of a method of plants of one structure."""
     made: Callable[..., Any] = getattr(structure.of, name)()
     return made
 

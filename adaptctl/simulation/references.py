@@ -115,7 +115,6 @@ class Preview:
         return rows
 
     def _keep(self, blocks: list[int]) -> None:
-        """Have these blocks, in this order, and no others."""
         self._blocks = {k: self._blocks[k] if k in self._blocks else self._block(k) for k in blocks}
 
     def _block(self, block: int) -> Array:
@@ -138,8 +137,6 @@ def _put_sinusoids(points: Array, reference: Sinusoids, times: Array) -> None:
 
 @lru_cache(maxsize=16)
 def _compiled(*sizes: int) -> Kernel:
-    """Native code for sinusoids of so many numbers."""
-
     def point(time: Column, **numbers: Column) -> list[Column]:
         return list(sinusoids_at(time[0], SinusoidNumbers(**numbers)))
 
@@ -256,7 +253,6 @@ class ReferencesOfMany:
 
     @property
     def _is_shared(self) -> bool:
-        """True if one reference is for all arms."""
         return not (self.form.terms or self.form.each)
 
     @cached_property
@@ -266,7 +262,6 @@ class ReferencesOfMany:
 
 
 def _form(references: Sequence[Reference], size: int) -> ReferenceForm:
-    """Sinusoids where all are sums of as many, samples else."""
     lengths = {one.amplitude.shape if isinstance(one, Sinusoids) else None for one in references}
     shape = lengths.pop()
     if lengths or not shape or shape[1] != size or not shape[0]:
@@ -275,7 +270,6 @@ def _form(references: Sequence[Reference], size: int) -> ReferenceForm:
 
 
 def _filled(numbers: SinusoidNumbers, size: int) -> SinusoidNumbers:
-    """The numbers of as many terms as make `size` waves."""
     none = np.zeros(size - len(numbers.amplitude))
     amplitude, frequency, phase = (np.concatenate((part, none)) for part in numbers[1:4])
     return SinusoidNumbers(numbers.center, amplitude, frequency, phase, numbers.start_time)

@@ -1,4 +1,4 @@
-"""A logger for a control loop of one's own: bounded memory, a few microseconds a sample, a run at the end."""
+"""A logger for a control loop on a real robot: bounded memory, a few microseconds a sample, a run at the end."""
 
 from __future__ import annotations
 

@@ -244,7 +244,6 @@ class EpisodeRun(Driven):
             self.file.append({"measured_p": None, "measured_v": None, **columns}, self._flags(*flags))
 
     def _columns(self, stretch: Stretch) -> dict[str, Array]:
-        """A stretch's columns by their names in a `Rollout`."""
         plant, sample = self.episode.plant, stretch.sample
         names = "v", "torque", "applied", "estimate", "flags", "logged_state"
         columns = {name: getattr(sample, name) for name in names} | {"p": plant.positions(sample.q)}
@@ -290,7 +289,6 @@ class EpisodeRun(Driven):
         return sampled(self.episode.reference, time, size, out=signals)
 
     def _taken(self, count: int) -> Sample:
-        """Samples of the next `count` control periods, which are run."""
         rows, size = slice(self._first, self._first + count), self.loop.noise["noise"]
         if size:
             self.signals.shared.view("noise")[rows] = self.episode.rng.standard_normal((count, size))
@@ -302,7 +300,6 @@ class EpisodeRun(Driven):
         return self.arms.state.blocks.copy(), self.episode.rng.bit_generator.state
 
     def _return(self) -> None:
-        """Go back to where the last stretch that counts ended."""
         self.arms.state.blocks[...], self.episode.rng.bit_generator.state = self.place
 
     def _fail(self, time: float, reference: ReferencePoint) -> NoReturn:

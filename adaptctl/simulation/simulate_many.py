@@ -375,7 +375,6 @@ class _Runs(Driven):
         return max(1, min(MAX_STRETCH, MAX_CALL_BYTES // (8 * min(BATCH, len(self.parameters)) * max(1, numbers))))
 
     def _remembered(self, memory: Any) -> list[Any]:
-        """The parts of a memory of this controller."""
         own = [(size,) for name, size in self.loop.state.items() if name.startswith("memory")]
         parts = leaves(memory) if isinstance(memory, tuple) else [memory]
         sizes = [np.shape(part)[-1:] for part in parts]
@@ -400,17 +399,14 @@ class _Runs(Driven):
         self._done = first + len(time), self._sums(), self._rises()
 
     def _sums(self) -> ErrorSums:
-        """Sums of errors of all arms so far."""
         parts = (np.concatenate([batch.arms.state[name] for batch in self.batches]) for name in ErrorSums._fields)
         return ErrorSums(*parts)
 
     def _rises(self) -> Array:
-        """The largest rises of V so far (M,)."""
         rises = np.concatenate([batch.arms.state["lyapunov_rise"] for batch in self.batches])
         return np.asarray(rises[:, 0]) if rises.shape[1] else np.full(len(rises), np.nan)
 
     def _samples(self, count: int) -> int:
-        """Number of samples kept of `count` control periods."""
         return 0 if self.every is None else -(-count // self.every)
 
     def result(self, wall_time: float, complete: bool) -> Rollouts:

@@ -240,7 +240,6 @@ def _of_joints(update: Any, r: int, name: str, **timing: float) -> control.Nonli
 
 
 def _ticked(controller: Controller[Any], control_period: float) -> float:
-    """Period in s, checked against the controller's own."""
     control_period = positive_number(control_period, "control_period: expected a positive time in s")
     own = getattr(controller, "control_period", None)
     if own is not None and not math.isclose(own, control_period):

@@ -165,7 +165,6 @@ class Arms:
         return self._form.numbers([self._references[arm] for arm in arms.tolist()])
 
     def _follow(self, arms: Numbers, trajectories: Sequence[Trajectory]) -> None:
-        """Give some arms references, and native code their numbers."""
         references = all_drawn(trajectories, self.single.mechanism, lambda k: self.streams.generator(int(arms[k])))
         for arm, one in zip(arms.tolist(), references, strict=True):
             if isinstance(one, Sinusoids) and len(one.center) != self._dof:
@@ -200,7 +199,6 @@ class Arms:
             self._lanes.held["parameters"] = self.parameters
 
     def _ensemble(self) -> Ensemble:
-        """Native copies of the arms, all zero."""
         if self._terms not in self._steppers:
             plant = self.single.plant
             held = {"torque": plant.dof, "noise": plant.noise_size} | self._reference
@@ -222,7 +220,6 @@ class Arms:
         return self._form.shared | self._form.held
 
     def _row(self, **columns: Column) -> Column:
-        """The reference's positions, velocities and accelerations now, and positions ahead."""
         if not self._terms:
             return columns["row"]
         now, *ahead = (self._form.point(columns, delay) for delay in (0.0, *self.single.look_ahead.tolist()))

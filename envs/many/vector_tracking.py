@@ -265,7 +265,6 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
             put(result, arms, self._arms.begin(arms, self.reset_options))
 
     def _final(self, result: Told) -> dict[str, Any]:
-        """Gymnasium's entries on episodes that end in this step."""
         observations = np.full(self.num_envs, None, dtype=object)
         for arm in np.flatnonzero(self._over).tolist():
             observations[arm] = result["observation"][arm].copy()
@@ -287,7 +286,6 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return masked(info, mask)
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[tuple[int, int]]:
-        """Arms and the seeds they are given."""
         if seed is None:
             return []
         try:
@@ -303,7 +301,6 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return [(arm, int(own)) for arm, own in chosen]
 
     def _mask(self, given: Any) -> Flags:
-        """Mask of the arms that are to be reset, checked."""
         if given is None:
             return self._all
         mask = np.array(given)

@@ -276,7 +276,6 @@ class _Digits(float):
 
 
 def _evidence(text: str, numbers: Mapping[str, Any]) -> Evidence:
-    """A sentence whose braces are filled with numbers or words."""
     names = [name for _, name, _, _ in Formatter().parse(text) if name]
     values = {name: _Digits(numbers[name]) for name in names if not isinstance(numbers[name], str)}
     return Evidence(text.format(**{**numbers, **values}), tuple(map(float, values.values())))

@@ -326,7 +326,6 @@ def table8(study: Study) -> Computation:
 
 
 def _values(D: Array) -> Entry:
-    """Parameters (P,) as the paper's tables have them."""
     return lambda row, link: float(sign(row) * D[index(row, link)])
 
 

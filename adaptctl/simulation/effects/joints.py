@@ -91,7 +91,6 @@ class Friction(JointEffect):
         return viscous + (coulomb + stribeck) / COULOMB_SMOOTHING_SPEED
 
     def _each(self, dof: int) -> Array:
-        """The three (3, r)."""
         given = ((kind.value, getattr(self, kind.value)) for kind in KINDS)
         return np.array([at_least_zero(values, dof, f"friction: {name}") for name, values in given])
 
@@ -392,7 +391,6 @@ class PayloadHeld(LoadEffect):
         return Payload.of(self.payload).added_to(parameters, self._place(links))
 
     def _place(self, links: tuple[str, ...]) -> int:
-        """The index of the payload's link."""
         if self.link is None:
             return len(links) - 1
         if self.link not in links:
