@@ -32,7 +32,13 @@ for entry in EXPERIMENTS:
 
 @app.command(name="list")
 def list_experiments(*, json: Json = False) -> None:
-    """Print the names of the experiments, with a line about each."""
+    """
+    Print the names of the experiments, with a line about each.
+
+    Experiments of installed packages come last, with the object that defines
+    them. With `json` an object with `experiments`, a list of `name` and
+    `summary`, is printed.
+    """
     summaries = [(entry.name, entry.summary) for entry in EXPERIMENTS]
     summaries += [(name, f"of {point.value}") for name, point in offered().items()]
     if json:

@@ -133,7 +133,12 @@ def sweep(
 
 @app.command
 def status(folder: Path, *, json: Json = False) -> int:
-    """Print how far a sweep is, and what its rows say so far."""
+    """
+    Print how far a sweep is, and what its rows say so far.
+
+    A sweep keeps its rows in files of so many runs each, its shards. With `json`
+    an object with the numbers `shards`, `shards_in_all` and `runs` is printed.
+    """
     from adaptctl.sweeps.folder import saved_study
 
     study = saved_study(folder)
@@ -148,7 +153,7 @@ def status(folder: Path, *, json: Json = False) -> int:
 
 @app.command
 def report(folder: Path) -> int:
-    """Write report.html of what a sweep has so far into its folder."""
+    """Write report.html of what a sweep has so far: maps, the worst runs, and the commands that show them."""
     from adaptctl.sweeps.report import write_report
 
     print(f"Read it:  {write_report(folder)}")
