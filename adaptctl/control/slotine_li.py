@@ -255,7 +255,7 @@ class PassivityIntegral(SlotineLi):
 
     Notes
     -----
-    .. math:: v_r=v_d-2\Lambda e-\Lambda^2\textstyle\int e\,dt,\quad s=v-v_r.
+    .. math:: v_r=v_d-2\Lambda e-\Lambda^2\int e\,dt,\quad s=v-v_r.
 
     At rest, without adaptation, a constant disturbance leaves no position error [1]_. With adaptation it makes the
     estimate drift, unless a leak or `Projection` bounds it.

@@ -68,7 +68,7 @@ class ConcurrentLearning(Descent[Stack]):
 
     Notes
     -----
-    .. math:: \dot{\hat\beta}=-\Gamma\bigl(Y^\top s+\textstyle\sum_jW_j^\top R(W_j\hat\beta-F[\tau]_j)\bigr).
+    .. math:: \dot{\hat\beta}=-\Gamma\bigl(Y^\top s+\sum_jW_j^\top R(W_j\hat\beta-F[\tau]_j)\bigr).
 
     Errors converge exponentially, also at rest, if the stack has full rank [1]_.
 

@@ -192,7 +192,7 @@ class DeadZone(Descent[NoMemory]):
 
     Notes
     -----
-    .. math:: \dot{\hat\beta}=-\Gamma Y^\top s\quad\text{where}\quad\textstyle\sum_i(s_i/w_i)^2>1.
+    .. math:: \dot{\hat\beta}=-\Gamma Y^\top s\quad\text{where}\quad\sum_i(s_i/w_i)^2>1.
 
     Disturbances within the zone cause no drift [1]_; tracking is no better than the zone.
 
