@@ -50,7 +50,7 @@ class IdentifyThenAdapt(Learning):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        validate_count(self, ("center", "amplitude", "frequency"), 6, "one a joint")
+        validate_count(self, ("center", "amplitude", "frequency"), 6, "one per joint")
 
     @property
     def purpose(self) -> str:

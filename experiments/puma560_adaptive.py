@@ -94,7 +94,7 @@ class Puma560Adaptive(FromRanges):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        validate_count(self, ("damping", "center", "amplitude", "frequency"), self.joints, "one a joint")
+        validate_count(self, ("damping", "center", "amplitude", "frequency"), self.joints, "one per joint")
         if len(set(self.components)) < len(self.components) or (0 in self.components and len(self.components) > 1):
             raise InputError("components: expected each at most once, or 0 alone")
 

@@ -187,7 +187,7 @@ class TaskSpaceTracking(FromRanges):
             f"In the last {END:g} s the tool is off its path by {on} mm (RMS), with adaptation off by {off} mm. The "
             f"least of all controllers is {wording.number(last[least])} mm ({outcome.run[least].label})."
         )
-        caption = "Distance of the tool from its path, one line a controller (logarithmic scale)."
+        caption = "Distance of the tool from its path, one line per controller (logarithmic scale)."
         millimetres = {name: 1e3 * values for name, values in errors.items()}
         drawing = Drawing("tool-error", caption, partial(over_time, outcome.runs, millimetres, "tool error [mm]"))
         return Told(findings, answer, (drawing,), Leading("Distance of the tool from its path", "mm", errors))

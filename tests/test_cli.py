@@ -106,7 +106,7 @@ print("loaded", [name for name in {HEAVY!r} if name in sys.modules])
         ((*RUN, "--seed", "-1"), "seed: expected a whole number from 0 to"),
         ((*RUN, "--seed", "1.5"), "--seed: expected a whole number, got '1.5'"),
         ((*RUN, "--seed", "99999999999"), "seed: expected a whole number from 0 to"),
-        ((*RUN, "--damping", "90", "150"), "damping: expected 6 numbers, one a joint, got 2"),
+        ((*RUN, "--damping", "90", "150"), "damping: expected 6 numbers, one per joint, got 2"),
         (
             (*RUN, "--damping", "90", "150", "70", "20", "16", "0"),
             "damping: expected numbers from 0.001 to 10000, got 0",

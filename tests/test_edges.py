@@ -56,7 +56,7 @@ def test_scales_of_zero_are_refused(tmp_path: Path) -> None:
     content = json.loads((tmp_path / "basis.json").read_text())
     content["scales"][3] = 0.0
     (tmp_path / "basis.json").write_text(json.dumps(content))
-    with pytest.raises(InputError, match=rf"`\$\.scales`: expected {len(none)} positive numbers, one a parameter"):
+    with pytest.raises(InputError, match=rf"`\$\.scales`: expected {len(none)} positive numbers, one per parameter"):
         FundamentalBasis.load(tmp_path / "basis.json")
 
 

@@ -182,7 +182,7 @@ def test_the_command_writes_what_robots_run(tmp_path: Path, capsys: pytest.Captu
         (["--noise", "0"], "noise: expected positive numbers"),
         (["--sample-rate", "0"], "rate: expected a positive number of Hz, got 0.0"),
         (["--sample-rate", "nan"], "rate: expected a positive number of Hz, got nan"),
-        (["--sample-rate", "1e9"], "rate: expected at most 100000 points a second, got 1e+09"),
+        (["--sample-rate", "1e9"], "rate: expected at most 100000 points per second, got 1e+09"),
         (["--acceleration", "0"], "acceleration: expected positive numbers, got [0.0, 0.0]"),
         (["--jerk", "1", "-1"], "jerk: expected positive numbers, got [1.0, -1.0]"),
         (["--duration", "inf"], "duration: expected a positive number of seconds, got inf"),

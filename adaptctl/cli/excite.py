@@ -157,7 +157,7 @@ def _validate_rate(rate: float) -> None:
 
     positive_number(rate, "sample_rate: expected a positive number of Hz")
     if rate > MAX_SAMPLE_RATE:
-        raise InputError(f"sample_rate: expected at most {MAX_SAMPLE_RATE} points a second, got {rate:g}")
+        raise InputError(f"sample_rate: expected at most {MAX_SAMPLE_RATE} points per second, got {rate:g}")
 
 
 def _write(folder: Path, name: str, motion: RobotMotion, joints: list[str], rate: float) -> None:

@@ -90,7 +90,7 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
         if not self.gap > 0.0:
             return f"`$.gap`: expected a positive number, got {self.gap}"
         if len(self.scales) != len(self.parameters) or not all(scale > 0.0 for scale in self.scales):
-            return f"`$.scales`: expected {len(self.parameters)} positive numbers, one a parameter"
+            return f"`$.scales`: expected {len(self.parameters)} positive numbers, one per parameter"
         if self.rank != len(self.regrouping):
             return f"`$.rank` is {self.rank}, but `$.regrouping` keeps {len(self.regrouping)} parameters"
         for kept, row in self.regrouping.items():

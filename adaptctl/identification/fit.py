@@ -108,7 +108,7 @@ class LogEvidence:
         return np.array([*self.basis.columns, *others])
 
     def fit(self, settings: FitSettings, blocks: Sequence[int]) -> Fit:
-        """Consistent fit to some blocks, begun where the last one on the same blocks ended."""
+        """Consistent fit to some blocks, started where the last one on the same blocks ended."""
         load, key = self.load_from(settings, blocks), tuple(blocks)
         found = self.fitted(self.equations(settings.cutoff, blocks, load), settings, self._ends.get(key))
         self._ends[key] = found.x

@@ -59,7 +59,7 @@ def table(source: str, columns: Iterable[tuple[str, Array]], units: Mapping[str,
         found[name] = np.asarray(values, dtype=np.float64)
     first, rows = next(((name, len(values)) for name, values in found.items()), ("", 0))
     if not rows:
-        raise FileError(f"{source}: holds no rows of numbers; expected a line of column names and a line a sample")
+        raise FileError(f"{source}: holds no rows of numbers; expected a line of column names and a line per sample")
     for name, values in found.items():
         if len(values) != rows:
             raise FileError(

@@ -83,7 +83,7 @@ class Live:
         inline: bool = False,
     ) -> None:
         validate_kind(mechanism, Mechanism, "live view", "as load(...) gives one")
-        self._pause = 1.0 / positive_number(rate, "rate: expected a positive number of samples a second")
+        self._pause = 1.0 / positive_number(rate, "rate: expected a positive number of samples per second")
         self._dof, self._latest = mechanism.dof, -np.inf
         self.sent, self.dropped = 0, 0
         self._socket: socket.socket | None = None

@@ -46,7 +46,7 @@ class LearnerView:
                 f"options: expected the same ones for all arms, such as {', '.join(sorted(names)) or 'none'}"
             )
         each: dict[str, Any] = {name: [own[name] for own in options] for name in names}
-        if "initial_error" in each:  # One number for all joints would else be one a joint.
+        if "initial_error" in each:  # One number for all joints would else be one per joint.
             off = enumerate(each["initial_error"])
             each["initial_error"] = [per_joint(own, self._dof, f"initial_error of arm {arm}") for arm, own in off]
         observations: Array = self.env.reset(seed=seeds, options=each)[0]
