@@ -63,7 +63,9 @@ def checked_gain(gain: ArrayLike) -> Array:
     k = array.shape[:1]
     array = frozen_array(array, (*k, *k) if array.ndim == 2 else k, "adaptation gain")
     if array.ndim not in (1, 2) or not array.size:
-        raise InputError(f"adaptation gain: expected numbers (k,), one per parameter, or (k, k), got shape {array.shape}")
+        raise InputError(
+            f"adaptation gain: expected numbers (k,), one per parameter, or (k, k), got shape {array.shape}"
+        )
     positive = np.all(array > 0.0) if array.ndim == 1 else _is_positive_definite(array)
     if not positive:
         raise InputError("adaptation gain: expected a positive diagonal or a symmetric positive definite matrix")
