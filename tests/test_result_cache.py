@@ -44,7 +44,7 @@ class Computation:
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache, in use by a process that has kept nothing yet."""
     monkeypatch.setenv("ADAPTCTL_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(result_cache, "_left", iter(range(result_cache.MOST)))
+    monkeypatch.setattr(result_cache, "_left", iter(range(result_cache.MAX_RESULTS_IN_PROCESS)))
     return tmp_path / "cache"
 
 
@@ -64,7 +64,7 @@ def test_what_comes_back_is_the_same_to_the_last_bit(
     once = Computation(Found(numbers, name))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ADAPTCTL_CACHE", str(tmp_path_factory.mktemp("cache")))
-        patch.setattr(result_cache, "_left", iter(range(result_cache.MOST)))
+        patch.setattr(result_cache, "_left", iter(range(result_cache.MAX_RESULTS_IN_PROCESS)))
         kept("test", 0, Found, once)
         again = kept("test", 0, Found, once)
     assert once.times == 1
@@ -142,9 +142,9 @@ def test_errors_are_not_kept(folder: Path) -> None:
 
 
 def test_a_sweep_does_not_fill_the_folder(folder: Path) -> None:
-    for k in range(3 * result_cache.MOST):
+    for k in range(3 * result_cache.MAX_RESULTS_IN_PROCESS):
         kept("test", k, int, lambda k=k: k)  # type: ignore[misc]
-    assert len(list(folder.iterdir())) == result_cache.MOST
+    assert len(list(folder.iterdir())) == result_cache.MAX_RESULTS_IN_PROCESS
 
 
 def test_nothing_is_kept_where_the_cache_is_off(monkeypatch: pytest.MonkeyPatch) -> None:

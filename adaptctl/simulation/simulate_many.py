@@ -95,8 +95,10 @@ class Rollouts:
 
     The Lyapunov function of Slotine and Li is
 
-    .. math:: V = \tfrac12 s^T M s + \tfrac12 \tilde\theta^T \Gamma^{-1} \tilde\theta, \quad s = v - v_d + \Lambda (p -
-    p_d),
+    .. math::
+
+        V = \tfrac12 s^T M s + \tfrac12 \tilde\theta^T \Gamma^{-1} \tilde\theta,
+        \quad s = v - v_d + \Lambda (p - p_d),
 
     with the mass matrix M, the estimation error :math:`\tilde\theta`, the adaptation gain :math:`\Gamma` and the
     bandwidth :math:`\Lambda`; an adaptation law may add a term.
