@@ -41,6 +41,7 @@ if _source:  # then every page has a link to edit it
     html_theme_options = {"source_repository": _source, "source_branch": "main", "source_directory": "docs/"}
 
 myst_enable_extensions = ["dollarmath", "deflist"]
+suppress_warnings = ["ref.citation"]  # a reference that no sentence cites is listed all the same
 myst_heading_anchors = 3
 
 # The tutorials are notebooks: computed at every build, and an error in one ends it.
