@@ -14,90 +14,90 @@ DOCS := docs/_build/html
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
 
-demo: $(STAMP) ## an adaptive PUMA 560, from energies to a recording, in results/puma560-adaptive (or OUT=...)
+demo: $(STAMP) ## run the adaptive PUMA 560 experiment, into results/puma560-adaptive (or OUT=...)
 	$(BIN)/adaptctl experiment run puma560-adaptive --out $(OUT) --overwrite
 	@echo '(rerun is $(BIN)/rerun)'
 
-test: $(STAMP) ## the tests, and every example of README.md and docs/
+test: $(STAMP) ## run the tests, and the examples of README.md and docs/
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
-test-nightly: $(STAMP) ## those tests that take long, and that `make test` has some of
+test-nightly: $(STAMP) ## run the long tests, of which `make test` has a selection
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m nightly
 
-search: $(STAMP) ## the tests that draw their cases, on cases drawn anew each time
+search: $(STAMP) ## run the property-based tests with fresh random seeds
 	$(BIN)/python -m pytest -n 2 --dist worksteal --hypothesis-profile=search -m '' $$(grep -l '^from hypothesis import' tests/test_*.py)
 
-golden: $(STAMP) ## what is kept in tests/golden against what is so now; ten minutes (PARTS="robots exports"; UPDATE=1 to keep it)
+golden: $(STAMP) ## compare outputs with the references in tests/golden; ten minutes (PARTS="robots exports" for some; UPDATE=1 to update them)
 	$(BIN)/python tests/golden/capture.py $(PARTS) $(if $(UPDATE),--update)
 
-bench: $(STAMP) ## speed against its peers, in three minutes; docs/speed.md and README.md's plot then show it
+bench: $(STAMP) ## measure the speed against other tools, and update docs/speed.md and README.md's plot; three minutes
 	$(BIN)/python -m benchmarks
 
-figures: $(STAMP) ## bounds that the project promises and the figures found today, in results/figures.json; docs/verification.md then shows them
+figures: $(STAMP) ## check the documented bounds, into results/figures.json, and update docs/verification.md
 	@rm -rf results/.figures && mkdir -p results/.figures
 	ADAPTCTL_FIGURES=$(CURDIR)/results/.figures $(BIN)/python -m pytest -q -m '' $$(grep -l '^from figures import' tests/test_*.py)
 	$(BIN)/python tests/figures.py results/.figures results/figures.json
 	$(BIN)/python -m docs.making.verification results/figures.json
 
-check-stability: $(STAMP) ## 10,000 closed loops of ten minutes on random arms; hours (ARMS=50 for some of them)
+check-stability: $(STAMP) ## simulate 10,000 closed loops of ten minutes on random arms; hours (ARMS=50 for fewer)
 	$(BIN)/python -m benchmarks.stability --arms $(ARMS)
 
-check-export: $(STAMP) ## exported C of every law, by every compiler that is here, bit for bit; half an hour (LAWS="puma loop"; PUBLISH=--publish for docs/export.md)
+check-export: $(STAMP) ## compare the exported C of every law, with every installed compiler, bit for bit; half an hour (LAWS="puma loop" for some; PUBLISH=--publish updates docs/export.md)
 	PYTHONPATH=.:tests $(BIN)/python tests/check_export.py $(LAWS) $(PUBLISH)
 
-check-page: $(STAMP) ## exported WebAssembly in node, and a report's arm in a browser, if they are here
+check-page: $(STAMP) ## test exported WebAssembly in node, and a report's simulation in a browser, if installed
 	PYTHONPATH=.:tests $(BIN)/python tests/check_page.py
 
-check-pages: docs ## documentation and reports in a browser without a window: axe-core, widths, valid HTML, by npm in build/pages
+check-pages: docs ## check documentation and reports in a headless browser: accessibility (axe-core), widths, valid HTML; npm in build/pages
 	PYTHONPATH=. $(BIN)/python tests/check_pages.py $(DOCS) results
 
-mutants: $(STAMP) ## small changes of identifiability, dynamics and control that tests ought to notice; an hour
+mutants: $(STAMP) ## mutation tests of identifiability, dynamics and control; an hour
 	nice -n 12 $(BIN)/python tests/mutants.py $(MUTANTS)
 
-check-learners: ## PPO, SAC and residual learning by the documented recipes, in .venv-learn; 20 minutes (RECIPES="ppo sac")
+check-learners: ## run the documented recipes for PPO, SAC and residual learning, in .venv-learn; 20 minutes (RECIPES="ppo sac" for some)
 	test -x .venv-learn/bin/python || $(PYTHON) -m venv .venv-learn
 	.venv-learn/bin/python -c 'import torch, stable_baselines3' 2> /dev/null || .venv-learn/bin/pip install --quiet torch stable-baselines3 || true
 	.venv-learn/bin/pip install --quiet --require-hashes --no-deps --only-binary :all: -r requirements.lock
 	PYTHONPATH=. .venv-learn/bin/python tests/check_learners.py $(RECIPES)
 
-lint: $(STAMP) ## style of the code
+lint: $(STAMP) ## check the code style
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-types: $(STAMP) ## types of the code
+types: $(STAMP) ## check the types
 	$(BIN)/mypy
 
-docs: $(STAMP) ## the documentation, in docs/_build/html/index.html
+docs: $(STAMP) ## build the documentation, into docs/_build/html/index.html
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs $(DOCS)
 
-architecture: $(STAMP) ## the picture of what imports what, in docs/images/architecture.svg
+architecture: $(STAMP) ## draw the import graph, into docs/images/architecture.svg
 	$(BIN)/python docs/extensions/architecture.py
 
-gallery: $(STAMP) ## the animation and the page of all experiments in docs/, from runs in results/gallery; ten minutes
+gallery: $(STAMP) ## update the gallery in docs/ from runs in results/gallery; ten minutes
 	$(BIN)/python -m docs.making
 
-sdist: $(STAMP) ## the source distribution, and its own tests run from it
+sdist: $(STAMP) ## build the source distribution, and run its tests from it
 	$(BIN)/python -m build --no-isolation --sdist
 	rm -rf build/unpacked && mkdir -p build/unpacked && tar -xzf dist/adaptctl-*.tar.gz -C build/unpacked --strip-components=1
 	cd build/unpacked && PYTHONPATH=$$PWD $(CURDIR)/$(BIN)/python -m pytest -n 2 --dist worksteal tests
 
-format: $(STAMP) ## bring the code into style
+format: $(STAMP) ## format the code
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-licences: $(STAMP) ## licences of all that is locked, those first that ask for something or are not known
+licences: $(STAMP) ## list the licences of the locked packages, those with conditions or unknown ones first
 	$(BIN)/python tests/licences.py
 
-audit: ## known vulnerabilities of all that is locked
+audit: ## check the locked packages for known vulnerabilities
 	test -x .venv-lock/bin/pip-audit || ($(PYTHON) -m venv .venv-lock && .venv-lock/bin/pip install --quiet pip-audit)
 	.venv-lock/bin/pip-audit --require-hashes --disable-pip -r requirements.lock
 
-lock: ## resolve the dependencies anew into requirements.lock
+lock: ## update the locked dependencies in requirements.lock
 	test -x .venv-lock/bin/uv || ($(PYTHON) -m venv --clear .venv-lock && .venv-lock/bin/pip install --quiet uv)
 	.venv-lock/bin/uv pip compile pyproject.toml --group dev --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-emit-find-links --no-header --quiet -o requirements.lock
 
-clean: ## remove what was installed and built; results/ stays
+clean: ## remove installed and built files; results/ is kept
 	rm -rf .venv .venv-lock .venv-learn build dist *.egg-info docs/_build
 
 # Asked first: with a Python that is too old, pip would only say that it finds no matching distribution.

@@ -27,7 +27,7 @@ from benchmarks.real_robots import robots as urdfs
 
 PAGE = Path(__file__).parent.parent / "docs" / "tuning.md"
 COMMAND = "python -m benchmarks.tuning_table"
-CASES = ("as described", "torque late", "links off", "both")
+CASES = ("nominal", "one-period delay", "link errors ±30%", "both")
 FIELDS = ("first", "last", "parameter_error", "largest", "limited")
 
 
@@ -94,8 +94,17 @@ def published(done: list[dict[str, Any]]) -> str:
     """The table of all rows, those of few joints first, and what it comes to."""
     done = sorted(done, key=lambda entry: int(entry["dof"]))
     tuned, refused = ([entry for entry in done if ("error" in entry) == wrong] for wrong in (False, True))
-    head = ("Robot", "joints", "first second", "last 2 s", "adaptation off", "torque late", "links 30 % off", "both")
-    parts = [_counts("The rule", [entry["rule"] for entry in tuned], len(done))]
+    head = (
+        "Robot",
+        "joints",
+        "first second",
+        "last 2 s",
+        "adaptation off",
+        "one-period delay",
+        "link errors 30 %",
+        "both",
+    )
+    parts = [_counts("Tuning rules", [entry["rule"] for entry in tuned], len(done))]
     if searched := [entry["search"] for entry in tuned if "search" in entry]:
         parts.append(_counts("With `--search 20`", searched, len(searched)))
     seconds = [(entry["cpu"], entry["dof"]) for entry in tuned]
@@ -115,14 +124,14 @@ def _of_joints(seconds: list[tuple[float, int]], dof: int) -> list[tuple[float, 
 
 def _counts(who: str, found: list[dict[str, Any]], count: int) -> str:
     """Counts of robots that learn, by how well they do."""
-    runs = [one["as described"] for one in found]
+    runs = [one["nominal"] for one in found]
     learning = {name: sum(one[name]["is_learning"] for one in found) for name in CASES}
     tenth = sum(run["is_learning"] and run["last"] <= 0.1 * run["first"] for run in runs)
     median = float(np.median([np.inf if run["last"] is None else run["last"] for run in runs]))
     return (
-        f"{who}: {learning['as described']} of {count} learn as described, {tenth} of them to a tenth of the first "
-        f"second's error, {learning['torque late']} with torques late, {learning['links off']} with links off, "
-        f"{learning['both']} with both; median of the last two seconds {1e3 * median:.2g} mrad."
+        f"{who}: {learning['nominal']} of {count} learn nominally, {tenth} of them to a tenth of the first second's "
+        f"error, {learning['one-period delay']} with a one-period delay, {learning['link errors ±30%']} with link "
+        f"errors, {learning['both']} with both; median of the last two seconds {1e3 * median:.2g} mrad."
     )
 
 
@@ -137,7 +146,7 @@ def _line(entry: dict[str, Any]) -> tuple[str, ...]:
 def _mrad(error: float | None) -> str:
     """An error in mrad (mm)."""
     if error is None:
-        return "falls"
+        return "unstable"
     return f"{1e3 * error:.2g}" if 1e-5 <= error < 0.1 else "< 0.01" if error < 1e-5 else f"{1e3 * error:.0f}"
 
 

@@ -75,7 +75,7 @@ def _laws(env: TrackingEnv) -> dict[str, Controller[Any]]:
     return {
         "PD": PDGravity(mechanism, stiffness, damping, nothing),
         "PD with gravity": PDGravity(mechanism, stiffness, damping),
-        "Slotine-Li from nothing": tuning.controller(model, anyway=True),
+        "Slotine-Li from zero estimates": tuning.controller(model, anyway=True),
         "computed torque": ComputedTorque.on(model, tuning.gains.bandwidth),
     }
 

@@ -32,7 +32,7 @@ class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.uti
         inner = env.unwrapped
         if (env.observation_space, env.action_space) != (inner.observation_space, inner.action_space):
             raise InputError(
-                f"{env}: expected observations and torques in their own units: put such wrappers around this one"
+                f"{env}: expected observations and torques in SI units: apply unit-changing wrappers after this one"
             )
         shape = env.action_space.shape or ()
         self.controller: Controller[Any] = controller
@@ -51,7 +51,7 @@ class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.uti
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
         """Advance the environment by a control period under its controller."""
         if self._memory is None:
-            raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
+            raise gymnasium.error.ResetNeeded("no episode has started: call env.reset() first")
         torque, self._memory, told = self._torque(finite_actions(action, self.action_space))
         observation, reward, terminated, truncated, info = self.env.step(torque)
         self._look(observation)
@@ -71,10 +71,10 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
 
     def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], actions: int) -> None:
         if not isinstance(env, VectorTrackingEnv):
-            raise InputError(f"{env}: expected a vector environment of adaptctl, such as make_vec makes")
+            raise InputError(f"{env}: expected a vector environment of adaptctl, as made by make_vec")
         validate_controller(controller)
         if controller.dof != env.single.plant.dof:
-            raise InputError(f"{env}: observes {env.single.plant.dof} joints, the controller is for {controller.dof}")
+            raise InputError(f"{env}: has {env.single.plant.dof} joints, but the controller has {controller.dof}")
         super().__init__(env)
         self.controller = controller.compile(many=True)
         self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (actions,), np.float32)
@@ -97,7 +97,7 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
     def step(self, actions: Any) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Advance all arms by a control period, each under its own controller."""
         if self._memory is None:
-            raise gymnasium.error.ResetNeeded("there is no episode yet: call env.reset() first")
+            raise gymnasium.error.ResetNeeded("no episode has started: call env.reset() first")
         torques, self._memory, told = self._torques(finite_actions(actions, self.action_space))
         observations, rewards, terminated, truncated, info = self.env.step(torques)
         over = terminated | truncated

@@ -35,7 +35,7 @@ class GainRange:
         chosen = names_of(names)
         controller.tuned({name: controller.numbers.get(name, 0.0) for name in chosen})
         if not chosen:
-            raise NotFoundError(f"gains: expected at least one of {', '.join(controller.numbers) or 'none there are'}")
+            raise NotFoundError(f"gains: expected at least one of {', '.join(controller.numbers) or '(none)'}")
         if positive_number(span, "span: expected a number above 1") <= 1.0:
             raise InputError(f"span: expected a number above 1, got {span}")
         low, high = 0.0, float(np.log(span))
@@ -195,5 +195,5 @@ def names_of(gains: object) -> tuple[str, ...]:
     """Names of gains as a tuple, from one name or several; other things raise `InputError`."""
     names = (gains,) if isinstance(gains, str) else tuple(gains) if isinstance(gains, Iterable) else None
     if names is None or not all(isinstance(name, str) for name in names):
-        raise InputError(f"gains: expected a name, or several, such as ['damping'], got {gains!r:.80}")
+        raise InputError(f"gains: expected names, such as ['damping'], got {gains!r:.80}")
     return names

@@ -274,9 +274,7 @@ def _observed(env: Any) -> TrackingEnv:
     """Tracking environment whose observations an environment passes on as they are."""
     inner = tracking_of(env)
     if getattr(env, "single_observation_space", env.observation_space) != inner.observation_space:
-        raise InputError(
-            f"{env}: expected observations in their own units: they have been changed by a wrapper already"
-        )
+        raise InputError(f"{env}: expected observations in SI units, but a wrapper has changed them")
     return inner
 
 

@@ -97,5 +97,5 @@ def _shown_of(env: gymnasium.Env[Any, Any]) -> tuple[Mapping[str, slice], float]
             "observation_slices, a mapping from p and reference_p to slices of the observation"
         )
     if getattr(env, "observation_space", None) != getattr(inner, "observation_space", None):
-        raise InputError(f"{env}: expected observations in their own units: put such wrappers around this one")
+        raise InputError(f"{env}: expected observations in SI units: apply unit-changing wrappers after this one")
     return slices, period

@@ -125,7 +125,8 @@ def _where_loops_allow(mechanism: Mechanism, references: list[Sinusoids]) -> lis
             found[left[i]] = Sinusoids(centers[i], amplitudes[i], frequency, start_time=START_TIME)
     if len(found) < len(references):
         raise InputError(
-            f"{mechanism.name}: no reference fits: its loops allow hardly any motion about their reference"
+            f"{mechanism.name}: no feasible reference: the loops allow almost no motion about the reference "
+            "configuration"
         )
     return [found[k] for k in range(len(references))]
 

@@ -59,13 +59,13 @@ class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need no
 
     def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
         """Raise `InputError`: the arms share one set of settings."""
-        raise InputError(f"{attr_name}: arms share what they are made with: use `set_options`, or make others")
+        raise InputError(f"{attr_name}: the arms share their settings: use `set_options`, or create a new environment")
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: int | Iterable[int] | None = None, **method_kwargs: Any
     ) -> list[Any]:
         """Raise `InputError`, whatever is given: the arms are stepped together and have no methods of their own."""
-        raise InputError(f"{method_name}: arms are stepped together and have no methods of their own")
+        raise InputError(f"{method_name}: the arms are stepped together and have no separate methods")
 
     def env_is_wrapped(self, wrapper_class: type, indices: int | Iterable[int] | None = None) -> list[bool]:
         """False for each arm of `indices`: no arm is in a wrapper of its own."""

@@ -336,7 +336,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         """
         episode = self._running("render")
         if self.render_mode is None:
-            gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
+            gymnasium.logger.warn("render: set a mode when creating the environment: render_mode='rgb_array'")
             return None
         if self._renderer is None:
             from adaptctl.envs.rendering import Renderer
@@ -373,7 +373,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         200
         """
         if type(self).step is not TrackingEnv.step:
-            raise NotImplementedError(f"{type(self).__name__} has a step of its own")
+            raise NotImplementedError(f"{type(self).__name__} has a custom step")
         if type(self).reset is TrackingEnv.reset:
             started = self._started(seed, options)  # what a step needs is not compiled
         else:
@@ -469,7 +469,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     def _running(self, what: str) -> RunningEpisode:
         if self._episode is None:
-            raise ResetNeeded(f"{what}: there is no episode yet: call env.reset() first")
+            raise ResetNeeded(f"{what}: no episode has started: call env.reset() first")
         return self._episode
 
     def _set_spaces(self) -> None:
@@ -479,7 +479,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self.observation_slices = MappingProxyType(slices | {"look_ahead": slice(5 * r, 5 * r + ahead)})
         self._limits = np.asarray(self.plant.torque_limits)
         if not np.isfinite(self._limits).all():
-            raise InputError(f"torque_limits: an action needs finite ones, got {self._limits.tolist()}")
+            raise InputError(f"torque_limits: actions need finite limits, got {self._limits.tolist()}")
         self.action_space = gymnasium.spaces.Box(-self._limits, self._limits, dtype=np.float64)
         shape = (5 * r + ahead,)
         self.observation_space = gymnasium.spaces.Box(-MAX_OBSERVATION, MAX_OBSERVATION, shape, np.float64)

@@ -44,14 +44,20 @@ class Entry(NamedTuple):
 
 
 EXPERIMENTS = (
-    Entry("puma560-adaptive", "The PUMA 560 learns to track from knowing nothing, on 36 parameters from energies"),
-    Entry("semi-direct-drive-adaptive", "The semi-direct-drive arm does so through its closed loop, on 26 parameters"),
-    Entry("adaptive", "The same for any arm, a built-in robot or a file of yours, on our plant, on MuJoCo, or on both"),
-    Entry("laws", "Every law from one rough model: payloads, noise, weak motors, friction, springs, and rest"),
-    Entry("two-arms", "Two PUMAs hold one rod, a mechanism with a loop of twelve links, and learn its 70 parameters"),
-    Entry("task-space", "A tool follows a path in the world: control of the tool against control of the joints"),
-    Entry("identify-then-adapt", "A real arm's log gives the first estimate: from it, from the URDF and from zero"),
-    Entry("sheu-walker-1991", "Every table and figure of the paper behind all this, with a verdict; and its two arms"),
+    Entry("puma560-adaptive", "Adaptive tracking of the PUMA 560 from zero estimates of its 36 base parameters"),
+    Entry(
+        "semi-direct-drive-adaptive",
+        "Adaptive tracking of the semi-direct-drive arm, a closed loop with 26 base parameters",
+    ),
+    Entry("adaptive", "Adaptive tracking for any robot file, on the built-in plant, on MuJoCo, or on both"),
+    Entry("laws", "Comparison of all laws: payloads, noise, weak motors, friction, elastic joints, rest"),
+    Entry("two-arms", "Adaptive tracking of two PUMAs that hold one rod: a loop of twelve links, 70 base parameters"),
+    Entry("task-space", "Tool path in the world frame: control in task space compared with control in joint space"),
+    Entry("identify-then-adapt", "Adaptation from parameters identified from a real log, from the URDF, and from zero"),
+    Entry(
+        "sheu-walker-1991",
+        "Replication of every table and figure of Sheu and Walker (1991), with its two arms in closed loop",
+    ),
 )
 RENAMED = {
     "serial-versus-graph": "experiment run sheu-walker-1991 --only serial-versus-graph",
@@ -120,7 +126,7 @@ def find(name: str) -> type[Experiment]:
     """
     names = [entry.name for entry in EXPERIMENTS]
     if name in RENAMED:
-        raise NotFoundError(f"experiment {name} is now: adaptctl {RENAMED[name]}")
+        raise NotFoundError(f"experiment {name} has been replaced by: adaptctl {RENAMED[name]}")
     if name not in names:
         close = get_close_matches(name, names, n=1, cutoff=0.4)
         guess = f" (did you mean {close[0]!r}?)" if close else ""
@@ -191,7 +197,7 @@ def from_file(path: str | Path) -> type[Experiment]:
     """
     file = Path(path)
     if not file.is_file():
-        raise FileError(f"{path}: there is no such file")
+        raise FileError(f"{path}: no such file")
     spec = spec_from_file_location(f"adaptctl_own_{file.stem}", file)
     if spec is None or spec.loader is None:
         raise FileError(f"{path}: cannot be imported as Python")
@@ -224,7 +230,7 @@ def _experiment(found: object, where: str) -> type[Experiment]:
         raise InputError(f"{where}: expected a subclass of adaptctl.experiments.experiment.Experiment, got {found!r}")
     for name in ("name", "title"):
         if not isinstance(getattr(found, name, None), str):
-            raise InputError(f"{where}: class {found.__name__} needs a {name}: {name}: ClassVar[str] = ...")
+            raise InputError(f"{where}: class {found.__name__} has no {name}: add {name}: ClassVar[str] = ...")
     return found
 
 

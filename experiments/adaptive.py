@@ -42,7 +42,7 @@ PLANTS = ("adaptctl", "mujoco", "both")
 FINE, OURS = "mujoco-fine", "adaptctl"
 SHORTER = 4
 """Factor by which MuJoCo's steps are shorter in the run that shows the integrator's error."""
-MUJOCO_S = "the difference is MuJoCo's integrator's."
+MUJOCO_S = "the difference is caused by MuJoCo's integrator."
 FIRST_ORDER = 0.5 * SHORTER
 """Least factor by which a difference shrinks at shorter steps, where it is the integrator's."""
 
@@ -52,41 +52,56 @@ class AdaptiveTracking(Learning):
     """Experiment of learning to track on any arm from zero initial estimates."""
 
     name: ClassVar[str] = "adaptive"
-    title: ClassVar[str] = "{robot}: learning to track from knowing nothing"
+    title: ClassVar[str] = "{robot}: adaptive tracking from zero estimates"
 
     robot: str = setting("puma560_measured", "a built-in robot or a file (.urdf, .xml, .toml)")
-    floating_base: bool = setting(False, "a URDF file's root link floats instead of being fixed")
-    bandwidth: float = setting(4.0, "how fast errors decay, at most, 1/s", symbol="Λ", low=0.1, high=100.0)
+    floating_base: bool = setting(False, "the root link of a URDF file floats instead of being fixed")
+    bandwidth: float = setting(4.0, "largest bandwidth: decay rate of errors, 1/s", symbol="Λ", low=0.1, high=100.0)
     sampling_ratio: float = setting(
-        0.5, "K is as large as this T_c λ_max((M + T_c B)⁻¹K) allows", symbol="K", low=0.01, high=1.0
+        0.5,
+        "damping, normalised: largest T_c λ_max((M + T_c B)⁻¹K) along the reference; stable below 2",
+        symbol="K",
+        low=0.01,
+        high=1.0,
     )
     adaptation_ratio: float = setting(
-        0.5, "Γ is as large as this T_c λ_max(K⁻¹ Y Γ Y') allows", symbol="Γ", low=1e-4, high=1.0
+        0.5,
+        "adaptation gain, normalised: T_c λ_max(K⁻¹ Y Γ Y') along the reference; stable below 2",
+        symbol="Γ",
+        low=1e-4,
+        high=1.0,
     )
-    initial_error: float = setting(MAX_INITIAL_ERROR, "rad or m; 0.1: what torques bring back", low=-1.0, high=1.0)
-    parameter_error: float = setting(0.3, "share by which links of the wrong model are off", low=0.0, high=1.0)
-    plant: str = setting("adaptctl", "what moves the arm: adaptctl, mujoco with all of the scene, or both, compared")
-    root: str = setting("", "body of a scene that the arm begins with, where more than one moves")
-    servos_off: bool = setting(False, "switch off actuators of a scene's arm that are no torques")
-    snap: bool = setting(False, "make angles between joint axes within 1e-3 rad of right ones exact")
-    search: int = setting(0, "settings that are tried in closed loop besides those by rule", low=0, high=48)
+    initial_error: float = setting(
+        MAX_INITIAL_ERROR,
+        "initial joint error, rad or m; 0.1 is reduced to what the torque limits can correct",
+        low=-1.0,
+        high=1.0,
+    )
+    parameter_error: float = setting(0.3, "relative error of the links of the wrong model", low=0.0, high=1.0)
+    plant: str = setting("adaptctl", "plant: adaptctl, mujoco (with the whole scene), or both for a comparison")
+    root: str = setting("", "first body of the arm, in a scene with several moving bodies")
+    servos_off: bool = setting(False, "switch off actuators of the arm that are not torques")
+    snap: bool = setting(False, "snap angles between joint axes within 1e-3 rad of right angles")
+    search: int = setting(
+        0, "number of settings to try in closed loop, in addition to the tuning rules", low=0, high=48
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.plant not in PLANTS:
             raise InputError(f"plant: expected {', '.join(PLANTS[:-1])} or {PLANTS[-1]}, got {self.plant!r}")
         if self.plant != OURS and self.floating_base:
-            raise InputError("plant: floating bases are moved by adaptctl only, whose joints they have")
+            raise InputError("plant: floating bases need the plant adaptctl")
 
     @property
     def purpose(self) -> str:
         """Question of the experiment, for the report."""
         if self.plant == "both":
             return (
-                "One adaptive controller, from zero and on one reference, drives the arm as MuJoCo moves it and as "
-                "adaptctl's own plant does: where only integration differs, they come together as steps shorten."
+                "One adaptive controller, from zero estimates and on one reference, runs on MuJoCo and on the built-in "
+                "plant. If they differ only in integration, the difference vanishes with shorter steps."
             )
-        return f"An arm follows sinusoids drawn by seed {self.seed} within all its limits. {FROM_NOTHING}"
+        return f"The arm follows random sinusoids (seed {self.seed}) within its limits. {FROM_NOTHING}"
 
     @property
     def in_mujoco(self) -> bool:
@@ -169,19 +184,19 @@ class AdaptiveTracking(Learning):
             subject,
             replace(found[1], label="the same, adaptation off"),
             replace(subject, name=FINE, label=f"Slotine-Li on MuJoCo, {shorter}", env=fine),
-            replace(subject, name=OURS, label="Slotine-Li on adaptctl's plant", env=ours),
+            replace(subject, name=OURS, label="Slotine-Li on the built-in plant", env=ours),
         ]
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """Iterator over what the report says was chosen: tuned gains, what limits each, the drawn reference, notes."""
         tuning = self.tuning(mechanism)
-        rule = "as the prior ranges of typical inertias and reach, up to an adaptation number of"
+        rule = "from prior ranges by typical inertias and reach, scaled to a normalised adaptation gain of"
         gain = f"{rule} {tuning.adaptation_ratio:.3g}, mapped"
         yield from chosen_gains(tuning.gains, gain, "adaptation gain: rate × (prior range)²")
         env.reset(seed=self.seed)
         drawn = env.unwrapped.reference  # type: ignore[attr-defined]
         for name, unit in (("center", "rad"), ("amplitude", "rad"), ("frequency", "Hz")):
-            yield Setting(f"reference {name}", listed(getattr(drawn, name).ravel()), f"a joint each, {unit} (m)")
+            yield Setting(f"reference {name}", listed(getattr(drawn, name).ravel()), f"per joint, {unit} (m)")
         for joint, limit in zip(mechanism.primary_joints, tuning.limited_by, strict=True):
             yield Setting(f"gains of {joint.name}", limit, "what limits them")
         for k, note in enumerate(tuning.notes, 1):
@@ -194,19 +209,22 @@ class AdaptiveTracking(Learning):
         if OURS not in outcome.run:
             return Told()
         findings, unit = list[Finding](), position_unit(outcome.mechanism)
-        meaning = "largest difference of a joint's position between MuJoCo and adaptctl's plant, at"
-        for name, run, at in (("", ADAPTIVE, "MuJoCo's own steps"), ("_fine", FINE, f"steps {SHORTER} times shorter")):
+        meaning = "largest difference of a joint's position between MuJoCo and the built-in plant, at"
+        for name, run, at in (
+            ("", ADAPTIVE, "the step size of the MuJoCo model"),
+            ("_fine", FINE, f"steps {SHORTER} times shorter"),
+        ):
             value = _apart(outcome.run[run], outcome.run[OURS])
             findings.append(Finding(f"plants_apart{name}", value, unit, f"{meaning} {at}"))
         coarse, fine = (one.value for one in findings)
         reason = (
-            "integration does not explain it, but contacts, joint stops, springs or dry friction do, which only MuJoCo "
-            "has, or models otherwise."
+            "integration does not explain the difference; contacts, joint stops, springs or dry friction, which MuJoCo "
+            "models differently, may."
         )
         return Told(
             findings,
-            f"MuJoCo and adaptctl's plant are at most {1e3 * coarse:.2g} {error_unit(outcome.mechanism)} apart, and "
-            f"{1e3 * fine:.2g} at steps {SHORTER} times shorter: "
+            f"MuJoCo and the built-in plant differ by at most {1e3 * coarse:.2g} {error_unit(outcome.mechanism)}, and "
+            f"by {1e3 * fine:.2g} with steps {SHORTER} times shorter: "
             f"{reason if coarse < FIRST_ORDER * fine else MUJOCO_S}",
         )
 

@@ -41,6 +41,7 @@ from adaptctl.recording import (
     shown,
 )
 from adaptctl.recording.comparison import ADAPTATION_OFF as ADAPTATION_OFF
+from adaptctl.recording.comparison import NO_MODEL as NO_MODEL
 from adaptctl.recording.comparison import color_places
 from adaptctl.simulation import Plant, Rollout, rollout, simulate
 from adaptctl.simulation.rollout import known_steps
@@ -52,7 +53,7 @@ if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
 
 ADAPTIVE, FULL = "adaptive", "adaptive-full"
-OFFLINE = "Independent parameters from energies"
+OFFLINE = "Base parameters from energies"
 TIMED_TICKS = 1000
 """control ticks that are timed to find out how long one takes"""
 PLOTTED_SAMPLES = 600
@@ -110,7 +111,9 @@ class Learning(ClosedLoopExperiment):
     """Base class of experiments that compare controllers of one arm, the subject first."""
 
     robot: str = setting("puma560", "a built-in robot or a file (.urdf, .xml, .toml)")
-    time_ticks: bool = setting(False, "also time a tick of each law, called from Python, which compiles it once more")
+    time_ticks: bool = setting(
+        False, "also measure the time of a control step of each law, called from Python; needs another compilation"
+    )
 
     @property
     @abstractmethod
@@ -197,8 +200,10 @@ class Learning(ClosedLoopExperiment):
 class FromRanges(Learning):
     """Abstract base class of experiments whose adaptation gain comes from prior ranges of the parameters."""
 
-    bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=100.0)
-    gain_scale: float = setting(0.6, "the gain is it times each prior range squared", symbol="Γ", low=1e-6, high=1e3)
+    bandwidth: float = setting(8.0, "bandwidth: decay rate of errors, 1/s", symbol="Λ", low=0.1, high=100.0)
+    gain_scale: float = setting(
+        0.6, "adaptation gain over the squared prior range of each parameter", symbol="Γ", low=1e-6, high=1e3
+    )
     mass_range: float = setting(10.0, "prior range of masses, kg", low=1e-3, high=1e3)
     first_moment_range: float = setting(4.0, "prior range of first moments, kg m", low=1e-3, high=1e3)
     inertia_range: float = setting(1.0, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
@@ -215,11 +220,11 @@ class FromRanges(Learning):
 
 def chosen_gains(gains: Gains, adaptation: str = "", rule: str = "", first: str = "0") -> Iterator[Setting]:
     """Lines of the report on gains, adaptation gain and first estimate."""
-    yield Setting("Λ", listed(gains.bandwidth), "bandwidth of the tracking loop, 1/s, a joint each")
-    yield Setting("K", listed(gains.damping), "damping, N·m·s (N·s/m), a joint each")
+    yield Setting("Λ", listed(gains.bandwidth), "bandwidth of the tracking loop, 1/s, per joint")
+    yield Setting("K", listed(gains.damping), "damping, N·m·s (N·s/m), per joint")
     if adaptation:
         yield Setting("Γ", adaptation, rule)
-    yield Setting("first estimate", first, "of every parameter")
+    yield Setting("initial estimate", first, "of all parameters")
 
 
 def listed(values: Array) -> str:
@@ -292,9 +297,9 @@ def live_subject(
 ) -> LiveArm | str:
     """Closed loop for a report's page, or the reason why there is none."""
     if not hasattr(env.unwrapped, "episode"):
-        return f"{type(env.unwrapped).__name__} does not tell what it is made of"
+        return f"{type(env.unwrapped).__name__} does not expose its plant and reference"
     if type(env.unwrapped.plant).step is not Plant.step:  # type: ignore[attr-defined]
-        return f"{type(env.unwrapped).__name__} has physics of its own"
+        return f"{type(env.unwrapped).__name__} has its own physics"
     episode = env.unwrapped.episode(seed=seed, options=dict(options))
     return live_arm(episode.plant, controller, episode.reference, episode.state, episode.parameters)
 

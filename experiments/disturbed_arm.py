@@ -53,63 +53,71 @@ DISTURBANCES: dict[str, dict[str, Any]] = {
 class DisturbedArm(Learning):
     """Base class of experiments on an arm known roughly, under a disturbance."""
 
-    disturbance: str = setting("none", f"what is set where it is not given, for: {', '.join(DISTURBANCES)}")
-    laws: tuple[str, ...] = setting(LAWS, f"which laws run, the subject first; others: {', '.join(OTHERS)}")
-    robot: str = setting("puma560_geared", "a built-in robot or a file whose links rigid bodies are")
-    duration: float = setting(20.0, "length of every run, s", low=0.01, high=1000.0)
-    bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=2000.0)
-    gain_scale: float = setting(5.0, "the gain is it times squared deviations", symbol="Γ", low=1e-6, high=1e6)
-    parameter_error: float = setting(0.5, "share by which links of the rough model are off", low=0.01, high=0.9)
+    disturbance: str = setting("none", f"disturbance, which sets defaults of other settings: {', '.join(DISTURBANCES)}")
+    laws: tuple[str, ...] = setting(LAWS, f"laws to run, the subject first; others: {', '.join(OTHERS)}")
+    robot: str = setting("puma560_geared", "a built-in robot or a file with physically consistent links")
+    duration: float = setting(20.0, "duration of every run, s", low=0.01, high=1000.0)
+    bandwidth: float = setting(8.0, "bandwidth: decay rate of errors, 1/s", symbol="Λ", low=0.1, high=2000.0)
+    gain_scale: float = setting(
+        5.0, "adaptation gain over the squared prior deviation of each parameter", symbol="Γ", low=1e-6, high=1e6
+    )
+    parameter_error: float = setting(0.5, "relative error of the links of the rough model", low=0.01, high=0.9)
     initial_error: float = setting(0.0, "initial error of every joint, rad or m", low=-1.0, high=1.0)
 
     motion: str = setting(
         RANDOM,
-        f"{RANDOM}: five sinusoids a joint by seed; {EXCITING}: Fourier series that tell most within the joints' "
-        f"limits; {SINGLES}: one sinusoid a joint, of six joints; {REST}: none",
+        f"{RANDOM}: five random sinusoids per joint; {EXCITING}: optimised excitation trajectory within the joint "
+        f"limits; {SINGLES}: one sinusoid per joint, for six joints; {REST}: none",
     )
-    amplitude: float = setting(0.25, f"of each joint's {RANDOM} term at 0.2 Hz, rad", low=0.0, high=2.0)
-    reference_stop: float = setting(0.0, "when the motion comes to rest, s; 0 for never", low=0.0, high=300.0)
+    amplitude: float = setting(0.25, f"amplitude of the {RANDOM} term at 0.2 Hz, rad", low=0.0, high=2.0)
+    reference_stop: float = setting(0.0, "time at which the motion stops, s; 0 for never", low=0.0, high=300.0)
 
-    payload: float = setting(0.0, "mass that is picked up and dropped, kg", low=0.0, high=1e3)
-    payload_size: float = setting(0.1, "edge of the payload, a cube, m", low=0.0, high=10.0)
-    payload_offset: float = setting(0.05, "its centre before the flange, m", low=-10.0, high=10.0)
-    payload_start: float = setting(10.0, "when it is picked up, s", low=0.0, high=300.0)
-    payload_stop: float = setting(25.0, "when it is dropped, s", low=0.0, high=300.0)
-    payload_cycles: int = setting(
-        1, "how often it is picked up and dropped, in equal parts of the run", low=1, high=100
+    payload: float = setting(0.0, "mass of the payload that is picked up and released, kg", low=0.0, high=1e3)
+    payload_size: float = setting(0.1, "edge length of the payload, a cube, m", low=0.0, high=10.0)
+    payload_offset: float = setting(0.05, "distance of its centre from the flange, m", low=-10.0, high=10.0)
+    payload_start: float = setting(10.0, "time of the pickup, s", low=0.0, high=300.0)
+    payload_stop: float = setting(25.0, "time of the release, s", low=0.0, high=300.0)
+    payload_cycles: int = setting(1, "number of pickups and releases, in equal parts of the run", low=1, high=100)
+
+    torque_limit_scale: float = setting(1.0, "torque limits of the motors over their nominal ones", low=0.01, high=1.0)
+    torque_rate_limit: float = setting(0.0, "torque-rate limit, N m/s; 0 for no limit", low=0.0, high=1e9)
+    encoder_resolution: float = setting(0.0, "resolution of the joint encoders, rad", low=0.0, high=0.1)
+    position_noise: float = setting(
+        0.0, "standard deviation of the position noise before quantisation, rad", low=0.0, high=0.1
     )
-
-    torque_limit_scale: float = setting(1.0, "the motors have this share of their torque limits", low=0.01, high=1.0)
-    torque_rate_limit: float = setting(0.0, "torques change by at most this, N m/s; 0 for no limit", low=0.0, high=1e9)
-    encoder_resolution: float = setting(0.0, "of the encoders at the joints, rad", low=0.0, high=0.1)
-    position_noise: float = setting(0.0, "deviation of positions before they are counted, rad", low=0.0, high=0.1)
-    velocity_noise: float = setting(0.0, "deviation of what is measured of velocities, rad/s", low=0.0, high=1.0)
+    velocity_noise: float = setting(0.0, "standard deviation of the velocity noise, rad/s", low=0.0, high=1.0)
     velocity_cutoff: float = setting(
-        0.0, "cutoff of the differences that velocities are, Hz; 0: measured", low=0.0, high=1e4
+        0.0, "cut-off of filtered differences for velocities, Hz; 0: measured velocities", low=0.0, high=1e4
     )
-    delay: int = setting(0, "control periods from measurement to torque", low=0, high=64)
+    delay: int = setting(0, "delay from measurement to torque, in control periods", low=0, high=64)
     drive_time_constant: float = setting(0.0, "time constant of the drives, s; 0 for none", low=0.0, high=1.0)
-    stribeck: float = setting(0.0, "static friction exceeds Coulomb friction by this share of it", low=0.0, high=10.0)
+    stribeck: float = setting(0.0, "Stribeck friction over Coulomb friction", low=0.0, high=10.0)
     joint_stiffness: tuple[float, ...] = setting(
-        (0.0,), "of every joint's spring, N m/rad; 0 for none", low=0.0, high=1e9
+        (0.0,), "stiffness of every joint, N m/rad; 0 for rigid joints", low=0.0, high=1e9
     )
-    encoder_side: str = setting(
-        "link", "where encoders sit: behind the spring, on the link, or before it, on the motor"
-    )
+    encoder_side: str = setting("link", "position of the encoders: link or motor")
     trial_duration: float = setting(
-        3.0, "length of a run that tells a stable bandwidth on springs, s", low=0.05, high=60.0
+        3.0, "duration of a trial for the stable bandwidth with elastic joints, s", low=0.05, high=60.0
     )
 
-    leakage: float = setting(0.05, "sigma-modification's leak to the rough model, 1/s", symbol="σ", low=1e-6, high=10.0)
-    dead_zone: float = setting(0.02, "width of the dead zone of s, rad/s", low=1e-6, high=10.0)
-    prediction_weight: float = setting(1e3, "weight of torque errors in parts of limits, N m/s", low=1e-6, high=1e9)
-    forgetting: float = setting(2.0, "of least squares, 1/s", low=0.0, high=100.0)
-    excitation_threshold: float = setting(
-        5.0, "least of an equation that composite learning remembers, 1/s", low=0.0, high=1e9
+    leakage: float = setting(
+        0.05, "leakage rate of sigma-modification to the rough model, 1/s", symbol="σ", low=1e-6, high=10.0
     )
-    stack_size: int = setting(24, "of concurrent learning's stack", low=1, high=64)
-    novelty_threshold: float = setting(100.0, "of a sample that concurrent learning keeps, 1/s", low=1e-9, high=1e9)
-    acceleration_gain: float = setting(1.0, "share of the gain of adaptive computed torque", low=1e-6, high=1.0)
+    dead_zone: float = setting(0.02, "width of the dead zone of the sliding error s, rad/s", low=1e-6, high=10.0)
+    prediction_weight: float = setting(
+        1e3, "weight of the torque prediction error, normalised by the limits, N m/s", low=1e-6, high=1e9
+    )
+    forgetting: float = setting(2.0, "forgetting rate of least squares, 1/s", low=0.0, high=100.0)
+    excitation_threshold: float = setting(
+        5.0, "excitation threshold for samples that composite learning stores, 1/s", low=0.0, high=1e9
+    )
+    stack_size: int = setting(24, "number of samples in the stack of concurrent learning", low=1, high=64)
+    novelty_threshold: float = setting(
+        100.0, "novelty threshold for samples that concurrent learning stores, 1/s", low=1e-9, high=1e9
+    )
+    acceleration_gain: float = setting(
+        1.0, "gain of adaptive computed torque over that of the other laws", low=1e-6, high=1.0
+    )
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -137,14 +145,13 @@ class DisturbedArm(Learning):
         if len(set(self.laws)) < len(self.laws):
             raise InputError(f"laws: expected each at most once, got {', '.join(self.laws)}")
         if 0.0 in self.joint_stiffness and len(self.joint_stiffness) > 1:
-            raise InputError("joint_stiffness: expected positive numbers, or 0 alone for no springs")
+            raise InputError("joint_stiffness: expected positive numbers, or only 0 for rigid joints")
         before = WINDOW if self.recovers else 0.0
         if self.payload and not before <= self.payload_start < self.payload_stop <= self.turn:
             part = "" if self.payload_cycles == 1 else f"each of {self.payload_cycles} parts of "
             raise InputError(
-                f"payload_start, payload_stop: expected {before:g} s before the payload is picked up, and that it is "
-                f"dropped after "
-                f"that and within {part}the {self.duration:g} s of the run, got {self.payload_start:g} and "
+                f"payload_start, payload_stop: expected a pickup at {before:g} s or later, and a release "
+                f"after it within {part}the {self.duration:g} s of the run, got {self.payload_start:g} and "
                 f"{self.payload_stop:g}"
             )
 
@@ -172,8 +179,8 @@ class DisturbedArm(Learning):
     def expected(self) -> Mapping[Failure, str]:
         """Failures of the first law that the disturbance is to show, and why."""
         if self.has_springs:
-            return dict.fromkeys(Failure, "springs ring")
-        weak = {Failure.SATURATED: "its motors are weak"} if self.torque_limit_scale < 1.0 else {}
+            return dict.fromkeys(Failure, "elastic joints oscillate")
+        weak = {Failure.SATURATED: "the motors are too weak"} if self.torque_limit_scale < 1.0 else {}
         return weak | ({Failure.NO_BETTER: "nothing excites the arm"} if self.motion == REST else {})
 
     @property
@@ -243,7 +250,7 @@ class DisturbedArm(Learning):
         drives = [joint.drive for joint in mechanism.primary_joints]
         if not any(drive.coulomb or drive.viscous for drive in drives):
             raise InputError(
-                f"robot: {mechanism.name} has no friction in its joints: give them viscous or coulomb in its file, or "
+                f"robot: {mechanism.name} has no joint friction: add viscous or coulomb to its file, or "
                 "use puma560_friction"
             )
         excess = self.stribeck * np.array([drive.coulomb or 0.0 for drive in drives])
@@ -257,7 +264,8 @@ class DisturbedArm(Learning):
         names = [f"{joint.name}.rotor_inertia" for joint in mechanism.primary_joints]
         if missing := [name for name in names if name not in known]:
             raise InputError(
-                f"robot: {mechanism.name} has no {missing[0]}: springs need motors with inertia; use an arm with rotors"
+                f"robot: {mechanism.name} has no {missing[0]}: elastic joints need rotor inertias; use an arm with "
+                "rotors"
             )
         rotors = mechanism.inertial_parameters[[known.index(name) for name in names]]
         together = np.maximum(inertia - rotors, 1e-3 * inertia) * rotors / inertia
@@ -270,7 +278,10 @@ class DisturbedArm(Learning):
         dof, loops = mechanism.dof, mechanism.description.loops is not None
         if dof > len(CENTER) or (self.motion == SINGLES and dof != len(CENTER)):
             many = "6" if self.motion == SINGLES else "up to 6"
-            raise InputError(f"robot: {mechanism.name} has {dof} joints, this experiment is for {many}; use 'adaptive'")
+            raise InputError(
+                f"robot: {mechanism.name} has {dof} joints, but this experiment needs {many}; use the experiment "
+                "'adaptive'"
+            )
         if self.motion == SINGLES:
             return Sinusoids(np.array(CENTER), np.array(AMPLITUDES), np.array(SINGLE))
         if amplitude is None:
@@ -289,7 +300,7 @@ class DisturbedArm(Learning):
         apart = mechanism.continuation is not None and not mechanism.continuation.reachable(p).all()
         if apart or not mechanism.description.within_conditions(p).all():
             raise InputError(
-                f"amplitude: {mechanism.name} is to move farther than its loops allow; make it smaller than "
+                f"amplitude: {mechanism.name} would move farther than its loops allow; give less than "
                 f"{self.amplitude:g} rad"
             )
         return reference
@@ -297,11 +308,11 @@ class DisturbedArm(Learning):
     def chosen(self, mechanism: Mechanism, env: Any) -> Iterator[Setting]:
         """Iterator over what the report says was chosen: gains, the rough model and the reference."""
         share = f"{100 * self.parameter_error:.0f} %"
-        rough = f"a rough model: every link off by {share}, up or down by seed; of friction, zero"
-        rule = f"deviation: {share} of each link's and drive's size"
+        rough = f"rough model: random link errors of ±{share}, no friction"
+        rule = f"prior deviation: {share} of the size of each link and drive"
         yield from chosen_gains(self.gains(mechanism), f"{self.gain_scale:g} × (deviation)²", rule, rough)
         if self.motion == RANDOM:
-            yield Setting("reference frequencies", listed(np.array(FREQUENCIES)), "Hz, ±20 % by joint and seed")
+            yield Setting("reference frequencies", listed(np.array(FREQUENCIES)), "Hz, ±20 % per joint, random")
 
     def gains(self, mechanism: Mechanism) -> Gains:
         """Gains of the tracking loop, from the bandwidth and a `mechanism`'s typical inertia."""
@@ -316,6 +327,6 @@ class DisturbedArm(Learning):
 def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
     """Fourier series within a `mechanism`'s limits, found by the `seed`. Raises `InputError` for loops or no limits."""
     if mechanism.description.loops is not None:
-        raise InputError(f"motion: {EXCITING} is for arms without loops, and {mechanism.name} has some")
+        raise InputError(f"motion: {EXCITING} is only for arms without loops, and {mechanism.name} has loops")
     basis = fundamental_basis(essential_space(mechanism, seed=seed))
     return excitation_trajectory(ReducedModel(mechanism, basis), seed=seed).reference

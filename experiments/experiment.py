@@ -30,7 +30,7 @@ class CheckedSettings:
 
     name: ClassVar[str]
 
-    seed: int = setting(0, "seed of everything random", low=0, high=2**31 - 1)
+    seed: int = setting(0, "seed of all random numbers", low=0, high=2**31 - 1)
 
     def __post_init__(self) -> None:
         for entry in fields(self):
@@ -52,8 +52,8 @@ class Experiment(CheckedSettings, ABC):
 class ClosedLoopExperiment(Experiment):
     """Base class of experiments that run controllers in closed loop."""
 
-    duration: float = setting(20.0, "length of every run, s", low=0.01, high=300.0)
-    control_period: float = setting(1e-3, "time a torque is held, s", symbol="T_c", low=1e-4, high=0.02)
+    duration: float = setting(20.0, "duration of every run, s", low=0.01, high=300.0)
+    control_period: float = setting(1e-3, "control period, s", symbol="T_c", low=1e-4, high=0.02)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -13,7 +13,16 @@ from adaptctl.arrays import Array
 from adaptctl.control import Gains, Sinusoids, SlotineLi
 from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.experiments.contest import ADAPTATION_OFF, ADAPTIVE, Contender, Learning, Outcome, Told, chosen_gains
+from adaptctl.experiments.contest import (
+    ADAPTATION_OFF,
+    ADAPTIVE,
+    NO_MODEL,
+    Contender,
+    Learning,
+    Outcome,
+    Told,
+    chosen_gains,
+)
 from adaptctl.experiments.experiment import DIVERGENCE_ERROR, setting, validate_count
 from adaptctl.experiments.laws_controllers import deviations
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
@@ -34,19 +43,27 @@ class IdentifyThenAdapt(Learning):
     name: ClassVar[str] = "identify-then-adapt"
     title: ClassVar[str] = "{robot}: adaptation from an identified estimate"
 
-    robot: str = setting("tx40", "an example that comes with a real log")
+    robot: str = setting("tx40", "an example with a real log")
     training_share: float = setting(
-        0.6, "share of the log that the first estimate is identified from", low=0.3, high=1.0
+        0.6, "fraction of the log that the initial estimate is identified from", low=0.3, high=1.0
     )
-    duration: float = setting(10.0, "length of every run, s", low=2.5, high=300.0)
-    bandwidth: float = setting(8.0, "how fast errors decay, 1/s", symbol="Λ", low=0.1, high=100.0)
-    damping_scale: float = setting(2.0, "damping over Λ times typical inertia", symbol="K", low=0.1, high=100.0)
-    gain_scale: float = setting(50.0, "the gain is it times squared deviations", symbol="Γ", low=1e-6, high=1e6)
-    parameter_error: float = setting(0.9, "share of its size by which each link is off", low=0.01, high=0.9)
+    duration: float = setting(10.0, "duration of every run, s", low=2.5, high=300.0)
+    bandwidth: float = setting(8.0, "bandwidth: decay rate of errors, 1/s", symbol="Λ", low=0.1, high=100.0)
+    damping_scale: float = setting(2.0, "damping over Λ times the typical inertia", symbol="K", low=0.1, high=100.0)
+    gain_scale: float = setting(
+        50.0, "adaptation gain over the squared prior deviation of each parameter", symbol="Γ", low=1e-6, high=1e6
+    )
+    parameter_error: float = setting(0.9, "prior deviation of each link, relative to its size", low=0.01, high=0.9)
     initial_error: float = setting(0.0, "initial error of every joint, rad or m", low=-1.0, high=1.0)
-    center: tuple[float, ...] = setting((0.0, 0.3, 1.0, 0.0, 0.6, 0.0), "sinusoids' centre, rad", low=-10.0, high=10.0)
-    amplitude: tuple[float, ...] = setting((0.6, 0.5, 0.5, 0.6, 0.5, 0.8), "their amplitude, rad", low=0.0, high=3.2)
-    frequency: tuple[float, ...] = setting((0.4, 0.45, 0.5, 0.55, 0.6, 0.7), "their frequency, Hz", low=0.0, high=5.0)
+    center: tuple[float, ...] = setting(
+        (0.0, 0.3, 1.0, 0.0, 0.6, 0.0), "centre of the sinusoids, rad", low=-10.0, high=10.0
+    )
+    amplitude: tuple[float, ...] = setting(
+        (0.6, 0.5, 0.5, 0.6, 0.5, 0.8), "amplitude of the sinusoids, rad", low=0.0, high=3.2
+    )
+    frequency: tuple[float, ...] = setting(
+        (0.4, 0.45, 0.5, 0.55, 0.6, 0.7), "frequency of the sinusoids, Hz", low=0.0, high=5.0
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -56,10 +73,10 @@ class IdentifyThenAdapt(Learning):
     def purpose(self) -> str:
         """Paragraph of text for the report that states the question: what an estimate from a log is worth."""
         return (
-            "What is a real log worth as a first estimate? The simulated arm has what the whole log shows, rotors, "
-            "friction and the wrist's coupling included. Slotine and Li's controller adapts on it with one gain, from "
-            f"zero, from the links of its URDF file, and from what the first {self.training_share:.0%} of the log "
-            f"shows."
+            "The benefit of an initial estimate from a real log. The simulated arm has the parameters identified from "
+            "the whole log, including rotors, friction and the wrist coupling. Slotine and Li's controller adapts "
+            "with one gain, from zero, from the links of the URDF file, and from the parameters of the first "
+            f"{self.training_share:.0%} of the log."
         )
 
     def mechanism(self) -> Mechanism:
@@ -92,16 +109,16 @@ class IdentifyThenAdapt(Learning):
             return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, start, self.control_period)
 
         return [
-            Contender(ADAPTIVE, "Identified, adapting", share, partial(law, part)),
+            Contender(ADAPTIVE, "Identified, adaptive", share, partial(law, part)),
             Contender(ADAPTATION_OFF, "Identified, adaptation off", share, partial(law, part, None)),
-            Contender(FROM_FILE, "From the URDF, adapting", "the URDF's links", partial(law, file)),
-            Contender(FROM_ZERO, "From zero, adapting", "nothing", partial(law, 0.0 * part)),
+            Contender(FROM_FILE, "From the URDF, adaptive", "URDF links", partial(law, file)),
+            Contender(FROM_ZERO, "From zero, adaptive", NO_MODEL, partial(law, 0.0 * part)),
         ]
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """Iterator over what the report says was chosen: gains and the first estimate."""
         gains = Gains.from_bandwidth(mechanism, self.bandwidth, self.damping_scale)
-        rule = f"deviation: {100 * self.parameter_error:.0f} % of each link's and drive's size"
+        rule = f"prior deviation: {100 * self.parameter_error:.0f} % of the size of each link and drive"
         first = "identified from the first part of the log"
         yield from chosen_gains(gains, f"{self.gain_scale:g} × (deviation)²", rule, first)
 
@@ -121,9 +138,8 @@ class IdentifyThenAdapt(Learning):
         told = [wording.number(1e3 * first[name], 2) for name in (ADAPTIVE, FROM_FILE, FROM_ZERO)]
         return Told(
             findings,
-            f"In the first {FIRST_WINDOW:g} s the arm is off by {told[0]} mrad from the identified estimate, by "
-            f"{told[1]} "
-            f"from the URDF and by {told[2]} from zero.",
+            f"The RMS tracking error of the first {FIRST_WINDOW:g} s is {told[0]} mrad from the identified estimate, "
+            f"{told[1]} mrad from the URDF and {told[2]} mrad from zero.",
         )
 
 

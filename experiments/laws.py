@@ -45,7 +45,7 @@ class Laws(DisturbedArm):
     """Experiment that compares adaptation and control laws on one roughly known arm."""
 
     name: ClassVar[str] = "laws"
-    title: ClassVar[str] = "{robot}: adaptation laws and control laws side by side"
+    title: ClassVar[str] = "{robot}: comparison of adaptation and control laws"
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Controllers to compare, then Slotine and Li's law with adaptation off."""
@@ -120,23 +120,23 @@ def _learned(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Tol
     findings, model = list[Finding](), ReducedModel(outcome.mechanism, basis)
     for run in outcome.runs:
         if (over := curves.get(run.name)) is not None:
-            meaning = f"parameter error at the end, of {over[0]:.3g} at the start"
+            meaning = f"final parameter error; initially {over[0]:.3g}"
             findings.append(Finding(f"parameter_error.{run.name}", float(over[-1]), "1", f"{run.label}: {meaning}"))
         findings += memory_findings(controller(of, run.name, model), run, outcome.mechanism)
     ends = [(float(over[-1]), LABELS[name]) for name, over in curves.items() if name != ADAPTATION_OFF]
     first = number(float(curves[ADAPTATION_OFF][0]) if ADAPTATION_OFF in curves else None, 2)
-    said = [f"In {of.duration:g} s the parameter error, at first {first} of the parameters, comes to {_span(ends)}."]
+    said = [f"After {of.duration:g} s, the relative parameter error is {_span(ends)}; initially {first}."]
     said = said if ends else []
     said += [
-        f"{f.meaning.split(':')[0]} remembered nothing: no excitation passed its threshold; a smaller one would."
+        f"{f.meaning.split(':')[0]} stored no samples: the excitation never exceeded the threshold; reduce it."
         for f in findings
         if f.name.startswith("remembered.") and f.value == 0.0
     ]
     last = {name: f"  {number(float(over[-1]), 2)}" for name, over in curves.items()}
     runs = [replace(run, label=run.label + last.get(run.name, "")) for run in outcome.runs]
     caption = (
-        "Parameter errors, weighed by the torque that each parameter makes along the motion, in shares of the torque "
-        "of all, one line a law that adapts, with its last value."
+        "Parameter errors, weighted by the torque of each parameter along the motion, relative to the torque of all "
+        "parameters; one line per adaptive law, with its final value."
     )
     drawing = Drawing("parameter-error", caption, partial(over_time, runs, curves, "parameter error"))
     return Told(findings, " ".join(said) or None, (drawing,) if curves else ())
@@ -155,12 +155,12 @@ def memory_findings(law: Controller[Any], run: ControllerRun, mechanism: Mechani
         bodies = len(mechanism.description.bodies)
         kept = run.rollout.estimate if isinstance(adapting, Natural) else learning
         value = float(np.linalg.eigvalsh(pseudos(kept[:, : 10 * bodies].reshape(-1, bodies, 10)))[..., 0].min())
-        meaning = "smallest eigenvalue of any link's pseudo-inertia, of the run's samples"
+        meaning = "smallest eigenvalue of the pseudo-inertias of all links, over the samples of the run"
         yield from each([run], "smallest_eigenvalue", "SI", meaning, lambda _: value)
     elif learning.size and (threshold := _threshold(adapting)) is not None:
         share = float(np.mean(learning > 0.0))
-        meaning = f"share of periods whose excitation passed its threshold of {threshold:g} 1/s"
-        yield from each([run], "remembered", "1", meaning + ": nothing was remembered" * (not share), lambda _: share)
+        meaning = f"fraction of periods with excitation above the threshold of {threshold:g} 1/s"
+        yield from each([run], "remembered", "1", meaning + ": no samples were stored" * (not share), lambda _: share)
 
 
 class Recovery(NamedTuple):
@@ -190,7 +190,7 @@ class Recovery(NamedTuple):
         if self.time is not None:
             meaning = f"time {after} until the error is below twice the earlier"
             return each([self.run], f"return_{name}", "s", meaning, lambda _: self.time)
-        meaning = f"does not return {after}; error at the end over the earlier"
+        meaning = f"no recovery {after}; final error over the earlier"
         return each([self.run], f"not_back_{name}", "1", meaning, lambda _: self.left)
 
 
@@ -210,9 +210,9 @@ def _recovered(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> T
         here = [one for one in adapting if one.event == event]
         back = [(one.time, one.run.label) for one in here if one.time is not None]
         lost = sum(one.time is None and one.left is not None for one in here)
-        said = [f"errors are below twice what they were before within {_span(back, 's')}"] if back else []
-        said += [f"{lost} of {len(here)} laws {'does' if lost == 1 else 'do'} not come back"] if lost else []
-        sentences.append(f"After the {event} {', and '.join(said) or 'no law came so far'}.")
+        said = [f"the errors are below twice their earlier values within {_span(back, 's')}"] if back else []
+        said += [f"{lost} of {len(here)} laws {'does' if lost == 1 else 'do'} not recover"] if lost else []
+        sentences.append(f"After the {event}, {', and '.join(said) or 'no run lasted so long'}.")
     return Told(findings, " ".join(sentences) or None)
 
 
@@ -244,7 +244,7 @@ def _drifted(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Tol
         return float(errors.apart(third, fourth)) / (0.25 * run.duration / 60.0)
 
     moved = {run: drift(run) for run in outcome.runs if errors.of(run) is not None}
-    findings = each(moved, "drift", "1/min", "how far the estimate moves in a minute of the second half", moved.get)
+    findings = each(moved, "drift", "1/min", "drift of the estimate per minute in the second half", moved.get)
     unit = position_unit(mechanism)
     findings += each(outcome.runs, "true_rms_error", unit, "of all joints", lambda run: run.rms_error())
     gains, period = of.gains(mechanism), of.control_period
@@ -256,21 +256,21 @@ def _drifted(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Tol
         + (1.0 / (2.0 * np.pi * of.velocity_cutoff) if of.velocity_cutoff else 0.0)
     )
     findings += [
-        Finding("delay_margin", least, "s", "what the tracking loop tolerates of delay, at typical inertia"),
-        Finding("delay", float(late), "s", "of computing, drives and velocity filter together, to first order"),
+        Finding("delay_margin", least, "s", "delay margin of the tracking loop, at typical inertia"),
+        Finding("delay", float(late), "s", "total delay of computation, drives and velocity filter, to first order"),
     ]
     ends = [(value, run.label) for run, value in moved.items() if run.name != ADAPTATION_OFF]
-    answer = f"In the second half, estimates move by {_span(ends)} of the parameters a minute."
+    answer = f"In the second half, the relative drift of the estimates is {_span(ends)} per minute."
     return Told(findings, answer if ends else None)
 
 
 def _saturated(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told:
     runs = outcome.run
-    findings = each(outcome.runs, "saturated", "1", "share of periods with a torque held back", held_back)
+    findings = each(outcome.runs, "saturated", "1", "fraction of periods with a limited torque", held_back)
     largest = {run.name: float(np.abs(run.rollout.estimate).max(initial=0.0)) for run in outcome.runs}
     findings += each(outcome.runs, "largest_estimate", "SI", "of any parameter", lambda run: largest[run.name])
     if of.payload:
-        unit, meaning = position_unit(outcome.mechanism), "RMS error of all joints from the drop on"
+        unit, meaning = position_unit(outcome.mechanism), "RMS error of all joints after the release"
         findings += each(
             outcome.runs, "rms_error_after", unit, meaning, lambda run: run.rms_error(start=of.payload_stop)
         )
@@ -278,11 +278,11 @@ def _saturated(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> T
         return Told(findings)
     frozen, never = (runs[name].rms_error() for name in ("gradient", "never-frozen"))
     if frozen is not None and never:
-        meaning = "RMS error of the whole run, frozen over never frozen"
+        meaning = "RMS error of the whole run, with freezing over without"
         findings.append(Finding("freeze_over_none", frozen / never, "1", meaning))
     words = partial(wording.error, unit=error_unit(outcome.mechanism))
-    start = f"With adaptation frozen while motors saturate, the RMS error of the run is {words(frozen)}"
-    return Told(findings, f"{start}, never frozen {words(never)}.")
+    start = f"With adaptation frozen during saturation, the RMS error of the run is {words(frozen)}"
+    return Told(findings, f"{start}, without freezing {words(never)}.")
 
 
 def held_back(run: ControllerRun) -> float:
@@ -297,12 +297,12 @@ def _rubbed(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told
     last = [run.final_rms_error if (run := outcome.run.get(name)) else None for name in names]
     errors = [wording.error(one, error_unit(mechanism)) for one in last]
     answer = (
-        f"With friction among its parameters the arm ends at {errors[0]} of tracking error, without at {errors[1]}, "
-        f"though both adapt. Computed torque that knows all but Stribeck's excess stays at {errors[2]}."
+        f"With friction parameters, the final tracking error is {errors[0]}, without them {errors[1]}; both "
+        f"controllers adapt. Computed torque with the exact model except Stribeck friction has {errors[2]}."
     )
     findings = []
     if last[0] and last[1]:
-        meaning = "RMS error of the last two seconds, with the friction's columns over without"
+        meaning = "RMS error of the last two seconds, with friction parameters over without"
         findings.append(Finding("columns_over_none", last[0] / last[1], "1", meaning))
     learner = next((run for run in outcome.runs if run.rollout.estimate.shape[1] == len(model.names)), None)
     if learner is None:
@@ -310,11 +310,11 @@ def _rubbed(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told
     learned = dict(zip(model.names, learner.rollout.estimate[-1].tolist(), strict=True))
     for k, _ in friction_columns(model):
         name, true = model.names[k], model.fundamental_parameters[k]
-        meaning = f"{name}, learned at the end by {learner.label}; true {true:.4g}"
+        meaning = f"{name}, final estimate of {learner.label}; true value {true:.4g}"
         findings.append(Finding(f"learned.{name}", learned[name], parameter_unit(name, mechanism), meaning))
     caption = (
-        "Friction over speed: the true one, and what was learned of it, at the speeds at which the joint moved. A line "
-        "of two numbers is fitted where the arm is, and need not be right elsewhere."
+        "Friction against velocity: true and estimated, in the velocity range of the motion. The two-parameter model "
+        "is fitted in this range, and may be inaccurate elsewhere."
     )
     draw = partial(friction_curves, mechanism, learned, learner.rollout.v, of.stribeck)
     return Told(findings, answer, (Drawing("friction", caption, draw),))
@@ -331,12 +331,12 @@ def friction_curves(mechanism: Mechanism, learned: Mapping[str, float], v: Array
         viscous, coulomb = joint.drive.viscous or 0.0, joint.drive.coulomb or 0.0
         true = viscous * speeds + coulomb * (1.0 + stribeck / (1.0 + (speeds / STRIBECK_SPEED) ** 2))
         found = [learned.get(f"{joint.name}.{kind}", 0.0) for kind in ("viscous", "coulomb")]
-        axes.plot(speeds, true, color=TRUTH.hex, label="true, with Stribeck's")
-        axes.plot(speeds, found[0] * speeds + found[1], color=run_color(0).hex, label="learned: viscous, Coulomb")
+        axes.plot(speeds, true, color=TRUTH.hex, label="true, with Stribeck effect")
+        axes.plot(speeds, found[0] * speeds + found[1], color=run_color(0).hex, label="estimate: viscous, Coulomb")
         axes.set_ylim(bottom=0.0)
         axes.set_title(f"{joint.name} [{typeset(joint.kind.effort_unit)}]")
     units = " or ".join(sorted({f"{joint.kind.position_unit}/s" for joint in joints}, reverse=True))
-    figure.supxlabel(f"speed [{units}]", size=9)
+    figure.supxlabel(f"velocity [{units}]", size=9)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
 
@@ -348,16 +348,15 @@ def _carried(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Tol
     largest: dict[str, list[float]] = {name: [] for name in names}
     for key, stiffness in springs.items():
         plant = of.plant_env(mechanism, reference, stiffness).unwrapped.plant
-        where = f"springs of {key} N·m/rad" if stiffness else "the rigid arm"
+        where = f"a joint stiffness of {key} N·m/rad" if stiffness else "the rigid arm"
         for name in names:
             largest[name].append(_largest(of, plant, model, name))
-            meaning = f"{LABELS[name]}: largest stable bandwidth on {where}, of those tried, 0.5 to 1024"
+            meaning = f"{LABELS[name]}: largest stable bandwidth for {where}, among the tried ones, 0.5 to 1024"
             findings.append(Finding(f"stable_bandwidth.{name}.{key}", largest[name][-1], "1/s", meaning))
     soft, stiff, rigid = (number(largest[of.laws[0]][place]) for place in (0, -2, -1))
     answer = (
-        f"{outcome.runs[0].label} is stable up to {rigid} 1/s on the rigid arm, {stiff} 1/s with springs of "
-        f"{max(of.joint_stiffness):,.6g} N·m/rad in its joints and {soft} 1/s with springs of "
-        f"{min(of.joint_stiffness):,.6g}."
+        f"{outcome.runs[0].label} is stable up to {rigid} 1/s for the rigid arm, {stiff} 1/s with a joint stiffness of "
+        f"{max(of.joint_stiffness):,.6g} N·m/rad, and {soft} 1/s with {min(of.joint_stiffness):,.6g} N·m/rad."
     )
     return Told(findings, answer)
 

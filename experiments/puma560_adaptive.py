@@ -26,6 +26,7 @@ from adaptctl.experiments.contest import (
     ADAPTATION_OFF,
     ADAPTIVE,
     FULL,
+    NO_MODEL,
     Contender,
     FromRanges,
     Outcome,
@@ -49,12 +50,12 @@ if TYPE_CHECKING:
 
 DAMPING = "damping of each joint, N m s"
 FROM_NOTHING = (
-    "Nobody tells the controller a single mass, centre of mass or inertia. First the parameters that motion depends on "
-    "are found, from energies alone. Then Slotine and Li's adaptive controller starts from zero and adapts only those."
+    "All masses, centres of mass and inertias are unknown to the controller. The base parameters are found from "
+    "energies. Slotine and Li's adaptive controller then starts from zero estimates and adapts only these parameters."
 )
 SOME = (
-    "The controller carries only the first s of the essential components, sorted by the energy of each: it adapts s "
-    "numbers from zero, or holds their true values. The order needs the true parameters; the values are learned."
+    "The controller has only the first s essential components, sorted by energy: it adapts them from zero, or holds "
+    "their true values. The order of the components needs the true parameters; the estimates do not."
 )
 MAPPED = "adaptive-mapped"
 KEPT, FIXED = "adaptive", "fixed"
@@ -71,32 +72,38 @@ class Puma560Adaptive(FromRanges):
     """Experiment of learning to track sinusoids from zero initial estimates."""
 
     name: ClassVar[str] = "puma560-adaptive"
-    title: ClassVar[str] = "PUMA 560: learning to track from knowing nothing"
+    title: ClassVar[str] = "PUMA 560: adaptive tracking from zero estimates"
     joints: ClassVar[int] = 6
     environment_id: ClassVar[str] = "Puma560Tracking"
     asks: ClassVar[str] = "The PUMA 560 follows sinusoids in all six joints."
 
-    robot: str = setting("puma560", "puma560 (Sheu and Walker 1991), or another arm of six joints")
+    robot: str = setting("puma560", "puma560 (Sheu and Walker 1991), or another arm with six joints")
     damping: tuple[float, ...] = setting((90.0, 150.0, 70.0, 20.0, 16.0, 18.0), DAMPING, symbol="K", low=1e-3, high=1e4)
     mass_range: float = setting(5.0, "prior range of masses, kg", low=1e-3, high=1e3)
     first_moment_range: float = setting(2.0, "prior range of first moments, kg m", low=1e-3, high=1e3)
     inertia_range: float = setting(0.6, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
-    components: tuple[int, ...] = setting((0,), "how many essential components each carries; 0: compare all", low=0)
-    center: tuple[float, ...] = setting((0.0, -0.6, 0.8, 0.0, 0.5, 0.0), "sinusoids' centre, rad", low=-10.0, high=10.0)
-    amplitude: tuple[float, ...] = setting((0.5, 0.4, 0.4, 0.4, 0.4, 0.4), "their amplitude, rad", low=0.0, high=3.2)
-    frequency: tuple[float, ...] = setting(
-        (0.1, 0.125, 0.15, 0.175, 0.2, 0.225), "their frequency, Hz", low=0.0, high=5.0
+    components: tuple[int, ...] = setting(
+        (0,), "numbers of essential components of reduced controllers; 0: compare full controllers", low=0
     )
-    start_time: float = setting(2.0, "length of the smooth (quintic) start, s", low=0.0, high=60.0)
+    center: tuple[float, ...] = setting(
+        (0.0, -0.6, 0.8, 0.0, 0.5, 0.0), "centre of the sinusoids, rad", low=-10.0, high=10.0
+    )
+    amplitude: tuple[float, ...] = setting(
+        (0.5, 0.4, 0.4, 0.4, 0.4, 0.4), "amplitude of the sinusoids, rad", low=0.0, high=3.2
+    )
+    frequency: tuple[float, ...] = setting(
+        (0.1, 0.125, 0.15, 0.175, 0.2, 0.225), "frequency of the sinusoids, Hz", low=0.0, high=5.0
+    )
+    start_time: float = setting(2.0, "duration of the smooth (quintic) start, s", low=0.0, high=60.0)
     initial_error: float = setting(0.1, "initial error of every joint, rad or m", low=-1.0, high=1.0)
-    parameter_error: float = setting(0.3, "share by which links of the wrong model are off", low=0.0, high=1.0)
-    payload: float = setting(0.0, "mass that the last link holds and no controller knows of, kg", low=0.0, high=1e3)
+    parameter_error: float = setting(0.3, "relative error of the links of the wrong model", low=0.0, high=1.0)
+    payload: float = setting(0.0, "payload of the last link, unknown to the controllers, kg", low=0.0, high=1e3)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         validate_count(self, ("damping", "center", "amplitude", "frequency"), self.joints, "one per joint")
         if len(set(self.components)) < len(self.components) or (0 in self.components and len(self.components) > 1):
-            raise InputError("components: expected each at most once, or 0 alone")
+            raise InputError("components: expected unique numbers, or only 0")
 
     @property
     def purpose(self) -> str:
@@ -108,7 +115,7 @@ class Puma560Adaptive(FromRanges):
         """Gymnasium tracking environment of a `mechanism`, on the sinusoids that the settings state."""
         if mechanism.dof != self.joints:
             raise InputError(
-                f"robot: {mechanism.name} has {mechanism.dof} joints, this experiment is for {self.joints}; "
+                f"robot: {mechanism.name} has {mechanism.dof} joints, but this experiment needs {self.joints}; "
                 "use the experiment 'adaptive'"
             )
         reference = Sinusoids(**{name: getattr(self, name) for name in REFERENCE})
@@ -151,7 +158,7 @@ class Puma560Adaptive(FromRanges):
                 Contender(
                     MAPPED,
                     mapped,
-                    "nothing",
+                    NO_MODEL,
                     lambda: law(model, mapped_gain(model, self.adaptation(ReducedModel.full(mechanism)))),
                 ),
             ]
@@ -163,11 +170,11 @@ class Puma560Adaptive(FromRanges):
         found = []
         for s in self.components:
             some = Subspace(gains[:s], directions[:, :s])
-            found.append(Contender(f"{KEPT}-{s}", f"Adapting {s}", "nothing", partial(law, model, some)))
+            found.append(Contender(f"{KEPT}-{s}", f"Adapting {s}", NO_MODEL, partial(law, model, some)))
         for s in self.components:
             held = model.regrouping @ reduction.parameters(s)
             found.append(Contender(f"{FIXED}-{s}", f"True {s}", f"{s} components", partial(law, model, None, held)))
-        return [*found, Contender(ADAPTATION_OFF, "Adaptation off", "nothing", partial(law, model, None))]
+        return [*found, Contender(ADAPTATION_OFF, "Adaptation off", NO_MODEL, partial(law, model, None))]
 
     def _reduction(self, mechanism: Mechanism) -> tuple[Reduction, Array]:
         """Model reduction over states within the limits, and V1 (P, k)."""
@@ -177,7 +184,9 @@ class Puma560Adaptive(FromRanges):
 
     def _validate_components(self, mechanism: Mechanism, model: ReducedModel, rank: int) -> None:
         if model.regrouping.shape[1] != mechanism.num_energy_parameters:
-            raise InputError(f"robot: {mechanism.name} has friction, which carries no energy: use an arm without")
+            raise InputError(
+                f"robot: {mechanism.name} has friction, which has no energy components: use an arm without friction"
+            )
         for s in self.components:
             if s > rank:
                 raise InputError(f"components: {mechanism.name} has {rank} essential parameters, got {s}")
@@ -188,7 +197,7 @@ class Puma560Adaptive(FromRanges):
         rule = "; ".join(f"{self.gain_scale:g}·({value:g} {unit})²" for value, unit in ranges)
         yield from chosen_gains(self.gains(mechanism), rule, "adaptation gain: rate × (prior range)²")
         law, fade = "p(t) = centre + fade(t) · amplitude · sin(2π · frequency · t)", f"{self.start_time:g} s"
-        yield Setting("reference", law, f"fade is a quintic from rest over {fade}")
+        yield Setting("reference", law, f"fade is a quintic over {fade}, starting at rest")
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
         """Findings, an answer and figures on the `outcome`: that two controllers are one; or errors by components."""
@@ -209,8 +218,8 @@ class Puma560Adaptive(FromRanges):
             wording.number(last.get(name)) for name in (f"{KEPT}-{most}", f"{KEPT}-{least}", f"{FIXED}-{least}")
         )
         answer = (
-            f"Adapting {most} components from zero, the controller ends at {many} {unit} of tracking error; adapting "
-            f"{least}, at {few} {unit}, and holding the true values of these {least}, at {held} {unit}."
+            f"With {most} adapted components, the final RMS tracking error is {many} {unit}; with {least} adapted "
+            f"components it is {few} {unit}, and with their true values held {held} {unit}."
         )
         return Told(findings, answer)
 
@@ -227,23 +236,23 @@ def from_nothing(
     """Controllers of differing prior knowledge: adaptive from zero, and computed torque."""
     model, full = ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
     true, k, P = mechanism.inertial_parameters, len(basis.columns), len(mechanism.parameter_names)
-    off = f"{100 * share:.0f} % off"
+    off = f"{100 * share:.0f} % wrong"
 
     def computed_torque(parameters: Array) -> ComputedTorque:
         return ComputedTorque(mechanism, bandwidth, parameters=parameters)
 
     return [
-        Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", lambda: law(model, gain(model))),
-        Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", lambda: law(model, None)),
-        Contender("computed-torque", "Computed torque, true model", "everything", lambda: computed_torque(true)),
+        Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", NO_MODEL, lambda: law(model, gain(model))),
+        Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", NO_MODEL, lambda: law(model, None)),
+        Contender("computed-torque", "Computed torque, true model", "exact", lambda: computed_torque(true)),
         Contender(
             "computed-torque-wrong",
             f"Computed torque, model {off}",
             f"links {off}",
             lambda: computed_torque(scaled_links(mechanism, share, seed)),
         ),
-        Contender("computed-torque-none", "Computed torque, no model", "nothing", lambda: computed_torque(0.0 * true)),
-        Contender(FULL, f"Slotine-Li, all {P} parameters", "nothing", lambda: law(full, gain(full))),
+        Contender("computed-torque-none", "Computed torque, no model", NO_MODEL, lambda: computed_torque(0.0 * true)),
+        Contender(FULL, f"Slotine-Li, all {P} parameters", NO_MODEL, lambda: law(full, gain(full))),
     ]
 
 

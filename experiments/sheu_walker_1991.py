@@ -30,17 +30,17 @@ class SheuWalker1991(ClosedLoopExperiment):
     """Experiment that replicates the tables and figures of Sheu and Walker (1991)."""
 
     name: ClassVar[str] = "sheu-walker-1991"
-    title: ClassVar[str] = "Sheu and Walker (1991), replicated"
+    title: ClassVar[str] = "Replication of Sheu and Walker (1991)"
 
     only: tuple[str, ...] = setting(
-        (ALL,), f"what to compute: {ALL}, or any of {', '.join(ITEMS)}; or the two arms in closed loop: {ARMS_IN_LOOP}"
+        (ALL,), f"items to compute: {ALL}, or any of {', '.join(ITEMS)}; or the closed-loop comparison: {ARMS_IN_LOOP}"
     )
-    seeds: int = setting(200, "draws of random states where the paper made one, from --seed on", low=2, high=10_000)
-    samples: int = setting(101, "states a draw; the paper's 101", low=62, high=10_000)
-    velocity_scale: float = setting(3**0.5, "bound of velocities over the paper's", low=0.01, high=100.0)
-    frequency: float = setting(0.7, "of the sinusoid for computed torques, Hz", low=0.01, high=10.0)
-    motion_samples: int = setting(501, "samples over the sinusoid's period", low=11, high=5001)
-    unequal: float = setting(0.005, "by which link 4 of the nearly parallel arm is longer", low=1e-5, high=0.1)
+    seeds: int = setting(200, "number of seeds, from --seed on; the paper has one draw", low=2, high=10_000)
+    samples: int = setting(101, "states per draw; 101 in the paper", low=62, high=10_000)
+    velocity_scale: float = setting(3**0.5, "velocity bound over that of the paper", low=0.01, high=100.0)
+    frequency: float = setting(0.7, "frequency of the sinusoid for computed torques, Hz", low=0.01, high=10.0)
+    motion_samples: int = setting(501, "samples per period of the sinusoid", low=11, high=5001)
+    unequal: float = setting(0.005, "relative excess length of link 4 of the nearly parallel arm", low=1e-5, high=0.1)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -77,7 +77,7 @@ def chosen(names: Iterable[str]) -> tuple[str, ...]:
         close = get_close_matches(name, (*ITEMS, ARMS_IN_LOOP), n=1)
         guess = f" (did you mean {close[0]!r}?)" if close else ""
         there = ", ".join((*ITEMS, ARMS_IN_LOOP))
-        raise NotFoundError(f"only: there is no {name!r}{guess}; there are {there}, and {ALL}")
+        raise NotFoundError(f"only: unknown item {name!r}{guess}; items: {there}, and {ALL}")
     if ARMS_IN_LOOP in asked and len(asked) > 1:
-        raise InputError(f"only: {ARMS_IN_LOOP} is a run of its own; ask for it alone")
+        raise InputError(f"only: {ARMS_IN_LOOP} is a separate run; give it alone")
     return tuple(name for name in ITEMS if name in asked or ALL in asked)

@@ -22,7 +22,16 @@ from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.errors import InputError
-from adaptctl.experiments.contest import ADAPTATION_OFF, Contender, FromRanges, Outcome, Told, chosen_gains, over_time
+from adaptctl.experiments.contest import (
+    ADAPTATION_OFF,
+    NO_MODEL,
+    Contender,
+    FromRanges,
+    Outcome,
+    Told,
+    chosen_gains,
+    over_time,
+)
 from adaptctl.experiments.experiment import setting, validate_count
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import Finding, Leading, Setting, wording
@@ -65,12 +74,16 @@ class TaskSpaceTracking(FromRanges):
     """Experiment of tracking a path in the world by Slotine and Li's law in task space."""
 
     name: ClassVar[str] = "task-space"
-    title: ClassVar[str] = "{robot}: a tool on a path in the world"
+    title: ClassVar[str] = "{robot}: tool path in the world frame"
 
     robot: str = setting("puma560_arm3", "puma560_arm3, or semi_direct_drive, whose tool moves through a closed loop")
-    damping_scale: float = setting(3.0, "damping over Λ times typical inertia", symbol="K/(Λ I)", low=0.1, high=100.0)
+    damping_scale: float = setting(
+        3.0, "damping over Λ times the typical inertia", symbol="K/(Λ I)", low=0.1, high=100.0
+    )
     singularity: float = setting(0.1, "damping of the damped Jacobian, m", symbol="μ", low=0.0, high=10.0)
-    prediction_weight: float = setting(100.0, "weight of torque errors in parts of limits, N m/s", low=1e-6, high=1e9)
+    prediction_weight: float = setting(
+        100.0, "weight of the torque prediction error, normalised by the limits, N m/s", low=1e-6, high=1e9
+    )
     center: tuple[float, ...] = setting((0.55, 0.0, 0.47), "centre of the tool's path, m", low=-10.0, high=10.0)
     amplitude: tuple[float, ...] = setting((0.1, 0.25, 0.15), "amplitude of the tool's path, m", low=0.0, high=10.0)
     frequency: tuple[float, ...] = setting((0.4, 0.2, 0.2), "frequency of the tool's path, Hz", low=0.0, high=5.0)
@@ -85,9 +98,9 @@ class TaskSpaceTracking(FromRanges):
     def purpose(self) -> str:
         """Paragraph of text for the report that states the question: control of the tool or of the joints."""
         return (
-            "A tool follows a path in the world, and nobody tells the controller the arm's inertial parameters: a law "
-            "for the tool, which has joint velocities from the Jacobian, and one in joints by inverse kinematics. "
-            f"Every controller starts {self.initial_error:g} rad off in every joint."
+            "The tool follows a path in the world frame, with unknown inertial parameters. A task-space law, with "
+            "joint velocities from the Jacobian, is compared with a joint-space law, with inverse kinematics. Every "
+            f"controller starts {self.initial_error:g} rad off in every joint."
         )
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
@@ -114,7 +127,7 @@ class TaskSpaceTracking(FromRanges):
         """The arm with its tool: the link, the tool in its frame, and where inverse kinematics starts."""
         known = {arm.robot: arm for arm in ARMS}
         if self.robot not in known:
-            raise InputError(f"robot: expected one whose tool is known, {' or '.join(known)}, got {self.robot!r}")
+            raise InputError(f"robot: expected {' or '.join(known)}, whose tools are defined, got {self.robot!r}")
         return known[self.robot]
 
     def tip(self, mechanism: Mechanism) -> Tip:
@@ -146,20 +159,22 @@ class TaskSpaceTracking(FromRanges):
         true = partial(ComputedTorque, mechanism, gains.bandwidth)
         damped = partial(task_space, gain, self.singularity)
         return [
-            Contender("task-space", "Task space, gradient", "nothing", partial(task_space, gain)),
-            Contender(ADAPTATION_OFF, "Task space, adaptation off", "nothing", partial(task_space, None)),
-            Contender("task-space-composite", "Task space, composite", "nothing", partial(task_space, composite)),
-            Contender("task-space-damped", "Task space, damped", "nothing", damped),
-            Contender("joint-space", "Joints, gradient", "nothing", in_joints),
-            Contender("computed-torque", "Computed torque, true model", "everything", true),
+            Contender("task-space", "Task space, gradient", NO_MODEL, partial(task_space, gain)),
+            Contender(ADAPTATION_OFF, "Task space, adaptation off", NO_MODEL, partial(task_space, None)),
+            Contender("task-space-composite", "Task space, composite", NO_MODEL, partial(task_space, composite)),
+            Contender("task-space-damped", "Task space, damped", NO_MODEL, damped),
+            Contender("joint-space", "Joint space, gradient", NO_MODEL, in_joints),
+            Contender("computed-torque", "Computed torque, true model", "exact", true),
         ]
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
         """Iterator over what the report says was chosen: gains, the path, and the tool in its link's frame."""
         yield from chosen_gains(self.gains(mechanism))
         law = "x(t) = centre + fade(t) · amplitude · sin(2π · frequency · t + phase)"
-        yield Setting("path", law, "of the tool, in the world")
-        yield Setting("reference", f"spline of degree 5, knots every {KNOT:g} s", "in joints, by inverse kinematics")
+        yield Setting("path", law, "of the tool, in the world frame")
+        yield Setting(
+            "reference", f"spline of degree 5, knots every {KNOT:g} s", "in joint space, by inverse kinematics"
+        )
         yield Setting("tool", " ".join(f"{x:g}" for x in self.arm.tip), f"m, in the frame of {self.arm.link}")
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
@@ -179,13 +194,13 @@ class TaskSpaceTracking(FromRanges):
                 ("final", END, time >= run.duration - END),
             ):
                 last[run.name] = 1e3 * float(np.sqrt(np.mean(errors[run.name][inside] ** 2)))
-                meaning = f"{run.label}: the tool's RMS error, {what} {length:g} s"
+                meaning = f"{run.label}: RMS tool error, {what} {length:g} s"
                 findings.append(Finding(f"{what}_tool_error.{run.name}", last[run.name], "mm", meaning))
         on, off = (wording.number(last.get(name)) for name in (outcome.runs[0].name, ADAPTATION_OFF))
         least = min(last, key=lambda name: last[name])
         answer = (
-            f"In the last {END:g} s the tool is off its path by {on} mm (RMS), with adaptation off by {off} mm. The "
-            f"least of all controllers is {wording.number(last[least])} mm ({outcome.run[least].label})."
+            f"The RMS tool error in the last {END:g} s is {on} mm, and {off} mm without adaptation. The smallest error "
+            f"of all controllers is {wording.number(last[least])} mm ({outcome.run[least].label})."
         )
         caption = "Distance of the tool from its path, one line per controller (logarithmic scale)."
         millimetres = {name: 1e3 * values for name, values in errors.items()}

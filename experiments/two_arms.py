@@ -37,22 +37,22 @@ class TwoArms(Puma560Adaptive):
     """Experiment of learning to track with two arms welded to one rod."""
 
     name: ClassVar[str] = "two-arms"
-    title: ClassVar[str] = "Two arms and a rod: learning to track as one mechanism"
+    title: ClassVar[str] = "Two arms and a rod: adaptive tracking of one mechanism"
     joints: ClassVar[int] = 6
     environment_id: ClassVar[str] = "Tracking"
     asks: ClassVar[str] = (
-        "Two PUMAs stand face to face and hold one rod: one mechanism of twelve links with a closed loop, which moves "
-        "with six degrees of freedom, in the left arm's joints. Torques are what the motors of both arms give together "
-        "in these; they may be shared in any way."
+        "Two PUMAs face each other and hold one rod: a mechanism of twelve links with a closed loop and six degrees of "
+        "freedom, the joints of the left arm. The torques are the sums of both arms' motor torques, mapped to these "
+        "joints; they may be distributed over the motors in any way."
     )
 
-    robot: str = setting("puma560_geared", "each of the two arms: a PUMA 560, or one of its size")
+    robot: str = setting("puma560_geared", "both arms: a PUMA 560, or one of its size")
     damping: tuple[float, ...] = setting(
         (250.0, 250.0, 120.0, 70.0, 50.0, 5.0), DAMPING, symbol="K", low=1e-3, high=1e4
     )
     inertia_range: float = setting(1.0, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
-    center: tuple[float, ...] = setting(LEFT, "sinusoids' centre, rad", low=-10.0, high=10.0)
-    amplitude: tuple[float, ...] = setting((0.1,) * 6, "their amplitude, rad", low=0.0, high=3.2)
+    center: tuple[float, ...] = setting(LEFT, "centre of the sinusoids, rad", low=-10.0, high=10.0)
+    amplitude: tuple[float, ...] = setting((0.1,) * 6, "amplitude of the sinusoids, rad", low=0.0, high=3.2)
     initial_error: float = setting(0.05, "initial error of every joint, rad or m", low=-1.0, high=1.0)
 
     def mechanism(self) -> Mechanism:
@@ -63,7 +63,7 @@ class TwoArms(Puma560Adaptive):
         """Torque limits (6,) in N m equivalent to those of both arms' motors."""
         limits = np.array([link.joint.limits.effort for link in mechanism.links])
         if not np.isfinite(limits).all():
-            raise InputError(f"robot: {self.robot} has joints without a torque limit: give each an effort")
+            raise InputError(f"robot: {self.robot} has joints without a torque limit: give each joint an effort")
         return np.abs(_slopes(mechanism)) @ limits
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
@@ -81,7 +81,9 @@ def two_arms(robot: str) -> Mechanism:
     """Mechanism of two equal arms face to face with a rod welded to both hands."""
     arm = load(robot).description
     if len(arm.links) != len(LEFT) or arm.loops is not None:
-        raise InputError(f"robot: {robot} has {len(arm.links)} links, two arms need one of six without loops")
+        raise InputError(
+            f"robot: {robot} has {len(arm.links)} links, but two arms need an arm with six links and no loops"
+        )
     stands = {
         "left": Pose.identity(),
         "right": Pose(rotation_about((0, 0, 1), np.pi), np.array([BASE_DISTANCE, 0.0, 0.0])),

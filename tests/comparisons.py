@@ -60,12 +60,10 @@ def comparison(mechanism: Mechanism, samples: int = 1500, complete: bool = True)
     share = -np.expm1(-3.0 * PERIOD * np.arange(samples))
     learnt = rollout(mechanism, samples, 4.0, share[:, None] * truth, complete)
     lyapunov = 3.0 + 2.0 * np.exp(-PERIOD * np.arange(samples))
-    runs = [
-        ControllerRun("adaptive", "Slotine-Li, <learning>", "nothing", learnt, lyapunov, TickCost(5e-6, 2e-7, 1470))
-    ]
+    runs = [ControllerRun("adaptive", "Slotine-Li, <learning>", "none", learnt, lyapunov, TickCost(5e-6, 2e-7, 1470))]
     if complete:
         runs.append(
-            ControllerRun("adaptation-off", "Slotine-Li, adaptation off", "nothing", rollout(mechanism, samples, 0.2))
+            ControllerRun("adaptation-off", "Slotine-Li, adaptation off", "none", rollout(mechanism, samples, 0.2))
         )
     return Comparison(
         experiment="by-hand",

@@ -308,19 +308,19 @@ def test_the_truth_is_at_no_distance_and_everything_else_at_some() -> None:
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: on("puma560_arm3", Gradient(np.ones(30))), "30 parameters, of which the basis keeps 15"),
+        (lambda: on("puma560_arm3", Gradient(np.ones(30))), "30 parameters, but the basis has 15"),
         (lambda: on("puma560_arm3", Gradient(np.ones(4))), "adaptation gain: expected 15 numbers, .* got 4"),
         (lambda: Gradient(-ONES), "positive"),
         (lambda: SigmaModification(ONES, -1.0), "leakage rate"),
         (lambda: SigmaModification(ONES, 1.0, np.ones(3)), "leakage: prior"),
         (lambda: DeadZone(ONES, 0.0), "dead zone: width"),
         (lambda: on("puma560_arm3", DeadZone(ONES, np.ones(6))), "dead zone: width"),
-        (lambda: Projection(Gradient(np.diag(ONES)), -ONES, ONES), "weighs parameters' errors together"),
+        (lambda: Projection(Gradient(np.diag(ONES)), -ONES, ONES), "couples the errors of the parameters"),
         (lambda: Projection(Gradient(ONES), ONES, -ONES), "lower < upper"),
-        (lambda: Projection(Gradient(ONES), np.full(K, np.nan), ONES), "infinite where there is no bound"),
+        (lambda: Projection(Gradient(ONES), np.full(K, np.nan), ONES), "infinite for no bound"),
         (
             lambda: on("puma560_arm3", Projection(Gradient(ONES), ONES, 2.0 * ONES)),
-            r"first estimate of link1.I_yy is 0, outside its bounds \[1, 2\]",
+            r"initial estimate of link1.I_yy is 0, outside its bounds \[1, 2\]",
         ),
         (lambda: Composite(ONES, -1.0), "composite: prediction_weight"),
         (lambda: on("puma560_arm3", Composite(ONES, cutoff=2000.0)), "use at most 1000 rad/s"),
@@ -335,9 +335,9 @@ def test_the_truth_is_at_no_distance_and_everything_else_at_some() -> None:
         (lambda: on("puma560_arm3", BoundedGainForgetting(ONES, forgetting=1e3)), "use at most 100 1/s"),
         (lambda: CushionedFloor(-ONES), "cushioned floor: gain: expected positive"),
         (lambda: CushionedFloor(ONES, forgetting=-1.0), "cushioned floor: forgetting: expected at least 0"),
-        (lambda: on("puma560_arm3", CushionedFloor(np.ones(30))), "30 parameters, of which the basis keeps 15"),
-        (lambda: Subspace(np.ones(2), np.ones((K, 2))), "directions are not independent"),
-        (lambda: Subspace(np.ones(1), np.zeros((K, 1))), "directions are not independent"),
+        (lambda: on("puma560_arm3", CushionedFloor(np.ones(30))), "30 parameters, but the basis has 15"),
+        (lambda: Subspace(np.ones(2), np.ones((K, 2))), "directions are linearly dependent"),
+        (lambda: Subspace(np.ones(1), np.zeros((K, 1))), "directions are linearly dependent"),
         (lambda: Subspace(np.ones(3), np.eye(K)[:, :2]), r"subspace: gain: expected shape \(2,\)"),
         (lambda: Subspace(np.zeros(2), np.eye(K)[:, :2]), "subspace: gain: expected positive"),
         (lambda: Subspace(np.ones(K), np.ones(K)), r"expected shape \(k, s\)"),
@@ -348,10 +348,10 @@ def test_the_truth_is_at_no_distance_and_everything_else_at_some() -> None:
             lambda: SlotineLi(full("semi_direct_drive"), 8.0, 50.0, Natural(np.ones(3))),
             "expected a number, or 5 of them, one for each of 5 links and 0 parameters of drives, got 3",
         ),
-        (lambda: on("puma560_arm3", Natural(0.1)), "15 fundamental parameters are none"),
+        (lambda: on("puma560_arm3", Natural(0.1)), "15 base parameters do not"),
         (
             lambda: SlotineLi(full("puma560_arm3"), 8.0, 50.0, Natural(0.1)),
-            "no rigid body has the first estimate of link1",
+            "the initial estimate of link1 is not physically consistent",
         ),
         (
             lambda: SlotineLi(
@@ -361,7 +361,7 @@ def test_the_truth_is_at_no_distance_and_everything_else_at_some() -> None:
                 Natural(0.1),
                 arm("puma560_geared").inertial_parameters * np.r_[np.ones(60), np.zeros(6)],
             ),
-            "first estimate of joint1.rotor_inertia must be positive",
+            "initial estimate of joint1.rotor_inertia must be positive",
         ),
     ],
 )
@@ -391,7 +391,7 @@ def test_a_function_v_that_a_run_cannot_tell_is_refused() -> None:
     class Told:
         p, v, estimate, reference_p, reference_v = run.p, run.v, run.estimate, point.p, point.v
 
-    with pytest.raises(InputError, match="depends on more than the estimate"):
+    with pytest.raises(InputError, match="needs more than the recorded estimate"):
         lyapunov(controller, Told(), mechanism)
 
 

@@ -85,9 +85,9 @@ def test_the_lyapunov_function_hardly_rises_between_samples(said: dict[str, Any]
 def test_parameter_errors_are_drawn(out: Path, said: dict[str, Any]) -> None:
     assert (out / "figures" / "parameter-error.png").stat().st_size > 10_000
     page = (out / "report.html").read_text()
-    assert "parameter error at the end" in page
-    assert "one line a law that adapts" in page
-    assert "with its last value" in page
+    assert "final parameter error" in page
+    assert "one line per adaptive law" in page
+    assert "with its final value" in page
 
 
 def test_a_rough_model_is_rigid_bodies_within_its_deviations() -> None:
@@ -110,7 +110,7 @@ def test_the_most_exciting_motion_is_that_of_the_search() -> None:
     expected = asked.reference(said.mechanism)(said.runs[0].rollout.time).p
     np.testing.assert_allclose(reference, expected, rtol=0.0, atol=1e-12)
     assert np.abs(np.diff(reference, axis=0)[0]).max() > 0.0  # it begins in motion
-    with pytest.raises(InputError, match="exciting is for arms without loops"):
+    with pytest.raises(InputError, match="exciting is only for arms without loops"):
         Laws(motion="exciting").reference(load("semi_direct_drive"))
     with pytest.raises(NotFoundError, match="motion: expected random, exciting, single, rest, got 'wild'"):
         Laws(motion="wild")
@@ -121,7 +121,7 @@ def test_laws_that_do_not_exist_or_come_twice_are_refused() -> None:
         Laws(laws=("gradients",))
     with pytest.raises(InputError, match="each at most once"):
         Laws(laws=(LAWS[0], LAWS[0]))
-    with pytest.raises(InputError, match=r"farther than its loops allow; make it smaller than 0.25 rad"):
+    with pytest.raises(InputError, match=r"farther than its loops allow; give less than 0.25 rad"):
         Laws().followed(load("semi_direct_drive"))
 
 

@@ -89,22 +89,24 @@ def test_a_loop_that_closes_elsewhere_says_where() -> None:
 def test_too_many_primary_joints() -> None:
     refused(
         linkage(("crank", "rocker")),
-        "2 joints are primary, but the loops leave only 1 free: crank, rocker bind one another; remove 1 of them",
+        "2 joints are primary, but the loops have only 1 degrees of freedom: crank, rocker depend on "
+        "each other; remove 1 of them",
     )
     refused(
         linkage(("crank", "rocker", "arm"), loose=True),
-        "3 joints are primary, but the loops leave only 2 free: crank, rocker bind one another; remove 1 of them",
+        "3 joints are primary, but the loops have only 2 degrees of freedom: crank, rocker depend on "
+        "each other; remove 1 of them",
     )
 
 
 def test_too_few_primary_joints() -> None:
     refused(
         linkage(("crank",), loose=True),
-        "the primary joints do not determine arm: 2 joints must be primary, 1 are; make it primary",
+        "the primary joints do not determine arm: 2 joints must be primary, but only 1 are",
     )
     refused(
         linkage(("arm",), loose=True),
-        "the primary joints do not determine crank, coupler, rocker: 2 joints must be primary, 1 are; make one",
+        "the primary joints do not determine crank, coupler, rocker: 2 joints must be primary, but only 1 are",
     )
 
 
@@ -116,7 +118,7 @@ def test_the_right_number_of_the_wrong_joints() -> None:
 
 def test_a_closure_that_adds_nothing() -> None:
     again = Closure("again", "rocker", "coupler", ahead(0.4), ahead(0.6))
-    refused(linkage(more=(again,)), "closure 'again' is redundant: what it binds is bound already; remove it")
+    refused(linkage(more=(again,)), "closure 'again' is redundant: other constraints imply it; remove it")
 
 
 def test_a_coupling_that_adds_nothing() -> None:
@@ -125,7 +127,7 @@ def test_a_coupling_that_adds_nothing() -> None:
     gear = (Coupling("belt", "rocker", "crank"),)
     refused(
         linkage(lengths=(0.3, 0.6, 0.3, 0.6), reference=square, gears=gear),
-        "coupling 'belt' is redundant: what it binds is bound already; remove it",
+        "coupling 'belt' is redundant: other constraints imply it; remove it",
     )
 
 
@@ -137,13 +139,13 @@ def test_a_mechanism_that_locks() -> None:
     point = 0.3 * np.array([math.cos(crank), math.sin(crank), 0.0])
     point += 0.3 * np.array([math.cos(crank + coupler), math.sin(crank + coupler), 0.0])
     strut = Closure("strut", "coupler", None, ahead(0.3), Pose(np.eye(3), point))
-    refused(linkage(more=(strut,)), "the mechanism locks: 3 constraints bind all 3 joints")
+    refused(linkage(more=(strut,)), "the mechanism is locked: 3 constraints fix all 3 joints")
 
 
 def test_a_mechanism_that_closes_in_one_configuration_only() -> None:
     """Stretched out, the crank and the coupler just reach: nothing can move."""
     taut = linkage(lengths=(0.2, 0.2, 0.3, 0.7), reference={"crank": 0.0, "coupler": 0.0, "rocker": math.pi})
-    refused(taut, "the mechanism locks: its loops close in no other configuration near the reference")
+    refused(taut, "the mechanism is locked: its loops close only at the reference")
 
 
 def test_a_singular_start() -> None:
@@ -151,7 +153,7 @@ def test_a_singular_start() -> None:
     reach = 0.9
     angle = math.acos((0.5**2 + 0.7**2 - reach**2) / (2 * 0.5 * 0.7))
     stretched = linkage(lengths=(0.5, 0.6, 0.3, 0.7), reference={"crank": angle, "coupler": -1.2, "rocker": 2.2})
-    singular = "the reference configuration is singular: of 2 constraints .* only 1 there; give a reference elsewhere"
+    singular = "the reference configuration is singular: of 2 constraints .* only 1 there; give another reference"
     refused(stretched, singular)
     flat = linkage(
         lengths=(0.3, 0.6, 0.3, 0.6), reference={"crank": 0.0, "coupler": 0.0, "rocker": 0.0}

@@ -124,9 +124,9 @@ def test_the_table_of_tuned_robots_counts_its_rows(tmp_path: Path) -> None:
     file = tmp_path / "rows.jsonl"
     file.write_text("".join(json.dumps(row) + "\n" for row in rows))
     text = tuning_table.published(tuning_table.rows(file))
-    assert "| a/good | 7 | 40 | 1 | falls | 1 | 1 | 1 |\n" in text
-    assert "| a/lost | 7 | 40 | (falls) |" in text
-    assert "The rule: 2 of 4 learn as described, 1 of them to a tenth" in text
+    assert "| a/good | 7 | 40 | 1 | unstable | 1 | 1 | 1 |\n" in text
+    assert "| a/lost | 7 | 40 | (unstable) |" in text
+    assert "Tuning rules: 2 of 4 learn nominally, 1 of them to a tenth" in text
     assert "median of the last two seconds 9 mrad" in text
     assert "With `--search 20`: 1 of 1 learn" in text
     assert "`a/wrong` is refused: no gains hold it" in text

@@ -51,7 +51,7 @@ def test_random_states_are_regular_and_spread(name: str) -> None:
     assert mechanism.continuation.regularity(reached).min() > 0.9 * MIN_SINGULAR_VALUE_SHARE
     spread = states.p - q[list(mechanism.description.primary)]
     assert (np.abs(spread).max(axis=0) > 0.02).all()
-    assert states.origin == "random states on the reference's branch"
+    assert states.origin == "random states on the branch of the reference"
 
 
 @pytest.mark.parametrize("proven", [False, at_night(True)])
@@ -100,7 +100,7 @@ def test_a_reference_that_breaks_a_condition_is_refused() -> None:
     assert arm.loops is not None
     never = Condition("never", {"joint1": 1.0}, 1.0, 2.0)
     wrong = Mechanism(replace(arm, loops=replace(arm.loops, conditions=(never,))))
-    with pytest.raises(InputError, match=r"the reference configuration, p = \[0\.0, -1\.57.*\], breaks a condition"):
+    with pytest.raises(InputError, match=r"the reference configuration, p = \[0\.0, -1\.57.*\], violates a condition"):
         random_states(wrong, 10, np.random.default_rng(0))
 
 
@@ -120,7 +120,7 @@ def test_limits_that_nothing_can_keep_are_refused() -> None:
     arm = load("semi_direct_drive").description
     follower = replace(arm.links[3].joint, limits=Limits(50.0, 51.0))
     links = tuple(replace(x, joint=follower) if x.name == "link4" else x for x in arm.links)
-    with pytest.raises(InputError, match=r"semi_direct_drive: of \d+ positions within the primary joints' .* only 0"):
+    with pytest.raises(InputError, match=r"semi_direct_drive: of \d+ positions within the limits .* only 0"):
         states_within_limits(Mechanism(replace(arm, links=links)), 2)
 
 

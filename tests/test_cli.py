@@ -54,7 +54,7 @@ def test_help_of_an_experiment_tells_every_setting_its_symbol_and_default(
 ) -> None:
     assert main([*RUN, "--help"]) == 0
     shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "--bandwidth FLOAT Λ: how fast errors decay, 1/s [default: 8]" in shown
+    assert "--bandwidth FLOAT Λ: bandwidth: decay rate of errors, 1/s [default: 8]" in shown
     assert "K: damping of each joint, N m s [default: 90 150 70 20 16 18]" in shown
     for flag in ("--seed INT", "--duration FLOAT", "--out DIR", "--overwrite", "--initial-error", "--robot"):
         assert flag in shown
@@ -140,7 +140,7 @@ def test_arm_with_other_joints_is_sent_to_the_right_experiment(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     line = refused(capsys, *RUN, "--out", str(tmp_path / "out"), "--robot", "puma560_arm3")
-    assert line == "robot: puma560_arm3 has 3 joints, this experiment is for 6; use the experiment 'adaptive'"
+    assert line == "robot: puma560_arm3 has 3 joints, but this experiment needs 6; use the experiment 'adaptive'"
 
 
 @pytest.mark.parametrize(

@@ -107,7 +107,7 @@ def overflowing(controller: SlotineLi, state: Any, p: Array, v: Array) -> None:
 def test_a_start_that_overflows_is_refused(arms: tuple[int, ...]) -> None:
     p, v = np.broadcast_to(TWO, (*arms, 2)), np.broadcast_to(SPEEDS, (*arms, 2)).copy()
     v[-1:] *= 1e200
-    with pytest.raises(NonFiniteError, match="SlotineLi: the first state is not finite"):
+    with pytest.raises(NonFiniteError, match="SlotineLi: the initial state is not finite"):
         floor().init(p, v)
 
 

@@ -147,13 +147,16 @@ def on(law: AdaptationLaw, initial: Array | None) -> SlotineLi:
     [
         (
             lambda: lifted(NAME, outside()),
-            "consistent adaptation: no rigid body has the lift of link2: its pseudo-inertia",
+            "consistent adaptation: the lift of link2 is not physically consistent: its pseudo-inertia",
         ),
         (
             lambda: on(ConsistentAdaptation(0.1, TRUE), None),
-            "the first estimate is not the lift's: .* initial=model.regrouping",
+            "the initial estimate does not match the lift: .* initial=model.regrouping",
         ),
-        (lambda: on(ConsistentAdaptation(0.1, TRUE), 1.1 * reduced(NAME).fundamental_parameters), "not the lift's"),
+        (
+            lambda: on(ConsistentAdaptation(0.1, TRUE), 1.1 * reduced(NAME).fundamental_parameters),
+            "does not match the lift",
+        ),
         (
             lambda: on(ConsistentAdaptation(0.1, TRUE[:30]), reduced(NAME).fundamental_parameters),
             "consistent adaptation: lift: expected all 50 parameters, got 30",
@@ -174,8 +177,8 @@ def test_what_cannot_be_is_refused(make: object, says: str) -> None:
 @pytest.mark.parametrize(
     ("fixed", "weight", "says"),
     [
-        ("link2.mc_z", None, "^consistent adaptation: moves .* take away link2.mc_z: leave"),
-        ("joint1.rotor_inertia", 0.1, r"^consistent adaptation: .* fix .*: joint1.rotor_inertia \(0\.5\): leave"),
+        ("link2.mc_z", None, "^consistent adaptation: adapts .* remove link2.mc_z: remove"),
+        ("joint1.rotor_inertia", 0.1, r"^consistent adaptation: .* fix .*: joint1.rotor_inertia \(0\.5\): remove"),
         ("joint1.rotor_inertia", None, ""),
     ],
 )

@@ -299,7 +299,10 @@ SMALL = "puma560_arm3"
         (lambda: PassivityIntegral(reduced(SMALL), 8.0, 50.0, control_period=np.nan), "control period"),
         (lambda: TaskSpaceSlotineLi(reduced(SMALL), 8.0, 50.0, axes=(0, 3)), "axes: expected some of 0, 1, 2"),
         (lambda: TaskSpaceSlotineLi(reduced(SMALL), np.ones(2), 50.0), "bandwidth: expected a number or 3 of them"),
-        (lambda: TaskSpaceSlotineLi(reduced(SMALL), 8.0, 50.0, link="hand"), "no link 'hand'; links: link1, link2"),
+        (
+            lambda: TaskSpaceSlotineLi(reduced(SMALL), 8.0, 50.0, link="hand"),
+            "unknown link 'hand'; links: link1, link2",
+        ),
         (lambda: TaskSpaceSlotineLi(reduced(SMALL), 8.0, 50.0, link="link2"), "point of link2 along fewer than 3 axes"),
         (lambda: TaskSpaceSlotineLi(reduced(SMALL), 8.0, 50.0, singularity=-1.0), "singularity: expected at least 0"),
         (lambda: TaskSpaceSlotineLi(reduced(SMALL), 8.0, 50.0, tool=np.ones(2)), "tool"),

@@ -243,14 +243,14 @@ def test_balanced_and_relocated_parameters_are_zero(arm: str) -> None:
 def test_removals_save_operations() -> None:
     T = task("puma560_measured")
     best = simplifications(T, bounds(T.mechanism, ["link6"]))[0]
-    assert best.description == "link6 is its own mirror image along x and y already"
+    assert best.description == "link6 is symmetric along x and y already"
     assert best.eliminated == ("link6.mc_x", "link6.mc_y", "link6.I_xy", "link6.I_xz", "link6.I_yz")
     assert operations_saved(T, best) > 50
     assert by_symmetry(T, ("link1.mc_x",)) is None
     together = simplifications(T, bounds(T.mechanism, T.mechanism.description.body_names))[0]
     assert together.condition
     assert together.rank < best.rank
-    assert together.description == "rely on every symmetry that links have already"
+    assert together.description == "use all existing symmetries"
     assert operations_saved(T, together) > operations_saved(T, best)
 
 
@@ -272,12 +272,12 @@ def test_a_task_without_energy_is_refused() -> None:
         T.weights,
         T.nonzero_parameters,
     ):
-        with pytest.raises(InputError, match="its energy is the same in all states of the task"):
+        with pytest.raises(InputError, match="the energy is equal in all states of the task"):
             call()
     faster = DesignTask.within_limits(T.mechanism, 10, speed=1.0)
     assert added_mass(faster, "pillar", 1.0, (0.5, 0.0, 0.0)).energy_change > 0.0
     np.testing.assert_allclose(faster.weights(), [1.0])
-    with pytest.raises(InputError, match="its energy is the same in all states of the task"):
+    with pytest.raises(InputError, match="the energy is equal in all states of the task"):
         faster.weights(np.zeros(10))
 
 
@@ -294,7 +294,7 @@ def _wrong() -> dict[str, tuple[object, str]]:
     arm, within = T.mechanism, bounds(T.mechanism, ["link2"])
     still = np.zeros((10, 6))
     return {
-        "link": (lambda: added_mass(T, "link9", 1.0), "there is no link 'link9' with inertia; links: link1, link2"),
+        "link": (lambda: added_mass(T, "link9", 1.0), "no link 'link9' with inertia; links: link1, link2"),
         "mass": (lambda: added_mass(T, "link2", -1.0), "expected a mass of at least 0 kg, got -1"),
         "sphere": (lambda: sphere(-1.0), "mass: expected a number of at least 0 kg and at most 1e+20, got -1"),
         "box": (lambda: box(1.0, (0.1, -0.2, 0.1)), "y: expected a number above 0"),
@@ -304,15 +304,15 @@ def _wrong() -> dict[str, tuple[object, str]]:
         "outside": (lambda: within[0].validate((9.0, 0.0, 0.0)), "is outside the bounds"),
         "bounds": (lambda: MountingBounds("link2", np.ones(3), np.zeros(3), 1.0), "expected lower <= upper"),
         "heavy": (lambda: MountingBounds("link2", np.zeros(3), np.ones(3), -1.0), "expected a mass of at least 0 kg"),
-        "share": (lambda: MountingBounds.of(arm, "link2", -0.2), "expected shares of at least 0"),
-        "places": (lambda: MountingBounds.of(arm, "hand"), "there is no link 'hand'"),
-        "none": (lambda: bounds(arm, []), "expected at least one, each once, got none"),
-        "twice": (lambda: bounds(arm, ["link2", "link2"]), "expected at least one, each once"),
-        "nothing": (lambda: optimal_counterweights(T, ()), "expected places on at least one link"),
+        "share": (lambda: MountingBounds.of(arm, "link2", -0.2), "expected ratios of at least 0"),
+        "places": (lambda: MountingBounds.of(arm, "hand"), "no link 'hand'"),
+        "none": (lambda: bounds(arm, []), "expected one or more different links, got none"),
+        "twice": (lambda: bounds(arm, ["link2", "link2"]), "expected one or more different links"),
+        "nothing": (lambda: optimal_counterweights(T, ()), "expected bounds for one or more different links"),
         "objective": (lambda: optimal_counterweights(T, within, "beauty"), "objective: expected one of energy, torque"),
         "density": (lambda: optimal_counterweights(T, within, density=-1.0), "density: expected a positive number"),
         "percent": (lambda: optimal_counterweights(T, within, percent=-1.0), "expected a percentage of at least 0"),
-        "still": (lambda: DesignTask(arm, still, still, still, "rest"), "no motion: its states are all alike"),
+        "still": (lambda: DesignTask(arm, still, still, still, "rest"), "task: the states are all equal"),
         "shapes": (lambda: DesignTask(arm, still, still[:5], still, ""), "expected one shape"),
         "samples": (lambda: DesignTask.within_limits(arm, 1), "samples: expected a whole number from 2 to 100000"),
         "speed": (
@@ -320,7 +320,7 @@ def _wrong() -> dict[str, tuple[object, str]]:
             "speed: expected a finite number of at least 0",
         ),
         "map": (lambda: cost_map(T, -1.0), "mass"),
-        "symmetry": (lambda: by_symmetry(T, ("link2.q",)), "no inertial parameter 'link2.q'"),
+        "symmetry": (lambda: by_symmetry(T, ("link2.q",)), "unknown inertial parameter 'link2.q'"),
     }
 
 
@@ -335,5 +335,5 @@ def test_wrong_input_is_refused_with_what_would_be_right(case: str) -> None:
 
 def test_constrained_mechanisms_are_refused() -> None:
     arm = constrained(adaptctl.load("semi_direct_drive"), Constraints(known={"link2.mc_y": 0.0}))
-    with pytest.raises(InputError, match="ten parameters a link"):
+    with pytest.raises(InputError, match="ten parameters per link"):
         DesignTask.within_limits(arm, 10)

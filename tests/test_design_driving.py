@@ -70,15 +70,15 @@ def test_counterweights_spare_the_motors(runs: dict[str, DrivenArm]) -> None:
 
 def test_what_cannot_be_driven_is_refused() -> None:
     rubbing = DesignTask.within_limits(load("puma560_friction"), 50)
-    with pytest.raises(InputError, match="puma560_friction has friction, which carries no energy: drive an arm"):
+    with pytest.raises(InputError, match="puma560_friction has friction, which has no energy components: use an arm"):
         driven(design_study(rubbing, links=("link2",)))
 
 
 @pytest.mark.parametrize(
     ("more", "told"),
     [
-        (("--duration", "5"), "--duration is of runs in closed loop: give --drive too"),
-        (("--components", "3"), "--components is of runs in closed loop"),
+        (("--duration", "5"), "--duration is for closed-loop runs: add --drive"),
+        (("--components", "3"), "--components is for closed-loop runs"),
         (("--drive", "--components", "7"), "components of two_link: expected a whole number from 1 to 6, got 7"),
         (("--drive", "--duration", "-1"), "duration: expected a positive number of s"),
         (("--drive", "--control-period", "1"), "period: expected a number above 0 and at most 0.1"),
@@ -96,8 +96,8 @@ def test_the_folder_shows_runs(tmp_path: Path) -> None:
     assert main(line) == 0
     page, said = (out / "report.html").read_text(), json.loads((out / "design.json").read_text())["runs"]
     share = said["all-after"]["work"] / said["all-before"]["work"] - 1.0
-    assert f"the motors' work changes by {change(share)}." in html.unescape(page)
-    assert f"{1e3 * said['few-after']['final_rms_error']:.3g} mrad instead of" in page
+    assert f"the mechanical work of the motors changes by {change(share)}." in html.unescape(page)
+    assert f" to {1e3 * said['few-after']['final_rms_error']:.3g} mrad." in page
     entities = {str(path) for path in RrdReader(out / "recording.rrd").store().schema().entity_paths()}
     assert {"/error/few-before", "/torque/held-after"} <= entities
 
@@ -111,10 +111,10 @@ def test_the_command_tells_of_runs_and_bodies(capsys: pytest.CaptureFixture[str]
     assert said["bodies"]["motor"]["lower"] > said["bodies"]["gripper"]["lower"] > said["bodies"]["camera"]["lower"]
     assert main([*line, "--out", str(tmp_path / "out")]) == 0
     page = (tmp_path / "out" / "report.html").read_text()
-    for told in ("In closed loop", "All adapted, with counterweights", "gripper", "torque, of limit"):
+    for told in ("Closed loop", "All adapted, with counterweights", "gripper", "torque over limit"):
         assert told in page
     for name in ("tracking", "applied"):
         assert (tmp_path / "out" / "figures" / f"{name}.png").stat().st_size > 1000
     words = " ".join(capsys.readouterr().out.split())
-    for told in ("In closed loop", "All adapted, with counterweights", "camera", "torque, of limit"):
+    for told in ("Closed loop", "All adapted, with counterweights", "camera", "torque over limit"):
         assert told in words

@@ -71,7 +71,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "seed text": (lambda: optimal_counterweights(task(), [third()], seed=OTHER), "seed: expected a whole number"),
     "seed none": (lambda: optimal_counterweights(task(), [third()], seed=NONE), "seed: expected a whole number"),
     "study's seed": (lambda: design_study(task(), seed=-1), "seed: expected a whole number from 0"),
-    "no states": (lambda: with_states(0), "expected one shape (T, 3), T at least 2, got (0, 3)"),
+    "expected at least one state": (lambda: with_states(0), "expected one shape (T, 3), T at least 2, got (0, 3)"),
     "one state": (lambda: with_states(1), "expected one shape (T, 3), T at least 2, got (1, 3)"),
     "stack": (lambda: task().cost("energy", several()), "parameters: expected shape (30,), got (2, 30)"),
     "stack's torques": (lambda: task().torques(several()), "parameters: expected shape (30,), got (2, 30)"),
@@ -88,7 +88,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "map's mass": (lambda: cost_map(task(), -1.0), "mass: expected a positive number of kg, got -1"),
     "map's nan": (lambda: CostMap(task(), np.nan, "energy"), "mass: expected a positive number of kg, got nan"),
     "map's objective": (lambda: cost_map(task(), 1.0, LISTED), "objective: expected one of energy"),
-    "no cost": (lambda: cost_map(single(), 1.0, "coupling"), "objective: expected one that costs something"),
+    "no cost": (lambda: cost_map(single(), 1.0, "coupling"), "objective: 'coupling' is zero in all states"),
     "sphere": (lambda: sphere(LISTED), "mass: expected a number, got [1.0]"),
     "heavy sphere": (lambda: sphere(1e300), "mass: expected a number of at least 0 kg and at most 1e+20"),
     "thin sphere": (lambda: sphere(1.0, density=1e-320), "density: expected a number above 0, from 1e-100"),
@@ -104,11 +104,11 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "beyond": (lambda: MountingBounds.of(task().mechanism, "link3", 0.2, OTHER), "places: beyond: expected a number"),
     "twice": (
         lambda: simplifications(task(), [third(), third()]),
-        "expected places on links, each once, got link3, link3",
+        "expected bounds for different links, got link3, link3",
     ),
     "link": (
         lambda: simplifications(task(), [MountingBounds("x", np.zeros(3), np.ones(3), 1.0)]),
-        "there is no link 'x' with inertia; links: link1, link2, link3",
+        "no link 'x' with inertia; links: link1, link2, link3",
     ),
     "ball's mass": (lambda: Counterweight("x", -1.0, np.zeros(3), 7850.0), "mass: expected a number of at least 0 kg"),
     "ball's place": (lambda: Counterweight("x", 1.0, np.zeros(2), 7850.0), "place: expected shape (3,), got (2,)"),
@@ -116,11 +116,11 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "far": (lambda: added_mass(task(), "link3", 1.0, (1e150, 0.0, 0.0)), "expected inertial parameters of at most"),
 }
 TOO_LARGE: dict[str, tuple[Callable[[], object], str]] = {
-    "cost": (lambda: task().cost("energy", task().parameters * 1e300), "parameters: the cost is too large"),
-    "torques": (lambda: task().torques(task().parameters * 1e300), "parameters: the cost is too large"),
-    "components": (lambda: task().components(1.0, task().parameters * 1e300), "parameters: the cost is too large"),
-    "weights": (lambda: task().weights(task().parameters * 1e300), "parameters: the cost is too large"),
-    "place": (lambda: cost_map(task()).at("link3", (1e200, 0.0, 0.0)), "link3: places: expected nearer ones"),
+    "cost": (lambda: task().cost("energy", task().parameters * 1e300), "parameters: the cost overflows"),
+    "torques": (lambda: task().torques(task().parameters * 1e300), "parameters: the cost overflows"),
+    "components": (lambda: task().components(1.0, task().parameters * 1e300), "parameters: the cost overflows"),
+    "weights": (lambda: task().weights(task().parameters * 1e300), "parameters: the cost overflows"),
+    "place": (lambda: cost_map(task()).at("link3", (1e200, 0.0, 0.0)), "link3: places: expected smaller distances"),
 }
 
 

@@ -66,7 +66,7 @@ def fitted(effect: Any) -> None:
         (lambda: PayloadHeld(1.0, TEXT), "payload: start: expected a number, got 'a'"),
         (lambda: PayloadHeld(1.0, 0.0, TEXT), "payload: stop: expected a number, got 'a'"),
         (lambda: PayloadHeld(1.0, 0.0, NAN), "payload: expected a start before its stop"),
-        (lambda: PlantEffects.of(cast(Any, ControlDelay(1))), r"expected several, such as \[ControlDelay\(2\)\]"),
+        (lambda: PlantEffects.of(cast(Any, ControlDelay(1))), r"expected a sequence, such as \[ControlDelay\(2\)\]"),
         (lambda: Payload(1.0).added_to(np.zeros(30), 3), "payload: link: expected a whole number from 0 to 2, got 3"),
         (lambda: Payload(1.0).added_to(np.zeros(30), -1), "payload: link: expected a whole number from 0 to 2"),
         (lambda: Payload(1.0).added_to(np.zeros(30), cast(Any, 0.5)), "payload: link: expected a whole number"),
@@ -91,7 +91,7 @@ def test_a_payload_without_a_mass_is_no_unknown_name() -> None:
 
 def test_a_payload_is_added_to_a_link_that_there_is() -> None:
     held = PayloadHeld(1.0, link="hand")
-    with pytest.raises(NotFoundError, match="payload: there is no link 'hand'; links: link1, link2"):
+    with pytest.raises(NotFoundError, match="payload: unknown link 'hand'; links: link1, link2"):
         held.loaded(np.zeros(20), ("link1", "link2"), 0.0)
     given = np.zeros(25)
     np.testing.assert_array_equal(np.flatnonzero(held.loaded(given, ("hand", "link2"), 0.0)), [0])
@@ -101,7 +101,7 @@ def test_a_payload_is_added_to_a_link_that_there_is() -> None:
 @pytest.mark.parametrize(
     ("settings", "says"),
     [
-        ({"logs": []}, "logs: expected at least one log, got none"),
+        ({"logs": []}, "logs: expected at least one log"),
         ({"sample_rate": 0.0}, "sample_rate: expected a positive number of Hz, got 0.0"),
         ({"sample_rate": -250.0}, "sample_rate: expected a positive number of Hz, got -250.0"),
         ({"sample_rate": NAN}, "sample_rate: expected a positive number of Hz, got nan"),
@@ -110,8 +110,14 @@ def test_a_payload_is_added_to_a_link_that_there_is() -> None:
         ({"cutoff": TEXT}, "cutoff: expected a positive number of Hz, got 'a'"),
         ({"prior_weight": 0.0}, "prior_weight: expected a positive number, got 0.0"),
         ({"prior_weight": -1.0}, "prior_weight: expected a positive number, got -1.0"),
-        ({"drives": "d.toml", "columns": {"time": "t"}}, "columns, units: expected none, as the drives name theirs"),
-        ({"drives": "d.toml", "units": {"time": "s"}}, "columns, units: expected none, as the drives name theirs"),
+        (
+            {"drives": "d.toml", "columns": {"time": "t"}},
+            "columns, units: expected none, because the drives specify them",
+        ),
+        (
+            {"drives": "d.toml", "units": {"time": "s"}},
+            "columns, units: expected none, because the drives specify them",
+        ),
     ],
 )
 def test_identifications_that_cannot_be_are_refused(settings: dict[str, Any], says: str) -> None:
@@ -178,7 +184,7 @@ def logged(**given: Any) -> Rollout:
         (lambda: RunLogger(3, 1e-3, joints=("one", "two")), "joints: expected 3 names, got 2"),
         (lambda: RunLogger(3, 1e-3, joints=cast(Any, 3)), "joints: expected 3 names, got 3"),
         (lambda: RunLogger(3, 1e-3, joints=cast(Any, "abc")), "joints: expected 3 names, got 'abc'"),
-        (lambda: RunLogger(2, 1e-3, joints=("a", "a")), "joints: expected different names, got a, a"),
+        (lambda: RunLogger(2, 1e-3, joints=("a", "a")), "joints: expected unique names, got a, a"),
         (lambda: logged().to_pandas(cast(Any, 3)), "joints: expected 3 names, got 3"),
         (lambda: logged().to_arrow(cast(Any, [1, 2, 3])), r"joints: expected 3 names, got \[1, 2, 3\]"),
         (lambda: logged().plot(cast(Any, 3)), "joints: expected 3 names, got 3"),

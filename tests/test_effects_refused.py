@@ -31,7 +31,7 @@ from adaptctl.simulation.effects import (
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda: ControlDelay(65), InputError, "65 control periods are longer than the buffer, which holds 64"),
+        (lambda: ControlDelay(65), InputError, "65 control periods are more than the buffer length of 64"),
         (lambda: ControlDelay(-1), InputError, "control delay: expected a whole number"),
         (lambda: ControlDelay(1.5), InputError, "expected a whole number of control periods, got 1.5"),
         (lambda: ControlDelay(True), InputError, "expected a whole number of control periods, got True"),
@@ -70,7 +70,7 @@ def test_what_cannot_be_is_refused(make: Any, error: type[Exception], message: s
         (Encoder([1e-3] * 5 + [1e-310]), InputError, "encoder: resolution: expected 0 or at least 1e-12"),
         (Encoder(noise=-1e-3), InputError, "encoder: noise: expected numbers of at least 0"),
         (FilteredDifferences(500.0), InputError, "500 Hz is not below half the sampling rate, 500 Hz"),
-        (PayloadHeld(1.0, link="hand"), NotFoundError, "there is no link 'hand'; links: link1, link2"),
+        (PayloadHeld(1.0, link="hand"), NotFoundError, "unknown link 'hand'; links: link1, link2"),
     ],
 )
 def test_what_does_not_fit_an_arm_is_refused(effect: Effect, error: type[Exception], message: str) -> None:

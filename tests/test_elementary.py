@@ -96,13 +96,13 @@ def test_a_law_may_saturate_smoothly() -> None:
         (
             lambda p, v, r, memory: -p,
             InputError,
-            "return the torque, a Column of 2, and the memory after it, got Column",
+            "return the torque, a Column of 2, and the next state, got Column",
         ),
         (lambda p, v, r, memory: (3.0, memory), InputError, "got float for the torque"),
         (lambda p, v, r, memory: (Column((1.0,)), memory), InputError, "got a column of 1 for the torque"),
-        (lambda p, v, r, memory: (-p, (p,)), InputError, "got another state than `initial_state` gives"),
-        (lambda p, v, r, memory: (-p, None), InputError, "got another state than `initial_state` gives"),
-        (lambda p, v, r, memory: (np.tanh(p), memory), TraceError, r"apply those of adaptctl\.scalars to each"),
+        (lambda p, v, r, memory: (-p, (p,)), InputError, "got another type of state than that of `initial_state`"),
+        (lambda p, v, r, memory: (-p, None), InputError, "got another type of state than that of `initial_state`"),
+        (lambda p, v, r, memory: (np.tanh(p), memory), TraceError, r"apply the functions of adaptctl\.scalars to each"),
         (lambda p, v, r, memory: (Column(math.tanh(x) for x in p), memory), TraceError, "not of math"),
         (
             lambda p, v, r, memory: (Column(np.arcsin(x) for x in p), memory),

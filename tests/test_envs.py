@@ -247,7 +247,7 @@ def test_a_payload_finds_its_link_among_those_with_mass() -> None:
     held = TrackingEnv(floating, effects=[PayloadHeld(2.0, link=link)]).reset()[1]["parameters"]
     np.testing.assert_allclose((held - own).reshape(-1, 10)[-2], added, atol=1e-12)
     massless = floating.links[0].name
-    with pytest.raises(NotFoundError, match=f"there is no link '{massless}'; links: "):
+    with pytest.raises(NotFoundError, match=f"unknown link '{massless}'; links: "):
         TrackingEnv(floating, effects=[PayloadHeld(2.0, link=massless)])
 
 
@@ -347,7 +347,7 @@ def test_bad_actions_are_refused_and_change_nothing(
         ({"error_bound": np.ones(3)}, InputError, "error_bound"),
         ({"error_bound": float("nan")}, NonFiniteError, "error_bound: expected numbers, got nan"),
         ({"error_bound": -1.0}, InputError, "error_bound: expected positive numbers"),
-        ({"torque_limits": np.inf}, InputError, "torque_limits: an action needs finite ones"),
+        ({"torque_limits": np.inf}, InputError, "torque_limits: actions need finite limits"),
         ({"look_ahead": (0.1, float("inf"))}, InputError, "look_ahead"),
         ({"look_ahead": (-0.1,)}, InputError, r"look_ahead: expected times of at least 0 s, got \[-0\.1\]"),
         ({"initial_error": np.inf}, NonFiniteError, "initial_error: expected finite numbers, got inf"),
@@ -361,7 +361,7 @@ def test_bad_actions_are_refused_and_change_nothing(
         ({"reference": -1}, InputError, "reference: expected a Reference, a seed of at least 0, or 'random', got -1"),
         ({"integrator": 3, "substeps": 1}, InputError, "integrator: expected an Integrator, such as RungeKutta4"),
         ({"integrator": SemiImplicitEuler}, InputError, "integrator: expected an Integrator, such as RungeKutta4"),
-        ({"effects": 3}, InputError, r"effects: expected several, such as \[ControlDelay\(2\)\], got 3"),
+        ({"effects": 3}, InputError, r"effects: expected a sequence, such as \[ControlDelay\(2\)\], got 3"),
         ({"render_mode": "human"}, NotFoundError, "unknown render mode 'human'; modes: rgb_array"),
     ],
 )

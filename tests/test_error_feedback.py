@@ -175,7 +175,7 @@ def test_faster_poles_are_farther_out(bandwidth: float, ratio: float, factor: fl
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda: ErrorFeedback(1.0, 3000.0, 1e-3), GainError, "cannot be carried by a hold of 0.001 s: the rate"),
+        (lambda: ErrorFeedback(1.0, 3000.0, 1e-3), GainError, "are unstable at a control period of 0.001 s: the rate"),
         (lambda: ErrorFeedback(-1.0, 1.0, 1e-3), InputError, "gains: expected positive numbers"),
         (lambda: ErrorFeedback(1.0, 1.0, 0.0), InputError, "control period: expected a positive time"),
         (lambda: ErrorFeedback.from_bandwidth(0.0, 1.0, 1e-3), InputError, "expected a positive bandwidth and damping"),
@@ -193,9 +193,13 @@ def test_faster_poles_are_farther_out(bandwidth: float, ratio: float, factor: fl
         (lambda: ErrorFeedback.from_bandwidth(8.0, TEXT, 1e-3), InputError, "damping ratio: expected a number, got"),
         (lambda: ErrorFeedback.from_lqr(TEXT, 0.0, 1.0, 1e-3), InputError, "weights: position: expected a number"),
         (lambda: ErrorFeedback(TEXT, 1.0, 1e-3), InputError, "gains: stiffness: expected a number, got 'a'"),
-        (lambda: ErrorFeedback.from_lqr(0.0, 0.0, 1.0, 1e-3), InputError, "weights: expected positive ones"),
-        (lambda: ErrorFeedback.from_lqr(1e300, 0.0, 1e-300, 1e-3), InputError, "weights: too far apart for a control"),
-        (lambda: ErrorFeedback.from_bandwidth(8.0, 0.7, 1e-3).cascaded, InputError, "needs a ratio of at least 1"),
+        (lambda: ErrorFeedback.from_lqr(0.0, 0.0, 1.0, 1e-3), InputError, "weights: expected positive weights"),
+        (
+            lambda: ErrorFeedback.from_lqr(1e300, 0.0, 1e-300, 1e-3),
+            InputError,
+            "weights: too different in size for a control",
+        ),
+        (lambda: ErrorFeedback.from_bandwidth(8.0, 0.7, 1e-3).cascaded, InputError, "need a ratio of at least 1"),
     ],
 )
 def test_gains_that_cannot_be_are_refused(make: object, error: type[Exception], message: str) -> None:
@@ -210,7 +214,7 @@ def test_poles_are_not_made_faster_by_what_is_no_factor(factor: Any) -> None:
 
 
 def test_a_factor_that_leaves_no_gains_is_named() -> None:
-    with pytest.raises(InputError, match=r"^factor: 1e-300 leaves gains beyond double precision"):
+    with pytest.raises(InputError, match=r"^factor: 1e-300 gives gains that exceed double precision"):
         ErrorFeedback.from_bandwidth(8.0, 1.0, 1e-3).with_bandwidth_factor(1e-300)
 
 

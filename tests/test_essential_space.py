@@ -124,7 +124,7 @@ def test_singular_values_and_basis_are_those_of_the_given_states(puma: Mechanism
     image = H @ space.basis
     np.testing.assert_allclose(image.T @ image, np.diag(space.singular_values[:36] ** 2), atol=1e-12 * (H**2).sum())
     assert np.abs(H @ space.null_basis).max() < 1e-13 * np.abs(H).max()
-    assert space.states == "101 random states within the joints' limits, seed 3"
+    assert space.states == "101 random states within the joint limits, seed 3"
 
 
 def test_the_rank_does_not_depend_on_the_given_states(puma: Mechanism, space: EssentialSpace) -> None:
@@ -235,10 +235,8 @@ def test_the_certificate_says_how_sure_it_is(space: EssentialSpace) -> None:
 
 @pytest.mark.parametrize("twist", [1e-10, 1e-9, 1e-8, 1e-6, 1e-4])
 def test_a_tiny_twist_is_refused_with_both_ranks(twist: float) -> None:
-    angle = (
-        rf"joint1 and joint2 miss 0 degrees by {twist:.1e} rad: if a right angle is meant, write it exactly, or snap it"
-    )
-    both = "planar: the rank is 17 as the geometry stands, and 9 if what is nearly special is meant to be so"
+    angle = rf"joint1 and joint2 are {twist:.1e} rad from 0 degrees"
+    both = "planar: the rank is 17 for the geometry as given, but 9 if nearly special values are made exact"
     with pytest.raises(RankError, match=rf'{both}: {angle}.*snap=True.*near_singular="as_is"'):
         essential_space(planar(twist))
     assert essential_space(Mechanism(snapped(planar(twist).description))).rank == 9
@@ -248,8 +246,8 @@ def test_a_tiny_twist_as_it_is_needs_digits_enough() -> None:
     """Floats see 1e-4 rad; of 1e-8 rad they see a part, and would say 13."""
     seen = essential_space(planar(1e-4), near_singular="as_is").certificate
     assert (seen.rank, seen.rank_exact) == (17, 17)
-    assert "joint1 and joint2 miss 0 degrees by 1.0e-04 rad" in seen.warnings[0]
-    with pytest.raises(RankError, match="energies say 13, exact geometry over a prime field says 17"):
+    assert "joint1 and joint2 are 1.0e-04 rad from 0 degrees" in seen.warnings[0]
+    with pytest.raises(RankError, match="energies 13, exact over a prime field 17"):
         essential_space(planar(1e-8), near_singular="as_is")
     unproved = essential_space(planar(1e-8), prove=False).certificate
     assert (unproved.rank, unproved.rank_exact) == (13, None)
@@ -263,7 +261,7 @@ def test_a_nearly_special_angle_that_does_not_matter_is_only_a_remark(puma: Mech
     links = (*puma.links[:4], off, *puma.links[5:])
     found = essential_space(Mechanism(replace(puma.description, links=links))).certificate
     assert (found.rank, found.rank_exact) == (36, 36)
-    assert any("miss 90 degrees by 1.0e-06 rad" in remark for remark in found.warnings)
+    assert any("1.0e-06 rad from 90 degrees" in remark for remark in found.warnings)
 
 
 def test_a_long_spectrum_is_shown_about_its_gap() -> None:
@@ -330,12 +328,12 @@ def test_nothing_to_know_is_rank_zero(puma: Mechanism) -> None:
     [
         ({"gap": 9e5}, "the gap at 5 is 9.0e+05"),
         ({"relative_smallest": 9e-10}, "sigma_k/sigma_1 is 9.0e-10"),
-        ({"rank_torque": 4}, "energies say 5, torques 4, energies of twice as many samples 5"),
-        ({"rank_doubled": 6}, "energies say 5, torques 5, energies of twice as many samples 6"),
-        ({"rank_exact": 6, "proof_method": "a prime field"}, "exact geometry over a prime field says 6"),
+        ({"rank_torque": 4}, "energies 5, torques 4, twice as many samples 5"),
+        ({"rank_doubled": 6}, "energies 5, torques 5, twice as many samples 6"),
+        ({"rank_exact": 6, "proof_method": "a prime field"}, "exact over a prime field 6"),
         (
             {"residual_singular_values": (ResidualSingularValue(2.5e-8, ("link1.m",)),)},
-            "beyond the gap there is 2.5e-08 of sigma_1",
+            "beyond the gap, a singular value is 2.5e-08 of sigma_1",
         ),
     ],
 )

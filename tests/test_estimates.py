@@ -31,10 +31,12 @@ def test_a_controller_starts_from_what_was_saved(model: ReducedModel, tmp_path: 
 def test_estimates_of_other_parameters_are_refused(model: ReducedModel, tmp_path: Path) -> None:
     full = ReducedModel.full(model.mechanism)
     save_estimate(tmp_path / "all.json", full, np.zeros(50))
-    with pytest.raises(FileError, match=r"not the 26 of semi_direct_drive: 'link1\.m' is not among them"):
+    with pytest.raises(
+        FileError, match=r"expected the 26 parameters of semi_direct_drive: 'link1\.m' is not one of them"
+    ):
         load_estimate(tmp_path / "all.json", model)
     save_estimate(tmp_path / "few.json", model, np.zeros(26))
-    with pytest.raises(FileError, match=r"not the 50 of semi_direct_drive: 'link1\.m' is missing"):
+    with pytest.raises(FileError, match=r"expected the 50 parameters of semi_direct_drive: 'link1\.m' is missing"):
         load_estimate(tmp_path / "few.json", full)
 
 

@@ -187,8 +187,8 @@ def test_the_command_writes_what_robots_run(tmp_path: Path, capsys: pytest.Captu
         (["--jerk", "1", "-1"], "jerk: expected positive numbers, got [1.0, -1.0]"),
         (["--duration", "inf"], "duration: expected a positive number of seconds, got inf"),
         (["--duration", "nan"], "duration: expected a positive number of seconds, got nan"),
-        (["--box", "1", "1", "1", "2", "0", "2"], "--box: expected numbers that rise from the first three"),
-        (["--box", "1", "1", "1", "2", "nan", "2"], "--box: expected numbers that rise from the first three"),
+        (["--box", "1", "1", "1", "2", "0", "2"], "--box: expected the last three numbers above the first three"),
+        (["--box", "1", "1", "1", "2", "nan", "2"], "--box: expected the last three numbers above the first three"),
         (["--noise", "1", "2", "3"], "noise: expected"),
     ],
 )

@@ -285,8 +285,8 @@ def test_what_cannot_be_made_is_told_before_anything_runs() -> None:
         return SlotineLi(ReducedModel.full(mechanism), 8.0, 1e5)
 
     contenders = [
-        Contender.of("good", "Good", "everything", ComputedTorque(mechanism, 8.0)),
-        Contender("stiff", "Stiff", "nothing", stiff),
+        Contender.of("good", "Good", "exact", ComputedTorque(mechanism, 8.0)),
+        Contender("stiff", "Stiff", "none", stiff),
     ]
     env: Any = gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", robot=mechanism, reference=1, duration=0.01)
     with pytest.raises(GainError, match="too stiff"):
@@ -324,7 +324,7 @@ def test_a_run_that_stops_ends_with_the_exit_code_of_a_failed_verdict(
     out = tmp_path / "out"
     assert main([*PUMA, "--out", str(out), "--duration", "3", "--initial-error", "0.99", "--damping", *6 * ["1"]]) == 3
     said = json.loads((out / "summary.json").read_text())
-    assert capsys.readouterr().out.startswith("Failed: Slotine-Li, 36 parameters was stopped at ")
+    assert capsys.readouterr().out.startswith("Failed: Slotine-Li, 36 parameters was stopped by the environment at ")
     assert (said["complete"], said["verdict"]["passed"], said["final_rms_error"]) == (True, False, None)
     assert said["duration_run"] < 2.0
     assert said["verdict"]["faults"][0]["failure"] == "stopped"

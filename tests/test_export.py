@@ -144,7 +144,7 @@ def test_a_package_is_whole_and_says_what_it_is(name: str, tmp_path: Path) -> No
     for joint in mechanism.primary_joints:
         assert joint.name in readme
         assert joint.name in header
-    assert ("has no guards" in readme) is not isinstance(law, SafetyFilter)
+    assert ("has no safety limits" in readme) is not isinstance(law, SafetyFilter)
     for text in (path.read_text() for path in done.directory.iterdir()):
         assert "{{" not in text
         assert "{%" not in text
@@ -271,7 +271,7 @@ def test_a_name_that_is_no_identifier_is_refused(name: Any, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ({"unguarded": False}, "SlotineLi has no guards: wrap it in `SafetyFilter`"),
+        ({"unguarded": False}, "SlotineLi has no safety limits: wrap it in `SafetyFilter`"),
         ({"scalar": "half"}, "scalar: expected double or float, got 'half'"),
         ({"language": "rust"}, "language: expected c or wasm, got 'rust'"),
     ],
@@ -285,11 +285,11 @@ def test_wrong_choices_are_refused(more: dict[str, Any], message: str, tmp_path:
 def test_a_folder_or_file_that_exists_is_refused(tmp_path: Path) -> None:
     done = exported(tmp_path, LAWS["gradient"])
     before = {path.name: path.read_bytes() for path in done.directory.iterdir()}
-    with pytest.raises(FileError, match="exists already"):
+    with pytest.raises(FileError, match="already exists"):
         exported(tmp_path, LAWS["gradient"])
     assert before == {path.name: path.read_bytes() for path in done.directory.iterdir()}
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(FileError, match="exists already"):
+    with pytest.raises(FileError, match="already exists"):
         adaptctl.export(LAWS["guarded"], tmp_path / "file")
     with pytest.raises(FileError, match="file"):
         adaptctl.export(LAWS["guarded"], tmp_path / "file" / "below")
@@ -302,12 +302,12 @@ def test_what_is_no_controller_or_steps_otherwise_is_refused(tmp_path: Path) -> 
 
     with pytest.raises(InputError, match="expected a Controller, got int"):
         adaptctl.export(3, tmp_path / "out")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="Stepping has a step of its own"):
+    with pytest.raises(InputError, match="Stepping has a custom step"):
         exported(tmp_path, Stepping(MODEL, 6.0, [3.0, 4.0, 2.0]))  # type: ignore[arg-type]
 
 
 def test_much_stack_is_refused_unless_asked_for(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"about 2\d kB of stack, at most 16 kB"):
+    with pytest.raises(InputError, match=r"about 2\d kB of stack, above the limit of 16 kB"):
         exported(tmp_path, LAWS["forgetting"])
     assert exported(tmp_path, LAWS["forgetting"], large_stack=True).manifest["stack_bytes_about"] > 16384
 
@@ -342,7 +342,7 @@ def test_the_command_writes_a_package_and_prints_its_manifest(
     assert manifest["guarded"] is True
     assert manifest["scalar"] == "float"
     assert main(["export", robot, "--out", str(tmp_path / "arm")]) == 2
-    assert "exists already" in capsys.readouterr().err
+    assert "already exists" in capsys.readouterr().err
     assert main(["export", robot, "--law", "lqr", "--out", str(tmp_path / "other")]) == 2
     assert "unknown law 'lqr'; laws: slotine-li, " in capsys.readouterr().err
     assert not (tmp_path / "other").exists()

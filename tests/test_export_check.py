@@ -48,7 +48,7 @@ def test_builds_are_told_and_what_differs_is_a_failure(
     compiler(tmp_path, "echo FAILED: torques within nan of 9 N m; exit 1")
     assert main([*LINE, "--out", str(tmp_path / "two")]) == 3
     (line,) = [line for line in capsys.readouterr().err.splitlines() if "note:" not in line]
-    assert line.endswith("two: not what Python computes: cc: FAILED: torques within nan of 9 N m")
+    assert line.endswith("two: the compiled code differs from Python: cc: FAILED: torques within nan of 9 N m")
     (tmp_path / "cc").write_text("#!/bin/sh\necho no such flag >&2; exit 1\n")
     assert main([*LINE, "--out", str(tmp_path / "three")]) == 3
     assert "does not compile: no such flag" in capsys.readouterr().err
@@ -59,4 +59,4 @@ def test_without_a_compiler_it_says_so(
 ) -> None:
     monkeypatch.setattr(builds, "found_compilers", dict[str, Any])
     assert main([*LINE, "--out", str(tmp_path / "none")]) == 0
-    assert f"not built: no compiler is found, of {', '.join(COMPILERS)}" in capsys.readouterr().out
+    assert f"not built: found none of these compilers: {', '.join(COMPILERS)}" in capsys.readouterr().out

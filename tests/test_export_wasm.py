@@ -134,7 +134,7 @@ def test_the_brake_keeps_to_the_torque_limits(tmp_path: Path) -> None:
 
 
 def test_single_precision_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="scalar: WebAssembly is exported in double"):
+    with pytest.raises(InputError, match="scalar: WebAssembly supports only double"):
         adaptctl.export(LAWS["guarded"], tmp_path / "out", language="wasm", scalar="float")
     assert not (tmp_path / "out").exists()
 

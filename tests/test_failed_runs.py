@@ -48,7 +48,7 @@ class Stepped(Puma560Adaptive):
             return usual
         law: Any = next(one.controller for one in usual if one.name == "adaptive")
         own = Stepping(**{entry.name: getattr(law, entry.name) for entry in fields(law) if entry.init})
-        return [Contender.of("adaptive", "own", "nothing", own)]
+        return [Contender.of("adaptive", "own", "none", own)]
 
 
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
@@ -71,4 +71,4 @@ def test_what_the_simulation_of_many_refuses_is_computed_by_itself_in_double_and
     assert alone(runs[2], ("adaptive",)) == [("", RunOutcome.failed("too large"))]
     assert single[0][0][1].status == "done"
     assert single[1] == single[2]
-    assert "Stepping has a step of its own" in single[1][0][1].reason
+    assert "Stepping has a custom step" in single[1][0][1].reason

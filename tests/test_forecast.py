@@ -112,6 +112,6 @@ def test_relative_deviations_of_parameters_that_are_zero(told_by_one_joint: Fore
 
 def test_a_motion_without_torque_needs_a_noise() -> None:
     arm = Mechanism(replace(load("puma560_measured").description, gravity=np.zeros(3)))
-    with pytest.raises(InputError, match="noise: the motion takes no torque"):
+    with pytest.raises(InputError, match="noise: the motion needs no torque"):
         forecast(arm, moving())
     assert np.all(np.isinf(forecast(arm, moving(), NOISE).deviations))

@@ -81,7 +81,7 @@ def test_the_fastest_is_what_the_period_just_carries(puma: Mechanism, delay: int
     assert GainDesign.from_bandwidth(
         puma, 50.0 * 0.99 * asked.max_bandwidth, control_period=2e-3, delay=delay
     ).check_sample_time()
-    with pytest.raises(GainError, match=r"The largest gains that it carries have all poles at 0\.99"):
+    with pytest.raises(GainError, match=r"The largest stable gains have all poles at 0\.99"):
         GainDesign.from_bandwidth(
             puma, 50.0 * 1.01 * asked.max_bandwidth, control_period=2e-3, delay=delay
         ).check_sample_time()
@@ -138,11 +138,13 @@ def test_the_command_knows_three_methods(capsys: pytest.CaptureFixture[str], pum
     assert main(["gains", "puma560_geared", "--damping-ratio", "1"]) == 0
     words = " ".join(capsys.readouterr().out.split())
     assert words.startswith("puma560_geared: gains from a bandwidth and a damping ratio, discretised for a control")
-    assert "The period carries poles" in words
+    assert "At this period, poles up to" in words
     assert main(["gains", "puma560_geared"]) == 0
     words = " ".join(capsys.readouterr().out.split())
-    assert words.startswith("puma560_geared: gains by rule, near a reference within the torque limits, discretised")
-    assert "joint1 its torque limit holds K low" in words
+    assert words.startswith(
+        "puma560_geared: gains by the tuning rules, near a reference within the torque limits, discretised"
+    )
+    assert "joint1 K is limited by the torque limit" in words
 
 
 FOREIGN = ("ur5_robot.urdf", "kinova.urdf", "xarm7.urdf", "so101.urdf")
@@ -227,10 +229,10 @@ def test_gains_are_less_where_the_torque_is_late(puma: Mechanism, capsys: pytest
         (["puma560_geared", "--method", "poles", "--poles", "1", "2"], "poles: expected two in the left half-plane"),
         (["puma560_geared", "--delay", "0.5"], "--delay: expected a whole number, got '0.5'"),
         (["pumma"], "unknown robot 'pumma'"),
-        (["puma560_geared", "--method", "lqr", "--bandwidth", "8"], "--bandwidth: it is of the method bandwidth"),
-        (["puma560_geared", "--method", "poles", "--damping-ratio", "1"], "--damping-ratio: it is of the method"),
-        (["puma560_geared", "--poles", "-6", "-5"], "--poles: it is of the method poles: give --method poles, or"),
-        (["puma560_geared", "--weights", "1", "1", "1"], "--weights: it is of the method lqr"),
+        (["puma560_geared", "--method", "lqr", "--bandwidth", "8"], "--bandwidth: applies only to --method bandwidth"),
+        (["puma560_geared", "--method", "poles", "--damping-ratio", "1"], "--damping-ratio: applies only to --method"),
+        (["puma560_geared", "--poles", "-6", "-5"], "--poles: applies only to --method poles: add it, or"),
+        (["puma560_geared", "--weights", "1", "1", "1"], "--weights: applies only to --method lqr"),
     ],
 )
 def test_the_command_refuses_in_a_line(capsys: pytest.CaptureFixture[str], command: list[str], message: str) -> None:

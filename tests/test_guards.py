@@ -247,7 +247,7 @@ def test_the_law_runs_on_arrays_of_samples(held: SafetyFilter) -> None:
         ({"torque_limits": [1.0, 2.0]}, r"torque_limits: expected a number or 6 of them, got shape \(2,\)"),
         ({"rate_limits": np.nan}, "rate_limits: expected numbers, got"),
         ({"stop_damping": -1.0}, "stop_damping: expected finite numbers of at least 0"),
-        ({"estimate_bounds": (1.0, 2.0)}, r"first estimate of parameter 0 is 0, outside \[1, 2\]: start within"),
+        ({"estimate_bounds": (1.0, 2.0)}, r"initial estimate of parameter 0 is 0, outside \[1, 2\]: start within"),
         ({"estimate_bounds": (1.0, -1.0)}, "estimate_bounds: expected lower < upper"),
         ({"estimate_bounds": (-np.ones(3), 1.0)}, "estimate_bounds: expected a number or 66 of them, got shape"),
         ({"estimate_bounds": (-np.ones(1), 1.0)}, "estimate_bounds: expected a number or 66 of them, got shape"),
@@ -266,11 +266,11 @@ def test_guards_that_cannot_be_are_refused(law: SlotineLi, settings: dict[str, A
 
 def test_what_a_law_does_not_know_must_be_given(puma: Mechanism) -> None:
     law = ComputedTorque(puma, 5.0)
-    with pytest.raises(InputError, match="stop_damping: ComputedTorque has no damping of its own"):
+    with pytest.raises(InputError, match="stop_damping: ComputedTorque has no damping for braking"):
         SafetyFilter(law)
-    with pytest.raises(InputError, match="period: ComputedTorque does not know its own"):
+    with pytest.raises(InputError, match="period: ComputedTorque has no control period"):
         SafetyFilter(law, rate_limits=1.0, stop_damping=1.0)
-    with pytest.raises(InputError, match="estimate_bounds: ComputedTorque estimates nothing"):
+    with pytest.raises(InputError, match="estimate_bounds: ComputedTorque has no estimate"):
         SafetyFilter(law, estimate_bounds=(-1.0, 1.0), stop_damping=1.0)
     assert SafetyFilter(law, rate_limits=1.0, stop_damping=1.0, control_period=1e-3).control_period == 1e-3
 

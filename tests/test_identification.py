@@ -278,7 +278,7 @@ def test_the_real_arm_is_predicted_better_than_by_least_squares() -> None:
     assert result.validation.relative_error < 0.06
     plain = next(v for name, v in result.alternatives.items() if name.startswith("weighted") and "offset" in name)
     assert result.validation.rms_error < 0.85 * plain.rms_error
-    robot_file = result.alternatives["the robot file's links, friction and rotors fitted"]
+    robot_file = result.alternatives["links of the robot file, friction and rotors fitted"]
     assert result.validation.rms_error < robot_file.rms_error
     assert DriveParameter.SQUARE_ROOT in result.choice.settings.friction.kinds
     assert not result.mechanism.description.inconsistent_links

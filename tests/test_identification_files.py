@@ -128,7 +128,7 @@ def slider(*kinds: JointKind) -> Identification:
 def test_the_words_on_an_identification_have_its_joints_units(kinds: tuple[JointKind, ...], unit: str) -> None:
     found = slider(*kinds)
     size = f"{found.validation.rms_error:.3g} {unit}"
-    assert f"to {size} over all joints, " in verdict(found)
+    assert f"RMS error of {size} over all joints, " in verdict(found)
     assert next(facts(found)).answer == size
     page = report(found).html({})
     assert not re.search("kg m|N m|N s/m", page)
@@ -225,7 +225,7 @@ def test_ros_bags_are_read(tmp_path: Path) -> None:
         np.testing.assert_array_equal(log.column("position.elbow", "position"), 2.0 * np.arange(count))
         np.testing.assert_array_equal(log.column("effort.elbow", "torque"), np.arange(count))
         assert log.units["effort.elbow"] == "N m"
-    with pytest.raises(FileError, match="there is no joint state topic /nothing; there is /joint_states"):
+    with pytest.raises(FileError, match="no joint-state topic /nothing; topics: /joint_states"):
         read_log(tmp_path / "bag", "/nothing")
     (tmp_path / "bad.mcap").write_bytes(b"nonsense")
     with pytest.raises(FileError, match=r"bad\.mcap: cannot be read as a ROS bag"):
@@ -258,7 +258,7 @@ def test_runs_are_kept_and_read_back_and_identified(tmp_path: Path) -> None:
     log = read_log(tmp_path / "run.parquet")
     np.testing.assert_array_equal(log.column("applied.elbow", "torque"), run.applied[:, 1])
     assert (log.units["p.elbow"], log.units["applied.elbow"], log.units["time"]) == ("rad", "N m", "s")
-    for content, message in ((b"no", "cannot be read as Parquet"), (None, "not a run of ours")):
+    for content, message in ((b"no", "cannot be read as Parquet"), (None, "not a run of adaptctl")):
         if content is None:
             with example("tx40") as files:
                 content = files.log.read_bytes()

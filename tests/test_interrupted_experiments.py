@@ -27,7 +27,7 @@ def until(label: str) -> Callable[[str, float], None]:
 
 
 @pytest.mark.parametrize(
-    "label", ["Slotine-Li on MuJoCo, steps 4 times shorter", at_night("Slotine-Li on adaptctl's plant")]
+    "label", ["Slotine-Li on MuJoCo, steps 4 times shorter", at_night("Slotine-Li on the built-in plant")]
 )
 def test_the_first_plant_is_kept_when_another_is_interrupted(label: str, tmp_path: Path) -> None:
     experiment = AdaptiveTracking(robot=ARM, plant="both", duration=2.0)

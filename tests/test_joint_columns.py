@@ -74,14 +74,14 @@ def test_si_units_as_messages_of_ros_have_them_are_of_any_joints(kinds: tuple[Jo
 def test_a_column_is_of_one_joint() -> None:
     mechanism = arm(REVOLUTE, REVOLUTE)
     with pytest.raises(
-        InputError, match=r"columns: position: 'position\.j0' is of joint 'j0' and of 'j1'; in a pattern"
+        InputError, match=r"columns: position: 'position\.j0' is given for joint 'j0' and 'j1'; in a pattern"
     ):
         joint_columns(mechanism, log_of(mechanism), {"position": "position.j0"}, SI)
 
 
 def test_names_of_columns_that_are_no_text_are_refused(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_bytes(b"time,position.\xe9\n1,2\n")
-    with pytest.raises(FileError, match=r"log\.csv: not a table in text \('utf-8' codec can't decode byte 0xe9"):
+    with pytest.raises(FileError, match=r"log\.csv: not a text table \('utf-8' codec can't decode byte 0xe9"):
         read_log(tmp_path / "log.csv")
 
 
@@ -108,8 +108,8 @@ def test_a_log_is_not_judged_by_itself(tmp_path: Path) -> None:
     log, same = tmp_path / "log.csv", tmp_path / "." / "log.csv"
     (tmp_path / "link.csv").symlink_to(log)
     for logs, others, message in (
-        ([log], [same], "validate: .*log.csv is one of the logs that are fitted"),
-        ([log, tmp_path / "other.csv"], [tmp_path / "link.csv"], "validate: .*link.csv is one of the logs"),
+        ([log], [same], "validate: .*log.csv is also used for the fit"),
+        ([log, tmp_path / "other.csv"], [tmp_path / "link.csv"], "validate: .*link.csv is also used for the fit"),
         ([log, same], [], "logs: .*log.csv is given twice"),
         ([log], [tmp_path / "other.csv", tmp_path / "other.csv"], "validate: .*other.csv is given twice"),
     ):
@@ -140,8 +140,8 @@ def test_arguments_of_another_kind_are_named(given: dict[str, Any], message: str
 @pytest.mark.parametrize(
     ("factors", "message"),
     [
-        ((1.0, 1.0, 1e3), r"joint 'j0' takes .* N, its robot at most 30"),
-        ((1e2, 1.0, 1.0), r"joint 'j0' moves at .* m/s, its robot at most at 2: are the positions in mm"),
+        ((1.0, 1.0, 1e3), r"joint 'j0' has a torque of .* N, but the limit of the robot is 30"),
+        ((1e2, 1.0, 1.0), r"joint 'j0' moves at .* m/s, but the limit of the robot is 2: are the positions in mm"),
     ],
 )
 def test_limits_of_what_slides_are_told_in_its_units(factors: tuple[float, float, float], message: str) -> None:

@@ -264,9 +264,9 @@ def test_the_stack_keeps_the_newest_samples_that_differ() -> None:
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: ConcurrentLearning(ONES, stack_size=0), "a stack has from 1 to 64 samples, got 0: without any"),
-        (lambda: ConcurrentLearning(ONES, stack_size=-2), "a stack has from 1 to 64 samples, got -2"),
-        (lambda: ConcurrentLearning(ONES, stack_size=65), "a stack has from 1 to 64 samples, got 65"),
+        (lambda: ConcurrentLearning(ONES, stack_size=0), "expected 1 to 64, got 0; use Gradient without"),
+        (lambda: ConcurrentLearning(ONES, stack_size=-2), "expected 1 to 64, got -2"),
+        (lambda: ConcurrentLearning(ONES, stack_size=65), "expected 1 to 64, got 65"),
         (lambda: ConcurrentLearning(ONES, stack_size=2.5), r"stack_size: expected a whole number, got 2\.5"),  # type: ignore[arg-type]
         (
             lambda: ConcurrentLearning(ONES, novelty_threshold=0.0),
@@ -274,7 +274,7 @@ def test_the_stack_keeps_the_newest_samples_that_differ() -> None:
         ),
         (lambda: ConcurrentLearning(ONES, novelty_threshold=np.nan), "threshold: expected a positive number of 1/s"),
         (lambda: ConcurrentLearning(ONES, -1.0), "concurrent learning: prediction_weight"),  # type: ignore[arg-type]
-        (lambda: on(SMALL, ConcurrentLearning(np.ones(30))), "30 parameters, of which the basis keeps 15"),
+        (lambda: on(SMALL, ConcurrentLearning(np.ones(30))), "30 parameters, but the basis has 15"),
         (lambda: on(SMALL, ConcurrentLearning(ONES, cutoff=2000.0)), "use at most 1000 rad/s"),
         (
             lambda: CompositeLearning(ONES, excitation_threshold=-1.0),
@@ -292,7 +292,7 @@ def test_the_stack_keeps_the_newest_samples_that_differ() -> None:
         (lambda: on(SMALL, CompositeLearning(np.ones(4))), "composite learning: gain: expected 15 numbers"),
         (
             lambda: StoppedReference(swinging(arm(SMALL)), -1.0),
-            "stopped reference: expected a stop at 0 s or later, and a positive time",
+            "stopped reference: expected a stop at 0 s or later, and a positive deceleration time",
         ),
         (lambda: StoppedReference(swinging(arm(SMALL)), 1.0, 0.0), "stopped reference: expected a stop"),
     ],

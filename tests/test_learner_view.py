@@ -95,7 +95,7 @@ def test_bad_actions_are_refused() -> None:
 
 
 def test_arms_must_begin_again_in_the_same_step() -> None:
-    with pytest.raises(InputError, match="make it with autoreset_mode='SameStep', not 'NextStep'"):
+    with pytest.raises(InputError, match="use autoreset_mode='SameStep', not 'NextStep'"):
         view(autoreset_mode="NextStep")
 
 

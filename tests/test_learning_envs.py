@@ -195,14 +195,14 @@ def test_what_is_refused(arm: adaptctl.Mechanism, law: SlotineLi) -> None:
         LearningEnv(gymnasium.make("CartPole-v1"))
     with pytest.raises(InputError, match="expected a vector environment of adaptctl"):
         ResidualVectorEnv(gymnasium.make_vec("CartPole-v1"), law)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="observes 6 joints, the controller is for 2"):
+    with pytest.raises(InputError, match="has 6 joints, but the controller has 2"):
         ResidualVectorEnv(gymnasium.make_vec("adaptctl/Puma560Tracking-v0"), law)  # type: ignore[arg-type]
     learning = LearningEnv(inner)
     for wrap in (lambda: ResidualEnv(learning, law), lambda: TuningEnv(learning, law, MOVED)):
-        with pytest.raises(InputError, match="expected observations and torques in their own units"):
+        with pytest.raises(InputError, match="expected observations and torques in SI units"):
             wrap()
     for again in (lambda: LearningEnv(learning), lambda: LearningVectorEnv(LearningVectorEnv(many(arm)))):
-        with pytest.raises(InputError, match="changed by a wrapper already"):
+        with pytest.raises(InputError, match="but a wrapper has changed them"):
             again()
     wrong: Any = 3
     for none in (
@@ -224,7 +224,7 @@ def test_what_is_refused(arm: adaptctl.Mechanism, law: SlotineLi) -> None:
         env.step(np.where(np.arange(15).reshape(3, 5) == 7, np.nan, 0.0))
     for gains in (3, [3], [["damping"]]):
         for tuned in (lambda: TuningEnv(inner, law, gains), lambda: TuningVectorEnv(many(arm), law, gains)):  # type: ignore[arg-type]  # noqa: B023
-            with pytest.raises(InputError, match="gains: expected a name, or several"):
+            with pytest.raises(InputError, match="gains: expected names, such as"):
                 tuned()
 
 

@@ -39,7 +39,7 @@ def test_laws_that_remember_know_more_once_motion_has_ended() -> None:
         assert 0.0 < numbers[f"remembered.{law}"] < 1.0
     assert numbers["smallest_eigenvalue.consistent-adaptation"] > 0.0
     assert np.abs(said.runs[0].rollout.reference_v[-3000:]).max() == 0.0
-    assert "remembered nothing" not in (said.answer or "")
+    assert "stored no samples" not in (said.answer or "")
 
 
 def test_what_nothing_excites_enough_is_said_to_be_remembered_by_none() -> None:
@@ -49,9 +49,9 @@ def test_what_nothing_excites_enough_is_said_to_be_remembered_by_none() -> None:
     )
     numbers = found(comparison)
     assert [numbers[f"remembered.{law}"] for law in laws] == [0.0, 0.0]
-    assert (comparison.answer or "").count("remembered nothing: no excitation passed its threshold") == 2
+    assert (comparison.answer or "").count("stored no samples: the excitation never exceeded the threshold") == 2
     meanings = [finding.meaning for finding in comparison.findings if finding.name.startswith("remembered")]
-    assert all(meaning.endswith("nothing was remembered") for meaning in meanings)
+    assert all(meaning.endswith("no samples were stored") for meaning in meanings)
 
 
 def test_runs_keep_what_a_law_tells_of_its_memory(tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_a_payload_may_come_back() -> None:
         assert numbers[f"return_after_{event}.composite-learning"] < 6.0
     held = comparison.runs[0].rollout.flags["payload"]
     np.testing.assert_array_equal(np.flatnonzero(np.diff(held)), [4998, 11998, 24998, 31998])
-    assert "After the last pickup errors are below twice" in (comparison.answer or "")
+    assert "After the last pickup, the errors are below twice" in (comparison.answer or "")
     with pytest.raises(InputError, match=r"within each of 4 parts of the 40 s of the run, got 5 and 12"):
         Laws(disturbance="payload", robot=SMALL, duration=40.0, payload_cycles=4, payload_start=5.0, payload_stop=12.0)
 
@@ -142,7 +142,7 @@ def test_stiffer_joints_carry_more_bandwidth(stiffness: tuple[float, ...]) -> No
         ({"encoder_side": "both"}, "encoders: expected 'link' or 'motor', got 'both'"),
         (
             {"robot": "puma560_measured"},
-            "has no joint1.rotor_inertia: springs need motors with inertia",
+            "has no joint1.rotor_inertia: elastic joints need rotor inertias",
         ),
     ],
 )

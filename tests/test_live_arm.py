@@ -81,10 +81,10 @@ def test_where_there_is_no_live_arm_it_is_said_why(monkeypatch: pytest.MonkeyPat
     law = slotine_li(GAIN)
     assert "ControlDelay" in str(shown(law, ARM, effects=(ControlDelay(1),)))
     knots = Spline(np.zeros((6, 3)), np.arange(6.0))
-    assert shown(law, ARM, knots) == "its reference is no sum of sinusoids, but a Spline"
+    assert shown(law, ARM, knots) == "its reference is a Spline, not a sum of sinusoids"
     assert "too many operations" in str(shown(law_named("forgetting"), ARM))
     monkeypatch.setattr(module, "MAX_MODULE_BYTES", 1000)
-    assert "as WebAssembly, and a page gets at most 1 kB" in str(shown(law, ARM))
+    assert "as WebAssembly, above the limit of 1 kB" in str(shown(law, ARM))
 
 
 def test_a_report_holds_the_live_arm_and_fetches_nothing() -> None:
@@ -100,7 +100,7 @@ def test_a_report_holds_the_live_arm_and_fetches_nothing() -> None:
     for what in ('role="status"', 'aria-live="polite"', "aria-pressed", "aria-label", "<noscript>"):
         assert what in page
     without = report(replace(made, live="its reference is drawn by hand")).html({})
-    assert "There is no live arm on this page: its reference is drawn by hand." in without
+    assert "This report has no live simulation: its reference is drawn by hand." in without
     assert "live-play" not in without
 
 

@@ -131,7 +131,7 @@ def test_a_streamed_run_that_ends_early_is_whole_on_disk(tmp_path: Path) -> None
 
 
 def test_a_file_of_a_run_without_samples_is_refused_as_such(tmp_path: Path) -> None:
-    says = r"none\.parquet: not written: expected samples of a run, and none were appended"
+    says = r"none\.parquet: not written: no samples were appended"
     with pytest.raises(FileError, match=says), RolloutFile(tmp_path / "none.parquet", 3):
         pass
     assert not list(tmp_path.iterdir())

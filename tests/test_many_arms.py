@@ -237,7 +237,7 @@ def test_one_bad_arm_is_named_and_the_state_given_is_kept(controller: SlotineLi)
         controller.step(state, p, v, goal._replace(a=far))
     unknown = state.estimate.copy()
     unknown[4] = np.nan
-    with pytest.raises(NonFiniteError, match="the torque of arm 4 is not finite, though all it was given is"):
+    with pytest.raises(NonFiniteError, match="the torque of arm 4 is not finite for finite arguments"):
         controller.step(state._replace(estimate=unknown), p, v, goal)
     assert np.isfinite(controller.step(state, p, v, goal)[0]).all()
 

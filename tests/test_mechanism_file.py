@@ -320,7 +320,7 @@ def test_wrong_files(tmp_path: Path, text: str, message: str) -> None:
             CLOSED.replace('parent = "a"', 'parent = "a", position = [1, 0, 0]')
             .replace('link = "b", position = [1, 0, 0]', 'link = "b"')
             .replace('name = "c"', 'name = "c", kind = "weld"'),
-            "m: the mechanism locks: 2 constraints bind all 2 joints",
+            "m: the mechanism is locked: 2 constraints fix all 2 joints",
         ),
     ],
 )

@@ -186,7 +186,7 @@ def test_wrong_files(tmp_path: Path, text: str, message: str) -> None:
     [
         (
             linkage(EQUAL, MOTOR.replace("</", '<motor joint="rod"/></')),
-            "2 joints are primary, but the loops leave only 1 free",
+            "2 joints are primary, but the loops have only 1 degrees",
         ),
         (linkage(EQUAL + EQUAL.replace("pin", "again")), "closure 'again' is redundant"),
         (

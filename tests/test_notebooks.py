@@ -33,7 +33,7 @@ def test_mechanisms_spaces_and_bases_are_tables(arm: Mechanism) -> None:
     assert f"{space.certificate.gap:.4g}" in parsed(space)
     for name in basis.names:
         assert f"{name}*" in parsed(basis)
-    assert f"{basis.rank} parameters are kept; a star marks each with what is regrouped into it" in parsed(basis)
+    assert f"{basis.rank} base parameters; a star marks those into which others are regrouped" in parsed(basis)
 
 
 def test_a_description_is_printed_in_one_line(arm: Mechanism) -> None:

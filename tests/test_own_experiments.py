@@ -62,7 +62,7 @@ def test_notes_of_an_experiment_that_fails_are_shown_before_its_error(
 
 def test_a_file_that_is_not_there(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["experiment", "run", "none.py"]) == 2
-    assert "none.py: there is no such file" in capsys.readouterr().err
+    assert "none.py: no such file" in capsys.readouterr().err
 
 
 def test_entry_points_name_classes() -> None:
@@ -83,11 +83,11 @@ def test_installed_experiments_are_found_by_name(
     (tmp_path / "mine_module.py").write_text(OWN.read_text())
     monkeypatch.syspath_prepend(str(tmp_path))
     assert main(["experiment", "list"]) == 0
-    assert "of mine_module:MyExperiment" in capsys.readouterr().out
+    assert "from mine_module:MyExperiment" in capsys.readouterr().out
     assert main(["experiment", "list", "--json"]) == 0
     *built_in, mine = json.loads(capsys.readouterr().out)["experiments"]
     assert [entry["name"] for entry in built_in] == [entry.name for entry in EXPERIMENTS]
-    assert mine == {"name": "mine", "summary": "of mine_module:MyExperiment"}
+    assert mine == {"name": "mine", "summary": "from mine_module:MyExperiment"}
     out = tmp_path / "out"
     assert main(["experiment", "run", "mine", "--duration", "0.2", "--out", str(out)]) == 0
     assert (out / "summary.json").exists()

@@ -69,7 +69,7 @@ def test_a_run_goes_to_tables_files_and_pictures(tmp_path: Path) -> None:
     figure = run.plot(["waist", "elbow"])
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["waist", "elbow"]
     assert len(figure.axes) == 4
-    assert "3,000 control periods of 0.001 s, 2 joints; to the end" in run._repr_html_()
+    assert "3,000 control periods of 0.001 s, 2 joints; completed" in run._repr_html_()
     with pytest.raises(InputError, match="joints: expected 2 names, got 1"):
         run.plot(["waist"])
 
@@ -114,7 +114,7 @@ def test_a_logger_keeps_what_it_was_given(tmp_path: Path) -> None:
 
 
 def test_a_full_logger_keeps_the_latest_and_says_so_once(tmp_path: Path) -> None:
-    warned = pytest.warns(LostSamplesWarning, match="of 25 samples, 15 were overwritten and 0 left out")
+    warned = pytest.warns(LostSamplesWarning, match="of 25 samples, 15 were overwritten and 0 omitted")
     with warned, adaptctl.RunLogger(2, PERIOD, tmp_path / "log.parquet", capacity=10) as log:
         logged(log, 25)
         assert log.lost == 15
@@ -166,7 +166,7 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_loop(tmp_path: Pat
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"capacity": 10**12}, r"capacity: 1000000000000 samples take .* GB, and this computer has"),
+        ({"capacity": 10**12}, r"capacity: 1000000000000 samples need .* GB, but this computer has"),
         ({"capacity": 1}, "capacity: expected a whole number of at least 2, got 1"),
         ({"estimates": -1}, "estimates: expected a whole number"),
         ({"dof": 0}, "dof: expected a whole number"),
@@ -207,12 +207,12 @@ def test_runs_of_an_unknown_truth_claim_nothing_of_it(arm: adaptctl.Mechanism, t
     assert judged(compared).passed
     told = shown(compared)
     assert "Knowing" not in told.headline
-    assert "adaptation off stays at" in told.headline
+    assert "Without adaptation, it remains at" in told.headline
     assert "Simulated" not in answers(told.facts)
     assert {row["true"] for row in summary(compared)["parameters"].values()} == {None}
     write_artifacts(tmp_path, compared)
     report = (tmp_path / "report.html").read_text()
-    assert "The true values are not known" in report
+    assert "The true parameters are unknown" in report
     assert json.loads((tmp_path / "summary.json").read_text())["truth_known"] is False
 
 
@@ -232,7 +232,7 @@ def test_runs_that_are_refused(arm: adaptctl.Mechanism) -> None:
         compared_runs(arm, {})
     with pytest.raises(InputError, match=r"expected estimates of .* parameters or none, got 7"):
         compared_runs(arm, runs_of(arm, 7))
-    with pytest.raises(NotFoundError, match="there is no run 'none'"):
+    with pytest.raises(NotFoundError, match="unknown run 'none'"):
         compared_runs(arm, runs_of(arm, 0), adaptation_off="none")
     with pytest.raises(InputError, match="expected 6 joints, got"):
         compared_runs(adaptctl.load("puma560_measured"), runs_of(arm, 0))

@@ -145,7 +145,7 @@ def test_markdown_is_the_same_table() -> None:
         "| what & why | value |", "|---|---|", "| <b>1</b> | 1.5 |", "| two | 2.5 |", "| three | 3.5 |"
     ]  # fmt: skip
     text = report(complete=False).markdown()
-    assert text.startswith("**This run was interrupted.")
+    assert text.startswith("**This run was interrupted:")
     assert "| how much | **much** | when | **now** |" in text
     assert "| where | **here** |  |  |" in text
     assert "| link2 | goes |" in text

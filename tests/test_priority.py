@@ -121,16 +121,16 @@ def test_a_priority_decides_what_is_kept(puma: Mechanism) -> None:
     ("text", "message"),
     [
         ('order = ["link1.Ixx"]', "unknown parameter 'link1.Ixx'; did you mean 'link1.I_xx'?"),
-        ('order = ["elbow"]', "unknown parameter 'elbow'; there are link1.m, link1.mc_x, .* (60 in all)"),
+        ('order = ["elbow"]', "unknown parameter 'elbow'; known names: link1.m, link1.mc_x, .* (60 in all)"),
         ('keep = ["link7.m"]', "unknown parameter 'link7.m'; did you mean 'link"),
         ('order = ["link1.m", "link1.m"]', "parameter 'link1.m' is given more than once"),
         ('order = ["link1.m"]\nkeep = ["link1.m"]', "parameter 'link1.m' is given more than once"),
-        ('kinds = ["mass"]', "unknown kind of parameter 'mass'; there are m, mc_x"),
+        ('kinds = ["mass"]', "unknown kind of parameter 'mass'; known names: m, mc_x"),
         ('kinds = ["I_x", "I_xx"]', "kind of parameter 'I_xx' is given more than once"),
         ('links = ["link9"]', "unknown link 'link9'; did you mean 'link"),
         ('links = ["link1", "link1"]', "link 'link1' is given more than once"),
         ("[grid]\nm = [1, 2]", "grid: row m has 2 numbers, expected 6: one for each link"),
-        ("[grid]\nm = [1, 2, 3, 4, 5, 5]", "grid: the number 5 stands at link5.m and at link6.m"),
+        ("[grid]\nm = [1, 2, 3, 4, 5, 5]", "grid: the number 5 is given at link5.m and at link6.m"),
         ("[grid]\nmass = [1, 2, 3, 4, 5, 6]", "unknown kind of parameter 'mass'"),
         ("[grid]\nI_x = [1, 2, 3, 4, 5, 6]\nI_xx = [7, 8, 9, 10, 11, 12]", "'I_xx' is given more than once"),
         ("[grid]\nm = [1, 2, 3, 4, 5, nan]", "expected a finite number, got nan - at `$.grid.m[5]`"),
@@ -138,7 +138,7 @@ def test_a_priority_decides_what_is_kept(puma: Mechanism) -> None:
         ('order = ["link1.m"]\nkinds = ["m"]', "give one of: order; kinds and links; grid"),
         ('order = ["link1.m"]\n[grid]\nm = [1, 2, 3, 4, 5, 6]', "give one of: order; kinds and links; grid"),
         ('kinds = ["m"]\n[grid]\nm = [1, 2, 3, 4, 5, 6]', "give one of: order; kinds and links; grid"),
-        ("", "nothing is said: give order, keep, kinds, links or grid"),
+        ("", "empty priority: give order, keep, kinds, links or grid"),
         ("order = 3", "Expected `array | null`, got `int` - at `$.order`"),
         ('oder = ["link1.m"]', "unknown field `oder`; expected one of schema, order, keep, kinds, links, first, grid"),
         ('first = "mass"\nkinds = ["m"]', "at `$.first`; expected one of 'kinds', 'links'"),
@@ -166,7 +166,7 @@ def test_another_schema_and_a_missing_file(puma: Mechanism, tmp_path: Path) -> N
 def test_an_unknown_name_like_none_is_told_what_there_is(known: int) -> None:
     names = [f"x{k}" for k in range(known)]
     more = ", ... (21 in all)" if known > 20 else ""
-    assert suggestion("elbow", names) == f"there are {', '.join(names[:20])}{more}"
+    assert suggestion("elbow", names) == f"known names: {', '.join(names[:20])}{more}"
 
 
 def test_wrong_names_in_python(puma: Mechanism) -> None:

@@ -158,7 +158,7 @@ def exact_in_floats(mechanism: Mechanism) -> ExactGeometry:
 def test_the_built_in_arms(name: str, rank: int, method: str) -> None:
     space = essential_space(load(name), prove=True)
     assert (space.rank, space.certificate.rank_exact, space.certificate.proof_method) == (rank, rank, method)
-    assert str(space.certificate).endswith(f"; the same exactly, over {method}")
+    assert str(space.certificate).endswith(f"; confirmed exactly, over {method}")
     assert fundamental_basis(space, prove=True).columns == fundamental_basis(space).columns
 
 
@@ -224,7 +224,7 @@ def test_nearly_a_parallelogram_is_refused_by_its_lengths(miss: float) -> None:
     loose = len(independent(case.differences(0), range(10 * len(case.links))))
     assert loose > rank
     with pytest.raises(
-        RankError, match=rf"the rank is {loose} as the geometry stands, and {rank} if .*lengths .* nearly equal"
+        RankError, match=rf"the rank is {loose} for the geometry as given, but {rank} if .*lengths .* nearly equal"
     ):
         essential_space(case.mechanism())
 
@@ -385,7 +385,7 @@ def test_what_floats_keep_and_exact_geometry_removes_is_told_or_refused(monkeypa
         found = fundamental_basis(mixed, prove=prove)
         assert set(found.kept_despite_priority) == {bent.parameter_names[j] for j in expected}
     backward = space.null_space.regrouping(order[::-1], 1e-6)
-    with pytest.raises(RankError, match=r"arm: on exact geometry, over a prime field, this priority removes link"):
+    with pytest.raises(RankError, match=r"arm: in exact arithmetic, over a prime field, this priority removes link"):
         _kept_against_the_order(space, backward, order, False, 1e-6)
 
 

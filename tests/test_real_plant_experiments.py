@@ -90,15 +90,15 @@ def test_where_no_law_adapts_there_is_no_sentence_on_those_that_do() -> None:
     [
         (
             lambda: Laws(disturbance="saturation", payload_start=9.0, payload_stop=6.0),
-            "after that and within the 20 s of the run, got 9 and 6",
+            "a release after it within the 20 s of the run, got 9 and 6",
         ),
         (
             lambda: Laws(disturbance="payload", payload_start=1.0),
-            "payload_start, payload_stop: expected 2 s before the payload is picked up",
+            "payload_start, payload_stop: expected a pickup at 2 s or later",
         ),
         (lambda: Laws(disturbance="payload", laws=("guesswork",)), "laws: unknown law 'guesswork'"),
         (lambda: Laws(disturbance="rain"), "disturbance: expected one of none, payload, noise,"),
-        (lambda: Laws(joint_stiffness=(0.0, 1e3)), "joint_stiffness: expected positive numbers, or 0 alone"),
+        (lambda: Laws(joint_stiffness=(0.0, 1e3)), "joint_stiffness: expected positive numbers, or only 0"),
         (lambda: Laws(disturbance="noise", delay=65), "delay: expected a whole number from 0 to 64, got 65"),
     ],
 )
@@ -119,10 +119,10 @@ def test_what_is_given_is_not_set_by_a_disturbance() -> None:
 @pytest.mark.parametrize(
     ("experiment", "message"),
     [
-        (Laws(disturbance="friction", robot="puma560_geared"), "puma560_geared has no friction in its joints"),
+        (Laws(disturbance="friction", robot="puma560_geared"), "puma560_geared has no joint friction"),
         (
             Laws(disturbance="saturation", robot="semi_direct_drive"),
-            "semi_direct_drive has 3 joints, this experiment is for 6",
+            "semi_direct_drive has 3 joints, but this experiment needs 6",
         ),
     ],
 )
@@ -160,7 +160,7 @@ def test_a_run_becomes_a_folder(tmp_path: Path) -> None:
     assert trace.schema.field("flag.payload").metadata[b"unit"] == b"kg"
     assert set(trace["flag.frozen"].to_numpy()) <= {0.0, 1.0}
     page = (out / "report.html").read_text()
-    assert "With adaptation frozen while motors saturate, the RMS error of the run is" in page
+    assert "With adaptation frozen during saturation, the RMS error of the run is" in page
     assert "<th" in page.partition("rms error after")[0].rpartition("<tr>")[2]  # a column of one table
 
 

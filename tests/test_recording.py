@@ -264,7 +264,7 @@ def test_units_and_kinds_of_parameters_are_not_mixed() -> None:
     inertial, friction = len(what.space.parameter_names), len(what.model.names) - what.space.rank
     assert friction > 0
     assert answers(facts(what))["Parameters"] == (
-        f"{what.space.rank} independent among {inertial} inertial, and {friction} of friction"
+        f"{what.space.rank} base parameters of {inertial} inertial parameters, plus {friction} of friction"
     )
 
 
@@ -306,7 +306,7 @@ def test_one_sample_is_enough_to_be_shown(tmp_path: Path) -> None:
 
 def test_nothing_run_is_nothing_to_show(shown: Comparison) -> None:
     nothing = replace(shown.subject, rollout=rollout(shown.mechanism, 0, 1.0))
-    with pytest.raises(InputError, match="nothing was run"):
+    with pytest.raises(InputError, match="a run with at least one sample"):
         replace(shown, runs=(nothing,))
 
 

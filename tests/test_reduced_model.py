@@ -116,7 +116,7 @@ def test_what_makes_another_geometry(puma: Mechanism, basis: FundamentalBasis, w
     other = changed(puma, what)
     assert (other.description.geometry_sha256 != puma.description.geometry_sha256) == matters
     if matters:
-        with pytest.raises(InputError, match="the basis was found for 'puma560_measured', whose geometry"):
+        with pytest.raises(InputError, match="the basis is that of 'puma560_measured', whose geometry"):
             ReducedModel(other, basis)
     else:
         assert ReducedModel(other, basis).columns == basis.columns
@@ -142,7 +142,7 @@ def test_round_off_in_loops_makes_no_other_geometry(off: float, matters: bool) -
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
 def test_a_basis_of_another_robot_is_refused(basis: FundamentalBasis) -> None:
     ur5 = Mechanism.from_pinocchio(pinocchio.buildModelFromUrdf(str(urdf("ur5_robot.urdf"))))
-    with pytest.raises(InputError, match="find the basis of 'ur5'"):
+    with pytest.raises(InputError, match="compute the basis of 'ur5'"):
         ReducedModel(ur5, basis)
 
 

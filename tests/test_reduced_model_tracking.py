@@ -52,8 +52,8 @@ def test_only_what_is_whole_leaves_the_proof_as_it_is(said: dict[str, Any]) -> N
     ("options", "says"),
     [
         ({"components": (37,)}, "has 36 essential parameters, got 37"),
-        ({"components": (10, 10)}, "at most once"),
-        ({"robot": "puma560_friction"}, "has friction, which carries no energy"),
+        ({"components": (10, 10)}, "expected unique numbers"),
+        ({"robot": "puma560_friction"}, "has friction, which has no energy components"),
     ],
 )
 def test_what_cannot_be_is_refused(options: dict[str, Any], says: str) -> None:

@@ -78,9 +78,9 @@ def test_fewer_components_can_be_asked_for(puma: Mechanism, space: EssentialSpac
 
 
 def test_bad_input(puma: Mechanism, space: EssentialSpace) -> None:
-    with pytest.raises(InputError, match="give one of energy_error"):
+    with pytest.raises(InputError, match="give either energy_error"):
         reduce(space, puma)
-    with pytest.raises(InputError, match="give one of energy_error"):
+    with pytest.raises(InputError, match="give either energy_error"):
         reduce(space, puma, energy_error=1.0, components=3)
     with pytest.raises(InputError, match=r"components: expected 0\.\.36, got -1"):
         reduce(space, puma, components=-1)

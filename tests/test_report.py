@@ -127,7 +127,7 @@ def test_only_what_learns_and_what_does_not_are_coloured(folder: Path, shown: Co
     html = (folder / "report.html").read_text()
     tiles = dict(re.findall(r'<div class="tile([^"]*)"><span>([^<]*)', html))
     assert tiles[" subject"] == "RMS error, last 2 s"
-    assert tiles[" off"] == "… with adaptation off"
+    assert tiles[" off"] == "… without adaptation"
     bare = report(replace(shown, runs=shown.runs[:1])).html({})
     assert {kind for kind, _ in re.findall(r'<div class="tile([^"]*)"><span>([^<]*)', bare)} == {""}
 

@@ -66,5 +66,5 @@ def test_results_of_design_print_as_one_line(arm: adaptctl.Mechanism) -> None:
     assert repr(task).startswith("<DesignTask of 'two_link': 20 random states ")
     assert repr(added_mass(task, "lower", 0.5)) == "<AddedMass of 0.5 kg on 'lower' of 'two_link'>"
     assert repr(balls) == "<Counterweights on 'two_link': 0 for energy>"
-    assert repr(changes[0]) == "<Simplification: lower is its own mirror image along y already>"
+    assert repr(changes[0]) == "<Simplification: lower is symmetric along y already>"
     assert repr(DesignStudy(task, point(1.0), (bounds,), 1.0, balls, changes)) == "<DesignStudy of 'two_link': 1 links>"

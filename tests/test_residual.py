@@ -60,7 +60,7 @@ def test_what_is_refused(arm: adaptctl.Mechanism) -> None:
     for share in (0.0, 1.5, float("nan")):
         with pytest.raises(InputError, match="residual_scale"):
             residual(arm, share)
-    with pytest.raises(InputError, match="observes 2 joints, the controller is for 6"):
+    with pytest.raises(InputError, match="has 2 joints, but the controller has 6"):
         ResidualEnv(residual(arm).env, adaptctl.ComputedTorque(adaptctl.load("puma560_measured"), 8.0))
     env = residual(arm)
     env.env.reset(seed=0)

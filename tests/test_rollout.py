@@ -181,9 +181,9 @@ def test_memory_grows_where_the_length_is_unknown() -> None:
 def test_unfit_environments_are_refused(env: TrackingEnv, controller: ComputedTorque) -> None:
     with pytest.raises(InputError, match="needs a control_period in s and observation_slices"):
         rollout(gymnasium.make("Pendulum-v1"), controller)
-    with pytest.raises(InputError, match="observes 1 joints, the controller is for 6"):
+    with pytest.raises(InputError, match="has 1 joints, but the controller has 6"):
         rollout(Rail(), controller)
-    with pytest.raises(InputError, match="observes 6 joints, the controller is for 1"):
+    with pytest.raises(InputError, match="has 6 joints, but the controller has 1"):
         rollout(env, Spring())
 
     class Blind(Rail):

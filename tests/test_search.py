@@ -27,7 +27,7 @@ def test_a_search_whose_first_runs_fail_runs_the_first_controller_that_there_is(
 
 def test_a_search_of_runs_that_all_fail_says_so() -> None:
     study = SweepStudy.named("puma560-adaptive", {**SHORT, "bandwidth": "1000,2000"})
-    with pytest.raises(InputError, match="none of 3 runs of puma560-adaptive was done and has rms_error"):
+    with pytest.raises(InputError, match="none of 3 runs of puma560-adaptive completed with a value of rms_error"):
         search(study, "rms_error", 3)
 
 

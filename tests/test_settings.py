@@ -197,12 +197,15 @@ def test_excitation_is_measured_at_a_bandwidth_of_the_joints() -> None:
     [
         (lambda: noisy().init(np.zeros((2, 3)), np.zeros((3, 3))), "sample axes do not fit"),
         (lambda: noisy().init(np.zeros(3), np.zeros(3), noise=np.zeros(5)), r"noise: expected shape \(..., 6\)"),
-        (lambda: noisy().init(np.zeros(3), np.zeros(3), noise=np.zeros((2, 6))), "noise: expected that of"),
+        (lambda: noisy().init(np.zeros(3), np.zeros(3), noise=np.zeros((2, 6))), "noise: expected values for"),
         (lambda: noisy().init(np.zeros(3), np.zeros(3), noise=np.full(6, np.nan)), "noise: expected finite"),
         (lambda: lagging().init(np.zeros(3), np.zeros(3), np.ones(4)), "parameters: expected shape"),
         (lambda: lagging().init(np.zeros(3), np.zeros(3), np.full(30, np.nan)), "parameters: expected finite"),
         (lambda: energy_at(np.full(30, np.nan)), "parameters: expected finite"),
-        (lambda: Plant(arm("puma560_arm3"), 1e-3, effects=cast(Any, ActuatorLag(1e-3))), "effects: expected several"),
+        (
+            lambda: Plant(arm("puma560_arm3"), 1e-3, effects=cast(Any, ActuatorLag(1e-3))),
+            "effects: expected a sequence",
+        ),
         (lambda: LinearController(*(cast(Any, 1.0),) * 4), r"A: expected shape \(0, 0\)"),
         (lambda: LinearController.state_feedback(TEXT), "state feedback: gain: expected numbers"),
         (lambda: Constraints.of(TEXT, ["link1.m"]), "relations: matrix: expected numbers"),

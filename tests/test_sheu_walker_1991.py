@@ -78,7 +78,7 @@ def test_verdicts(replication: Replication) -> None:
         Outturn.NOT_REPRODUCED,
     )
     assert replication.named(not_reproduced) == ["figure3", "table3", "table10"]
-    assert "Not reproduced, and not shown to be wrong: figure3, table3, table10." in headline(replication)
+    assert "Neither reproduced nor proved wrong: figure3, table3, table10." in headline(replication)
     assert {item.name: item.verdict for item in replication.items} == {
         "figure1": reproduced,
         "table1": given,
@@ -322,15 +322,17 @@ def test_parameters_under_the_relations_decouple_the_arm() -> None:
 def test_chosen_names_come_in_the_paper_s_order() -> None:
     assert chosen(("table7", "figure1")) == ("figure1", "table7")
     assert chosen(("all",)) == tuple(ITEMS)
-    with pytest.raises(NotFoundError, match=r"no 'tabel7' \(did you mean 'table7'\?\); there are figure1, table1, "):
+    with pytest.raises(
+        NotFoundError, match=r"unknown item 'tabel7' \(did you mean 'table7'\?\); items: figure1, table1, "
+    ):
         chosen(("table1", "tabel7"))
 
 
 @pytest.mark.parametrize(
     ("flags", "says"),
     [
-        (("--only", "table14"), "only: there is no 'table14'"),
-        (("--only", "table7", "figure2"), "there are figure1, table1, table2"),
+        (("--only", "table14"), "only: unknown item 'table14'"),
+        (("--only", "table7", "figure2"), "items: figure1, table1, table2"),
         (("--seeds", "1"), "seeds: expected a whole number from 2 to 10000, got 1"),
         (("--samples", "20"), "samples: expected a whole number from 62"),
         (("--frequency", "nan"), "frequency: expected a number"),
@@ -351,7 +353,7 @@ def test_a_run_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtu
     command = [*COMMAND, "--only", "table7", "figure4", "table5", "--seeds", "3", "--out", str(tmp_path)]
     assert main(command) == 0
     said = capsys.readouterr().out
-    assert "Of 60 printed numbers that can be computed as they stand, 60 come out, 53 to the last digit" in said
+    assert "Of 60 printed numbers that can be computed from the paper, 60 agree, 53 to the last digit" in said
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert list(summary["items"]) == ["figure4", "table5", "table7"]
     assert summary["numbers"]["reproduced"] == 60
@@ -391,7 +393,7 @@ def test_an_interruption_keeps_what_was_computed() -> None:
     kept = experiment.replication(stop_at(2))
     assert [item.name for item in kept.items] == ["table1", "table4"]
     assert not kept.complete
-    assert headline(kept).startswith("This run was interrupted.")
+    assert headline(kept).startswith("This run was interrupted")
     with pytest.raises(KeyboardInterrupt):
         experiment.replication(stop_at(0))
 

@@ -132,7 +132,7 @@ def test_arms_of_another_loop_and_those_there_are_not_are_refused() -> None:
     )
     arms, others = own.compiled().ensemble(2), other.compiled().ensemble(2)
     state = own.plant.init(np.zeros(3), np.zeros(3))
-    says = "closed loop: arms of this loop have memory_0 of length 3, these have 15"
+    says = "closed loop: expected memory_0 of length 3, got 15"
     with pytest.raises(InputError, match=says):
         own.begin(others, state, own.controller.init(state.p, state.v))
     with pytest.raises(InputError, match=says):
@@ -200,7 +200,7 @@ def test_one_reference_for_all_is_that_of_each() -> None:
         np.testing.assert_array_equal(getattr(shared, name), getattr(given, name))
         np.testing.assert_allclose(getattr(shared, name), getattr(own, name), rtol=1e-9, atol=1e-12)
     assert simulate_many(plant, law, [one] * 5, duration=0.01).p.shape == (10, 5, 3)
-    with pytest.raises(InputError, match="as many everywhere, got reference 4, p 3"):
+    with pytest.raises(InputError, match="in all arguments, got reference 4, p 3"):
         simulate_many(plant, law, [one] * 4, duration=0.2, p=off)
 
 
@@ -291,12 +291,12 @@ class OwnStep(ComputedTorque):
         ({"threads": 0}, "threads: expected a whole number of at least 1, got 0"),
         (
             {"memory": ()},
-            r"memory: expected what ComputedTorque.init gives, .* are \[\(3,\)\], got \[\]",
+            r"memory: expected the result of ComputedTorque.init, .* \[\(3,\)\], got \[\]",
         ),
         ({"memory": (np.zeros(2),)}, r"\[\(3,\)\], got \[\(2,\)\]"),
         (
             {"batch_size": 3, "p": np.zeros((2, 3))},
-            "expected a row for each arm, as many everywhere, got p 2, batch_size 3",
+            "expected one row per arm in all arguments, got p 2, batch_size 3",
         ),
         ({"p": np.zeros((2, 2, 3))}, "got p 2×2"),
         ({"parameters": np.zeros(7)}, r"parameters: expected shape \(..., 30\), got \(7,\)"),
@@ -304,9 +304,9 @@ class OwnStep(ComputedTorque):
         ({"reference": [Sinusoids([0.0], [0.1], [0.2])]}, r"reference: p: expected shape \(..., 3\), got \(1, 1\)"),
         (
             {"controller": ComputedTorque(arm("puma560_measured"), 8.0)},
-            "the plant has 3 joints, the controller is for 6",
+            "the plant has 3 joints, but the controller has 6",
         ),
-        ({"controller": OwnStep(arm(SMALL), 8.0)}, "OwnStep has a step of its own"),
+        ({"controller": OwnStep(arm(SMALL), 8.0)}, "OwnStep has a custom step"),
     ],
 )
 def test_what_does_not_fit_together_is_refused(arguments: dict[str, Any], what: str) -> None:

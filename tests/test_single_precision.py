@@ -123,7 +123,7 @@ def test_matrices_that_forget_are_refused_also_within_a_guard(kind: str) -> None
     guard = adaptctl.control.SafetyFilter(law, np.full(law.dof, 50.0), np.full(law.dof, 1e4))
     plant = Plant(law.model.mechanism, 1e-3)
     for one in (law, guard):
-        with pytest.raises(InputError, match=r"precision: .* the matrix in which \w+ forgets: use double"):
+        with pytest.raises(InputError, match=r"precision: .* the forgetting of \w+: use double"):
             simulate_many(plant, one, swinging(law.model.mechanism), duration=0.01, precision="single")
         assert simulate_many(plant, one, swinging(law.model.mechanism), duration=0.01).finite.all()
 

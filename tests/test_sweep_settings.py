@@ -39,7 +39,7 @@ def test_true_and_false_are_values() -> None:
 
 @pytest.mark.parametrize("text", ["1", "0..1", "yes", "", "true,true", "nan"])
 def test_what_is_neither_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match=r"^snap: expected (true or false|different values)"):
+    with pytest.raises(InputError, match=r"^snap: expected (true or false|one or more different values)"):
         parsed(FIELDS["snap"], text)
 
 
@@ -89,11 +89,11 @@ def test_runs_that_all_fail_do_not_tell_of_a_setting() -> None:
     failed = rows(made)
     assert {row["status"] for row in failed} == {"failed"}
     text = SweepReport(made, table(made, failed, made.count)).text()  # type: ignore[arg-type]
-    assert "there is no controller 'nosuch'" in text
-    assert "changes no result" not in text
+    assert "unknown controller 'nosuch'" in text
+    assert "has no effect on the results" not in text
 
 
 def test_a_number_of_draws_is_for_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sweep", "adaptive", "--out", str(tmp_path / "out"), "--seed", "0,1", "--samples", "3"]) == 2
-    assert "samples: a grid draws none: give --sampling latin-hypercube or sobol" in capsys.readouterr().err
+    assert "--samples is not for a grid: give --sampling latin-hypercube or sobol" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

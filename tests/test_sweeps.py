@@ -113,7 +113,7 @@ class TestStudies:
             study(bandwith="4")
         with pytest.raises(NotFoundError, match="did you mean 'puma560-adaptive'"):
             SweepStudy.named("puma560-adaptiv", {})
-        with pytest.raises(InputError, match=r"payload: a range of numbers needs a count .* --sampling"):
+        with pytest.raises(InputError, match=r"payload: a range needs a count .* --sampling"):
             study(payload="0..5")
         path = tmp_path / "bad.toml"
         path.write_text('schema = "adaptctl/study/2"\nexperiment = "puma560-adaptive"\nsettngs = 1\n')
@@ -150,7 +150,7 @@ class TestRows:
         ((_, by_itself),) = alone(Puma560Adaptive(**runs[1]), ("adaptive",))
         assert good["status"] == "done"
         assert bad["status"] == by_itself.status == "diverged"
-        assert bad["reason"].startswith(f"joint {bad['diverged_joint']} left its bound at ")
+        assert bad["reason"].startswith(f"joint {bad['diverged_joint']} exceeded its error limit at ")
         assert bad["diverged_joint"] == by_itself.diverged_joint
         assert bad["diverged_at"] == pytest.approx(by_itself.diverged_at, abs=2e-3)
         assert bad["rms_error"] == pytest.approx(by_itself.rms_error, rel=0.05)
@@ -224,16 +224,16 @@ class TestFolders:
 
     def test_the_folder_of_something_else_is_refused(self, tmp_path: Path) -> None:
         Folder.opened(tmp_path / "a", study(seed="0..3"), 2, [])
-        with pytest.raises(InputError, match="another study"):
+        with pytest.raises(InputError, match="another sweep"):
             Folder.opened(tmp_path / "a", study(seed="0..4"), 2, [])
         (tmp_path / "b").mkdir()
         (tmp_path / "b" / "thesis.tex").write_text("")
-        with pytest.raises(InputError, match=r"is not empty, and no sweep's"):
+        with pytest.raises(InputError, match=r"is not empty and has no sweep"):
             Folder.opened(tmp_path / "b", study(seed="0..3"), 2, [])
 
     def test_a_table_needs_every_shard(self, tmp_path: Path) -> None:
         folder = Folder.opened(tmp_path, study(seed="0..3"), 2, [])
-        with pytest.raises(FileError, match="run the same command again"):
+        with pytest.raises(FileError, match="run the command again"):
             folder.finished()
         with pytest.raises(FileError, match="no finished runs"):
             read_table(tmp_path)
@@ -248,7 +248,7 @@ class TestReports:
         folder.finished()
         report = SweepReport.of(tmp_path)
         assert report.without_effect() == {"seed": ["adaptive"]}
-        assert "seed changes no result" in report.text()
+        assert "seed has no effect on the results" in report.text()
         (found,) = report.maps("adaptive")
         assert (found.x, found.y, found.across, found.down) == ("bandwidth", "seed", [4.0, 8.0], [0, 1])
         errors = [row["rms_error"] for row in report.rows]
@@ -327,13 +327,13 @@ class TestCommand:
         ("more", "told"),
         [
             (["--bandwith", "4"], "did you mean 'bandwidth'"),
-            (["--seed", "0..99999"], "100000 runs are many: say --yes"),
+            (["--seed", "0..99999"], "100000 runs need a confirmation: add --yes"),
             (["--scheduler", "tcp://127.0.0.1:9"], "scheduler tcp://127.0.0.1:9: cannot be reached"),
             (["--scheduler", "nonsense"], "scheduler nonsense: cannot be reached"),
-            (["--scheduler-file", "none.json"], "none.json: there is no such file"),
-            (["--jobs", "0"], "jobs: expected from 1"),
+            (["--scheduler-file", "none.json"], "none.json: no such file"),
+            (["--jobs", "0"], "--jobs: expected 1"),
             (["--jobs", "1", "--scheduler", "tcp://x:1"], "expected one of --jobs"),
-            (["--tls-ca", "ca.pem"], "TLS needs all of"),
+            (["--tls-ca", "ca.pem"], "TLS needs --tls-ca"),
             (["--shard", "0"], "shard: expected"),
         ],
     )

@@ -106,7 +106,7 @@ def test_a_controller_keeps_its_estimate_in_its_state(puma: Mechanism) -> None:
 
 def test_a_loop_of_two_arms_is_refused(puma: Mechanism) -> None:
     other = random_chain(0, 2)
-    with pytest.raises(InputError, match="the plant has 2 joints, the controller is for 6"):
+    with pytest.raises(InputError, match="the plant has 2 joints, but the controller has 6"):
         closed_loop_system(Plant(other, PERIOD), ComputedTorque(puma, 8.0))
 
 
@@ -125,7 +125,7 @@ def test_a_law_ticks_at_its_own_period(puma: Mechanism) -> None:
         SafetyFilter(law),
         SafetyFilter(without, rate_limits=1e4, stop_damping=10.0, control_period=PERIOD),
     ):
-        with pytest.raises(InputError, match=r"period: \w+ is for 0\.001 s, its own period, got 0\.005 s"):
+        with pytest.raises(InputError, match=r"period: \w+ has the period 0\.001 s, got 0\.005 s"):
             closed_loop_system(Plant(puma, 5e-3), refused)
         assert closed_loop_system(Plant(puma, PERIOD), refused).dt == PERIOD
     assert closed_loop_system(Plant(puma, 5e-3), without).dt == 5e-3
@@ -135,7 +135,7 @@ def test_a_law_ticks_at_its_own_period(puma: Mechanism) -> None:
 def test_the_first_state_is_that_of_one_arm(puma: Mechanism, which: int) -> None:
     law, many = laws(puma)[which], np.zeros((5, 6))
     for p, v, name in ((many, many, "p"), (POSE, many, "v"), (many[0, :3], POSE, "p"), (0.0, POSE, "p")):
-        with pytest.raises(InputError, match=rf"{name}: expected shape \(6,\), of one arm, got \("):
+        with pytest.raises(InputError, match=rf"{name}: expected shape \(6,\), for one arm, got \("):
             controller_start(law, p, v)  # type: ignore[arg-type]
     with pytest.raises(NonFiniteError):
         controller_start(law, np.full(6, np.nan), POSE)
@@ -143,6 +143,6 @@ def test_the_first_state_is_that_of_one_arm(puma: Mechanism, which: int) -> None
 
 def test_a_plant_that_remembers_is_refused(puma: Mechanism) -> None:
     """Its state would be more than p and v; friction in the joints is not."""
-    with pytest.raises(InputError, match="expected a plant whose effects are in the joints"):
+    with pytest.raises(InputError, match="expected a plant with joint effects only"):
         plant_system(Plant(puma, PERIOD, effects=[ControlDelay(1)]))
     assert plant_system(Plant(puma, PERIOD, effects=[Friction(viscous=1.0)])).nstates == 12

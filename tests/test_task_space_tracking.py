@@ -41,7 +41,7 @@ def test_what_it_is_about_comes_first(compared: Any) -> None:
     found = {finding.name: finding.value for finding in compared.findings}
     assert about == "Distance of the tool from its path"
     assert float(told.split(" mm")[0]) == pytest.approx(found["final_tool_error.task-space"], rel=1e-2)
-    assert whose == "Joints' RMS error, first second"
+    assert whose == "Joint RMS error, first second"
     text = summary_markdown(compared)
     (head,) = [line for line in text.splitlines() if line.startswith("| controller")]
     (row,) = [line for line in text.splitlines() if line.startswith("| Task space, gradient")]
@@ -53,7 +53,7 @@ def test_what_it_is_about_comes_first(compared: Any) -> None:
     ("options", "says"),
     [
         ({"center": (0.5, 0.0)}, "center: expected 3 numbers, x, y and z, got 2"),
-        ({"robot": "puma560_geared"}, "expected one whose tool is known, puma560_arm3 or semi_direct_drive"),
+        ({"robot": "puma560_geared"}, "expected puma560_arm3 or semi_direct_drive, whose tools are defined"),
         ({"center": (2.0, 0.0, 0.0)}, "cannot reach"),
     ],
 )

@@ -80,7 +80,7 @@ def test_doctor_tells_what_is_there(capsys: pytest.CaptureFixture[str]) -> None:
     assert found["packages"]["numpy"] == numpy.__version__  # type: ignore[index]
     assert found["compiler"]["lanes"] in (2, 4, 8)  # type: ignore[index]
     assert main(["doctor"]) == 0
-    assert "Nothing is wrong." in capsys.readouterr().out
+    assert "No problems found." in capsys.readouterr().out
 
 
 def test_doctor_names_what_is_missing(

@@ -69,7 +69,7 @@ def test_a_known_payload_settles_every_constant() -> None:
     result = found(3, ["unknown"] * 3, (PAYLOAD,))
     assert constants(result) == pytest.approx(CONSTANTS, rel=0.05)
     assert result.validation.relative_error < 0.02
-    assert any("identified with what is known" in remark for remark in result.warnings)
+    assert any("identified from the known" in remark for remark in result.warnings)
 
 
 def test_one_known_constant_settles_the_others() -> None:
@@ -84,7 +84,7 @@ def test_without_either_they_are_known_up_to_one_scale_which_is_said() -> None:
     ratio = constants(result) / CONSTANTS
     assert ratio / ratio[0] == pytest.approx(np.ones(3), rel=0.05)
     assert 0.3 < ratio[0] < 3.0
-    assert any("up to one scale" in remark for remark in result.warnings)
+    assert any("up to a common scale" in remark for remark in result.warnings)
 
 
 def test_a_payloads_torques_are_not_the_robots() -> None:
@@ -97,8 +97,8 @@ def test_a_payloads_torques_are_not_the_robots() -> None:
 
 def test_payloads_that_cannot_be_are_refused() -> None:
     for wrong, message in (
-        ({"link": "hand"}, "there is no link 'hand'; there is link0, link1, link2"),
-        ({"mass": -1.0}, "no body has this mass, centre and inertia"),
+        ({"link": "hand"}, "unknown link 'hand'; links: link0, link1, link2"),
+        ({"mass": -1.0}, "this mass, centre and inertia are not physically consistent"),
     ):
         entry = PayloadEntry(**({name: getattr(PAYLOAD, name) for name in PAYLOAD.__struct_fields__} | wrong))
         with pytest.raises(InputError, match=message):

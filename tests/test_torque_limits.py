@@ -31,5 +31,5 @@ def test_without_a_state_that_loops_reach_there_is_no_limit() -> None:
     """Within these limits the semi-direct-drive arm's condition on its second and third angle never holds."""
     arm = read("semi_direct_drive")
     links = tuple(replace(link, joint=replace(link.joint, limits=Limits(0.0, 0.1))) for link in arm.links)
-    with pytest.raises(InputError, match="semi_direct_drive reaches none of 200 random positions within its joints"):
+    with pytest.raises(InputError, match="semi_direct_drive reaches none of 200 random positions within its joint"):
         finite_torque_limits(Mechanism(replace(arm, links=links)))

@@ -90,5 +90,8 @@ def test_columns_in_units_of_different_factors_are_told_apart() -> None:
     columns = {f"{what}.{joint.name}": np.arange(9.0) for joint in arm.primary_joints for what in ("p", "applied")}
     said = dict.fromkeys(columns, "N") | {"time": "s", "p.joint0": "mm", "p.joint1": "rad"}
     log = table("log.csv", {"time": np.arange(9.0), **columns}.items(), said)
-    with pytest.raises(InputError, match=r"log\.csv: its columns of position are in mm, rad: convert them to SI units"):
+    with pytest.raises(
+        InputError,
+        match=r"log\.csv: the columns of position have different units \(mm, rad\): convert them to SI units",
+    ):
         joint_columns(arm, log)

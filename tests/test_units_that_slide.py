@@ -70,14 +70,14 @@ def test_units_of_both_kinds_are_told_together(cart: Path) -> None:
 
 
 def test_runs_that_verify_gains_say_so(cart: Path) -> None:
-    assert "mrad or mm; adaptation off" in str(tune(load(cart)).verified[0])
-    assert "mrad; adaptation off" in str(tune(load("docs/examples/two_link.toml")).verified[0])
+    assert "mrad or mm; without adaptation" in str(tune(load(cart)).verified[0])
+    assert "mrad; without adaptation" in str(tune(load("docs/examples/two_link.toml")).verified[0])
 
 
 def test_coupling_is_in_the_unit_of_its_joints(cart: Path) -> None:
     assert [coupling_unit(load(arm)) for arm in (str(cart), "puma560_measured")] == ["kg m", "kg m²"]
     task = DesignTask.within_limits(load(cart), 50, 0, 0.25)
-    assert dict(quantities(task, 1.0))["coupling (RMS off the diagonal)"].endswith(" kg m")
+    assert dict(quantities(task, 1.0))["coupling (RMS of off-diagonal entries)"].endswith(" kg m")
     links = load(cart).description.links
     alone = Mechanism(replace(load(cart).description, links=links[:1]))
     joint = replace(links[1].joint, kind=JointKind.PRISMATIC)
@@ -102,12 +102,12 @@ def test_logs_beyond_limits_are_told_in_the_joints_units() -> None:
             prepare(case.log, arm)
         return str(caught.value)
 
-    assert " m/s, its robot at most at 0.001: are the positions in mm" in refused(Limits(velocity=1e-3))
-    assert " N, its robot at most 0.001: are" in refused(Limits(effort=1e-3))
+    assert " m/s, but the limit of the robot is 0.001: are the positions in mm" in refused(Limits(velocity=1e-3))
+    assert " N, but the limit of the robot is 0.001: are" in refused(Limits(effort=1e-3))
 
 
 def test_friction_over_speed_has_the_joints_units(cart: Path) -> None:
     figure = friction_curves(load(cart), {"rail.coulomb": 2.0}, np.linspace(-1.0, 1.0, 100).reshape(50, 2), 0.1)
     assert isinstance(figure, Figure)
     assert [axes.get_title() for axes in figure.axes if axes.get_title()] == ["rail [N]", "pivot [N·m]"]
-    assert figure._supxlabel.get_text() == "speed [rad/s or m/s]"  # type: ignore[attr-defined]
+    assert figure._supxlabel.get_text() == "velocity [rad/s or m/s]"  # type: ignore[attr-defined]

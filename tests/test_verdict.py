@@ -52,14 +52,14 @@ def off_by(error: float, after: float = 0.0) -> Array:
 def test_a_run_that_learned_passes_and_says_what_it_learned() -> None:
     assert failures(SHOWN) == []
     assert judged(SHOWN).passed
-    assert re.match(r"Knowing nothing .* goes from .* stays at .* times as much\.", outcome_words(SHOWN))
+    assert re.match(r"Starting from zero .* falls from .* remains at .* times larger\)\.", outcome_words(SHOWN))
     assert summary(SHOWN)["verdict"] == {"passed": True, "faults": []}
 
 
 def test_a_run_that_stopped_says_so_first_and_has_no_last_two_seconds() -> None:
     stopped = changed(SHOWN, samples=210, terminated=True)
     assert failures(stopped) == [Failure.STOPPED]
-    assert outcome_words(stopped).startswith("Failed: Slotine-Li, <learning> was stopped at 0.42 s")
+    assert outcome_words(stopped).startswith("Failed: Slotine-Li, <learning> was stopped by the environment at 0.42 s")
     assert summary_markdown(stopped).startswith("Failed: ")
     said = summary(stopped)
     assert said["verdict"]["passed"] is False
@@ -77,9 +77,9 @@ def test_figures_of_two_seconds_exist_from_two_seconds_on() -> None:
 def test_adaptation_off_that_fell_is_not_said_to_stay() -> None:
     fell = changed(SHOWN, 1, samples=235, terminated=True)
     assert failures(fell) == []
-    assert "adaptation off is stopped at 0.47 s" in outcome_words(fell)
-    assert "stays" not in outcome_words(fell)
-    assert answers(facts(fell))["… with adaptation off"].startswith("stopped at 0.47 s")
+    assert "the same controller was stopped at 0.47 s" in outcome_words(fell)
+    assert "remains" not in outcome_words(fell)
+    assert answers(facts(fell))["… without adaptation"].startswith("stopped at 0.47 s")
 
 
 def test_errors_that_no_tracking_has_are_divergence() -> None:
@@ -93,10 +93,10 @@ def test_errors_that_no_tracking_has_are_divergence() -> None:
 def test_a_run_that_diverged_out_of_numbers_is_told_in_words(run: int, hole: float, words: str) -> None:
     lost = changed(SHOWN, run, p=off_by(hole, after=2.0))
     assert (Failure.DIVERGED in failures(lost)) is (run == 0)
-    asked = ("RMS error, last 2 s", "… with adaptation off")[run]
+    asked = ("RMS error, last 2 s", "… without adaptation")[run]
     assert answers(facts(lost))[asked] == words
-    assert ("times as much" in outcome_words(lost)) is False
-    assert f" {words} in the last two." in outcome_words(lost) or f"stays at {words}." in outcome_words(lost)
+    assert ("times larger" in outcome_words(lost)) is False
+    assert f" {words} in the last two." in outcome_words(lost) or f"remains at {words}." in outcome_words(lost)
     assert f"| {words} |" in summary_markdown(lost)
     assert words in report(lost).html({})
 
@@ -169,7 +169,7 @@ def test_a_failure_that_is_the_question_passes_and_is_told_last() -> None:
     expected = replace(weak, expected={Failure.SATURATED: "its motors are weak"})
     assert not judged(weak).passed
     assert judged(expected).passed
-    assert outcome_words(expected).startswith("Knowing nothing")
+    assert outcome_words(expected).startswith("Starting from zero parameter estimates")
     assert "As expected (its motors are weak): Slotine-Li" in outcome_words(expected)
     assert summary(expected)["verdict"]["faults"][0]["expected"] == "its motors are weak"
     stopped = changed(expected, terminated=True)

@@ -125,7 +125,7 @@ def test_in_a_free_loop_rho_is_one_less_the_hold_number(hold: float) -> None:
     ("controller", "says"),
     [
         (law(CushionedFloor(GAIN, 0.3, 15.0)), "monitor_stability: CushionedFloor has no constant gain"),
-        (law(GAIN, PassivityIntegral), "that of PassivityIntegral depends on more than the errors"),
+        (law(GAIN, PassivityIntegral), "that of PassivityIntegral needs more than the recorded tracking errors"),
     ],
 )
 def test_what_has_no_such_numbers_is_refused(controller: SlotineLi, says: str) -> None:

@@ -66,13 +66,13 @@ def basis(
     Parameters
     ----------
     priority : Path
-        TOML file that says which parameters to remove first; else Table 4's rule.
+        TOML file with the order of removal. Default: Table 4's rule.
     energy_error : float
-        Also print how many components keep the energy's error below this, within the joints' limits.
+        Also print how many components keep the energy error below this, within the joint limits.
     snap : bool
-        Make joint angles within 1e-3 rad of a right angle exact, or use them as given; else they may be refused.
+        Snap angles within 1e-3 rad of right angles, or use them as given. Default: refuse them if they matter.
     out : Path
-        Also save the basis, as JSON that adaptctl can load.
+        Also save the basis, as JSON for `FundamentalBasis.load`.
     overwrite : bool
         Replace the file of --out, if it exists.
 
@@ -155,8 +155,8 @@ def report(
     """Parts of the report that `adaptctl basis` prints."""
     yield header(mechanism, space, basis)
     yield titled("Singular values of the energy differences (log scale)", spectrum(space))
-    yield titled("Parameters that are enough", grid(mechanism, basis))
-    yield titled("How the others add to them (* is the regrouped parameter; SI units)", equations(basis))
+    yield titled("Base parameters", grid(mechanism, basis))
+    yield titled("Regrouping relations (* marks a regrouped parameter; SI units)", equations(basis))
     if reduction is not None:
         yield titled("Model reduction", energy_error(reduction))
 
@@ -169,15 +169,18 @@ def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis)
         f": {len(mechanism.links)} links, {mechanism.dof} degrees of freedom, {parameters} inertial parameters, "
         "of which ",
         (str(space.rank), "bold green"),
-        " are independent",
+        " are base parameters",
     )
     certificate = words((f"{space.certificate}; condition {basis.condition:.3g}", "dim"))
     remarks = [*space.certificate.warnings]
     if basis.kept_despite_priority:
         names = ", ".join(basis.kept_despite_priority)
-        remarks.append(f"{names} would go first, but nearly depend on those removed before, so others go instead")
+        remarks.append(
+            f"{names} come first in the priority, but almost depend on those removed before, so others are removed "
+            "instead"
+        )
     if friction:
-        remarks.append(f"{friction} friction parameters are kept besides: energies say nothing of them")
+        remarks.append(f"{friction} friction parameters are also kept, because energies do not depend on them")
     return stacked(first, certificate, *(words((f"note: {remark}", "yellow")) for remark in remarks))
 
 
@@ -209,14 +212,14 @@ def equations(basis: FundamentalBasis) -> Group:
     """Regrouping equations, a row for each kept parameter to which others are added."""
     pairs = (text.split(" = ", 1) for text in basis.equations())
     rows = [(f"{name} =", right) for name, right in pairs if " " in right]
-    alone = words((f"{basis.rank - len(rows)} more are kept to which nothing is added.", "dim"))
+    alone = words((f"{basis.rank - len(rows)} more base parameters have nothing regrouped into them.", "dim"))
     return stacked(listed(rows, whole=True), alone)
 
 
 def energy_error(reduction: Reduction) -> Text:
     """Sentence on the components that a reduction keeps and the error of the energy."""
     return words(
-        f"{reduction.num_components} of {len(reduction.weights)} components keep the energy within "
+        f"{reduction.num_components} of {len(reduction.weights)} components keep the energy error below "
         f"{reduction.percent_error:.3g} % (equation 23 of Sheu and Walker), over {reduction.states}, "
         "with this robot's parameters."
     )

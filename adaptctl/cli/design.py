@@ -49,37 +49,37 @@ def design(
     Parameters
     ----------
     mass : float
-        Mass of the point that is added; else 1.
+        Added point mass, kg. Default: 1.
     body : str
-        A body instead of a point: gripper, camera or motor.
+        Added body instead of a point mass: gripper, camera or motor.
     link : str
-        Also print all that it changes on this link.
+        Also print all effects of the added mass on this link.
     mount : tuple of float
-        Place on that link, m in its frame; else its center of mass.
+        Position on that link, m in its frame. Default: its center of mass.
     counterweights : list of str
-        Links that may carry counterweights; else the heaviest six.
+        Links that may carry counterweights. Default: the heaviest six.
     objective : str
-        Quantity that they make least: energy, torque, coupling or components.
+        Quantity to minimise: energy, torque, coupling or components.
     mass_ratio : float
-        Largest counterweight over its link's mass.
+        Largest counterweight mass over the mass of its link.
     max_offset : float
-        Room beyond a link's joints over its length.
+        Overhang beyond the joints of a link, over its length.
     energy_error : float
         Energy error at which components are counted.
     speed : float
-        Speed of the task's random states, over sqrt(g/L).
+        Velocity of the random states of the task, over sqrt(g/L).
     samples : int
-        Number of the task's random states.
+        Number of random states of the task.
     seed : int
-        Seed of all that is drawn.
+        Seed of all random numbers.
     drive : bool
-        Also run it in closed loop, as it is described and with the counterweights.
+        Also run the robot in closed loop, as described and with the counterweights.
     duration : float
-        Length of these runs, s; else 20.
+        Duration of the closed-loop runs, s. Default: 20.
     control_period : float
-        Control period of these runs, s; else 0.001.
+        Control period of the closed-loop runs, s. Default: 0.001.
     components : int
-        Number of components that small controllers adapt; else 10, or all.
+        Number of components of the reduced controllers. Default: 10, or all.
     out : Path
         Also write design.json, report, figures and recording.
 
@@ -105,13 +105,13 @@ def design(
     if out is not None:
         validate_for_results()
     if mount is not None and link is None:
-        raise InputError("--mount says where on a link: give --link too")
+        raise InputError("--mount is a position on a link: add --link")
     if body is not None and mass is not None:
-        raise InputError("--mass is of a point, and --body has its own: give one of them")
+        raise InputError("--mass is for a point mass, and --body has a mass of its own: give one of them")
     asked = {"duration": duration, "control_period": control_period, "components": components}
     given = {name: value for name, value in asked.items() if value is not None}
     if given and not drive:
-        raise InputError(f"--{next(iter(given)).replace('_', '-')} is of runs in closed loop: give --drive too")
+        raise InputError(f"--{next(iter(given)).replace('_', '-')} is for closed-loop runs: add --drive")
     added = body or (1.0 if mass is None else mass)
     mechanism = load(robot, floating_base=floating_base)
     task = DesignTask.within_limits(mechanism, samples, seed, speed)
@@ -166,4 +166,4 @@ def _driven(study: DesignStudy, seed: int, **given: Any) -> tuple[DrivenArm, ...
     from adaptctl.design.driving import driven
 
     with shown_progress() as progress:
-        return driven(study, seed=seed, progress=lambda share: progress("Runs in closed loop", share), **given)
+        return driven(study, seed=seed, progress=lambda share: progress("Closed-loop runs", share), **given)

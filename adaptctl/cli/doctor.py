@@ -81,9 +81,9 @@ def _compiler() -> dict[str, Any]:
 
         kernel = compile_function(lambda x: sum(x[i] * x[i] for i in range(3)), {"x": 3}, name="doctor")
         right = float(kernel([1.0, 2.0, 3.0])) == 14.0
-        return {"lanes": Processor.host().lanes, "error": None if right else "compiled code computes wrong numbers"}
+        return {"lanes": Processor.host().lanes, "error": None if right else "compiled code gives wrong results"}
     except Exception as error:  # whatever it is, telling it is what this command is for
-        return {"lanes": None, "error": f"nothing can be compiled: {' '.join(str(error).split())}"}
+        return {"lanes": None, "error": f"compilation fails: {' '.join(str(error).split())}"}
 
 
 def _cache() -> dict[str, Any]:
@@ -109,7 +109,7 @@ def _lines(found: dict[str, Any]) -> Iterator[str]:
         yield f"  {extra:<14} {there}{'; ' if there and missing else ''}{f'missing: {missing}' if missing else ''}"
     yield from (f"wrong: {one}" for one in found["wrong"])
     if not found["wrong"]:
-        yield "Nothing is wrong."
+        yield "No problems found."
 
 
 def install_completion(
@@ -123,9 +123,9 @@ def install_completion(
     Parameters
     ----------
     shell : str
-        The shell; else the one in use.
+        Shell. Default: the current one.
     out : Path
-        Write the script here instead.
+        File to write the script to, instead of installing it.
 
     Raises
     ------
@@ -143,5 +143,5 @@ def install_completion(
     try:
         path = app.install_completion(shell=shell, output=out, add_to_startup=out is None)
     except ShellDetectionError as error:
-        raise InputError("--shell: the shell in use is not known: name bash, zsh or fish") from error
-    print(f"Written: {path}\nIt works in shells opened from now on.")
+        raise InputError("--shell: the current shell is unknown: give bash, zsh or fish") from error
+    print(f"Written: {path}\nIt takes effect in new shells.")

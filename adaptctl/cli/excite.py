@@ -47,27 +47,27 @@ def excite(
     Parameters
     ----------
     start : list of float
-        Pose to start from; else mid-range.
+        Start pose. Default: mid-range.
     end : list of float
-        Pose to end at; else the start.
+        End pose. Default: the start pose.
     duration : float
-        Length, s, unless limits ask for more.
+        Duration, s; longer if the limits require it.
     limit_share : float
-        Share of positions, speeds and torques that may be used.
+        Fraction of the position, velocity and torque limits that may be used.
     acceleration : list of float
-        Greatest acceleration, one number or one for each joint.
+        Acceleration limits, one value or one per joint.
     jerk : list of float
-        Greatest jerk, one number or one for each joint.
+        Jerk limits, one value or one per joint.
     box : list of float
-        Workspace of the links' frames: x y z from, x y z to.
+        Box that contains the link frames, m: x y z from, x y z to.
     noise : list of float
-        Torque residuals to expect, for the forecast.
+        Expected torque residuals for the forecast, one value or one per joint.
     sample_rate : float
         Points per second in the files.
     iterations : int
-        Iterations of the search for the reference.
+        Iterations of the search.
     seed : int
-        Seed of the search; the validation's is the next.
+        Seed of the search; that of the validation trajectory is the next.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def _box(given: Numbers) -> tuple[Any, Any]:
         raise InputError(f"--box: expected six numbers, x y z from and x y z to, in m, got {len(given)}")
     lower, upper = np.array(given[:3]), np.array(given[3:])
     if given and not np.all(lower < upper):
-        raise InputError(f"--box: expected numbers that rise from the first three to the last, got {list(given)}")
+        raise InputError(f"--box: expected the last three numbers above the first three, got {list(given)}")
     return (lower, upper) if given else (None, None)
 
 
@@ -173,13 +173,14 @@ def _print(motions: dict[str, RobotMotion], predicted: Forecast, collisions: boo
 
     relative = predicted.relative
     print(
-        f"Two motions of {' and '.join(f'{motion.duration:.1f} s' for motion in motions.values())}, from rest to rest."
+        f"Two trajectories of {' and '.join(f'{motion.duration:.1f} s' for motion in motions.values())}, from rest to "
+        "rest."
     )
     print(f"  condition of the scaled regressor    {predicted.condition:.3g}")
-    print(f"  parameters to within 10 %            {int(np.sum(relative < 0.1))} of {len(relative)}")
-    print(f"  self-collision                       {'checked' if collisions else 'not checked: no geometry is known'}")
-    print("  least excited combinations")
+    print(f"  parameters known to 10 %              {int(np.sum(relative < 0.1))} of {len(relative)}")
+    print(f"  self-collision                       {'checked' if collisions else 'not checked: no collision geometry'}")
+    print("  least excited parameter combinations")
     for combination in predicted.combinations[:5]:
-        print(f"    {combination.words}   (prior range over deviation: {combination.strength:.2g})")
+        print(f"    {combination.words}   (prior range over standard deviation: {combination.strength:.2g})")
     print(f"\nRun:      {folder / 'excitation.csv'} (or .yaml, .json), then {folder / 'validation.csv'}")
     print("Then:     adaptctl identify LOG --robot ROBOT --validate OTHER")

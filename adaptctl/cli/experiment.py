@@ -24,7 +24,7 @@ DONE, FAILED, INTERRUPTED = 0, 3, 130
 LIST_SCHEMA, RUN_SCHEMA = "adaptctl/experiments/1", "adaptctl/experiment/1"
 
 app = App(name="experiment")
-run = App(name="run", help="Run an experiment, and keep what it made.")
+run = App(name="run", help="Run an experiment, and write its results.")
 app.command(run)
 for entry in EXPERIMENTS:
     run.command(f"{__name__}:{entry.name}", name=entry.name, help=f"{entry.summary}.")
@@ -40,7 +40,7 @@ def list_experiments(*, json: Json = False) -> None:
     `summary`, is printed.
     """
     summaries = [(entry.name, entry.summary) for entry in EXPERIMENTS]
-    summaries += [(name, f"of {point.value}") for name, point in offered().items()]
+    summaries += [(name, f"from {point.value}") for name, point in offered().items()]
     if json:
         entries = [{"name": name, "summary": summary} for name, summary in summaries]
         print_json({"schema": LIST_SCHEMA, "experiments": entries})
@@ -97,8 +97,8 @@ def _command(kind: type[Experiment], name: str) -> Callable[..., int]:
     command.__annotations__ = {
         "settings": Annotated[kind, Parameter(name="*", group="Settings", show_default=text)],
         "out": Annotated[Path, Parameter(metavar="DIR", group="Output", help="Folder to write.")],
-        "overwrite": Annotated[bool, Parameter(group="Output", help="Write into a folder that is not empty.")],
-        "live": Annotated[bool, Parameter(group="Output", help="Show the arm in rerun's viewer while it runs.")],
+        "overwrite": Annotated[bool, Parameter(group="Output", help="Overwrite a folder that is not empty.")],
+        "live": Annotated[bool, Parameter(group="Output", help="Show the arm in the rerun viewer during the run.")],
         "json": Annotated[bool, Parameter(group="Output", help="Print JSON instead of text.")],
         "return": int,
     }

@@ -48,19 +48,19 @@ def export(
     law : str
         Control law.
     name : str
-        Begins all names in the code; the robot's unless given.
+        Prefix of all names in the code. Default: the name of the robot.
     scalar : str
-        Kind of number in C.
+        Floating-point type in C.
     language : str
         C99 or WebAssembly.
     bandwidth : float
         Largest Λ, 1/s.
     unguarded : bool
-        Leave out the guards of torques, positions and velocities.
+        Omit the limits of torques, positions and velocities.
     check : bool
-        Simulate 600 s first; build and run the C where compilers are.
+        Simulate 600 s first; compile and run the C code with the installed compilers.
     anyway : bool
-        Write it even where it fails in simulation.
+        Write the folder even if the simulation fails.
     json : bool
         Print the manifest instead of a summary.
 
@@ -106,23 +106,26 @@ def export(
         for build in made:
             print(f"{build.compiler}: {build.message}")
         if check and language == "c" and not made:
-            print(f"not built: no compiler is found, of {', '.join(COMPILERS)}")
+            print(f"not built: found none of these compilers: {', '.join(COMPILERS)}")
     if wrong := [build for build in made if not build.passed]:
-        raise VerdictError(f"{out}: not what Python computes: {wrong[0].compiler}: {wrong[0].message}")
+        raise VerdictError(f"{out}: the compiled code differs from Python: {wrong[0].compiler}: {wrong[0].message}")
 
 
 def _print(done: Exported) -> None:
     manifest = done.manifest
     print(f"{done.directory}: {', '.join(done.files)}")
-    period = f"{manifest['control_period']:g} s"
-    print(f"{manifest['flops']} operations per step, every {period}; guarded: {manifest['guarded']}")
+    limits = "with" if manifest["guarded"] else "without"
+    print(
+        f"{manifest['flops']} operations per control step, every {manifest['control_period']:g} s; {limits} safety "
+        "limits"
+    )
     if manifest["check"]:
         first, last = (manifest["check"][f"rms_error_{which}_10_s"] for which in ("first", "last"))
         known = first is not None and last is not None
-        errors = f": RMS error {first:.3g} at first, {last:.3g} in the end" if known else ""
+        errors = f": initial RMS error {first:.3g}, final {last:.3g}" if known else ""
         print(f"checked over {manifest['check']['duration']:g} s{errors}")
         if manifest["check"]["failure"]:
             print(f"FAILED: in simulation {manifest['check']['failure']}")
     if "state_bytes" in manifest:
-        print(f"a state of {manifest['state_bytes']} bytes, about {manifest['stack_bytes_about']} bytes of stack")
+        print(f"state: {manifest['state_bytes']} bytes; stack: about {manifest['stack_bytes_about']} bytes")
         print(f"test it: cc -std=c99 {done.name}.c test_{done.name}.c -lm && ./a.out")

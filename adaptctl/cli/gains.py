@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "adaptctl/gains/2"
 METHODS = {
-    "rule": "by rule, near a reference within the torque limits",
+    "rule": "by the tuning rules, near a reference within the torque limits",
     "bandwidth": "from a bandwidth and a damping ratio",
     "poles": "by pole placement",
     "lqr": "by LQR",
@@ -67,17 +67,17 @@ def gains(
     Parameters
     ----------
     method : str
-        Choice of the error's poles.
+        Design method.
     bandwidth : float
-        Method bandwidth: largest Λ, 1/s; else 4.
+        Largest Λ, 1/s, for --method bandwidth. Default: 4.
     damping_ratio : float
-        Method bandwidth: place two poles of this damping ratio instead of the largest K.
+        Place two poles with this damping ratio instead of maximising K, for --method bandwidth.
     poles : tuple of complex
-        Method poles: two, 1/s, real or conjugate, such as -6+2j -6-2j; else -8 -12.
+        Two poles, 1/s, real or conjugate, such as -6+2j -6-2j, for --method poles. Default: -8 -12.
     weights : tuple of float
-        Method lqr: weights of squares of error, rate and acceleration; else 4096 0 1.
+        Weights of squared error, rate and acceleration, for --method lqr. Default: 4096 0 1.
     delay : int
-        Control periods from measurement to torque.
+        Delay from measurement to torque, in control periods.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def _validate_own(method: str, **given: object) -> None:
         owner = OWNERS[name]
         if value is not None and owner != method:
             raise InputError(
-                f"--{name.replace('_', '-')}: it is of the method {owner}: give --method {owner}, or leave it"
+                f"--{name.replace('_', '-')}: applies only to --method {owner}: add it, or remove this flag"
             )
 
 
@@ -188,17 +188,17 @@ def as_builtins(design: GainDesign, limited: tuple[str, ...] = ()) -> dict[str, 
 
 def report(design: GainDesign, limited: tuple[str, ...] = ()) -> Iterator[RenderableType]:
     """Parts of the report that `adaptctl gains` prints."""
-    late = f" and a delay of {design.delay}" if design.delay else ""
+    late = f" and a delay of {design.delay} period{'s' * (design.delay != 1)}" if design.delay else ""
     how = f": gains {METHODS[design.method]}, discretised for a control period of {design.control_period:g} s{late}"
     yield words((design.mechanism.name, "bold"), how)
     joints = as_builtins(design)["joints"]
     gains = [[joint["name"], *(_number(joint[key]) for key in GAINS)] for joint in joints]
-    title = "Gains (SI units; computed torque has ω and ζ, Slotine and Li's law Λ and K)"
+    title = "Gains (SI units; ω and ζ for computed torque, Λ and K for Slotine and Li's law)"
     yield titled(title, WrappedTable(("joint", *GAINS.values()), gains))
     margins = [[joint["name"], *_margins(design, i)] for i, joint in enumerate(joints)]
-    title = "Margins of each loop alone (inertia is the least there is, over the typical)"
+    title = "Stability margins of each loop (inertia: minimum over typical)"
     yield titled(title, WrappedTable(("joint", "gain", "inertia", "phase", "delay", "periods", "crossover"), margins))
-    yield titled("All joints together", *map(words, _together(design)))
+    yield titled("Sampling condition for all joints together", *map(words, _together(design)))
     if limited:
         names = (joint["name"] for joint in joints)
         yield titled("What limits the gains", listed(zip(names, limited, strict=True)))
@@ -216,15 +216,14 @@ def _together(design: GainDesign) -> Iterator[str]:
     """Sampled gain of the whole arm, and the fastest poles that the period carries."""
     yield (
         f"T_c λ_max(M⁻¹K) = {design.sampled_gain:.3g} at the worst configuration found; up to "
-        f"{design.largest_sampled_gain:.3g} is allowed, the rest is a margin"
+        f"{design.largest_sampled_gain:.3g} is allowed, with a margin to instability"
     )
     fastest = design.max_bandwidth * design.max_gain
     yield (
-        "The period carries any poles."
+        "Any poles are stable at this period."
         if math.isinf(design.max_bandwidth)
-        else f"The period carries poles {design.max_bandwidth:.3g} times as fast: the fastest at {fastest:.4g} 1/s "
-        f"instead "
-        f"of {design.max_gain:.4g}."
+        else f"At this period, poles up to {design.max_bandwidth:.3g} times as fast are stable: the fastest at "
+        f"{fastest:.4g} 1/s instead of {design.max_gain:.4g}."
     )
     if not design.is_well_damped:
         yield "Λ and K need a damping ratio of at least 1."

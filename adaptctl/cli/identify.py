@@ -50,33 +50,33 @@ def identify(
     Parameters
     ----------
     logs : list of Path
-        Logs: .csv, .parquet, or ROS bags (extra `logs`).
+        Log files: .csv, .parquet, or ROS bags (extra `logs`).
     robot : str
-        The robot's file, .urdf, .xml (MJCF) or .toml: a first guess.
+        Robot file, .urdf, .xml (MJCF) or .toml, with prior link parameters.
     drives : Path
-        TOML file: how motors turn joints, and which columns are theirs.
+        TOML file with the transmission, and the columns of each motor.
     validate : list of Path
-        Logs to judge by; else the last 40 % of the others.
+        Validation logs. Default: the last 40 % of the others.
     columns : list of str
         Columns, such as position=q{} torque=tau_{joint}; {} is a number from 1, {0} from 0.
     units : list of str
         Units of time, position, torque, velocity, such as position=deg.
     sample_rate : float
-        Sampling rate of logs whose stamps are no time.
+        Sampling rate, Hz, of logs without usable time stamps.
     topic : str
-        Topic of the joint states in a bag that has several.
+        Joint-state topic, for a bag with several.
     skip_steps : list of str
-        Steps to leave out: resample, unwrap, velocities, limits, standstill.
+        Preprocessing steps to skip: resample, unwrap, velocities, limits, standstill.
     friction : str
-        Friction's terms, such as viscous,coulomb; else chosen.
+        Terms of the friction model, such as viscous,coulomb. Default: cross-validation.
     cutoff : float
-        Cut-off of the filter; else chosen.
+        Cut-off frequency of the filter, Hz. Default: cross-validation.
     prior_weight : float
-        Weight of the robot file's links as a prior; else chosen.
+        Weight of the prior link parameters. Default: cross-validation.
     instrumental_variables : bool
-        Instrumental variables, for encoders that are coarse or noisy.
+        Use instrumental variables, for coarse or noisy encoders.
     energy_differences : float
-        Compare with energy differences over so many s: what each estimator amplifies.
+        Also compare with energy differences over windows of this length, s.
 
     Raises
     ------
@@ -151,7 +151,7 @@ def _files(
         with example(name) as files:
             yield (files.log,), str(files.robot), drives or files.drives
     elif robot is None:
-        raise InputError(f"--robot is missing: name the robot's file, or try the example: adaptctl identify {NAMES[0]}")
+        raise InputError(f"--robot is missing: give a robot file, or try the example: adaptctl identify {NAMES[0]}")
     else:
         yield logs, robot, drives
 
@@ -163,7 +163,7 @@ def _compared(logs: tuple[Path, ...], robot: str, drives: Path | None, window: f
     from adaptctl.identification.estimator_comparison import compared_estimators
 
     if len(logs) != 1 or drives is None:
-        raise InputError("--energy-differences takes one log, whose columns and units a file of --drives says")
+        raise InputError("--energy-differences needs exactly one log, with columns and units from a --drives file")
     found = compared_estimators(logs[0], robot, drives, window)
     made_folder(folder)
     found.write(folder)

@@ -43,7 +43,7 @@ def whole_numbers(app: App, commands: tuple[str, ...], arguments: ArgumentCollec
 
 app = App(
     name="adaptctl",
-    help="Adaptive control of robot mechanisms on their fundamental inertial parameters.",
+    help="Adaptive control of robot mechanisms on their base parameters.",
     help_format="plaintext",
     default_parameter=Parameter(negative=(), consume_multiple=True),
     config=whole_numbers,
@@ -54,20 +54,20 @@ app = App(
     result_action="return_value",
 )
 # Named, not given: a command's module is imported when it is asked for.
-app.command("adaptctl.cli.basis:basis", name="basis", help="The independent inertial parameters of a robot.")
-app.command("adaptctl.cli.gains:gains", name="gains", help="Gains of a robot's tracking loop, and their margins.")
-app.command("adaptctl.cli.identify:identify", name="identify", help="A robot's parameters from logs of its motion.")
-app.command("adaptctl.cli.excite:excite", name="excite", help="Motions for a robot that tell of its parameters.")
-app.command("adaptctl.cli.tune:tune", name="tune", help="A reference and gains for a robot, verified in closed loop.")
-app.command("adaptctl.cli.design:design", name="design", help="What masses and counterweights do to a robot.")
-app.command("adaptctl.cli.export:export", name="export", help="A robot's controller as C or WebAssembly.")
+app.command("adaptctl.cli.basis:basis", name="basis", help="Base parameters of a robot.")
+app.command("adaptctl.cli.gains:gains", name="gains", help="Gains of a tracking loop, and their stability margins.")
+app.command("adaptctl.cli.identify:identify", name="identify", help="Parameters of a robot from logs of its motion.")
+app.command("adaptctl.cli.excite:excite", name="excite", help="Excitation trajectories for identification.")
+app.command("adaptctl.cli.tune:tune", name="tune", help="Reference and gains for a robot, verified in closed loop.")
+app.command("adaptctl.cli.design:design", name="design", help="Effects of added masses and counterweights.")
+app.command("adaptctl.cli.export:export", name="export", help="Controller of a robot as C or WebAssembly.")
 app.command("adaptctl.cli.experiment:app", name="experiment", help="List experiments and run them.")
-app.command("adaptctl.cli.sweep:app", name="sweep", help="Many runs of an experiment, on this machine or a cluster.")
-app.command("adaptctl.cli.doctor:doctor", name="doctor", help="What is installed, and whether it works together.")
+app.command("adaptctl.cli.sweep:app", name="sweep", help="Parameter sweeps, on this machine or a cluster.")
+app.command("adaptctl.cli.doctor:doctor", name="doctor", help="Check of the installation.")
 app.command(
     "adaptctl.cli.doctor:install_completion",
     name="install-completion",
-    help="Completion of commands and flags in your shell.",
+    help="Shell completion of commands and flags.",
 )
 
 

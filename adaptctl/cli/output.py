@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from adaptctl.recording.page import Table as Content
     from adaptctl.recording.result import Fact
 
-Robot = Annotated[str, Parameter(help="A built-in robot's name, or a .urdf, .xml (MJCF) or .toml file.")]
+Robot = Annotated[str, Parameter(help="Name of a built-in robot, or a .urdf, .xml (MJCF) or .toml file.")]
 FloatingBase = Annotated[
-    bool, Parameter(help="Let a URDF file's root link float instead of being fixed to the ground.")
+    bool, Parameter(help="Let the root link of a URDF file float, instead of fixing it to the ground.")
 ]
 Json = Annotated[bool, Parameter(help="Print JSON instead of text.")]
-Period = Annotated[float, Parameter(help="Control period, s: how long a torque is held.")]
+Period = Annotated[float, Parameter(help="Control period, s.")]
 Folder = Annotated[Path, Parameter(metavar="DIR", help="Folder to write.")]
-Overwrite = Annotated[bool, Parameter(help="Write into a folder that is not empty.")]
+Overwrite = Annotated[bool, Parameter(help="Overwrite a folder that is not empty.")]
 
 Words: TypeAlias = "str | tuple[str, str] | Text"
 """A text, or one with its style; names from files are no markup."""
@@ -135,8 +135,8 @@ def print_outcome(outcome: str, facts: Iterable[Fact], folder: Path, notes: Iter
     print("\n".join([f"  {question:<{width}}  {answer}" for question, answer, _ in answers]))
     print("".join(f"  note: {note}\n" for note in notes))
     if (folder / "recording.rrd").exists():
-        print(f"Look at it:  rerun {folder / 'recording.rrd'}")
-    print(f"Read it:     {folder / 'report.html'}")
+        print(f"Recording:   rerun {folder / 'recording.rrd'}")
+    print(f"Report:      {folder / 'report.html'}")
 
 
 @dataclass(frozen=True)

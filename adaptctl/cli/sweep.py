@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 STATUS_SCHEMA = "adaptctl/sweep/2"
 MAX_UNASKED_RUNS = 20_000
 """Runs that are not started without being asked for."""
-WHERE, WHAT = "Where it runs", "What is run"
+WHERE, WHAT = "Execution", "Runs"
 
 app = App(name="sweep")
 
@@ -43,7 +43,7 @@ def sweep(
     tls_cert: Annotated[Path | None, Parameter(group=WHERE)] = None,
     tls_key: Annotated[Path | None, Parameter(group=WHERE)] = None,
     shard: Annotated[int, Parameter(group=WHERE)] = 256,
-    **settings: Annotated[str, Parameter(help="Values of a setting: 4,8,12, 0..99, 0..5:11, or 0..5 to draw from.")],
+    **settings: Annotated[str, Parameter(help="Values of a setting: 4,8,12, 0..99, 0..5:11, or 0..5 to sample.")],
 ) -> int:
     """
     Run an experiment for every combination of settings.
@@ -56,35 +56,35 @@ def sweep(
     target : str
         An experiment, a shipped study, or a .toml file.
     out : Path
-        Folder of the results; the same one resumes.
+        Results folder. An existing sweep is resumed.
     controllers : str
-        Those to run, apart by commas; all by default.
+        Controllers to run, separated by commas. Default: all.
     sampling : str
-        Combination of settings.
+        Method of combining the settings.
     samples : int
-        Runs to draw, where they are not a grid.
+        Number of runs, if they are not a grid.
     precision : str
-        Precision of runs that are computed together: double by default; single is faster.
+        Precision of batched runs: double by default; single is faster.
     search : int
-        Search with so many runs instead (extra `search`).
+        Search for the best settings, with this number of runs (extra `search`).
     objective : str
-        The column that a search makes small.
+        Column of the table that the search minimises.
     yes : bool
-        Begin, however many runs there are.
+        Start without confirmation.
     jobs : int
-        Processes here; one for each processor by default.
+        Number of local processes. Default: one per processor.
     scheduler : str
-        A Dask scheduler: tcp://, tls://.
+        Address of a Dask scheduler: tcp://, tls://.
     scheduler_file : Path
-        The file that a Dask scheduler wrote.
+        File written by a Dask scheduler.
     tls_ca : Path
         Certificate authority of the scheduler.
     tls_cert : Path
         Certificate of this client.
     tls_key : Path
-        Its key.
+        Key of this client.
     shard : int
-        Runs that are computed, and kept, together.
+        Number of runs that are computed and stored together.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def sweep(
     from adaptctl.sweeps.study import SweepStudy
 
     if not 1 <= shard <= 100_000:
-        raise InputError(f"shard: expected from 1 to 100000 runs, got {shard}")
+        raise InputError(f"--shard: expected 1 to 100000 runs, got {shard}")
     names = tuple(name.strip() for name in controllers.split(",") if name.strip())
     options: dict[str, Any] = {
         "controllers": names,
@@ -115,13 +115,13 @@ def sweep(
     }
     study = SweepStudy.named(target, settings, **options)
     if samples and study.sampling == "grid":
-        raise InputError("samples: a grid draws none: give --sampling latin-hypercube or sobol")
+        raise InputError("--samples is not for a grid: give --sampling latin-hypercube or sobol")
     if search:
         return _search(study, objective, search, out)
     _validate_few(study.count, yes)
     tls = [path for path in (tls_ca, tls_cert, tls_key) if path]
     if len(tls) not in (0, 3):
-        raise InputError("TLS needs all of --tls-ca, --tls-cert and --tls-key")
+        raise InputError("TLS needs --tls-ca, --tls-cert and --tls-key")
     cluster = Cluster(jobs, scheduler, scheduler_file, (tls[0], tls[1], tls[2]) if tls else None)
     folder = Folder.opened(out, study, shard, sys.argv[1:])
     with interruptible() as interruption, shown_progress() as progress:
@@ -147,7 +147,7 @@ def status(folder: Path, *, json: Json = False) -> int:
         counts = {"shards": shards, "shards_in_all": -(-study.runs // study.shard), "runs": study.runs}
         print_json({"schema": STATUS_SCHEMA, **counts})
         return 0
-    print(f"{shards} of {-(-study.runs // study.shard)} shards of {study.shard} runs are there")
+    print(f"{shards} of {-(-study.runs // study.shard)} shards of {study.shard} runs are complete")
     return _print_status(folder) if shards else 0
 
 
@@ -156,7 +156,7 @@ def report(folder: Path) -> int:
     """Write report.html of what a sweep has so far: maps, the worst runs, and the commands that show them."""
     from adaptctl.sweeps.report import write_report
 
-    print(f"Read it:  {write_report(folder)}")
+    print(f"Report:   {write_report(folder)}")
     return 0
 
 
@@ -165,7 +165,7 @@ def _print_status(folder: Path) -> int:
 
     print(SweepReport.of(folder).text())
     if (folder / "sweep.parquet").is_file():
-        print(f"\nRows:     {folder / 'sweep.parquet'}\nRead it:  {folder / 'report.html'}")
+        print(f"\nRows:     {folder / 'sweep.parquet'}\nReport:   {folder / 'report.html'}")
     return 0
 
 
@@ -174,15 +174,15 @@ def _search(study: SweepStudy, minimise: str, trials: int, out: Path) -> int:
     from adaptctl.sweeps.search import search, write_settings
 
     if any(made_folder(out).iterdir()):
-        raise InputError(f"{out}: is not empty: choose another --out")
+        raise InputError(f"{out}: the folder is not empty: choose another --out")
     with interruptible() as interruption, shown_progress() as progress:
         heeded = interruption.heeded(progress)
         found = search(study, minimise, trials, lambda share: heeded(f"{trials} runs", share))
     write_settings(out / "best.toml", study, found)
-    print(f"{minimise} {found.value:.4g} of {found.controller}, of {trials} runs, with")
+    print(f"{minimise} {found.value:.4g} of {found.controller}, the best of {trials} runs, with these settings:")
     for name, value in found.settings.items():
         print(f"  {name}  {value}")
-    print(f"\nRun it:  adaptctl sweep {out / 'best.toml'} --out {out / 'again'}")
+    print(f"\nRun it again:  adaptctl sweep {out / 'best.toml'} --out {out / 'again'}")
     return 0
 
 
@@ -191,7 +191,7 @@ def _validate_few(count: int, yes: bool) -> None:
     if count <= MAX_UNASKED_RUNS or yes:
         return
     if sys.stdin.isatty():
-        print(f"{count} runs. Begin? [y/N] ", end="", file=sys.stderr, flush=True)
+        print(f"{count} runs. Start? [y/N] ", end="", file=sys.stderr, flush=True)
         if sys.stdin.readline().strip().lower() in ("y", "yes"):
             return
-    raise InputError(f"{count} runs are many: say --yes to begin, or give fewer values")
+    raise InputError(f"{count} runs need a confirmation: add --yes, or give fewer values")

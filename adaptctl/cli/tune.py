@@ -51,13 +51,13 @@ def tune(
     bandwidth : float
         Largest Λ, 1/s.
     sampling_ratio : float
-        Largest T λ_max((M + T B)⁻¹K) along the reference.
+        Largest T λ_max((M + T B)⁻¹K) along the reference; 2 is the stability limit.
     adaptation_ratio : float
-        T λ_max(K⁻¹ Y Γ Y') along the reference.
+        Normalised adaptation gain, T λ_max(K⁻¹ Y Γ Y') along the reference.
     search : int
-        Settings that are tried in closed loop besides those by rule.
+        Number of settings to try in closed loop, in addition to the tuning rules.
     seed : int
-        Seed of the reference, and of all else that is drawn.
+        Seed of the reference and of all other random numbers.
 
     Returns
     -------
@@ -146,15 +146,19 @@ def _verified(run: Verification) -> dict[str, Any]:
 def report(tuning: Tuning) -> Iterator[RenderableType]:
     """Parts of the report that `adaptctl tune` prints."""
     if tuning.failed:
-        yield words((f"FAILED: with these gains the arm does not learn: {tuning.verified[0]}", "bold red"))
-    method = f"{tuning.substeps} steps of {type(tuning.integrator).__name__} a period of {tuning.control_period:g} s"
-    yield words((tuning.mechanism.name, "bold"), f": gains by rule for a rigid arm without noise; {method}")
+        yield words((f"FAILED: the arm does not learn with these gains: {tuning.verified[0]}", "bold red"))
+    method = (
+        f"integrator {type(tuning.integrator).__name__}, {tuning.substeps} steps per {tuning.control_period:g} s period"
+    )
+    yield words(
+        (tuning.mechanism.name, "bold"), f": gains by the tuning rules, for a rigid arm without noise; {method}"
+    )
     yield titled("Gains and reference (SI units)", _joints(tuning))
     joints = (joint.name for joint in tuning.mechanism.primary_joints)
     yield titled("What limits the gains", listed(zip(joints, tuning.limited_by, strict=True)))
     runs = (words((f"{run}", "") if run.is_learning else (f"{run} (does not learn)", "red")) for run in tuning.verified)
     if tuning.verified:
-        yield titled("Runs of 20 s, RMS errors of the first second and of the last two", *runs)
+        yield titled("Verification runs of 20 s: RMS errors of the first second and of the last two", *runs)
     if tuning.notes:
         yield titled("Notes", *(words((note, "yellow")) for note in tuning.notes))
 

@@ -132,7 +132,7 @@ class CPackage:
             "guarded": interface.guarded,
             "applied": interface.applied,
             "brake": interface.brake and [Field(name, x) for name, x in interface.brake._asdict().items()],
-            "brake_text": "the guards' braking" if interface.brake else "zero",
+            "brake_text": "the braking torque of the safety limits" if interface.brake else "zero",
             "flags": list(map(_Mark, (f.name for f in fields[len(fields) - len(flags) :]), map(str.upper, flags))),
             "configurations": [fields[k] for k in self.start.configurations],
             "computed": [fields[k] for k in self.start.computed],
@@ -225,7 +225,7 @@ class _Mark(NamedTuple):
 
 def title(interface: Interface) -> str:
     """Title of exported code, such as "SlotineLi, guarded for puma560, every 0.001 s"."""
-    law = type(interface.innermost).__name__ + (", guarded" if interface.guarded else "")
+    law = type(interface.innermost).__name__ + (", with safety limits" if interface.guarded else "")
     arm = interface.mechanism.name if interface.mechanism else f"{interface.controller.dof} joints"
     printable = "".join(c if c.isprintable() and c not in "*/\\" else " " for c in arm)
     return f"{law} for {printable}, every {interface.control_period:g} s"

@@ -104,8 +104,8 @@ DURATION = 600.0
 SMALL_ERROR, LEARNED_SHARE = 5e-3, 1.0 / 3.0
 """rad or m, and share of the first error: a last error above both was not learned away"""
 FAILURES = {
-    "stopped": "the guards stop the arm after {:g} s: use smaller gains, or wider limits",
-    "ringing": "a joint rings after {:g} s: use smaller gains or a shorter period",
+    "stopped": "the safety limits stop the arm after {:g} s: use smaller gains, or wider limits",
+    "ringing": "a joint oscillates after {:g} s: use smaller gains or a shorter period",
 }
 """What guards may flag in a period, and what it means"""
 
@@ -116,7 +116,7 @@ def check_closed_loop(
     """Outcome of a simulation of the controller on its mechanism, in JSON's types."""
     mechanism, controller = interface.mechanism, interface.controller
     if mechanism is None or len(mechanism.links) > MAX_COMPILED_LINKS:
-        raise InputError("check: the controller names no mechanism that can be simulated; export it without the check")
+        raise InputError("check: the controller has no mechanism to simulate; export it without the check")
     period = interface.control_period
     plant = Plant(mechanism, period, *integration(mechanism, (), period))
     run = EpisodeRun(_episode(plant, interface, reference, round(duration / period)), controller, KeptSamples(most=1))
@@ -132,7 +132,7 @@ def check_closed_loop(
     if failure is None and started is not None and ended is not None and 2 * count <= run.steps:
         failure = _unlearned(interface, started, ended)
     if failure is not None and not anyway:
-        raise VerdictError(f"check: in simulation {failure}, or export it all the same (`anyway`, --anyway)")
+        raise VerdictError(f"check: in simulation {failure}, or export it anyway (`anyway`, --anyway)")
     return {
         "duration": duration,
         "reference": stated(reference),
@@ -176,10 +176,7 @@ def _sound(run: EpisodeRun) -> tuple[Stretch | None, str | None]:
     except NonFiniteError:
         if run.lost is None:  # the reference is not finite
             raise
-        return None, (
-            f"the loop is not finite after {run.lost:g} s: exported, this would be an arm that runs away; use smaller "
-            "gains or a shorter period"
-        )
+        return None, (f"the loop diverges after {run.lost:g} s; use smaller gains or a shorter period")
     for flag, what in FAILURES.items():
         if flag in run.loop.flags:
             marked = stretch.sample.flags[:, run.loop.flags.index(flag)] > 0.5
@@ -194,4 +191,4 @@ def _unlearned(interface: Interface, started: float, ended: float) -> str | None
         SMALL_ERROR, LEARNED_SHARE * started
     ):
         return None
-    return f"it does not learn: an error of {started:.3g} at first and {ended:.3g} in the end; use other gains"
+    return f"it does not learn: the error is {started:.3g} initially and {ended:.3g} finally; use other gains"

@@ -147,9 +147,8 @@ def export(
     interface = Interface(controller)
     if not (interface.guarded or unguarded):
         raise InputError(
-            f"controller: {type(controller).__name__} has no guards: wrap it in `SafetyFilter` with the torques, "
-            f"rates and "
-            "positions that the arm may have, or say that it may go unguarded"
+            f"controller: {type(controller).__name__} has no safety limits: wrap it in `SafetyFilter` with the limits "
+            "of torques, rates and positions, or pass unguarded=True"
         )
     chosen = _name(interface, name)
     target = _absent(directory)
@@ -181,9 +180,8 @@ def _c_files(
     _ = package.functions
     if package.stack > MAX_STACK_BYTES and not large_stack:
         raise InputError(
-            f"controller: a tick would take about {package.stack // 1024} kB of stack, at most "
-            f"{MAX_STACK_BYTES // 1024} kB is common on small processors: choose another adaptation law, or ask "
-            "for a large stack"
+            f"controller: a control step would need about {package.stack // 1024} kB of stack, above the limit of "
+            f"{MAX_STACK_BYTES // 1024} kB for small processors: use another adaptation law, or pass large_stack=True"
         )
     ticks, last = record(interface, reference)
     files: dict[str, str | bytes] = dict(package.files(ticks, last))
@@ -256,7 +254,7 @@ def _absent(directory: str | Path) -> Path:
         given = printable(repr(directory))
         raise FileError(f"directory: expected the path of a folder, got {given} ({reason(error)})") from error
     if occupied:
-        raise FileError(f"{directory}: exists already; choose a folder that does not")
+        raise FileError(f"{directory}: already exists; give a folder that does not exist")
     return target
 
 
@@ -287,6 +285,6 @@ def _name(interface: Interface, name: str | None) -> str:
     ):
         raise InputError(
             f"name: expected a C identifier of at most {MAX_NAME_LENGTH} letters, digits and underscores, "
-            f"a letter first and no word of C, got {printable(repr(name))}"
+            f"a letter first and not a keyword of C, got {printable(repr(name))}"
         )
     return name

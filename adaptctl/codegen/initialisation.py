@@ -61,7 +61,7 @@ def _computed(interface: Interface, fields: tuple[int, ...]) -> Routine:
     names = [interface.memory[k].name for k in fields]
     if not isinstance(law, AdaptiveController) or law.adaptation_law is None:
         raise InputError(
-            f"{type(law).__name__}: its memory's {', '.join(names)} begins with positions in an unknown way"
+            f"{type(law).__name__}: the initial state {', '.join(names)} depends on the position in an unsupported way"
         )
     adaptation, sizes = law.adaptation_law, [interface.memory[k].size for k in fields]
     initial, rest = np.array(law.initial), Column.zeros(law.dof)
@@ -72,7 +72,7 @@ def _computed(interface: Interface, fields: tuple[int, ...]) -> Routine:
 
     routine = trace(started, {"q": law.model.mechanism.equations.joints}, name="started")
     if list(routine.layout.sizes) != sizes:
-        raise InputError(f"{type(adaptation).__name__}: its memory's {', '.join(names)} begins in an unknown way")
+        raise InputError(f"{type(adaptation).__name__}: the initial state {', '.join(names)} is unsupported")
     return routine
 
 

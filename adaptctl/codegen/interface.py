@@ -233,7 +233,7 @@ def validate_controller(controller: object) -> None:
     if not isinstance(controller, Controller):
         raise InputError(f"controller: expected a Controller, got {type(controller).__name__}")
     if type(controller).step is not Controller.step:
-        raise InputError(f"controller: {type(controller).__name__} has a step of its own, which no graph knows of")
+        raise InputError(f"controller: {type(controller).__name__} has a custom step, which cannot be traced")
 
 
 class StatusBit(NamedTuple):
@@ -245,19 +245,17 @@ class StatusBit(NamedTuple):
 
 
 FAULTS = (
-    StatusBit(
-        "NOT_FINITE", 1, "a measurement, a reference or the outcome is not finite, or an angle is too far to turn"
-    ),
-    StatusBit("WRONG_STATE", 2, "the state did not begin, or is another code's"),
-    StatusBit("NOT_CLOSED", 4, "the loops cannot be closed there, or nearly lock"),
+    StatusBit("NOT_FINITE", 1, "a measurement, a reference or a result is not finite, or an angle is too large"),
+    StatusBit("WRONG_STATE", 2, "the state is not initialised, or from other code"),
+    StatusBit("NOT_CLOSED", 4, "the loops cannot be closed there, or are nearly singular"),
 )
 _MARKS = {
-    "torque_limited": "a torque was beyond its limit",
-    "rate_limited": "a torque would have changed too fast",
-    "frozen": "nothing is learned from the period that begins",
-    "bounded": "an estimate was brought back to its bounds",
-    "ringing": "a joint's sliding variable changes its sign from tick to tick",
-    "stopped": "something was not finite, out of bounds or ringing, now or before: the arm is braked",
+    "torque_limited": "a torque was limited",
+    "rate_limited": "a torque rate was limited",
+    "frozen": "adaptation is frozen in the period that begins",
+    "bounded": "an estimate was projected onto its bounds",
+    "ringing": "the sliding variable of a joint changes sign from step to step",
+    "stopped": "a value was not finite, out of bounds or oscillating, now or before: the arm is braked",
 }
 
 

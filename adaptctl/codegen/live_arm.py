@@ -100,7 +100,7 @@ def live_arm(
     binary = module.binary()
     if len(binary) > MAX_MODULE_BYTES:
         size = f"{len(binary) / 1000:.0f} kB"
-        return f"its equations take {size} as WebAssembly, and a page gets at most {MAX_MODULE_BYTES // 1000} kB"
+        return f"its equations need {size} as WebAssembly, above the limit of {MAX_MODULE_BYTES // 1000} kB"
     memory = leaves(controller.init(started.p, started.v))
     first = [started.q, started.v, started.drives, started.sensors, *memory]
     own = dict(zip(loop.arguments, (at // 8 for at in places.inputs), strict=True))
@@ -118,11 +118,11 @@ def _obstacle(plant: Plant, controller: Controller[Any], reference: Reference) -
     """The reason why a loop cannot be shown live; empty when it can."""
     if plant.effects:
         names = ", ".join(type(effect).__name__ for effect in plant.effects)
-        return f"what stands between controller and joints ({names}) is not part of a live arm"
+        return f"the effects between controller and joints ({names}) are not supported"
     if not isinstance(reference, Sinusoids):
-        return f"its reference is no sum of sinusoids, but a {type(reference).__name__}"
+        return f"its reference is a {type(reference).__name__}, not a sum of sinusoids"
     if len(plant.mechanism.links) > MAX_COMPILED_LINKS or Interface(controller).law.operations.flops > MAX_LAW_FLOPS:
-        return f"its law takes too many operations for a module of {MAX_MODULE_BYTES // 1000} kB"
+        return f"its law has too many operations for a module of {MAX_MODULE_BYTES // 1000} kB"
     return ""
 
 

@@ -21,7 +21,7 @@ from adaptctl.version import __version__
 def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str, str | bytes], dict[str, Any]]:
     """Files of a WebAssembly package by name, and their entries in the manifest."""
     if scalar != "double":
-        raise InputError("scalar: WebAssembly is exported in double; choose the language c for float")
+        raise InputError("scalar: WebAssembly supports only double; use the language c for float")
     module, start = WasmModule(), start_of(interface, MAX_LOST_GAP)
     law = module.export("law", interface.law)
     more = {"started": start.more}

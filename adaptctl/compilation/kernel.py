@@ -328,7 +328,7 @@ class Given(NamedTuple):
         for (name, size), array in zip(self.columns.items(), arrays, strict=True):
             if array.shape != (*samples, size) and not (sample_axes and array.shape == (size,)):
                 what = f"{self.kernel}: argument {name!r}: expected shape {(*samples, size)}, got {array.shape}"
-                raise InputError(what + " (one row for each sample)" * sample_axes)
+                raise InputError(what + " (one row per sample)" * sample_axes)
         return arrays
 
     def refuse(self, *arrays: Array) -> NoReturn:
@@ -336,7 +336,7 @@ class Given(NamedTuple):
         for name, array in zip(self.columns, arrays, strict=True):
             if not np.isfinite(array).all():
                 raise NonFiniteError(f"{self.kernel}: argument {name!r}: expected finite numbers, got {array.tolist()}")
-        raise NonFiniteError(f"{self.kernel}: the result is not finite, though all it was given is")
+        raise NonFiniteError(f"{self.kernel}: the result is not finite for finite arguments")
 
     def _numbers(self, name: str, argument: ArrayLike, sample_axes: int) -> Array:
         try:

@@ -264,8 +264,8 @@ def load_estimate(path: str | Path, model: ReducedModel) -> Array:
     missing = [name for name in model.names if name not in saved]
     foreign = [name for name in saved if name not in model.names]
     if missing or foreign:
-        wrong = f"{missing[0]!r} is missing" if missing else f"{foreign[0]!r} is not among them"
-        raise FileError(f"{path}: the parameters are not the {len(model.names)} of {model.mechanism.name}: {wrong}")
+        wrong = f"{missing[0]!r} is missing" if missing else f"{foreign[0]!r} is not one of them"
+        raise FileError(f"{path}: expected the {len(model.names)} parameters of {model.mechanism.name}: {wrong}")
     return np.array([saved[name] for name in model.names])
 
 

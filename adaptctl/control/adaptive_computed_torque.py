@@ -142,7 +142,7 @@ class AdaptiveComputedTorque(AdaptiveController):
         gain = 2.0 * self.control_period * float(self.bandwidth.max())
         if gain > MAX_SAMPLING_RATIO:
             raise GainError(
-                f"bandwidth: 2 Lambda T_c = {gain:.3g}, at most {MAX_SAMPLING_RATIO} is allowed: use at most "
+                f"bandwidth: 2 Lambda T_c = {gain:.3g}, above the limit of {MAX_SAMPLING_RATIO}: use at most "
                 f"{MAX_SAMPLING_RATIO / (2.0 * self.control_period):g} 1/s for a control period of "
                 f"{self.control_period:g} s"
             )
@@ -151,8 +151,8 @@ class AdaptiveComputedTorque(AdaptiveController):
         smallest, p = worst_conditioned_configuration(self.model.mechanism, self.model.embed(np.asarray(self.initial)))
         if not smallest > MIN_EIGENVALUE:
             raise InputError(
-                "adaptive computed torque: needs a first estimate whose mass matrix is positive definite everywhere, "
-                f"this one's, its diagonal scaled to 1, has the eigenvalue {smallest:.3g} at "
-                f"p = {np.round(p, 3).tolist()}: start from a rough model of the arm, or use SlotineLi, which can "
-                "start from zero"
+                "adaptive computed torque: needs an initial estimate whose mass matrix is positive definite "
+                f"everywhere, but the given one, with its diagonal scaled to 1, has the eigenvalue {smallest:.3g} at p "
+                f"= {np.round(p, 3).tolist()}: start from a rough model of the arm, or use SlotineLi, which can start "
+                "from zero"
             )

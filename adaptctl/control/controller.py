@@ -225,7 +225,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         with np.errstate(over="ignore", invalid="ignore"):
             started = (self.having(gains) if gains else self).initial_state(positions, velocities)
         if not all(np.isfinite(part).all() for part in leaves(started)):
-            raise NonFiniteError(f"{type(self).__name__}: the first state is not finite, though all it was given is")
+            raise NonFiniteError(f"{type(self).__name__}: the initial state is not finite for finite arguments")
         return self._remembering(self._array_of(started, positions.shape[:-1]))
 
     def reset(self, state: Memory, arms: ArrayLike, p: ArrayLike, v: ArrayLike) -> Memory:
@@ -546,7 +546,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
             self._measured(values, f"reference.{part}", self.reference_size)
         arm = np.argwhere(~np.isfinite(np.atleast_1d(made)))[:1, :-1].ravel().tolist()
         whose = f" of arm {', '.join(map(str, arm))}" if arm else ""
-        raise NonFiniteError(f"{type(self).__name__}: the {what}{whose} is not finite, though all it was given is")
+        raise NonFiniteError(f"{type(self).__name__}: the {what}{whose} is not finite for finite arguments")
 
 
 @lru_cache(maxsize=64)

@@ -208,7 +208,7 @@ def _choice(labels: list[str], r: int) -> Array:
         plus, minus = ERRORS.get(name, (name, ""))
         if plus not in SIGNALS or joint >= r:
             known = ", ".join((*SIGNALS, *ERRORS))
-            raise InputError(f"input {label!r} is not known: expected {known}, each [0] to [{r - 1}]")
+            raise InputError(f"unknown input {label!r}: expected {known}, each [0] to [{r - 1}]")
         row[SIGNALS.index(plus) * r + joint] = 1.0
         if minus:
             row[SIGNALS.index(minus) * r + joint] = -1.0

@@ -93,9 +93,9 @@ def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
     """
     if not has_sliding_variable(controller):
         law = type(controller).__name__
-        raise InputError(f"sliding variable: that of {law} depends on more than the errors, which are all a run keeps")
+        raise InputError(f"sliding variable: that of {law} needs more than the recorded tracking errors")
     if run.p.shape[1] != controller.dof:
-        raise InputError(f"run: expected {controller.dof} joints, as the controller has, got {run.p.shape[1]}")
+        raise InputError(f"run: expected {controller.dof} joints, like the controller, got {run.p.shape[1]}")
     return run.v - run.reference_v + controller.bandwidth * (run.p - run.reference_p)
 
 
@@ -141,12 +141,12 @@ def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> A
         return kinetic
     if len(mechanism.parameter_names) != len(model.mechanism.parameter_names):
         raise InputError(
-            f"lyapunov: the parameters of {mechanism.name}, {len(mechanism.parameter_names)}, are not those of the "
-            f"controller's {model.mechanism.name}, {len(model.mechanism.parameter_names)}, whose estimates the run has"
+            f"lyapunov: the {len(mechanism.parameter_names)} parameters of {mechanism.name} are not those of the "
+            f"controller's mechanism {model.mechanism.name} ({len(model.mechanism.parameter_names)} parameters)"
         )
     true = model.regrouping @ mechanism.inertial_parameters
     distance = controller.adaptation_law.lyapunov_distance(model, run.estimate, true)
     if distance is None:
         law = type(controller.adaptation_law).__name__
-        raise InputError(f"lyapunov: that of {law} depends on more than the estimate, which a run does not keep")
+        raise InputError(f"lyapunov: that of {law} needs more than the recorded estimate")
     return kinetic + distance

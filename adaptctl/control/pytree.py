@@ -24,14 +24,14 @@ def checked_step(law: Any, *given: Any) -> Any:
         if "operand 'Column' does not support ufuncs" not in str(error):
             raise
         raise TraceError(
-            f"{type(law).__name__}.law: NumPy's functions take no column: apply those of adaptctl.scalars to each of "
-            "its scalars, as in Column(tanh(x) for x in e)"
+            f"{type(law).__name__}.law: NumPy functions do not accept a Column: apply the functions of "
+            "adaptctl.scalars to each scalar, as in Column(tanh(x) for x in e)"
         ) from error
 
 
 def validate_step(law: Any, returned: Any) -> tuple[Column, Any]:
     """Torque and state. Raises `InputError` for other types or sizes."""
-    what = f"{type(law).__name__}.law: expected it to return the torque, a Column of {law.dof}, and the memory after it"
+    what = f"{type(law).__name__}.law: expected it to return the torque, a Column of {law.dof}, and the next state"
     if not isinstance(returned, tuple) or len(returned) != 2:
         raise InputError(f"{what}, got {type(returned).__name__}")
     torque, after = returned
@@ -40,7 +40,7 @@ def validate_step(law: Any, returned: Any) -> tuple[Column, Any]:
         raise InputError(f"{what}, got {got} for the torque")
     sizes = [len(part) for part in leaves(after)] if isinstance(after, tuple) else None
     if sizes != list(law._memory_sizes.values()):
-        raise InputError(f"{what}, got another state than `initial_state` gives: {after!r:.80}")
+        raise InputError(f"{what}, got another type of state than that of `initial_state`: {after!r:.80}")
     return torque, after
 
 

@@ -438,7 +438,7 @@ class StoppedReference:
         stop, over = (real_number(getattr(self, name), f"stopped reference: {name}") for name in ("stop", "duration"))
         if not (0.0 <= stop < math.inf and 0.0 < over < math.inf):
             raise InputError(
-                f"stopped reference: expected a stop at 0 s or later, and a positive time to come to rest, got "
+                f"stopped reference: expected a stop at 0 s or later, and a positive deceleration time, got "
                 f"{self.stop} and {self.duration} s"
             )
 

@@ -96,7 +96,7 @@ def monitor_stability(controller: SlotineLi, run: _Run, mechanism: Mechanism, ev
         return StabilityMonitor(np.zeros(len(p)), hold, correlations)
     if not isinstance(law, Descent):
         raise InputError(
-            f"monitor_stability: {type(law).__name__} has no constant gain, which the adaptation number is of"
+            f"monitor_stability: {type(law).__name__} has no constant gain, which the normalised adaptation gain needs"
         )
     e, e_rate = p - run.reference_p[::every], v - run.reference_v[::every]
     v_r = run.reference_v[::every] - controller.bandwidth * e

@@ -163,9 +163,7 @@ class SafetyFilter(Controller[SafetyFilterState]):
             object.__setattr__(self, name, positive_per_joint(getattr(self, name), self.dof, name, infinite=True))
         own = getattr(self.inner, "damping", None) if self.stop_damping is None else self.stop_damping
         if own is None:
-            raise InputError(
-                f"stop_damping: {type(self.inner).__name__} has no damping of its own to brake by: give one"
-            )
+            raise InputError(f"stop_damping: {type(self.inner).__name__} has no damping for braking: give one")
         object.__setattr__(self, "stop_damping", _brake_damping(own, self.dof))
         if self.control_period is None:
             object.__setattr__(self, "control_period", getattr(self.inner, "control_period", None))
@@ -177,7 +175,7 @@ class SafetyFilter(Controller[SafetyFilterState]):
             )
         if np.isfinite(np.asarray(self.rate_limits)).any() and self.control_period is None:
             raise InputError(
-                f"control_period: {type(self.inner).__name__} does not know its own, and limiting rates needs it"
+                f"control_period: {type(self.inner).__name__} has no control period, which rate limits need: give one"
             )
         if self.estimate_bounds is not None:
             object.__setattr__(self, "estimate_bounds", _bounds(self.inner, self.estimate_bounds))
@@ -356,14 +354,14 @@ def _bounds(law: Controller[Any], bounds: object) -> tuple[Array, Array]:
     """Bounds (k,) around the initial estimate."""
     estimate = getattr(law.initial_state(law.neutral_configuration, np.zeros(law.dof)), "estimate", None)
     if estimate is None:
-        raise InputError(f"estimate_bounds: {type(law).__name__} estimates nothing: leave them out")
+        raise InputError(f"estimate_bounds: {type(law).__name__} has no estimate: omit the bounds")
     low, high = _pair(bounds, len(estimate), "estimate_bounds", "parameter")
     outside = np.flatnonzero((estimate < low) | (estimate > high))
     if outside.size:
         j = int(outside[0])
         raise InputError(
-            f"estimate_bounds: the first estimate of parameter {j} is {estimate[j]:g}, outside [{low[j]:g}, "
-            f"{high[j]:g}]: start within the bounds, or widen them"
+            f"estimate_bounds: the initial estimate of parameter {j} is {estimate[j]:g}, outside [{low[j]:g}, "
+            f"{high[j]:g}]: start within the bounds, or widen the bounds"
         )
     return low, high
 

@@ -189,8 +189,8 @@ class SlotineLi(AdaptiveController):
         if held + own >= 2.0:
             warnings.warn(
                 f"{self.model.mechanism.name}: the sampling ratio of the gains is {held:.3g}, and estimates within the "
-                f"prior may add {own:.3g} on their way: below 2 none of them rings for certain. A smaller adaptation "
-                "gain (`adaptation_gain` with the gains), bandwidth, period or prior lowers it",
+                f"prior may add {own:.3g}: stability is only guaranteed below 2. Reduce the adaptation "
+                "gain (`adaptation_gain` with the gains), bandwidth, period or prior",
                 StabilityWarning,
                 stacklevel=4,
             )

@@ -119,9 +119,13 @@ class TaskSpaceSlotineLi(SlotineLi):
     def __post_init__(self) -> None:
         axes = tuple(self.axes)
         if not axes or list(axes) != sorted(set(axes)) or not set(axes) <= {0, 1, 2}:
-            raise InputError(f"task space: axes: expected some of 0, 1, 2 (x, y, z), rising, got {list(axes)}")
+            raise InputError(
+                f"task space: axes: expected some of 0, 1, 2 (x, y, z), in ascending order, got {list(axes)}"
+            )
         if len(axes) > self.dof:
-            raise InputError(f"task space: {self.dof} joints cannot move a point along {len(axes)} axes: choose fewer")
+            raise InputError(
+                f"task space: {self.dof} joints cannot move a point along {len(axes)} axes: give fewer axes"
+            )
         object.__setattr__(self, "axes", axes)
         for name, size, default in (("tool", 3, np.zeros(3)), ("posture", self.dof, self.neutral_configuration)):
             given = getattr(self, name)
@@ -213,7 +217,7 @@ class TaskSpaceSlotineLi(SlotineLi):
     def _validate_link(self) -> None:
         names = [link.name for link in self.model.mechanism.links]
         if self.link is not None and self.link not in names:
-            raise InputError(f"task space: there is no link {self.link!r}; links: {', '.join(names)}")
+            raise InputError(f"task space: unknown link {self.link!r}; links: {', '.join(names)}")
 
     def _validate_reach(self) -> None:
         """Raise `InputError` if the point cannot move along every axis."""
@@ -224,7 +228,7 @@ class TaskSpaceSlotineLi(SlotineLi):
         if self.singularity == 0.0 and float((values[:, -1] / values[:, 0]).max()) < MIN_SINGULAR_VALUE_RATIO:
             raise InputError(
                 f"task space: the joints move the point of {mechanism.links[self._link].name} along fewer than "
-                f"{len(self.axes)} axes: choose fewer axes, or a link farther out"
+                f"{len(self.axes)} axes: give fewer axes, or a link farther from the base"
             )
 
     @cached_property

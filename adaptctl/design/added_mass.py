@@ -179,7 +179,7 @@ def change_of(task: DesignTask, link: str, body: Payload) -> Array:
     change, place = np.zeros(len(task.parameters)), 10 * task.link(link)
     change[place : place + 10] = from_center_of_mass(body.mass, body.center, body.inertia)
     if not np.isfinite(change).all():
-        raise InputError(f"{link}: the body is too large for numbers")
+        raise InputError(f"{link}: the body's parameters overflow")
     return change
 
 
@@ -231,9 +231,7 @@ class CostMap:
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", positive_number(self.mass, "mass: expected a positive number of kg"))
         if not self.task.cost(self.objective) > 0.0:
-            raise InputError(
-                f"objective: expected one that costs something, got {self.objective!r}: zero in all states"
-            )
+            raise InputError(f"objective: {self.objective!r} is zero in all states: give another one")
 
     def at(self, link: str, places: ArrayLike) -> Array:
         """
@@ -264,7 +262,7 @@ class CostMap:
             after = np.linalg.norm(before + tens @ M[:, first : first + 10].T, axis=-1)
         if not np.isfinite(after).all():
             raise NonFiniteError(
-                f"{link}: places: expected nearer ones, got up to {np.abs(x).max():g} m: cost overflows"
+                f"{link}: places: expected smaller distances, got up to {np.abs(x).max():g} m: the cost overflows"
             )
         size = float(np.linalg.norm(before))
         return np.asarray((after - size) / size)

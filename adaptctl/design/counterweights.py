@@ -205,7 +205,7 @@ def optimal_counterweights(
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")
     links = [places.link for places in within]
     if not links or len(set(links)) < len(links):
-        raise InputError(f"counterweights: expected places on at least one link, each once, got {', '.join(links)}")
+        raise InputError(f"counterweights: expected bounds for one or more different links, got {', '.join(links)}")
     seed = whole_number(seed, "counterweights: seed", 0, 2**32 - 1)
     task.components(percent)
     task.validate_energy()

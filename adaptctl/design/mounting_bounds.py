@@ -105,7 +105,8 @@ class MountingBounds:
         mass_ratio, max_offset = real_number(mass_ratio, "places: share"), real_number(max_offset, "places: beyond")
         if not 0.0 <= mass_ratio < np.inf or not 0.0 <= max_offset < np.inf:
             raise InputError(
-                f"places: expected shares of at least 0, got {mass_ratio} of mass and {max_offset} of length"
+                f"places: expected ratios of at least 0, got {mass_ratio} for the mass and {max_offset} for the "
+                "overhang"
             )
         i = _index(mechanism, link)
         own = mechanism.links[i]
@@ -133,7 +134,7 @@ class MountingBounds:
         x = frozen_array(place, (3,), f"{self.link}: place")
         if np.any(x < self.lower - POSITION_TOLERANCE) or np.any(x > self.upper + POSITION_TOLERANCE):
             low, high = np.round(self.lower, 4).tolist(), np.round(self.upper, 4).tolist()
-            raise InputError(f"{self.link}: the place {x.tolist()} is outside the bounds {low} to {high} m")
+            raise InputError(f"{self.link}: the position {x.tolist()} is outside the bounds {low} to {high} m")
 
     def grid(self, each: int) -> Array:
         """
@@ -165,12 +166,12 @@ def bounds(
     """Default bounds of counterweights on several links."""
     names = tuple(links)
     if len(set(names)) < len(names) or not names:
-        raise InputError(f"links: expected at least one, each once, got {', '.join(names) or 'none'}")
+        raise InputError(f"links: expected one or more different links, got {', '.join(names) or 'none'}")
     return tuple(MountingBounds.of(mechanism, name, mass_ratio, max_offset) for name in names)
 
 
 def _index(mechanism: Mechanism, link: str) -> int:
     names = mechanism.description.body_names
     if link not in names:
-        raise InputError(f"{mechanism.name}: there is no link {link!r} with inertia; links: {', '.join(names)}")
+        raise InputError(f"{mechanism.name}: no link {link!r} with inertia; links: {', '.join(names)}")
     return mechanism.description.bodies[names.index(link)]

@@ -99,7 +99,7 @@ def record(
 
     mechanism = study.task.mechanism
     parts, (time, p) = skeleton(mechanism), _moved(study, runs)
-    label = f"What {study.body.mass:g} kg costs: blue relieves, red costs · yellow: counterweights"
+    label = f"Effect of {study.body.mass:g} kg: blue decreases, red increases the energy · yellow: counterweights"
     arm = views.arm(WORLD, label, Viewpoint.of(mechanism, parts, p))
     pictures = [views.picture(f"figures/{name}", name.capitalize()) for name in figures]
     right = rrb.Vertical(views.text("summary", "Summary"), *_beside(study, runs))
@@ -118,8 +118,8 @@ def _beside(study: DesignStudy, runs: Sequence[DrivenArm]) -> list[Any]:
     from adaptctl.recording import views
 
     if not runs:
-        return [views.picture("figures/components", "Energy error by the number of components kept")]
-    error = f"Tracking error of all joints (RMS), powers of ten of a {error_unit(study.task.mechanism)}"
+        return [views.picture("figures/components", "Energy error against the number of components")]
+    error = f"Tracking error of all joints (RMS), log10 [{error_unit(study.task.mechanism)}]"
     torque = f"Torque of all joints (RMS over {AVERAGING_TIME:g} s, {torque_error_unit(study.task.mechanism)})"
     end = max(run.demand.duration for run in runs)
     return [views.curves("/error", error, end), views.curves("/torque", torque, end)]
@@ -199,7 +199,7 @@ def arm_figure(study: DesignStudy, parts: Skeleton, p: Array) -> Figure:
         if len(weights):
             axes.legend(loc="best")
     bar = figure.colorbar(axes.collections[0], ax=figure.axes, shrink=0.8, format="{x:+.0%}")
-    bar.set_label(f"change of the energy carried by {study.body.mass:g} kg", color=MUTED.hex)
+    bar.set_label(f"change of the energy due to {study.body.mass:g} kg", color=MUTED.hex)
     return figure
 
 

@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 
 SCHEMA = "adaptctl/design/2"
 EXPLANATION = (
-    "The energy that is carried is its root mean square about its mean, which counts all pairs of states. A body "
-    "changes it by no more than its projection on the essential parameter space."
+    "The energy is its root mean square deviation from its mean over all pairs of states. A body "
+    "changes it only by its projection onto the essential space."
 )
-EACH_ALONE = "Each change is meant alone. The operations are those of one tick of Slotine and Li's law."
+EACH_ALONE = "Changes are listed separately. The operations are those of one control step of Slotine and Li's law."
 IN_LOOP = (
-    "Slotine and Li's law follows one reference before and after, from knowing nothing: adapting all parameters, "
-    "adapting the few components of most energy, and with their true values."
+    "Slotine and Li's law tracks one reference before and after, from zero estimates: with all parameters adapted, "
+    "with the few components of most energy adapted, and with their true values held."
 )
 # Largest number of points of a curve.
 MAX_DRAWN_POINTS = 3000
@@ -59,7 +59,7 @@ def report(study: DesignStudy, detail: AddedMass | None = None, runs: Sequence[D
     """Report of a design study, with a body at one position and closed-loop runs where given."""
     return Report(
         experiment="design",
-        title=f"{study.task.mechanism.name}: where a mass may be added",
+        title=f"{study.task.mechanism.name}: effect of added masses",
         outcome=" ".join((_outcome(study), *_run_words(study, runs))),
         facts=tuple(_facts(study)),
         sections=tuple(_sections(study, detail, runs)),
@@ -71,12 +71,15 @@ def _outcome(study: DesignStudy) -> str:
     found, best = study.counterweights, min(study.links, key=lambda cost: cost.least)
     worst = max(study.links, key=lambda cost: cost.most)
     text = (
-        f"{study.body.mass:g} kg changes the energy that {study.task.mechanism.name} carries by "
-        f"{change(best.least)} at best, on {best.link}, and by {change(worst.most)} at worst, on {worst.link}."
+        f"An added mass of {study.body.mass:g} kg changes the energy of {study.task.mechanism.name} by "
+        f"{change(best.least)} at the best position, on {best.link}, and by {change(worst.most)} at the worst, on "
+        f"{worst.link}."
     )
     weights = " and ".join(f"{weight.mass:.3g} kg on {weight.link}" for weight in found.weights)
     if weights:
-        text += f" Counterweights of {weights} make {100.0 * found.relative_reduction:.3g} % less {found.objective}."
+        text += (
+            f" Counterweights of {weights} reduce the {found.objective} by {100.0 * found.relative_reduction:.3g} %."
+        )
     return text
 
 
@@ -84,16 +87,16 @@ def _run_words(study: DesignStudy, runs: Sequence[DrivenArm]) -> Iterator[str]:
     of, unit = {run.name: run.demand for run in runs}, error_unit(study.task.mechanism)
     if of and of["all-before"].work > 0.0:
         share = of["all-after"].work / of["all-before"].work - 1.0
-        yield f"In closed loop the motors' work changes by {change(share)}."
+        yield f"In closed loop, the mechanical work of the motors changes by {change(share)}."
     if of:
         old, new = (_late(of[f"few-{when}"], 1e3, f" {unit}") for when in ("before", "after"))
-        yield f"With few components adapted, the tracking error of the last two seconds is {new} instead of {old}."
+        yield f"With few adapted components, the tracking error of the last two seconds changes from {old} to {new}."
 
 
 def _facts(study: DesignStudy) -> Iterator[Fact]:
     found = study.counterweights
     before, after = (dict(quantities(task, study.percent)) for task in (study.task, found.balanced_task))
-    yield Fact("Independent parameters", f"{study.task.basis.rank}, {len(study.task.nonzero_parameters())} not zero")
+    yield Fact("Base parameters", f"{study.task.basis.rank}, {len(study.task.nonzero_parameters())} nonzero")
     for name in list(before)[2:6]:
         yield Fact(name[0].upper() + name[1:], f"{before[name].split()[0]} → {after[name]}")
     yield Fact("Counterweights", " + ".join(f"{w.mass:.3g} kg" for w in found.weights) or "none")
@@ -102,12 +105,12 @@ def _facts(study: DesignStudy) -> Iterator[Fact]:
 def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
     """Costs of a mechanism's motion as pairs of a label and a number with its unit."""
     of = costs(task, percent)
-    yield "independent parameters", f"{of['rank']}"
-    yield "of them not zero", f"{of['nonzero_parameters']}"
-    yield f"components within {percent:g} % of energy", f"{of['components']}"
-    yield "energy (RMS about its mean)", f"{of['energy']:.4g} J"
-    yield "torque, of its limit (RMS)", f"{100.0 * of['torque']:.3g} %"
-    yield "coupling (RMS off the diagonal)", f"{of['coupling']:.3g} {coupling_unit(task.mechanism)}"
+    yield "base parameters", f"{of['rank']}"
+    yield "nonzero base parameters", f"{of['nonzero_parameters']}"
+    yield f"components for an energy error of {percent:g} %", f"{of['components']}"
+    yield "energy (RMS deviation)", f"{of['energy']:.4g} J"
+    yield "torque over its limit (RMS)", f"{100.0 * of['torque']:.3g} %"
+    yield "coupling (RMS of off-diagonal entries)", f"{of['coupling']:.3g} {coupling_unit(task.mechanism)}"
     for joint, torque in zip(task.mechanism.primary_joints, of["torques"], strict=True):
         yield f"{joint.name} (RMS)", f"{torque:.3g} {joint.kind.effort_unit}"
 
@@ -124,40 +127,40 @@ def _place(x: Array) -> str:
 def _sections(study: DesignStudy, detail: AddedMass | None, runs: Sequence[DrivenArm]) -> Iterator[Section]:
     mass, mechanism, task, found = f"{study.body.mass:g} kg", study.task.mechanism, study.task, study.counterweights
     told = (
-        f"{mechanism.name}: {len(task.parameters)} inertial parameters, {task.basis.rank} independent, "
-        f"{len(task.nonzero_parameters())} of them not zero; over {task.origin}. {EXPLANATION}"
+        f"{mechanism.name}: {len(task.parameters)} inertial parameters, {task.basis.rank} base parameters, "
+        f"{len(task.nonzero_parameters())} of them nonzero; over {task.origin}. {EXPLANATION}"
     )
     arm = Drawing(
         "arm",
-        f"The arm, coloured by what a point of {mass} does to the energy that its motion carries: blue where it "
-        "balances the arm, red where it costs. Yellow: the counterweights.",
+        f"The arm, coloured by the effect of a point mass of {mass} on the energy: blue where it "
+        "decreases, red where it increases. Yellow: the counterweights.",
         partial(arm_figure, study, skeleton(mechanism), mechanism.neutral_configuration),
     )
-    yield Section("Where a mass may be added", (told, arm, _links(study), _bodies(study)))
+    yield Section("Added masses", (told, arm, _links(study), _bodies(study)))
     if detail is not None:
         title = f"{detail.body.mass:g} kg on {detail.link} at {_place(detail.body.center)}"
         yield Section(title, (_detail(detail),))
     weights = [f"{w.mass:.3g} kg of steel on {w.link} at {_place(w.place)} m" for w in found.weights]
     components = Drawing(
         "components",
-        "Energy error when only the first components are kept (equation 23), without the counterweights and with them. "
+        "Energy error with only the first components (equation 23), without and with the counterweights. "
         f"Dashed: {study.percent:g} %.",
         partial(_components_figure, study),
     )
-    listed = Lines(weights, bullets=True) if weights else "None helps within these bounds."
+    listed = Lines(weights, bullets=True) if weights else "No counterweight reduces the cost within these bounds."
     both = _compared(task, found.balanced_task, study.percent, ("as described", "with counterweights"))
-    yield Section(f"Counterweights for the least {found.objective}", (listed, both, components))
+    yield Section(f"Counterweights that minimise the {found.objective}", (listed, both, components))
     if runs:
-        yield Section("In closed loop", (IN_LOOP, _runs(runs), *_run_drawings(study, runs)))
+        yield Section("Closed loop", (IN_LOOP, _runs(runs), *_run_drawings(study, runs)))
     equations = [
         Lines(r.before, beside=r.after, title=r.description) for r, _ in study.recommended[:MAX_EXPLAINED_CHANGES]
     ]
-    yield Section("Parameters that can go", (EACH_ALONE, _removals(study), *equations))
+    yield Section("Eliminated parameters", (EACH_ALONE, _removals(study), *equations))
 
 
 def _links(study: DesignStudy) -> Table:
-    mass = f"{study.body.mass:g} kg there"
-    heads = ("link", "cheapest at [m]", mass, "at the centre of mass", "dearest at [m]", mass, "becomes essential")
+    mass = f"effect of {study.body.mass:g} kg"
+    heads = ("link", "best at [m]", mass, "at the centre of mass", "worst at [m]", mass, "newly identifiable")
     rows = [
         (
             c.link, _place(c.cheapest), change(c.least), change(c.at_center), _place(c.dearest), change(c.most),
@@ -171,7 +174,7 @@ def _links(study: DesignStudy) -> Table:
 def _bodies(study: DesignStudy) -> Table:
     names, links = list(study.bodies), [places.link for places in study.within]
     rows = [(link, *(change(study.bodies[name][link]) for name in names)) for link in links]
-    title = "What common bodies do to it, their centre at the link's centre of mass"
+    title = "Effect of common bodies, centred at the centre of mass of the link"
     return Table(("link", *names), rows, title=title, align="l" + "r" * len(names))
 
 
@@ -181,11 +184,11 @@ def _compared(before: DesignTask, after: DesignTask, percent: float, heads: tupl
 
 
 def _detail(added: AddedMass) -> Table:
-    table = _compared(added.task, added.task.with_parameters(added.parameters), added.percent, ("before", "with it"))
+    table = _compared(added.task, added.task.with_parameters(added.parameters), added.percent, ("without", "with"))
     rows = [
         *table.rows,
-        ("energy of its own", "", f"{added.own_energy:.4g} J"),
-        ("becomes essential", "", ", ".join(added.newly_identifiable) or "nothing"),
+        ("energy of the body alone", "", f"{added.own_energy:.4g} J"),
+        ("newly identifiable", "", ", ".join(added.newly_identifiable) or "none"),
         *((f"{name}*", "", f"{value:+.4g}") for name, value in added.changed),
     ]
     return Table(table.header, rows, align=table.align)
@@ -193,7 +196,7 @@ def _detail(added: AddedMass) -> Table:
 
 def _removals(study: DesignStudy) -> Table:
     rows = [(r.description, ", ".join(r.eliminated), str(r.rank), str(saved)) for r, saved in study.recommended]
-    heads = ("what to do", "parameters that go", "left", "operations saved")
+    heads = ("change", "eliminated parameters", "remaining", "operations saved")
     return Table(heads, rows, align="llrr", layout=TableLayout.ROWS)
 
 
@@ -202,7 +205,7 @@ def _runs(runs: Sequence[DrivenArm]) -> Table:
         (run.label, f"{of.rms_error:.3g}", _late(of), f"{100.0 * of.rms_torque:.3g} %", f"{of.work:.3g} J")
         for run, of in ((run, run.demand) for run in runs)
     ]
-    heads = ("run", "error [rad, m]", "last 2 s [rad, m]", "torque, of limit", "work")
+    heads = ("run", "error [rad, m]", "last 2 s [rad, m]", "torque over limit", "mechanical work")
     return Table(heads, rows, align="lrrrr", layout=TableLayout.ROWS)
 
 
@@ -221,7 +224,7 @@ def _run_drawings(study: DesignStudy, runs: Sequence[DrivenArm]) -> Iterator[Dra
     )
     for name, what, unit, values in kinds:
         scale = ", logarithmic" if name == "tracking" else ""
-        caption = f"Root mean square of all joints' {what}, in {unit}{scale}."
+        caption = f"Root mean square {what} of all joints, in {unit}{scale}."
         yield Drawing(name, caption, partial(_curves, runs, values, f"RMS {what} [{unit}]", log=bool(scale)))
 
 

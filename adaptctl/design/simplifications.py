@@ -66,7 +66,7 @@ class Simplification:
     >>> from adaptctl.design import DesignTask, MountingBounds, simplifications
     >>> found = simplifications(DesignTask.within_limits(arm, samples=20), [MountingBounds.of(arm, "lower")])
     >>> found[0].description
-    'lower is its own mirror image along y already'
+    'lower is symmetric along y already'
     """
 
     basis: FundamentalBasis
@@ -98,10 +98,10 @@ class Simplification:
     def description(self) -> str:
         """Description of the change, such as "add 1.2 kg to link2 at (0.100, 0.000, 0.000) m"."""
         if not self.link:
-            return "rely on every symmetry that links have already"
+            return "use all existing symmetries"
         if self.place is None:
             axes = [axis for axis, names in MIRRORED.items() if f"{self.link}.{names[0]}" in self.known]
-            mirror = f"its own mirror image along {' and '.join(axes)}"
+            mirror = f"symmetric along {' and '.join(axes)}"
             return f"{self.link} is {mirror} already" if self.condition else f"make {self.link} {mirror}"
         x = ", ".join(f"{value:.3f}" for value in self.place + 0.0)
         if self.kind == "balance":
@@ -175,7 +175,7 @@ def simplifications(
     within = tuple(within)
     links = [places.link for places in within]
     if len({task.link(link) for link in links}) < len(links):
-        raise InputError(f"simplifications: expected places on links, each once, got {', '.join(links)}")
+        raise InputError(f"simplifications: expected bounds for different links, got {', '.join(links)}")
     found = [removal for places in within for removal in _of_link(task, places, density)]
     so_already = dict.fromkeys(name for removal in found if removal.condition for name in removal.known)
     together = by_symmetry(task, tuple(so_already)) if so_already else None
@@ -189,7 +189,7 @@ def by_symmetry(task: DesignTask, known: Sequence[str], link: str = "") -> Simpl
     basis = task.basis
     wrong = [name for name in known if name not in basis.parameter_names]
     if wrong:
-        raise InputError(f"{task.mechanism.name}: there is no inertial parameter {wrong[0]!r}")
+        raise InputError(f"{task.mechanism.name}: unknown inertial parameter {wrong[0]!r}")
     K = np.array(basis.regrouping)
     places = [basis.parameter_names.index(name) for name in known]
     K[:, places] = 0.0

@@ -177,7 +177,7 @@ def named_body(body: Payload | str | float) -> Payload:
     """Body by its name or mass, or the given payload itself."""
     if isinstance(body, str):
         if body not in CATALOGUE:
-            raise NotFoundError(f"there is no body {body!r}; bodies: {', '.join(CATALOGUE)}, or a mass in kg")
+            raise NotFoundError(f"unknown body {body!r}; bodies: {', '.join(CATALOGUE)}, or a mass in kg")
         return CATALOGUE[body]()
     found = body if isinstance(body, Payload) else point(body)
     if not found.mass > 0.0:

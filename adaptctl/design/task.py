@@ -88,7 +88,7 @@ class DesignTask:
 
     def __post_init__(self) -> None:
         if self.mechanism.parameter_names != self.mechanism.description.parameter_names:
-            raise InputError(f"{self.mechanism.name}: a design needs ten parameters a link, but relations bind some")
+            raise InputError(f"{self.mechanism.name}: a design needs ten parameters per link, but constraints fix some")
         for what in ("p", "v", "a"):
             values = checked(getattr(self, what), self.mechanism.dof, f"task: {what}")
             object.__setattr__(self, what, frozen(np.array(np.atleast_2d(values))))
@@ -96,7 +96,7 @@ class DesignTask:
             shapes = f"{self.p.shape}, {self.v.shape} and {self.a.shape}"
             raise InputError(f"task: expected one shape (T, {self.mechanism.dof}), T at least 2, got {shapes}")
         if max(float(np.ptp(self.p, axis=0).max()), float(np.ptp(self.v, axis=0).max())) < MIN_MOTION:
-            raise InputError("task: no motion: its states are all alike; give states that differ, or a reference")
+            raise InputError("task: the states are all equal: give different states, or a reference")
 
     def __repr__(self) -> str:
         return f"<DesignTask of {self.mechanism.name!r}: {self.origin}>"
@@ -143,7 +143,7 @@ class DesignTask:
         v = speed / rate * random_accelerations(mechanism, samples, generator)
         a = speed**2 * random_accelerations(mechanism, samples, generator)
         fastest = np.array([joint.limits.velocity for joint in mechanism.primary_joints])
-        words = f"{samples} random states within the joints' limits, at {speed:g} sqrt(g/L), seed {seed}"
+        words = f"{samples} random states within the joint limits, at {speed:g} sqrt(g/L), seed {seed}"
         return cls(mechanism, p, np.clip(v, -fastest, fastest), a, words)
 
     @classmethod
@@ -226,7 +226,8 @@ class DesignTask:
             size = float(np.linalg.norm(whole)) / np.sqrt(len(self.p))
         if varying <= MIN_ENERGY_RATIO * size:
             raise InputError(
-                f"{self.mechanism.name}: its energy is the same in all states of the task: let it move, or move faster"
+                f"{self.mechanism.name}: the energy is equal in all states of the task: give a motion, or higher "
+                "velocities"
             )
 
     def matrix(self, objective: str) -> Array:
@@ -412,9 +413,7 @@ class DesignTask:
         """
         names = self.mechanism.description.body_names
         if name not in names:
-            raise InputError(
-                f"{self.mechanism.name}: there is no link {name!r} with inertia; links: {', '.join(names)}"
-            )
+            raise InputError(f"{self.mechanism.name}: no link {name!r} with inertia; links: {', '.join(names)}")
         return names.index(name)
 
     def center_of_mass(self, link: str) -> Array:
@@ -480,9 +479,7 @@ class DesignTask:
         with np.errstate(over="ignore", invalid="ignore"):
             values = np.asarray(matrix @ self._given(parameters))
             if not np.isfinite(np.sum(np.square(values))):
-                raise NonFiniteError(
-                    "parameters: the cost is too large for numbers: give smaller ones, or slower states"
-                )
+                raise NonFiniteError("parameters: the cost overflows: give smaller parameters, or lower velocities")
         return values
 
     @cached_property

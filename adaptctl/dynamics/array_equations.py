@@ -135,10 +135,10 @@ class ArrayEquation:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                 result = self._function(*map(column, given))
         except ZeroDivisionError as error:
-            raise NonFiniteError(f"{self._name}: the result is not finite, though all it was given is") from error
+            raise NonFiniteError(f"{self._name}: the result is not finite for finite arguments") from error
         found = stacked(result.of, samples) if isinstance(result, Column) else stacked_rows(result, samples)
         if not np.isfinite(found).all():
-            raise NonFiniteError(f"{self._name}: the result is not finite, though all it was given is")
+            raise NonFiniteError(f"{self._name}: the result is not finite for finite arguments")
         return found
 
     def _compiled(self, states: int) -> Kernel | None:

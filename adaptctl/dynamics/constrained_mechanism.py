@@ -57,7 +57,7 @@ class ConstrainedMechanism(Mechanism):
 
     def __init__(self, whole: Mechanism, parametrisation: Parametrisation) -> None:
         if whole.parameter_names != whole.description.parameter_names:
-            raise InputError(f"{whole.name}: give all relations at once, not one after another")
+            raise InputError(f"{whole.name}: give all relations at once, not one after the other")
         own = whole.inertial_parameters[list(parametrisation.left)]
         super().__init__(whole.description.with_parameters(parametrisation.expanded(own)))
         self.whole, self.parametrisation = whole, parametrisation

@@ -59,7 +59,7 @@ class Tip:
     def __post_init__(self) -> None:
         names = [link.name for link in self.mechanism.links]
         if self.link not in names:
-            raise InputError(f"{self.mechanism.name}: there is no link {self.link!r}; links: {', '.join(names)}")
+            raise InputError(f"{self.mechanism.name}: unknown link {self.link!r}; links: {', '.join(names)}")
         object.__setattr__(self, "offset", frozen_array(self.offset, (3,), "offset"))
 
     def at(self, p: ArrayLike) -> Array:
@@ -122,7 +122,7 @@ class Tip:
         aim = np.asarray(goals, dtype=np.float64)
         if self.mechanism.dof != 3 or aim.shape[-1:] != (3,) or not np.isfinite(aim).all():
             raise InputError(
-                f"{self.mechanism.name}: expected three freedoms and finite goals (..., 3), "
+                f"{self.mechanism.name}: expected three degrees of freedom and finite goals (..., 3), "
                 f"got {self.mechanism.dof} and {aim.shape}"
             )
         p = np.broadcast_to(frozen_array(start, (3,), "start"), aim.shape)
@@ -155,7 +155,7 @@ class Tip:
         if not np.all(gaps < POSITION_TOLERANCE):
             worst = int(np.nan_to_num(gaps, nan=np.inf).argmax())
             goal = np.round(aim.reshape(-1, 3)[worst], 4).tolist()
-            raise InputError(f"{self.mechanism.name}: {self.link} cannot reach {goal} m from where it starts")
+            raise InputError(f"{self.mechanism.name}: {self.link} cannot reach {goal} m from its start")
 
     def _moved(self, q: Array) -> tuple[Array, Array]:
         """Point (..., 3) and its Jacobian (..., 3, r) at configurations (..., n)."""

@@ -551,7 +551,7 @@ class Mechanism:
         """
         if self.description.massless_joints:
             names = ", ".join(self.description.massless_joints)
-            raise InputError(f"{self.name}: links move without mass and carry none, give them some: {names}")
+            raise InputError(f"{self.name}: moving links without mass, which carry none either: give mass to {names}")
 
     def mass_matrix(self, p: ArrayLike, out: Array | None = None) -> Array:
         """

@@ -58,7 +58,7 @@ class NearRightAngle:
     --------
     >>> from adaptctl.identifiability import NearRightAngle
     >>> print(NearRightAngle("shoulder", "elbow", 90, 2e-5))  # doctest: +ELLIPSIS
-    shoulder and elbow miss 90 degrees by 2.0e-05 rad: ...
+    shoulder and elbow are 2.0e-05 rad from 90 degrees
     """
 
     parent: str
@@ -67,10 +67,7 @@ class NearRightAngle:
     deviation: float
 
     def __str__(self) -> str:
-        return (
-            f"{self.parent} and {self.child} miss {self.degrees} degrees by {abs(self.deviation):.1e} rad: "
-            "if a right angle is meant, write it exactly, or snap it (`snapped`)"
-        )
+        return f"{self.parent} and {self.child} are {abs(self.deviation):.1e} rad from {self.degrees} degrees"
 
 
 def near_right_angles(description: Description, exact: float = RIGHT_ANGLE_TOLERANCE) -> tuple[NearRightAngle, ...]:
@@ -196,16 +193,16 @@ class Certificate:
         ranks = (self.rank_energy, other, self.rank_doubled)
         largest = max((leftover.value for leftover in self.residual_singular_values), default=0.0)
         wrong = {
-            f"the gap at {self.rank} is {self.gap:.1e}, at least {MIN_GAP:.0e} is needed": (self.gap < MIN_GAP),
-            f"sigma_k/sigma_1 is {self.relative_smallest:.1e}, at least {MIN_SINGULAR_VALUE_RATIO:.0e} is needed": (
+            f"the gap at {self.rank} is {self.gap:.1e}, below the required {MIN_GAP:.0e}": (self.gap < MIN_GAP),
+            f"sigma_k/sigma_1 is {self.relative_smallest:.1e}, below the required {MIN_SINGULAR_VALUE_RATIO:.0e}": (
                 self.relative_smallest < MIN_SINGULAR_VALUE_RATIO
             ),
-            f"energies say {ranks[0]}, {what} {ranks[1]}, energies of twice as many samples {ranks[2]}": (
+            f"the ranks differ: energies {ranks[0]}, {what} {ranks[1]}, twice as many samples {ranks[2]}": (
                 len(set(ranks)) > 1
             ),
-            f"beyond the gap there is {largest:.1e} of sigma_1, far more than round-off": largest
+            f"beyond the gap, a singular value is {largest:.1e} of sigma_1, far above round-off": largest
             > MAX_RESIDUAL_SINGULAR_VALUE,
-            f"energies say {self.rank_energy}, exact geometry over {self.proof_method} says {self.rank_exact}": (
+            f"the ranks differ: energies {self.rank_energy}, exact over {self.proof_method} {self.rank_exact}": (
                 self.rank_exact not in (None, self.rank_energy)
             ),
         }
@@ -215,16 +212,22 @@ class Certificate:
     def warnings(self) -> tuple[str, ...]:
         """Findings, as texts, that do not refuse the rank: residual singular values and near right angles."""
         residual_singular_values = [
-            f"beyond the gap, {leftover} is more than round-off" for leftover in self.residual_singular_values
+            f"beyond the gap, {leftover} is above round-off" for leftover in self.residual_singular_values
         ]
-        return (*residual_singular_values, *map(str, self.near_right_angles))
+        if not (near := self.near_right_angles):
+            return tuple(residual_singular_values)
+        pairs = f"{len(near)} pairs of joint axes are" if len(near) > 1 else "one pair of joint axes is"
+        advice = "write the angles exactly, or load with snap=True (--snap)"
+        return (
+            *residual_singular_values,
+            f"{pairs} close to a right angle (rounded file?): {'; '.join(map(str, near))}; {advice}",
+        )
 
     def __str__(self) -> str:
         return (
             f"rank {self.rank} by the energies of {self.samples} and of {2 * self.samples} states and by "
-            f"{self._other[1]}; "
-            f"gap {self.gap:.1e}, sigma_k/sigma_1 {self.relative_smallest:.1e}"
-            + (f"; the same exactly, over {self.proof_method}" if self.rank_exact is not None else "")
+            f"{self._other[1]}; gap {self.gap:.1e}, sigma_k/sigma_1 {self.relative_smallest:.1e}"
+            + (f"; confirmed exactly, over {self.proof_method}" if self.rank_exact is not None else "")
         )
 
     @property

@@ -60,7 +60,7 @@ def certified(
     hindrance = _no_tree(mechanism)
     if method == "transfers":
         if hindrance:
-            raise InputError(f"method: transfers are for trees, but {mechanism.name} has {hindrance}; use svd")
+            raise InputError(f"method: transfers are for trees, but {mechanism.name} has {hindrance}: use method='svd'")
         return certified_by_transfers(mechanism, samples, seed, proof)
     if method == "automatic" and not hindrance and mechanism.num_energy_parameters >= MIN_PARAMETERS_FOR_TRANSFERS:
         with suppress(RankError):
@@ -71,8 +71,8 @@ def certified(
 def _no_tree(mechanism: Mechanism) -> str:
     """The property that keeps a mechanism from being a tree with ten parameters a link."""
     if mechanism.is_plain_tree:
-        return "drives that turn with several joints" if mechanism.description.drive_couplings else ""
-    return "relations among its parameters" if mechanism.description.loops is None else "loops"
+        return "drives coupled to several joints" if mechanism.description.drive_couplings else ""
+    return "constraints on its parameters" if mechanism.description.loops is None else "loops"
 
 
 def certified_by_decomposition(

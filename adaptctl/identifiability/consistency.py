@@ -122,8 +122,8 @@ def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | 
     given, every = len(model.mechanism.parameter_names), len(model.mechanism.description.parameter_names)
     if given != every:
         raise InputError(
-            f"{model.mechanism.name}: expected a mechanism without constraints, with ten parameters a link, got "
-            f"{given} of {every} parameters: make the model of its `unconstrained`"
+            f"{model.mechanism.name}: expected a mechanism without constraints, with ten parameters per link, got "
+            f"{given} of {every} parameters: use the model of its `unconstrained`"
         )
     wanted = frozen_array(beta, (len(model.columns),), "fundamental parameters")
     own = model.mechanism.inertial_parameters
@@ -187,7 +187,7 @@ class _Bodies:
                 problem.solve(solver=cp.CLARABEL)
         if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
             ended = "without a solution" if problem.status is None else f"as {problem.status!r}"
-            raise AdaptctlError(f"consistency: the semidefinite programme ended {ended}")
+            raise AdaptctlError(f"consistency: the semidefinite program ended {ended}")
         self._move_inside()
         return np.asarray(self._parameters.value, dtype=np.float64)
 
@@ -206,7 +206,7 @@ def _solver() -> Any:
         import cvxpy
     except ImportError as error:
         raise MissingExtraError(
-            "physical consistency is decided by a semidefinite programme, which needs cvxpy and Clarabel: "
+            "nearest_consistent solves a semidefinite program, which needs cvxpy and Clarabel: "
             "pip install 'adaptctl[consistency]'"
         ) from error
     return cvxpy
@@ -228,8 +228,9 @@ def _roots(model: ReducedModel, prior: Array) -> list[Array]:
         smallest = float(np.linalg.eigvalsh(matrix)[0])
         if not smallest > 0.0:
             raise InputError(
-                f"prior: no rigid body has the ten of {model.mechanism.links[body].name}: its pseudo-inertia has "
-                f"the eigenvalue {smallest:.3g}; give consistent parameters, such as a rough guess of the links"
+                f"prior: the parameters of {model.mechanism.links[body].name} are not physically consistent: its "
+                f"pseudo-inertia has the eigenvalue {smallest:.3g}; give consistent parameters, for example rough "
+                "values of the links"
             )
         roots.append(np.asarray(np.linalg.cholesky(matrix), dtype=np.float64))
     for name, value in zip(model.mechanism.parameter_names[_tens(model) :], prior[_tens(model) :], strict=True):

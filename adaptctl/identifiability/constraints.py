@@ -68,7 +68,7 @@ class Relation:
         object.__setattr__(self, "weights", MappingProxyType(weights))
         object.__setattr__(self, "value", real_number(self.value, f"{what}: value"))
         if not any(weights.values()) or not np.isfinite([*weights.values(), self.value]).all():
-            raise InputError(f"{self}: expected finite weights, one of them at least not zero, and a finite value")
+            raise InputError(f"{self}: expected finite weights, not all zero, and a finite value")
 
     def __str__(self) -> str:
         terms = " + ".join(f"{weight:g} {name}" for name, weight in list(self.weights.items())[:4])
@@ -146,7 +146,7 @@ class Constraints:
         rows = np.atleast_2d(numbers(matrix, "relations: matrix"))
         right = np.zeros(len(rows)) if values is None else numbers(values, "relations: values")
         if twice := [name for name in names if list(names).count(name) > 1]:
-            raise InputError(f"relations: names: expected each once, got {twice[0]!r} more often")
+            raise InputError(f"relations: names: expected unique names, got {twice[0]!r} more than once")
         if rows.shape[1:] != (len(names),) or right.shape != (len(rows),):
             raise InputError(
                 f"relations: expected a matrix (m, {len(names)}) and values (m,), got {rows.shape} and {right.shape}"
@@ -275,7 +275,7 @@ def _system(relations: Sequence[Relation], names: Sequence[str]) -> tuple[Array,
     for row, relation in zip(A, relations, strict=True):
         for name, weight in relation.weights.items():
             if name not in place:
-                raise NotFoundError(f"{relation}: there is no inertial parameter {name!r}; {suggestion(name, names)}")
+                raise NotFoundError(f"{relation}: unknown inertial parameter {name!r}; {suggestion(name, names)}")
             row[place[name]] = weight
     return A, np.array([relation.value for relation in relations])
 
@@ -290,7 +290,9 @@ def _independent(relations: Sequence[Relation], A: Array, b: Array) -> list[int]
             beside = np.linalg.norm(row - mix @ A[kept])
             if beside <= MIN_INDEPENDENT_PART * size:
                 if abs(mix @ b[kept] - b[i]) > MIN_INDEPENDENT_PART * max(np.abs(b).max(), size):
-                    raise InputError(f"{relations[i]} contradicts those before it: they make it {mix @ b[kept]:g}")
+                    raise InputError(
+                        f"{relations[i]} contradicts those before it, from which its value is {mix @ b[kept]:g}"
+                    )
                 continue
         kept.append(i)
     return kept

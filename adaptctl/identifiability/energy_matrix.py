@@ -67,7 +67,7 @@ class EnergyFactor:
         for block in blocks:
             factor = cls._started(block) if factor is None else factor.then(block)
         if factor is None:
-            raise ValueError("no states")
+            raise ValueError("expected at least one state")
         return factor
 
     @classmethod

@@ -416,7 +416,7 @@ def reduce(
     """
     validate_kind(space, EssentialSpace, "reduce", "as essential_space(mechanism) gives one")
     if (energy_error is None) == (components is None):
-        raise InputError("give one of energy_error, in percent, and components, a number")
+        raise InputError("give either energy_error (percent) or components (a number)")
     if isinstance(parameters, Mechanism):
         parameters = np.asarray(parameters.inertial_parameters)[: parameters.num_energy_parameters]
     D = frozen_array(parameters, (len(space.parameter_names),), "parameters")
@@ -440,7 +440,7 @@ def percent_errors(weights: Array) -> Array:
     # Summed from the smallest, so that the last ones keep their digits.
     tails = np.append(np.cumsum(weights[::-1] ** 2)[::-1], 0.0)
     if tails[0] == 0.0:
-        raise InputError("these parameters have no energy in any of the states, so there is nothing to reduce")
+        raise InputError("these parameters have no energy in any of the states")
     return np.asarray(100.0 * np.sqrt(tails / tails[0]))
 
 

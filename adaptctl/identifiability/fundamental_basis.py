@@ -96,9 +96,9 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
         for kept, row in self.regrouping.items():
             for name in (kept, *row):
                 if name not in known:
-                    return f"`$.regrouping.{kept}`: {name!r} is not among `$.parameters`"
+                    return f"`$.regrouping.{kept}`: {name!r} is not in `$.parameters`"
             if not row.keys().isdisjoint(self.regrouping):
-                return f"`$.regrouping.{kept}`: kept parameters are not added to one another"
+                return f"`$.regrouping.{kept}`: kept parameters cannot be regrouped into each other"
         return ""
 
 
@@ -160,10 +160,12 @@ class FundamentalBasis:
         P, columns = len(self.parameter_names), self.columns
         whole = isinstance(columns, Iterable) and all(isinstance(j, int | np.integer) for j in columns)
         if not whole or list(columns) != sorted(set(columns)) or not all(0 <= j < P for j in columns):
-            raise InputError(f"columns: expected rising indices in 0..{P - 1}, got {printable(repr(columns))}")
+            raise InputError(f"columns: expected ascending indices in 0..{P - 1}, got {printable(repr(columns))}")
         K = frozen_array(self.regrouping, (len(columns), P), "regrouping")
         if not np.array_equal(K[:, columns], np.eye(len(columns))):
-            raise InputError("regrouping: every kept parameter must count once for itself and for no other")
+            raise InputError(
+                "regrouping: every kept parameter must have the coefficient 1 in its own row and 0 in the others"
+            )
         scales = frozen_array(self.scales, (P,), "scales")
         if not (scales > 0.0).all():
             raise InputError(f"scales: expected positive numbers, got {scales.min()}")
@@ -233,7 +235,7 @@ class FundamentalBasis:
         return regrouping_equations(self.regrouping, self.columns, self.parameter_names)
 
     def _repr_html_(self) -> str:
-        text = f"{len(self.names)} parameters are kept; a star marks each with what is regrouped into it"
+        text = f"{len(self.names)} base parameters; a star marks those into which others are regrouped"
         rows = [equation.partition(" = ")[::2] for equation in map(str, self.equations())]
         return titled("FundamentalBasis", text) + table(("kept", "is"), rows)
 
@@ -392,8 +394,8 @@ def _kept_against_the_order(
     others = sorted(set(found.kept) - exact)
     if np.abs(np.diag(np.linalg.qr(rows.T, mode="r"))).min(initial=1.0) > tolerance:
         raise RankError(
-            f"{space.mechanism.name}: on exact geometry, over {space.proof.method}, this priority removes "
-            f"{', '.join(space.parameter_names[j] for j in others[:4])}, and among floats it does not"
+            f"{space.mechanism.name}: in exact arithmetic, over {space.proof.method}, this priority removes "
+            f"{', '.join(space.parameter_names[j] for j in others[:4])}, but in floating point it does not"
         )
     return tuple(others)
 
@@ -404,7 +406,7 @@ def _validate_conditioned(space: EssentialSpace, found: Regrouping) -> None:
     weights = np.linalg.svd(found.coefficients)[2][0]
     names = [space.parameter_names[found.removed[i]] for i in np.argsort(-np.abs(weights))[:3]]
     raise RankError(
-        f"{space.mechanism.name}: this priority removes parameters that nearly depend on each other, {names[0]} and "
-        f"{names[-1]} among them: the condition of F2' V2 is {found.condition:.1e}, at most {MAX_CONDITION:.0e} is "
-        "allowed; keep one of them longer, or pass a larger tolerance"
+        f"{space.mechanism.name}: this priority removes almost dependent parameters, {names[0]} and {names[-1]} among "
+        f"them: the condition of F2' V2 is {found.condition:.1e}, above the limit of {MAX_CONDITION:.0e}; give one "
+        "of them a lower priority, or pass a larger tolerance"
     )

@@ -183,7 +183,7 @@ def _from_table(table: _Table, parameter_names: Sequence[str]) -> Priority:
     if by_kind:
         return Priority(_product_order(table, parameter_names, keep), keep)
     if table.order is None and not keep:
-        raise InputError("nothing is said: give order, keep, kinds, links or grid")
+        raise InputError("empty priority: give order, keep, kinds, links or grid")
     return Priority(tuple(_our_name(name) for name in table.order or ()), keep)
 
 
@@ -214,7 +214,7 @@ def _grid_order(grid: Mapping[str, Sequence[float]], links: Sequence[str], keep:
         for link, number in zip(links, row, strict=True):
             name = f"{link}.{kind}"
             if number in numbers:
-                raise InputError(f"grid: the number {number:g} stands at {numbers[number]} and at {name}")
+                raise InputError(f"grid: the number {number:g} is given at {numbers[number]} and at {name}")
             numbers[number] = name
     return tuple(numbers[number] for number in sorted(numbers) if numbers[number] not in keep)
 
@@ -260,7 +260,7 @@ def suggestion(name: str, known: Sequence[str]) -> str:
     from difflib import get_close_matches  # here, since only errors need it
 
     close = get_close_matches(name, known, n=1)
-    return f"did you mean {close[0]!r}?" if close else f"there are {_listed(known)}"
+    return f"did you mean {close[0]!r}?" if close else f"known names: {_listed(known)}"
 
 
 def _listed(names: Sequence[str], most: int = 20) -> str:

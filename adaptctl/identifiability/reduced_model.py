@@ -72,8 +72,9 @@ class ReducedModel(Keyed):
         geometry = self.mechanism.geometry_sha256
         if self.basis.geometry_sha256 != geometry:
             raise InputError(
-                f"the basis was found for {self.basis.mechanism_name!r}, whose geometry, gravity, link names or "
-                f"constraints are not those of {self.mechanism.name!r}: find the basis of {self.mechanism.name!r}"
+                f"the basis is that of {self.basis.mechanism_name!r}, whose geometry, gravity, link names or "
+                f"constraints differ from those of {self.mechanism.name!r}: compute the basis of "
+                f"{self.mechanism.name!r}"
             )
         _validate_energies(self.mechanism, self.basis)
 
@@ -319,8 +320,8 @@ def validate_energies(mechanism: Mechanism, basis: FundamentalBasis) -> None:
     worst = int(np.argmax(missing / np.maximum(allowed, np.finfo(float).tiny)))
     if missing[worst] > allowed[worst]:
         raise InputError(
-            f"the basis of {basis.mechanism_name!r} is wrong or damaged: without {basis.parameter_names[worst]} it "
-            f"changes energies of {mechanism.name!r}; find the basis anew"
+            f"the basis of {basis.mechanism_name!r} is wrong or damaged: without {basis.parameter_names[worst]} the "
+            f"energies of {mechanism.name!r} change; compute the basis again"
         )
 
 
@@ -333,4 +334,4 @@ def _few_states(mechanism: Mechanism) -> States:
     p: Array = mechanism.neutral_configuration + MAX_LOOP_OFFSET * generator.uniform(
         -1.0, 1.0, (CHECKED_STATES, mechanism.dof)
     )
-    return States(p, generator.normal(size=p.shape), "about the reference")
+    return States(p, generator.normal(size=p.shape), "near the reference")

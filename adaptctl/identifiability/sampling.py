@@ -63,8 +63,8 @@ def reachable_positions(mechanism: Mechanism, samples: int, draw: Callable[[int]
         if len(kept) >= samples:
             return kept[:samples]
     raise InputError(
-        f"{mechanism.name}: of {MAX_DRAWS * batch} positions within the primary joints' limits only {len(kept)} keep "
-        "the conditions and let the loops close; narrow the limits, or add conditions that leave out the rest"
+        f"{mechanism.name}: of {MAX_DRAWS * batch} positions within the limits of the primary joints, only "
+        f"{len(kept)} satisfy the conditions and close the loops; narrow the limits, or add conditions"
     )
 
 
@@ -85,8 +85,8 @@ def _within_conditions(mechanism: Mechanism, start: Array, wanted: Array) -> Arr
     description = mechanism.description
     if not description.within_conditions(start):
         raise InputError(
-            f"{mechanism.name}: the reference configuration, p = {np.round(start, 4).tolist()}, breaks a condition of "
-            "the mechanism: give a reference within it"
+            f"{mechanism.name}: the reference configuration, p = {np.round(start, 4).tolist()}, violates a condition "
+            "of the mechanism: give a reference that satisfies it"
         )
     shares = np.linspace(0.0, 1.0, LINE_POINTS)
     inside = description.within_conditions(start + shares[:, None, None] * (wanted - start))
@@ -229,7 +229,7 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
 
 def whereabouts(mechanism: Mechanism) -> str:
     """Return the region, in words, from which random states are drawn."""
-    return "over the full circle" if mechanism.description.loops is None else "on the reference's branch"
+    return "over the full circle" if mechanism.description.loops is None else "on the branch of the reference"
 
 
 def random_halves(
@@ -309,7 +309,7 @@ def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> S
     draw = partial(_uniform, generator, lower, upper)
     p = reachable_positions(mechanism, samples, draw)
     v = generator.uniform(-speed, speed, p.shape)
-    return States(p, v, f"{samples} random states within the joints' limits, seed {seed}")
+    return States(p, v, f"{samples} random states within the joint limits, seed {seed}")
 
 
 def _uniform(generator: np.random.Generator, lower: Array, upper: Array, samples: int) -> Array:

@@ -49,10 +49,10 @@ def joint_log(log: LogTable, drives: Drives, sample_rate: float | None = None) -
     torque = np.stack([log.column(m.torque, f"torque of {m.name}") for m in drives.motors], axis=-1)
     if len(log) < MIN_SAMPLES:
         raise FileError(
-            f"{log.source}: has {len(log)} samples; at least {MIN_SAMPLES} are needed, some seconds of motion"
+            f"{log.source}: has {len(log)} samples; at least {MIN_SAMPLES} are needed, a few seconds of motion"
         )
     _validate_change(log, [m.position for m in drives.motors], position, "the joint is at rest throughout")
-    _validate_change(log, [m.torque for m in drives.motors], torque, "no torque was logged there")
+    _validate_change(log, [m.torque for m in drives.motors], torque, "no torque was logged")
     constants = np.nan_to_num(drives.constants, nan=1.0)
     return JointLog(
         log.source,
@@ -78,15 +78,15 @@ def _time(log: LogTable, drives: Drives, rate: float | None) -> Array:
     steps = np.diff(stamps)
     if np.any(steps <= 0.0):
         row = int(np.argmax(steps <= 0.0))
-        kind = "twice" if steps[row] == 0.0 else "after a later one"
+        kind = "repeated" if steps[row] == 0.0 else "smaller than the previous one"
         raise FileError(
-            f"{log.source}: column {drives.time!r}: the stamp {stamps[row + 1]:g} of row {row + 2} comes {kind}; time "
-            "must rise from row to row: remove repeated rows, sort them, or cut the log into several"
+            f"{log.source}: column {drives.time!r}: the stamp {stamps[row + 1]:g} of row {row + 2} is {kind}; time "
+            "must increase from row to row: remove repeated rows, sort them, or split the log"
         )
     if len(steps) and np.all(steps == 1.0) and drives.units.time > 1e-3:
         raise FileError(
-            f"{log.source}: column {drives.time!r} counts rows (0, 1, 2, ...), it is no time: give the sampling rate "
-            "with --sample-rate HZ"
+            f"{log.source}: column {drives.time!r} counts rows (0, 1, 2, ...) and is not a time: give the sampling "
+            "rate with --sample-rate HZ"
         )
     return np.asarray(stamps * drives.units.time)
 
@@ -95,7 +95,7 @@ def _validate_change(log: LogTable, names: list[str], values: Array, meaning: st
     for name, still in zip(names, np.ptp(values, axis=0) == 0.0, strict=True):
         if still:
             raise FileError(
-                f"{log.source}: column {name!r} is {log.columns[name][0]:g} in every row: {meaning}; choose another "
+                f"{log.source}: column {name!r} is {log.columns[name][0]:g} in every row: {meaning}; give another "
                 "column or another log"
             )
 
@@ -129,7 +129,7 @@ def joint_columns(
     pattern = _pattern(log, joints, given)
     time = given.get("time", "time")
     if time not in log.columns:
-        raise InputError(f"{log.source}: there is no column {time!r} for time; name it: --columns time=NAME")
+        raise InputError(f"{log.source}: no column {time!r} for the time; specify it: --columns time=NAME")
     found = {what: _named(names, joints) for what, names in pattern.items()}
     motors = tuple(
         MotorEntry(
@@ -178,9 +178,9 @@ def _pattern(log: LogTable, joints: list[str], given: dict[str, str]) -> dict[st
     missing = " and ".join(what for what in ("position", "torque") if what not in given)
     have = ", ".join(list(log.columns)[:20])
     raise InputError(
-        f"{log.source}: which columns are each joint's {missing}? Name them with --columns, such as "
-        f"{' '.join(f'{what}={what.capitalize()}{{}}' for what in missing.split(' and '))} ({{}}: the joint's number "
-        f"from 1, {{0}}: from 0, {{joint}}: its name), or give a drives file; there are {have}"
+        f"{log.source}: the columns of each joint's {missing} are unknown; specify them with --columns, such as "
+        f"{' '.join(f'{what}={what.capitalize()}{{}}' for what in missing.split(' and '))} ({{}}: number of the joint "
+        f"from 1, {{0}}: from 0, {{joint}}: its name), or give a drives file; columns: {have}"
     )
 
 
@@ -192,7 +192,9 @@ def _require(log: LogTable, what: str, names: list[str]) -> None:
 def _one_of(symbols: list[str], what: str, source: str) -> str:
     factors = {FACTORS[what].get(spaced(symbol), symbol) for symbol in symbols}
     if len(factors) > 1:
-        raise InputError(f"{source}: its columns of {what} are in {', '.join(symbols)}: convert them to SI units")
+        raise InputError(
+            f"{source}: the columns of {what} have different units ({', '.join(symbols)}): convert them to SI units"
+        )
     return symbols[0]
 
 
@@ -201,8 +203,8 @@ def _validate_own(names: dict[str, list[str]], joints: list[str]) -> None:
         for j, name in enumerate(columns):
             if (i := columns.index(name)) < j:
                 raise InputError(
-                    f"columns: {what}: {name!r} is of joint {joints[i]!r} and of {joints[j]!r}; in a pattern {{joint}} "
-                    "stands for a joint's name, {} for its number from 1, {0} from 0"
+                    f"columns: {what}: {name!r} is given for joint {joints[i]!r} and {joints[j]!r}; in a pattern "
+                    "{joint} is the name of a joint, {} its number from 1, {0} from 0"
                 )
 
 
@@ -215,8 +217,8 @@ def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]
     if missing := [what for what in names if what not in units]:
         examples = {"time": "s", "position": "rad", "torque": "'N m'", "velocity": "rad/s"}
         raise InputError(
-            f"{log.source}: the units of {', '.join(missing)} are stated nowhere, and they are not guessed: give "
-            f"--units {' '.join(f'{what}={examples[what]}' for what in missing)}, or what they are"
+            f"{log.source}: the units of {', '.join(missing)} are unknown: give "
+            f"--units {' '.join(f'{what}={examples[what]}' for what in missing)}, or others"
         )
     return units
 

@@ -179,7 +179,7 @@ class Drives:
     def __post_init__(self) -> None:
         r = len(self.joints)
         if len(self.motors) != r:
-            raise InputError(f"drives: motors: expected one for each of {r} joints, got {len(self.motors)}")
+            raise InputError(f"drives: motors: expected one per joint ({r}), got {len(self.motors)}")
         transmission = frozen_array(self.transmission, (r, r), "drives: transmission")
         _validate_turning(transmission, self.joints, self.motors, "drives: transmission")
         object.__setattr__(self, "transmission", transmission)
@@ -283,7 +283,7 @@ class Drives:
         names = [joint.name for joint in mechanism.primary_joints]
         if sorted(names) != sorted(self.joints):
             raise InputError(
-                f"the drives are of joints {', '.join(self.joints)}; {mechanism.name} has {', '.join(names)}"
+                f"the drives are for the joints {', '.join(self.joints)}, but {mechanism.name} has {', '.join(names)}"
             )
         order = [self.joints.index(name) for name in names]
         return Drives(
@@ -358,7 +358,7 @@ def read_drives(path: str | Path) -> Drives:
 def _checked(content: DrivesFile) -> Drives:
     r = len(content.joints)
     if len(set(content.joints)) < r:
-        raise InputError("$.joints: every joint once")
+        raise InputError("$.joints: expected unique names")
     if len(content.motors) != r or len(content.transmission) != r or any(len(row) != r for row in content.transmission):
         raise InputError(
             f"$.transmission: expected a row for each of {len(content.motors)} motors, each with a number for each "
@@ -389,15 +389,15 @@ def _validate_turning(transmission: Array, joints: Sequence[str], motors: Sequen
         if not transmission[i, i]:
             raise InputError(f"{what}[{i}]: motor {motor.name!r} must turn its own joint {joint!r}")
     if not np.linalg.cond(transmission) < 1e6:
-        raise InputError(f"{what}: the joints do not follow from the motors: two rows are alike")
+        raise InputError(f"{what}: the matrix is singular: the motors do not determine the joints")
 
 
 def _validate_constants(content: DrivesFile, units: Units) -> None:
     for i, motor in enumerate(content.motors):
         if units.torque is None and motor.torque_constant is None:
             raise InputError(
-                f"$.motors[{i}].torque_constant is missing: {content.units.torque!r} is no torque; give N m for a unit "
-                "of it, or 'unknown'"
+                f"$.motors[{i}].torque_constant is missing: {content.units.torque!r} is not a torque; give N m per "
+                "unit of it, or 'unknown'"
             )
         if units.torque is not None and motor.torque_constant not in (None, 1.0):
             raise InputError(f"$.motors[{i}].torque_constant: the log has torques in {content.units.torque}; remove it")
@@ -405,6 +405,6 @@ def _validate_constants(content: DrivesFile, units: Units) -> None:
 
 def _offsets(content: DrivesFile, r: int) -> Array:
     if content.joint_offsets is not None and content.joint_offsets_deg is not None:
-        raise InputError("the joint offsets are given twice: keep joint_offsets (rad) or joint_offsets_deg")
+        raise InputError("the joint offsets are given twice: give either joint_offsets (rad) or joint_offsets_deg")
     degrees = np.radians(content.joint_offsets_deg) if content.joint_offsets_deg is not None else np.zeros(r)
     return frozen_array(degrees if content.joint_offsets is None else content.joint_offsets, (r,), "$.joint_offsets")

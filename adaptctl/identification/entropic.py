@@ -43,7 +43,9 @@ class EntropicPrior:
     def __post_init__(self) -> None:
         for i, matrix in enumerate(map(pseudo_inertia, self.tens)):
             if not np.linalg.eigvalsh(matrix)[0] > 0.0:
-                raise InputError(f"prior: no rigid body has the ten of link {i + 1}: {self.tens[i].tolist()}")
+                raise InputError(
+                    f"prior: the parameters of link {i + 1} are not physically consistent: {self.tens[i].tolist()}"
+                )
 
     @cached_property
     def inverses(self) -> Array:
@@ -105,7 +107,7 @@ def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float,
     for times in np.geomspace(1.0 + abs(_value(A, b, prior, weight, 1.0, x)) / weight, 1.0, MAX_WEIGHT_STAGES).tolist():
         x, done = _newton(A, b, prior, weight, times, x)
     if not done:
-        raise AdaptctlError("the consistent estimate was not found: are the columns scaled beyond reason?")
+        raise AdaptctlError("the consistent estimate did not converge: are the columns badly scaled?")
     return x
 
 
@@ -137,7 +139,7 @@ def _solved(curvature: Array, gradient: Array) -> Array:
     for more in (0.0, 1e-10, 1e-8, 1e-6):
         with suppress(LinAlgError):
             return scale * cho_solve(cho_factor(scaled + more * np.eye(len(scaled))), scale * gradient)
-    raise AdaptctlError("the consistent estimate was not found: are the columns scaled beyond reason?")
+    raise AdaptctlError("the consistent estimate did not converge: are the columns badly scaled?")
 
 
 def _value(A: Array, b: Array, prior: EntropicPrior, weight: float, times: float, x: Array) -> float:
@@ -170,14 +172,14 @@ def prior_links(mechanism: Mechanism) -> tuple[Array, list[str]]:
         ten = link.inertia
         if not ten[0] > 0.0:
             raise InputError(
-                f"{mechanism.name}: link {link.name!r} has no mass in the robot's file; the estimate needs a guess of "
-                "every link: give it a mass, a centre and an inertia, roughly"
+                f"{mechanism.name}: link {link.name!r} has no mass in the robot file; the estimate needs prior values "
+                "of all links: give it an approximate mass, centre and inertia"
             )
         spread = _spread_enough(ten)
         if not np.array_equal(spread, ten):
             remarks.append(
-                f"{link.name}: no body has its inertia in the robot's file; taken at least as that of a ball of "
-                "aluminium of its mass"
+                f"{link.name}: its inertia in the robot file is not physically consistent; increased to that of a ball "
+                "of aluminium of its mass"
             )
         tens.append(spread)
     return np.stack(tens), remarks

@@ -25,8 +25,8 @@ from adaptctl.recording.page import SHEU_WALKER, Report, Section, Table
 from adaptctl.recording.result import Fact, Progress, silent
 
 TEXT = (
-    "Both estimators learn from the first part of one motion and predict its last part. The torques are those of a "
-    "fitted model, with more and more added to them, up to what the log measured."
+    "Both estimators are fitted to the first part of one motion and predict its last part. The torques are those of a "
+    "fitted model with increasing errors, up to the measured torques."
 )
 FRICTION = "viscous,coulomb,square_root"
 HELD_OUT_SHARE = 0.4
@@ -56,18 +56,18 @@ class Amplification:
         """Report of both estimators' errors."""
         last, exact = self.measured[-1], self.measured[0]
         found = (
-            f"From exact torques, energy differences predict to {exact.energy:.2%}; from measured ones to "
-            f"{last.energy:.0%}, where filtered dynamics is {last.momentum:.1%} off: one scalar equation a window "
-            f"amplifies what torques are off by {last.energy / last.momentum:.0f} times as much."
+            f"With exact torques, the prediction error of energy differences is {exact.energy:.2%}; with measured "
+            f"torques {last.energy:.0%}, against {last.momentum:.1%} of filtered dynamics: one scalar equation per "
+            f"window amplifies torque errors by a factor of {last.energy / last.momentum:.0f} more."
         )
         rows = [(e.torques, f"{e.off:.2%}", f"{e.momentum:.2%}", f"{e.energy:.2%}") for e in self.measured]
-        table = Table(("torques", "off by", "filtered dynamics", "energy differences"), rows, align="lrrr")
+        table = Table(("torques", "torque error", "filtered dynamics", "energy differences"), rows, align="lrrr")
         return Report(
             "energy-differences",
             f"{self.robot}: parameters from energy differences",
             found,
             [Fact(e[0], f"filtered dynamics {e[2]}, energy differences {e[3]}") for e in rows],
-            [Section("What torques that are off make of either estimate", (TEXT, table))],
+            [Section("Effect of torque errors on both estimates", (TEXT, table))],
             seed=self.seed,
             source=f"Method: {SHEU_WALKER}.",
         )

@@ -141,11 +141,9 @@ def _record(found: Identification, shown: Report, path: Path, figures: Mapping[s
         titles[path_of_joint] = f"{name}: torque [{unit}]"
     start, end = float(validation.time[0]), float(validation.time[-1])
     right = [views.curves(place, title, end, start=start) for place, title in titles.items()]
-    arm = views.arm(WORLD, "The log's motion", Viewpoint.of(mechanism, parts, p))
+    arm = views.arm(WORLD, "Motion of the log", Viewpoint.of(mechanism, parts, p))
     left = rrb.Vertical(arm, views.text("summary", "Summary"), row_shares=[3, 2])
-    both_sides = rrb.Horizontal(
-        left, rrb.Grid(*right, grid_columns=2), column_shares=[2, 3], name="Torques on the validation"
-    )
+    both_sides = rrb.Horizontal(left, rrb.Grid(*right, grid_columns=2), column_shares=[2, 3], name="Validation torques")
     layout = views.tabs(both_sides)
     with saved_stream(path, shown, np.ascontiguousarray(validation.measured).tobytes(), layout) as recording:
         log_markdown(recording, "summary", shown.markdown(consistency(found), components(found)))

@@ -77,7 +77,9 @@ class SmoothMotion:
         kernel = low_pass(cutoff, log.rate)
         rate_kernel = derivative(kernel, log.rate)
         if len(rate_kernel) + 4 * DIFFERENCE_MARGIN >= len(log.time):
-            raise InputError(f"{log.source}: {len(log.time)} samples without a hole are too few to filter; log longer")
+            raise InputError(
+                f"{log.source}: {len(log.time)} consecutive samples are too few to filter; record a longer log"
+            )
         every = max(1, int(log.rate / (OVERSAMPLING * cutoff)))
         position = filtered(log.position, padded(kernel))[::every]
         velocity = filtered(log.position, rate_kernel)[::every]
@@ -93,7 +95,7 @@ class SmoothMotion:
         found: list[list[Array]] = [[] for _ in filters]
         widest = max(f.taps for f in filters)
         if len(self.position) < widest:
-            raise InputError(f"{self.log.source}: {len(self.log.time)} samples without a hole are too few to filter")
+            raise InputError(f"{self.log.source}: {len(self.log.time)} consecutive samples are too few to filter")
         for start in range(0, max(1, len(self.position) - widest + 1), CHUNK_SAMPLES):
             terms = self._terms(mechanism, slice(start, start + CHUNK_SAMPLES + widest - 1))
             for row_filter, parts in zip(filters, found, strict=True):

@@ -127,10 +127,10 @@ def identify(
     """
     given = _paths(logs)
     if not given:
-        raise InputError("logs: expected at least one log, got none")
+        raise InputError("logs: expected at least one log")
     _validate_different(given, _paths(validate))
     if drives is not None and (columns or units):
-        raise InputError(f"columns, units: expected none, as the drives name theirs, got {columns or units!r}")
+        raise InputError(f"columns, units: expected none, because the drives specify them, got {columns or units!r}")
     if sample_rate is not None:
         positive_number(sample_rate, "sample_rate: expected a positive number of Hz")
     _validate_settings(cutoff, prior_weight)
@@ -169,10 +169,10 @@ def _validate_different(logs: Sequence[str | Path], others: Sequence[str | Path]
     for what, given, places in (("logs", logs, fitted), ("validate", others, judged)):
         for i, place in enumerate(places):
             if place in places[:i]:
-                raise InputError(f"{what}: {given[i]} is given twice; give each log once")
+                raise InputError(f"{what}: {given[i]} is given twice")
     for other, place in zip(others, judged, strict=True):
         if place in fitted:
-            raise InputError(f"validate: {other} is one of the logs that are fitted; give another, or none")
+            raise InputError(f"validate: {other} is also used for the fit; give another log, or none")
 
 
 def _validate_settings(cutoff: float | None, weight: float | None) -> None:
@@ -210,7 +210,7 @@ def identified(
         judged = replace(measured, edges=evidence.edges).part(held_out)
     else:
         judged = gathered(mechanism, drives, test, skip_steps, cutoff)[0]
-    origin = "the last 40 % of the logs, held out" if held_out else ", ".join(log.source for log in test)
+    origin = "the last 40 % of the logs" if held_out else ", ".join(log.source for log in test)
     validation = _validated(judged, fit.x, origin)
     others = {other.name: _validated(judged, other.x, origin) for other in alternatives(training, fit, plain)}
     final = evidence.fit(choice.settings, range(evidence.blocks)) if held_out else fit
@@ -269,7 +269,9 @@ def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
     pairs = [halves(motion.log) for motion in evidence.motions]
     cutoffs = [cutoff for cutoff in evidence.rows if cutoff <= 0.1 * min(log.rate for log, _ in pairs)]
     if not cutoffs:
-        raise InputError("instrumental_variables: the log is too slow to be split into even and odd samples")
+        raise InputError(
+            "instrumental_variables: the sampling rate is too low to split the log into even and odd samples"
+        )
     motions = [SmoothMotion.of(own, number) for number, (own, _) in enumerate(pairs)]
     others = [SmoothMotion.of(other, number) for number, (_, other) in enumerate(pairs)]
     own = _rows_without_payloads(motions, evidence.mechanism, evidence.drives, cutoffs)
@@ -288,7 +290,7 @@ def _validate_between(cutoff: float, motions: Sequence[SmoothMotion]) -> None:
 def _validate_enough(source: str, rows: int, mechanism: Mechanism) -> None:
     if rows < 2 * NUM_BLOCKS:
         raise InputError(
-            f"{source}: only {rows} independent instants of motion are left of the log; at least {2 * NUM_BLOCKS} are "
+            f"{source}: the log has only {rows} independent samples of motion; at least {2 * NUM_BLOCKS} are "
             "needed, a few seconds"
         )
 

@@ -33,13 +33,13 @@ class LogTable:
     def column(self, name: str, what: str) -> Array:
         """Column (n,) that is finite in each row."""
         if name not in self.columns:
-            raise FileError(f"{self.source}: there is no column {name!r} for {what}; {self._known(name)}")
+            raise FileError(f"{self.source}: no column {name!r} for {what}; {self._known(name)}")
         values = self.columns[name]
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             raise FileError(
                 f"{self.source}: column {name!r} ({what}): row {int(bad[0]) + 1} of {len(values)} is "
-                f"{values[bad[0]]}, as are {bad.size - 1} more; cut the log where its numbers are missing"
+                f"{values[bad[0]]}, like {bad.size - 1} more; cut the log where numbers are missing"
             )
         return values
 
@@ -47,7 +47,7 @@ class LogTable:
         names = list(self.columns)
         near = get_close_matches(name, names, 3)
         listed = ", ".join(near or names[:12]) + ("" if near or len(names) <= 12 else f", ... ({len(names)} in all)")
-        return f"{'did you mean' if near else 'there are'} {listed}"
+        return f"{'did you mean' if near else 'columns:'} {listed}"
 
 
 def table(source: str, columns: Iterable[tuple[str, Array]], units: Mapping[str, str] | None = None) -> LogTable:
@@ -59,12 +59,10 @@ def table(source: str, columns: Iterable[tuple[str, Array]], units: Mapping[str,
         found[name] = np.asarray(values, dtype=np.float64)
     first, rows = next(((name, len(values)) for name, values in found.items()), ("", 0))
     if not rows:
-        raise FileError(f"{source}: holds no rows of numbers; expected a line of column names and a line per sample")
+        raise FileError(f"{source}: no rows of numbers; expected a line of column names and one line per sample")
     for name, values in found.items():
         if len(values) != rows:
-            raise FileError(
-                f"{source}: column {name!r} has {len(values)} rows, {first!r} has {rows}: all need the same number"
-            )
+            raise FileError(f"{source}: column {name!r} has {len(values)} rows, but {first!r} has {rows}")
     return LogTable(source, found, units or {})
 
 
@@ -88,11 +86,11 @@ def read_delimited(path: str | Path) -> LogTable:
         )
         names = [name.strip() for name in read.column_names]
     except (ArrowInvalid, UnicodeDecodeError) as error:
-        raise FileError(f"{path}: not a table in text ({str(error).splitlines()[0]})") from error
+        raise FileError(f"{path}: not a text table ({str(error).splitlines()[0]})") from error
     except OSError as error:
         raise FileError(f"{path}: cannot be read ({(error.strerror or str(error)).lower()})") from error
     if read.num_rows > MAX_ROWS:
-        raise FileError(f"{path}: has {read.num_rows} rows, more than the {MAX_ROWS} that are read")
+        raise FileError(f"{path}: has {read.num_rows} rows, more than the limit of {MAX_ROWS}")
     return table(str(path), ((name, _text_numbers(read.column(i))) for i, name in enumerate(names)))
 
 
@@ -118,7 +116,7 @@ def read_parquet(path: str | Path) -> LogTable:
     try:
         with pq.ParquetFile(path, memory_map=True) as file:
             if file.metadata.num_rows > MAX_ROWS:
-                raise FileError(f"{path}: has {file.metadata.num_rows} rows, more than the {MAX_ROWS} that are read")
+                raise FileError(f"{path}: has {file.metadata.num_rows} rows, more than the limit of {MAX_ROWS}")
             read = file.read()
     except OSError as error:
         raise FileError(f"{path}: cannot be read ({(error.strerror or str(error)).splitlines()[0].lower()})") from error
@@ -184,7 +182,7 @@ def read_ros_bag(path: str | Path, topic: str | None = None) -> LogTable:
     except (rosbags.AnyReaderError, OSError, KeyError) as error:
         raise FileError(f"{path}: cannot be read as a ROS bag ({str(error).splitlines()[0]})") from error
     if not messages or len(messages) > MAX_ROWS:
-        raise FileError(f"{path}: holds {len(messages)} joint states; expected 1 to {MAX_ROWS}")
+        raise FileError(f"{path}: has {len(messages)} joint states; expected 1 to {MAX_ROWS}")
     return table(str(path), _columns(path, messages), {"time": "s"} | _units(messages[0][1].name))
 
 
@@ -193,8 +191,8 @@ def _columns(path: str | Path, messages: list[tuple[int, Any]]) -> Iterator[tupl
     for row, (_, message) in enumerate(messages):
         if list(message.name) != names:
             raise FileError(
-                f"{path}: message {row + 1} is of joints {', '.join(message.name)}, the first of {', '.join(names)}; "
-                "name the topic of one source of joint states"
+                f"{path}: message {row + 1} is for the joints {', '.join(message.name)}, but the first for "
+                f"{', '.join(names)}; give the topic of one source of joint states"
             )
     stamps = [message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec for _, message in messages]
     if not any(stamps):
@@ -215,9 +213,9 @@ def _connections(path: str | Path, connections: list[Any], topic: str | None) ->
     topics = sorted({c.topic for c in connections if c.msgtype == JOINT_STATE})
     if not states:
         known = ", ".join(topics) or f"no topic of {JOINT_STATE}"
-        raise FileError(f"{path}: there is no joint state topic {topic or ''}".rstrip() + f"; there is {known}")
+        raise FileError(f"{path}: no joint-state topic {topic or ''}".rstrip() + f"; topics: {known}")
     if len({c.topic for c in states}) > 1:
-        raise FileError(f"{path}: several topics hold joint states: {', '.join(topics)}; name one with --topic")
+        raise FileError(f"{path}: several joint-state topics: {', '.join(topics)}; select one with --topic")
     return states
 
 
@@ -244,7 +242,7 @@ def read_log(path: str | Path, topic: str | None = None) -> LogTable:
     if not place.exists():
         raise FileError(f"{path}: does not exist")
     if place.is_file() and place.stat().st_size > MAX_BYTES:
-        raise FileError(f"{path}: larger than {MAX_BYTES} bytes, the most that is read; cut it into several logs")
+        raise FileError(f"{path}: larger than the limit of {MAX_BYTES} bytes; split it into several logs")
     if place.is_dir() or suffix in BAG_SUFFIXES:
         from adaptctl.identification.log_files import read_ros_bag
 

@@ -103,7 +103,9 @@ def prepare(
         turned = [_unwrapped(piece, mechanism) for piece in pieces]
         pieces = [piece for piece, _ in turned]
         steps.append(
-            PreparationStep("unwrap", f"{sum(count for _, count in turned)} jumps of a turn taken out of the angles")
+            PreparationStep(
+                "unwrap", f"{sum(count for _, count in turned)} jumps by full turns removed from the angles"
+            )
         )
     speeds = [_speed(piece) for piece in pieces]
     if "velocities" not in skip:
@@ -115,9 +117,9 @@ def prepare(
         moving = _moving(pieces, speeds)
         share = float(np.mean(np.concatenate(moving)))
         if share * sum(len(piece) for piece in pieces) < 50:
-            raise InputError(f"{log.source}: the arm is at rest throughout: nothing but its weight is in the torques")
+            raise InputError(f"{log.source}: the arm is at rest throughout: the torques contain only gravity")
         steps.append(
-            PreparationStep("standstill", f"{1.0 - share:.1%} of the samples dropped, where the whole arm is at rest")
+            PreparationStep("standstill", f"{1.0 - share:.1%} of the samples removed, with the whole arm at rest")
         )
     return [_prepared(piece, where) for piece, where in zip(pieces, moving, strict=True)], steps
 
@@ -134,7 +136,7 @@ def _validate_plausible_rate(log: JointLog) -> None:
     if not MIN_SAMPLE_RATE <= rate <= MAX_SAMPLE_RATE:
         likely = "ms taken for s" if rate < MIN_SAMPLE_RATE else "s taken for ms"
         raise InputError(
-            f"{log.source}: samples are {rate:.3g} a second, where {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} are "
+            f"{log.source}: the sampling rate is {rate:.3g} Hz, but {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz are "
             f"expected: is the unit of time right ({likely})?"
         )
 
@@ -150,7 +152,7 @@ def _pieces(log: JointLog) -> Iterator[JointLog]:
     ends = [0, *holes.tolist(), len(log)]
     found = [(a, b) for a, b in pairwise(ends) if b - a >= 50]
     if not found:
-        raise InputError(f"{log.source}: no 50 samples follow each other without a hole in time")
+        raise InputError(f"{log.source}: no 50 consecutive samples without a gap in time")
     for a, b in found:
         velocity = None if log.velocity is None else log.velocity[a:b]
         yield JointLog(log.source, log.time[a:b], log.position[a:b], log.torque[a:b], velocity)
@@ -173,7 +175,7 @@ def _resampled(log: JointLog) -> tuple[JointLog, str]:
 
 
 def _resampling(each: list[str], pieces: int) -> str:
-    return f"{'; '.join(dict.fromkeys(each))}{f'; {pieces} pieces between holes' if pieces > 1 else ''}"
+    return f"{'; '.join(dict.fromkeys(each))}{f'; {pieces} segments between gaps' if pieces > 1 else ''}"
 
 
 def _unwrapped(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, int]:
@@ -193,7 +195,7 @@ def _speed(log: JointLog) -> Array:
 
 def _compared(source: str, logs: list[JointLog], speeds: list[Array], mechanism: Mechanism) -> str:
     if any(log.velocity is None for log in logs):
-        return "no logged velocities to compare with"
+        return "no logged velocities"
     logged = np.concatenate([log.velocity for log in logs if log.velocity is not None])
     found = np.concatenate(speeds)
     rests = (np.abs(found).max(axis=0) <= REST_SPEED) & (np.abs(logged).max(axis=0) <= REST_SPEED)
@@ -203,7 +205,7 @@ def _compared(source: str, logs: list[JointLog], speeds: list[Array], mechanism:
         if not abs(ratio - 1.0) <= MAX_VELOCITY_DIFFERENCE:
             raise InputError(
                 f"{source}: joint {joint.name!r}: logged velocities are {ratio:.4g} times the differentiated "
-                f"positions{_explained(ratio)}; state the right units, or leave the velocities out"
+                f"positions{_explained(ratio)}; give the right units, or omit the velocities"
             )
     return f"logged velocities are {ratios.min():.3f} to {ratios.max():.3f} of differentiated positions"
 
@@ -232,24 +234,24 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
         limits, low, high = joint.limits, float(position[:, j].min()), float(position[:, j].max())
         if fastest[j] > MAX_SPEED_RATIO * limits.velocity:
             raise InputError(
-                f"{source}: joint {joint.name!r} moves at {fastest[j]:.3g} {joint.kind.position_unit}/s, its robot at "
-                f"most at {limits.velocity:.3g}: are the positions in {'deg' if joint.kind.is_revolute else 'mm'}, "
-                f"the time "
-                "in ms, or is the gear ratio wrong?"
+                f"{source}: joint {joint.name!r} moves at {fastest[j]:.3g} {joint.kind.position_unit}/s, but the limit "
+                f"of the robot is {limits.velocity:.3g}: are the positions in "
+                f"{'deg' if joint.kind.is_revolute else 'mm'}, the time in ms, or is the gear ratio wrong?"
             )
         if low < limits.lower - MAX_RANGE_EXCESS or high > limits.upper + MAX_RANGE_EXCESS:
             raise InputError(
-                f"{source}: joint {joint.name!r} goes from {low:.3g} to {high:.3g}, in its robot's file from "
-                f"{limits.lower:.3g} to {limits.upper:.3g}: are units, gear ratio (and its sign) and offset right, and "
-                "is it this robot's log?"
+                f"{source}: joint {joint.name!r} moves from {low:.3g} to {high:.3g}, but the limits of the robot file "
+                f"are {limits.lower:.3g} to {limits.upper:.3g}: are units, gear ratio (and its sign) and offset right, "
+                "and is it this robot's log?"
             )
         strongest = max(float(np.percentile(np.abs(log.torque[:, j]), 99.0)) for log in logs)
         if strongest > MAX_SPEED_RATIO * limits.effort:
             raise InputError(
-                f"{source}: joint {joint.name!r} takes {strongest:.3g} {joint.kind.effort_unit}, its robot at most "
-                f"{limits.effort:.3g}: are the unit of torque, the torque constant and the gear ratio right?"
+                f"{source}: joint {joint.name!r} has a torque of {strongest:.3g} {joint.kind.effort_unit}, but the "
+                f"limit of the robot is {limits.effort:.3g}: are the unit of torque, the torque constant and the gear "
+                "ratio right?"
             )
-    return "positions, speeds and torques are within the robot's limits"
+    return "positions, velocities and torques are within the limits of the robot"
 
 
 def _moving(logs: list[JointLog], speeds: list[Array]) -> list[NDArray[np.bool_]]:

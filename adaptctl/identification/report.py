@@ -29,8 +29,8 @@ def verdict(found: Identification) -> str:
     """Outcome in a sentence: the root mean square error of the predicted torques."""
     validation = found.validation
     return (
-        f"Predicts the torques of {validation.origin}, to {_rms_error(found)} over all joints, "
-        f"{validation.relative_error:.1%} of what was measured."
+        f"The model predicts the torques of {validation.origin} with an RMS error of {_rms_error(found)} over all "
+        f"joints, {validation.relative_error:.1%} of the measured torque."
     )
 
 
@@ -41,29 +41,32 @@ def _rms_error(found: Identification) -> str:
 def consistency(found: Identification) -> str:
     """Sentences on whether rigid bodies can have the parameters, and on the cost of requiring it."""
     wrong = found.mechanism.description.inconsistent_links
-    cost = f"The training rows are fitted {found.misfit_ratio - 1.0:.1%} worse than by least squares without that."
+    cost = (
+        f"The error on the training rows is {found.misfit_ratio - 1.0:.1%} larger than with unconstrained least "
+        "squares."
+    )
     if wrong:
-        return f"No body can have the parameters of {', '.join(wrong)}. {cost}"
-    return f"Every link is one that a rigid body can be, and the drives only take energy. {cost}"
+        return f"The parameters of {', '.join(wrong)} are not physically consistent. {cost}"
+    return f"All links are physically consistent, and the drives are dissipative. {cost}"
 
 
 def components(found: Identification) -> str:
     """Sentence on the number of essential components that give the energy to 1 %."""
     return (
-        f"Of the {found.space.rank} essential components of the parameters, {found.components} carry the energy of the "
-        "logs' motion to 1 % (Sheu and Walker 1991, equation 23)."
+        f"Of the {found.space.rank} essential components, {found.components} represent the energy of the "
+        "logged motion to 1 % (Sheu and Walker 1991, equation 23)."
     )
 
 
 def facts(found: Identification) -> Iterator[Fact]:
     """Questions that a reader asks first, and their answers in words."""
     validation, settings = found.validation, found.choice.settings
-    yield Fact("error on data not seen", _rms_error(found))
-    yield Fact("of the measured torque", f"{validation.relative_error:.1%}")
-    yield Fact("fundamental parameters", str(len(found.names)))
+    yield Fact("RMS error on validation data", _rms_error(found))
+    yield Fact("relative to the measured torque", f"{validation.relative_error:.1%}")
+    yield Fact("base parameters", str(len(found.names)))
     yield Fact("friction", settings.friction.words.replace("_", " "))
     yield Fact("physically consistent", "no" if found.mechanism.description.inconsistent_links else "yes")
-    yield Fact("combinations left open", str(len(found.unexcited)))
+    yield Fact("unexcited combinations", str(len(found.unexcited)))
     yield Fact("weight of the prior", f"{settings.weight:g}")
     yield Fact("cut-off", f"{settings.cutoff:g} Hz")
 
@@ -81,8 +84,8 @@ def report(found: Identification) -> Report:
             _excited(found),
             _chosen(found),
             files_section(
-                "The arm in the log's motion, and measured and predicted torques.",
-                "The figures of this page, for programs.",
+                "The moving arm, with measured and predicted torques.",
+                "The numbers of this report, as JSON.",
                 {"validation.parquet": "Measured and predicted torques."},
             ),
         ),
@@ -95,28 +98,28 @@ def _prediction(found: Identification) -> Section:
     each = zip(joints, validation.joint_rms_errors, validation.joint_relative_errors, strict=True)
     rows = [(j.name, f"{rms:.3g} {typeset(j.kind.effort_unit)}", f"{x:.1%}") for j, rms, x in each]
     how = (
-        f"On {validation.origin}, of which no fit has seen anything. Measured and predicted torques go through the "
-        f"same zero-phase filter, below {validation.cutoff:g} Hz; instants in which the whole arm is at rest are left "
+        f"On {validation.origin}, not used in any fit. Measured and predicted torques pass through the "
+        f"same zero-phase filter, below {validation.cutoff:g} Hz; standstill of the whole arm is left "
         "out."
     )
     torques = Drawing(
         "torques",
-        f"Measured and predicted torque of every joint on {validation.origin}, below {validation.cutoff:g} Hz. "
-        "Predictions use the measured motion alone.",
+        f"Measured and predicted torques of all joints on {validation.origin}, below {validation.cutoff:g} Hz. "
+        "Predictions use only the measured motion.",
         partial(_torques, found),
     )
     residuals = Drawing(
         "residuals",
-        "What the prediction leaves of the measured torques: over time, and how much of it is there again some rows "
-        "later. White noise would leave nothing.",
+        "Residuals of the torque prediction: over time, and their autocorrelation over lags in rows. White noise has "
+        "none.",
         partial(_residuals, found),
     )
     unit = torque_error_unit(found.mechanism)
     estimates = {"this estimate": validation, **found.alternatives}.items()
     others = [(name, f"{other.rms_error:.3g} {unit}", f"{other.relative_error:.1%}") for name, other in estimates]
-    heads = ("error, rms", "of its torque")
+    heads = ("RMS error", "relative to the torque")
     return Section(
-        "How well it predicts",
+        "Validation",
         (
             how,
             Table(("joint", *heads), rows, align="lrr"),
@@ -131,34 +134,30 @@ def _parameters(found: Identification) -> Section:
     columns = zip(found.names, found.estimate, found.deviations, strict=True)
     rows = [(name, typeset(parameter_unit(name, found.mechanism)), f"{x:.4g}", f"{s:.2g}") for name, x, s in columns]
     head = (
-        f"{consistency(found)} Deviations are by the block jackknife, with what the prior leaves open added; they are "
-        f"{found.inflation:.1f} times those of white residuals at the median."
+        f"{consistency(found)} Standard deviations are by the block jackknife, plus the uncertainty of the prior; they "
+        f"are {found.inflation:.1f} times those for white residuals (median)."
     )
     table = Table(("parameter", "unit", "estimate", "deviation"), rows, align="csrr", layout=TableLayout.HALVES)
     loads = ", ".join(f"{j.name} {x:.3f}" for j, x in zip(found.mechanism.primary_joints, found.load, strict=True) if x)
-    grows = (
-        "Friction grows with the load besides, by these shares of the rigid torque (robot.toml and robot.urdf do not "
-        f"have this): {loads}."
-    )
+    grows = f"Load-dependent friction, relative to the rigid-body torque (not in robot.toml and robot.urdf): {loads}."
     basis = found.model.basis
     equations = Lines([str(equation) for equation in basis.equations()] if basis is not None else [])
-    told = Note("Regrouping equations; a star marks the fundamental parameter.")
+    told = Note("Regrouping relations; a star marks a base parameter.")
     return Section("Parameters", (head, table, *([grows] if loads else []), told, equations))
 
 
 def _excited(found: Identification) -> Section:
     drawing = Drawing(
         "excitation",
-        "How much the logs say of every combination of fundamental parameters: its prior range over the deviation "
-        "that the logs leave, if residuals were white.",
+        "Excitation of every combination of base parameters: its prior range over the standard deviation for white "
+        "residuals.",
         partial(_excitation, found),
     )
     left = (
-        "These combinations the logs leave about as open as they were; the estimate has there what the robot's file "
-        "says:",
+        "The logs do not excite these combinations; the estimate has the values of the robot file:",
         Lines([combination.words for combination in found.unexcited]),
     )
-    return Section("What the logs excite", (components(found), *(left if found.unexcited else ()), drawing))
+    return Section("Excitation", (components(found), *(left if found.unexcited else ()), drawing))
 
 
 def _chosen(found: Identification) -> Section:
@@ -166,9 +165,9 @@ def _chosen(found: Identification) -> Section:
     steps = [*((step.name, step.outcome) for step in found.steps), *(("prior", remark) for remark in found.warnings)]
     rows = [(t.what, t.candidate, f"{t.rms:.4g}", "taken" if t.taken else "") for t in trials]
     taken = [k for k, trial in enumerate(trials) if trial.taken]
-    choices = Table(("choice", "candidate", "error, rms", "taken"), rows, align="llr", marked=taken)
-    told = "Chosen inside the training rows, by predicting blocks of time left out:"
-    return Section("What was done and chosen", (Table(("step", "outcome"), steps), told, choices))
+    choices = Table(("selection", "candidate", "RMS error", "selected"), rows, align="llr", marked=taken)
+    told = "Selected by block cross-validation on the training rows:"
+    return Section("Preprocessing and model selection", (Table(("step", "outcome"), steps), told, choices))
 
 
 def _rows(found: Identification, columns: int, height: float) -> tuple[Figure, Any]:
@@ -188,7 +187,7 @@ def _torques(found: Identification) -> Figure:
         ax.plot(v.time[every], v.measured[every, j], ".", color=MUTED.hex, markersize=2.5, label="measured")
         ax.plot(v.time[every], v.predicted[every, j], color=run_color(0).hex, linewidth=1.2, label="predicted")
     axes[0][0].legend(loc="upper right", ncols=2)
-    axes[-1][0].set_xlabel("time in the log, s")
+    axes[-1][0].set_xlabel("time in the log [s]")
     return figure
 
 
@@ -200,8 +199,8 @@ def _residuals(found: Identification) -> Figure:
         over_time.plot(v.time[every], v.error[every, j], color=run_color(0).hex, linewidth=0.9)
         over_lags.bar(np.arange(len(correlation)), correlation[:, j], color=run_color(0).hex, width=0.8)
         over_lags.set_ylim(-0.5, 1.05)
-    axes[-1][0].set_xlabel("time in the log, s")
-    axes[-1][1].set_xlabel("rows later")
+    axes[-1][0].set_xlabel("time in the log [s]")
+    axes[-1][1].set_xlabel("lag [rows]")
     return figure
 
 
@@ -210,5 +209,5 @@ def _excitation(found: Identification) -> Figure:
     axes = figure.subplots()
     strengths = np.maximum([c.strength for c in found.combinations][::-1], 1e-6)
     axes.semilogy(np.arange(1, len(strengths) + 1), strengths, ".", color=run_color(0).hex)
-    axes.set_xlabel("combination, by how well it is excited")
+    axes.set_xlabel("combination, by excitation")
     return figure

@@ -312,7 +312,9 @@ def _validate_poses(
         held = np.abs(mechanism.inverse_dynamics(pose, still, still))
         if np.any(held > limits.torque):
             joint = mechanism.primary_joints[int(np.argmax(held - limits.torque))]
-            raise InputError(f"{what}: joint {joint.name!r} cannot hold the pose within its share of the torque limit")
+            raise InputError(
+                f"{what}: joint {joint.name!r} cannot hold the pose within its fraction of the torque limit"
+            )
         if allowed is not None and not allowed(pose[None]):
             raise InputError(f"{what}: the pose collides, or leaves the workspace")
 
@@ -334,7 +336,7 @@ def _smaller(motion: RobotMotion, allowed: Allowed | None) -> RobotMotion:
         smaller = RobotMotion(nearer, motion.start, motion.end, motion.period, motion.fade)
         if allowed(smaller.sampled(50.0)[1]):
             return smaller
-    raise InputError("no motion between these poses is free of collisions and within the workspace; choose others")
+    raise InputError("no collision-free motion between these poses within the workspace; give other poses")
 
 
 def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> RobotMotion:
@@ -345,7 +347,8 @@ def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> R
         fast, slow = slow, 1.5 * slow
         if slow > MAX_TIME_SCALE:
             raise InputError(
-                f"{mechanism.name}: even slowly the motion's torques pass their limits; narrow the positions (share)"
+                f"{mechanism.name}: the torques exceed their limits even for a slow motion; reduce the position range "
+                "(share)"
             )
     for _ in range(MAX_HALVINGS):
         middle = 0.5 * (slow + fast)

@@ -43,7 +43,7 @@ def without_payloads(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mec
 def _columns(payload: PayloadEntry, mechanism: Mechanism) -> slice:
     names = mechanism.description.body_names
     if payload.link not in names:
-        raise InputError(f"payload in {payload.log}: there is no link {payload.link!r}; there is {', '.join(names)}")
+        raise InputError(f"payload in {payload.log}: unknown link {payload.link!r}; links: {', '.join(names)}")
     first = 10 * names.index(payload.link)
     return slice(first, first + 10)
 
@@ -51,7 +51,7 @@ def _columns(payload: PayloadEntry, mechanism: Mechanism) -> slice:
 def _ten(payload: PayloadEntry) -> Array:
     ten = from_center_of_mass(payload.mass, payload.center_of_mass, payload.inertia_at_center.matrix())
     if not is_physically_consistent(ten):
-        raise InputError(f"payload in {payload.log}: no body has this mass, centre and inertia")
+        raise InputError(f"payload in {payload.log}: this mass, centre and inertia are not physically consistent")
     return ten
 
 
@@ -72,18 +72,16 @@ def torque_constants(evidence: LogEvidence, cutoff: float) -> tuple[Array, str]:
     wanted = known - carried
     if np.any(wanted):
         found = _solved(rows.regressor[..., columns], of_motors[..., unknown], wanted)
-        words = f"torque constants of {names} are identified with what is known of the others and of payloads"
+        words = f"torque constants of {names} are identified from the known constants and payloads"
     else:
         direction = _direction(rows.regressor[..., columns], of_motors[..., unknown], names)
         found = _scale(evidence, rows, of_motors[..., unknown] @ direction) * direction
         words = (
-            f"torque constants of {names} are identified up to one scale, at which the links weigh what the robot's "
-            "file says; a known payload or one known constant would settle it"
+            f"torque constants of {names} are identified up to a common scale, with the link masses of the robot "
+            "file; a known payload or one known constant determines the scale"
         )
     if not np.all(found > 0.0):
-        raise InputError(
-            f"torque constants of {names}: the log gives {found.round(4).tolist()}, which are not all positive"
-        )
+        raise InputError(f"torque constants of {names}: the estimates {found.round(4).tolist()} are not all positive")
     constants = drives.constants.copy()
     constants[unknown] = found
     return constants, words
@@ -134,7 +132,7 @@ def _direction(Y: Array, W: Array, names: str) -> Array:
     _, values, vectors = np.linalg.svd(left, full_matrices=False)
     if len(values) > 1 and values[-2] < MIN_SHARE_RATIO * values[-1]:
         raise InputError(
-            f"torque constants of {names}: the log does not tell them from each other; log a motion of more joints at "
+            f"torque constants of {names}: the log does not distinguish them; record a motion of more joints at "
             "once, or one with a known payload"
         )
     direction = vectors[-1] / length

@@ -105,7 +105,7 @@ def unexcited(found: Sequence[Combination], inflation: float) -> list[Combinatio
 
 def essential_components(mechanism: Mechanism, p: Array, v: Array) -> tuple[EssentialSpace, int]:
     """Essential space with a motion as its states, and the number of components for 1 % of its energy."""
-    space = essential_space(mechanism, states=States(p, v, "the log's motion"))
+    space = essential_space(mechanism, states=States(p, v, "the logged motion"))
     return space, reduce(space, mechanism, energy_error=ENERGY_ERROR).num_components
 
 
@@ -165,7 +165,7 @@ def forecast(mechanism: Mechanism, motion: RobotMotion, noise: ArrayLike | None 
 def _expected(torque: Array) -> Array:
     largest = np.abs(torque).max(axis=0)
     if not np.any(largest):
-        raise InputError("noise: the motion takes no torque to be a share of: give the residuals to expect")
+        raise InputError("noise: the motion needs no torque: give the expected residuals")
     return NOISE_SHARE * np.maximum(largest, MIN_TORQUE_SHARE * largest.max())
 
 

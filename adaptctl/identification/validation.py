@@ -163,8 +163,8 @@ def alternatives(evidence: LogEvidence, fit: Fit, mechanism_fit: Fit) -> list[Al
         Alternative(
             f"weighted least squares, {SIMPLE_FRICTION.words}", evidence.ordinary(SIMPLE_FRICTION, cutoff, every)
         ),
-        Alternative("the robot file's links, friction and rotors fitted", _drives_alone(evidence, fit, every, True)),
-        Alternative("friction and rotors alone", _drives_alone(evidence, fit, every, False)),
+        Alternative("links of the robot file, friction and rotors fitted", _drives_alone(evidence, fit, every, True)),
+        Alternative("friction and rotors only", _drives_alone(evidence, fit, every, False)),
     ]
 
 
@@ -202,12 +202,12 @@ def validate_plausible(evidence: LogEvidence, source: str, cutoff: float) -> Non
         drives = np.mean(rubbing * v) < MIN_FRICTION_POWER * np.sqrt(np.mean(v**2) * np.mean(torque**2))
         if drives and _is_needed(evidence, equations, f"{joint.name}.", deviations):
             raise InputError(
-                f"{source}: joint {joint.name!r}: its torques go against its motion, as if friction drove it: is the "
+                f"{source}: joint {joint.name!r}: its torques oppose its motion, as if friction were negative: is the "
                 "sign of its gear ratio, or of its torque or position column, right?"
             )
     if left > MAX_UNEXPLAINED_SHARE:
         raise InputError(
-            f"{source}: the equations of {evidence.mechanism.name} leave {left:.0%} of the torques unexplained: is it "
+            f"{source}: the equations of {evidence.mechanism.name} do not explain {left:.0%} of the torques: is it "
             "this robot's log, are columns, transmission and units right, or are encoders so noisy (then instruments)?"
         )
 

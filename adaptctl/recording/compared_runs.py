@@ -78,9 +78,9 @@ def compared_runs(
     for label, rollout in runs.items():
         validate_kind(rollout, Rollout, f"run {label!r}", "as simulate(...) gives one")
         if not len(rollout.time):
-            raise InputError(f"run {label!r}: expected at least one sample, got none")
+            raise InputError(f"run {label!r}: expected at least one sample")
     if adaptation_off is not None and adaptation_off not in runs:
-        raise NotFoundError(f"adaptation_off: there is no run {adaptation_off!r}; runs: {', '.join(runs)}")
+        raise NotFoundError(f"adaptation_off: unknown run {adaptation_off!r}; runs: {', '.join(runs)}")
     space = essential_space(mechanism)
     own = fundamental_basis(space) if basis is None else basis
     limits = finite_torque_limits(mechanism) if torque_limits is None else torque_limits

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 FINAL_ERROR_TIME = 2.0
 # Time in s at the start of a run over which its first error is taken.
 FIRST_ERROR_TIME = 1.0
+# `knows` of a controller that starts from zero estimates, or has no model.
+NO_MODEL = "none"
 # Name of the run of a subject's controller with adaptation off, unless a comparison says another
 ADAPTATION_OFF = "adaptation-off"
 # Share of its limit at which a torque counts as limited.
@@ -465,10 +467,10 @@ class Comparison:
 
     def __post_init__(self) -> None:
         if not self.runs or len(self.runs[0].rollout.time) == 0:
-            raise InputError(f"{self.experiment}: nothing was run, so there is nothing to show")
+            raise InputError(f"{self.experiment}: expected a run with at least one sample")
         names = [run.name for run in self.runs]
         if repeated := [name for name in names if names.count(name) > 1]:
-            raise InputError(f"{self.experiment}: runs: expected names that differ, got {repeated[0]!r} twice")
+            raise InputError(f"{self.experiment}: runs: expected unique names, got {repeated[0]!r} twice")
         limits = checked(self.torque_limits, self.mechanism.dof, "torque_limits")
         if limits.ndim != 1 or not (limits > 0.0).all():
             raise InputError(f"torque_limits: expected {self.mechanism.dof} positive numbers, got {limits.tolist()}")
@@ -480,7 +482,13 @@ class Comparison:
         return f"<Comparison {self.experiment!r}: {len(self.runs)} runs of {self.mechanism.name!r}>"
 
     def _repr_html_(self) -> str:
-        heads = ("controller", "knows", f"first second [{self.error_unit}]", f"last 2 s [{self.error_unit}]", "seconds")
+        heads = (
+            "controller",
+            "initial model",
+            f"first second [{self.error_unit}]",
+            f"last 2 s [{self.error_unit}]",
+            "seconds",
+        )
         rows = [
             (run.label, run.knows, _thousandths(run.first_rms_error), _thousandths(run.final_rms_error), run.duration)
             for run in self.runs

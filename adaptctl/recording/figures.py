@@ -42,27 +42,30 @@ def drawings(comparison: Comparison) -> dict[str, Drawing]:
     """Figures of a comparison by name, in the order of the report."""
     captions: dict[str, tuple[str, Callable[[Comparison], Figure]]] = {
         "tracking-error": (
-            f"Root mean square of all joints' tracking errors, averaged over {AVERAGING_TIME:g} s, one line a "
+            f"Root mean square tracking error of all joints, averaged over {AVERAGING_TIME:g} s, one line per "
             "controller (logarithmic scale).",
             tracking_error,
         ),
         "joint-errors": (
-            f"Every joint's tracking error in {comparison.error_unit}: learning above, the same controller with "
-            "adaptation off below.",
+            f"Tracking errors of all joints, {comparison.error_unit}: adaptive controller above, the same without "
+            "adaptation below.",
             joint_errors,
         ),
         "lyapunov": (
-            "The Lyapunov function along the adaptive run, and how much it falls in every control period. In "
-            "theory it never rises.",
+            "Lyapunov function of the adaptive run, and its decrease in every control period. In "
+            "theory it never increases.",
             lyapunov,
         ),
-        "torque": ("Torque of the adaptive run. Shaded: beyond the limits.", torque),
+        "torque": ("Torques of the adaptive run. Shaded: beyond the limits.", torque),
         "parameters": (
-            "Estimates of the fundamental parameters (lines), and their true values (dashed). "
-            "Each has its own scale; units are kg, kg·m and kg·m².",
+            "Estimates of the base parameters (solid), and their true values (dashed). "
+            "The scales differ; units are kg, kg·m and kg·m².",
             parameters,
         ),
-        "spectrum": ("Singular values of the energy matrix. The gap tells how many parameters matter.", spectrum),
+        "spectrum": (
+            "Singular values of the energy differences. The gap determines the number of base parameters.",
+            spectrum,
+        ),
     }
     subject = comparison.subject
     missing = {"lyapunov"} if subject.lyapunov is None else set()
@@ -117,7 +120,7 @@ def lyapunov(comparison: Comparison) -> Figure:
     """Figure of the subject's Lyapunov function and its fall between samples."""
     values, time = comparison.subject.lyapunov, comparison.subject.rollout.time
     if values is None:
-        raise ValueError("this run has no Lyapunov function")
+        raise ValueError("the run has no Lyapunov function")
     figure = sheet(2.9)
     whole, steps = figure.subplots(1, 2)
     every = thinned(len(time), MAX_DRAWN_SAMPLES)
@@ -129,13 +132,17 @@ def lyapunov(comparison: Comparison) -> Figure:
     steps.semilogy(time[1:], np.where(falls > 0.0, falls, np.nan), color=run_color(0).hex, linewidth=1.0)
     rises = falls < 0.0
     if rises.any():
-        label = f"rises, {np.count_nonzero(rises)} steps"
+        label = f"increase, {np.count_nonzero(rises)} steps"
         steps.semilogy(time[1:][rises], -falls[rises], ".", color=INK.hex, markersize=3, label=label)
         steps.legend(loc="upper right")
     else:
-        told = "not finite at every sample" if comparison.subject.lyapunov_max_increase is None else "no step rises"
+        told = (
+            "not finite in all samples"
+            if comparison.subject.lyapunov_max_increase is None
+            else "no step with an increase"
+        )
         steps.text(0.98, 0.94, told, transform=steps.transAxes, ha="right", va="top", weight="bold")
-    steps.set_title("Fall of V in each control period [J]")
+    steps.set_title("Decrease of V per control period [J]")
     for axes in (whole, steps):
         axes.set_xlabel("time [s]")
         axes.set_xlim(0.0, comparison.subject.duration)
@@ -194,7 +201,7 @@ def spectrum(comparison: Comparison) -> Figure:
         axes.text(len(values) + 0.5, threshold(comparison.space) * 3.0, text, ha="right", color=INK.hex)
     axes.set_xlim(0.3, len(values) + 0.7)
     axes.set_xlabel("number")
-    axes.set_ylabel("singular value / largest")
+    axes.set_ylabel("singular value over largest")
     axes.grid(visible=False, axis="x")
     return figure
 

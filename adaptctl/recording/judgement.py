@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from adaptctl.recording.comparison import FINAL_ERROR_TIME, Comparison, ControllerRun, Joints
+from adaptctl.recording.comparison import FINAL_ERROR_TIME, NO_MODEL, Comparison, ControllerRun, Joints
 from adaptctl.recording.result import Fact, Failure, Verdict, Whose
 from adaptctl.recording.wording import error, number
 
@@ -51,14 +51,23 @@ def judged(comparison: Comparison) -> Verdict:
 def _failures(comparison: Comparison) -> Iterator[tuple[Failure, str]]:
     run = comparison.subject
     if run.rollout.terminated:
-        yield Failure.STOPPED, f"{run.label} was stopped at {run.duration:.2f} s, an error being beyond bounds."
+        stopped = f"{run.label} was stopped by the environment at {run.duration:.2f} s"
+        yield Failure.STOPPED, f"{stopped}, with a tracking error of {_largest(comparison, -1)}."
     elif not (worst := _last_error(comparison)) < MAX_FINAL_ERROR:
-        yield Failure.DIVERGED, f"{run.label} diverged: an error of {worst:.3g} rad or m at the end."
+        yield Failure.DIVERGED, f"{run.label} diverged: its tracking error reached {worst:.3g} rad or m at the end."
     limited = comparison.limited_steps(run) * run.rollout.sample_time
     if limited > MAX_SATURATED_TIME:
         yield Failure.SATURATED, f"{run.label} was at a torque limit for {limited:.1f} of {run.duration:.1f} s."
     if comparison.complete and not run.rollout.terminated and not _beats_adaptation_off(comparison):
-        yield Failure.NO_BETTER, f"{run.label} ends no better than the same controller with adaptation off."
+        yield Failure.NO_BETTER, f"{run.label} has no smaller final error than the same controller without adaptation."
+
+
+def _largest(comparison: Comparison, sample: int) -> str:
+    """Largest error of the subject at a sample, with its unit and joint."""
+    error = np.abs(comparison.subject.rollout.error[sample])
+    j = int(error.argmax())
+    unit = next(unit for unit, joints in comparison.joints_by_unit.items() if j in joints)
+    return f"{error[j]:.3g} {unit} in joint {comparison.joint_names[j]}"
 
 
 def _last_error(comparison: Comparison) -> float:
@@ -99,15 +108,18 @@ def outcome_words(comparison: Comparison) -> str:
 def _worth(comparison: Comparison) -> str:
     subject = comparison.subject
     first, final = subject.first_rms_error, subject.final_rms_error
-    knowing = f"Knowing {subject.knows} of its inertial parameters, the arm" if subject.knows else "The arm"
+    start = {"": "The", NO_MODEL: "Starting from zero parameter estimates, the"}.get(
+        subject.knows, f"With an initial model ({subject.knows}), the"
+    )
     if first is None or final is None:
         short = _in_each_unit(comparison, lambda joints: subject.rms_error(joints=joints))
-        return f"{knowing} has {short} of tracking error in {subject.duration:.2f} s."
+        return f"{start} RMS tracking error is {short} over {subject.duration:.2f} s."
+    changes = "falls" if final < first else "changes"
     went = (
-        f"goes from {first_error(comparison, subject)} of tracking error in the first second to "
+        f"{changes} from {first_error(comparison, subject)} in the first second to "
         f"{final_error(comparison, subject)} in the last two"
     )
-    return " ".join((f"{knowing} {went}.", *_without_adaptation(comparison, final)))
+    return " ".join((f"{start} RMS tracking error {went}.", *_without_adaptation(comparison, final)))
 
 
 def _without_adaptation(comparison: Comparison, final: float) -> Iterator[str]:
@@ -115,20 +127,20 @@ def _without_adaptation(comparison: Comparison, final: float) -> Iterator[str]:
     if baseline is None:
         return
     if baseline.rollout.terminated:
-        yield f"The same controller with adaptation off is {outcome(baseline)}."
+        yield f"Without adaptation, the same controller was {outcome(baseline)}."
     elif (off := baseline.final_rms_error) is not None and final:
         comparable = len(comparison.joints_by_unit) == 1 and math.isfinite(off) and math.isfinite(final)
-        times = f", {number(off / final, 2)} times as much" if comparable else ""
-        yield f"The same controller with adaptation off stays at {final_error(comparison, baseline)}{times}."
+        times = f" ({number(off / final, 2)} times larger)" if comparable and off > final else ""
+        yield f"Without adaptation, it remains at {final_error(comparison, baseline)}{times}."
 
 
 def outcome(run: ControllerRun) -> str:
-    """End of a run in words: "ran to the end", or the time and cause of its stop."""
+    """End of a run in words: "completed", or the time and cause of its stop."""
     if not run.rollout.complete:
         return f"interrupted at {run.duration:.2f} s"
     if run.rollout.terminated:
-        return f"stopped at {run.duration:.2f} s: error beyond bounds"
-    return "ran to the end"
+        return f"stopped at {run.duration:.2f} s: error limit exceeded"
+    return "completed"
 
 
 def facts(comparison: Comparison) -> Iterator[Fact]:
@@ -136,18 +148,18 @@ def facts(comparison: Comparison) -> Iterator[Fact]:
     subject, leading, baseline = comparison.subject, comparison.leading, comparison.baseline
     if leading is not None:
         yield Fact(leading.meaning, f"{error(leading.final_rms(subject), leading.unit)} in the last 2 s (RMS)")
-    whose = "RMS error" if leading is None else "Joints' RMS error"
+    whose = "RMS error" if leading is None else "Joint RMS error"
     yield Fact(f"{whose}, first second", first_error(comparison, subject))
     marked = Whose.SUBJECT if baseline else Whose.NOBODY
     yield Fact(f"{whose}, last 2 s", final_error(comparison, subject), marked)
     if baseline:
         fell = baseline.rollout.terminated
         answer = outcome(baseline) if fell else final_error(comparison, baseline)
-        yield Fact("… with adaptation off", answer, Whose.BASELINE)
+        yield Fact("… without adaptation", answer, Whose.BASELINE)
     if subject.lyapunov_max_increase is not None:
         yield Fact("Lyapunov function", lyapunov_words(subject.lyapunov_max_increase))
     elif subject.lyapunov is not None and len(subject.lyapunov):
-        yield Fact("Lyapunov function", "not known: it holds NaN or infinity")
+        yield Fact("Lyapunov function", "unknown: not finite")
     peak = float(comparison.peak_torque_shares.max())
     yield Fact("Peak torque", f"{number(100.0 * peak)} % of the limit")
     yield Fact("Steps at a torque limit", f"{comparison.limited_steps(subject):,} of {len(subject.rollout.time):,}")
@@ -158,24 +170,24 @@ def facts(comparison: Comparison) -> Iterator[Fact]:
 
 def lyapunov_words(rise: float) -> str:
     """Sentence on the Lyapunov function's largest rise (J) between samples."""
-    return "never rises" if rise == 0.0 else f"rises by at most {number(rise)} J a step"
+    return "never rises" if rise == 0.0 else f"rises by at most {number(rise)} J per step"
 
 
 def parameters(comparison: Comparison) -> str:
     """Numbers of a mechanism's parameters in words."""
     inertial, all_of_them = len(comparison.space.parameter_names), len(comparison.mechanism.parameter_names)
-    friction = f", and {all_of_them - inertial} of friction" if all_of_them > inertial else ""
-    return f"{comparison.space.rank} independent among {inertial} inertial{friction}"
+    friction = f", plus {all_of_them - inertial} of friction" if all_of_them > inertial else ""
+    return f"{comparison.space.rank} base parameters of {inertial} inertial parameters{friction}"
 
 
 TRUTH_UNKNOWN = (
-    "The true values are not known, so nothing is said of how near the estimates are: a small tracking error does not "
-    "say that they are near."
+    "The true parameters are unknown, so the accuracy of the estimates is unknown, too: a small tracking error does "
+    "not imply accurate estimates."
 )
 
 CONVERGENCE = (
-    "The tracking error converges; the estimates need not: they reach the true values only as far as the "
-    "motion excites them."
+    "Good tracking does not require parameter convergence: estimates converge to the true values only in directions "
+    "that the motion excites."
 )
 
 

@@ -90,7 +90,7 @@ class Live:
         self._process: subprocess.Popen[bytes] | None = None
         place = f"{HOST}:{PORT}" if to is None else to
         if not isinstance(place, str):
-            raise InputError(f"to: expected the text {HOST}:PORT or a file's that ends in .rrd, got {to!r}")
+            raise InputError(f"to: expected {HOST}:PORT or a path that ends in .rrd, got {to!r}")
         if is_file := place.endswith(".rrd"):
             validate_place(place)
         self.url = place if is_file else reachable(place, start_viewer, inline)
@@ -170,7 +170,7 @@ class Live:
         except ImportError as error:
             raise MissingExtraError("live view: notebooks need rerun-notebook: pip install rerun-notebook") from error
         if self.url is None or self.url.endswith(".rrd"):
-            raise InputError(f"live view: there is no viewer to show: {self.url or 'none could be reached'}")
+            raise InputError(f"live view: no viewer is reachable{f' at {self.url}' if self.url else ''}")
         return Viewer(url=self.url, **options)
 
     def _ipython_display_(self) -> None:
@@ -204,7 +204,7 @@ class Live:
 
     def _lose(self, why: str) -> None:
         self._disconnect()
-        warnings.warn(f"live view: it has ended ({why}); the run goes on unseen", LiveViewWarning, stacklevel=4)
+        warnings.warn(f"live view: ended ({why}); the run continues without it", LiveViewWarning, stacklevel=4)
 
     def _disconnect(self) -> None:
         if self._socket is not None:
@@ -216,7 +216,7 @@ def reachable(address: str, start_viewer: bool = False, inline: bool = False) ->
     """URL of a viewer on this computer."""
     host, _, port = address.rpartition(":")
     if host not in (HOST, "localhost") or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise InputError(f"live view: expected {HOST}:PORT, this computer's own, or a file .rrd, got {address!r}")
+        raise InputError(f"live view: expected {HOST}:PORT on this computer, or a .rrd file, got {address!r}")
     url = f"rerun+http://{HOST}:{port}/proxy"
     if _answers(int(port)):
         return url
@@ -233,7 +233,9 @@ def reachable(address: str, start_viewer: bool = False, inline: bool = False) ->
                 return url
             time.sleep(0.1)
     warnings.warn(
-        f"live view: no viewer is reachable at {HOST}:{port}; the run goes on unseen", LiveViewWarning, stacklevel=4
+        f"live view: no viewer is reachable at {HOST}:{port}; the run continues without a live view",
+        LiveViewWarning,
+        stacklevel=4,
     )
     return None
 

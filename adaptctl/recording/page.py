@@ -24,7 +24,7 @@ SHEU_WALKER = (
     "S.-Y. Sheu and M. W. Walker, Identifying the Independent Inertial Parameter Space of Robot Manipulators, "
     "International Journal of Robotics Research 10(6), 1991"
 )
-INCOMPLETE = "This run was interrupted. What was computed until then is shown; it is not the whole experiment."
+INCOMPLETE = "This run was interrupted: the results are incomplete."
 
 
 class Tone(Enum):
@@ -258,10 +258,10 @@ def files_section(
             (file, f'{meaning} Read it with pyarrow.parquet.read_table("{file}").')
             for file, meaning in (tables or {}).items()
         ),
-        (f"{FIGURES}/", "The figures of this page as PNG."),
+        (f"{FIGURES}/", "The figures of this report as PNG."),
     ]
-    table = Table(("file", "what is in it"), rows, align="cl", layout=TableLayout.STACKED)
-    return Section("The files beside this page", (table,))
+    table = Table(("file", "contents"), rows, align="cl", layout=TableLayout.STACKED)
+    return Section("Output files", (table,))
 
 
 @cache

@@ -38,9 +38,9 @@ SOURCE = (
     "Journal of Robotics Research 6(3), 1987."
 )
 COSTS = (
-    "Floating-point operations are counted in the law as it is compiled. Times are told where they were asked for, of "
-    "this machine: native within a loop over many states, the copying of states included; called from Python, one tick "
-    "at a time."
+    "Floating-point operations of the compiled law. Times, if requested, are measured on "
+    "this machine: native, in a loop over many states, including the copying of states; called, one control step "
+    "at a time from Python."
 )
 
 
@@ -134,21 +134,21 @@ def report(comparison: Comparison) -> Report:
 def _sections(comparison: Comparison) -> Iterator[Section]:
     figure = drawings(comparison)
     label = comparison.subject.label
-    yield Section("What was run", tuple(_run_parts(comparison)))
+    yield Section("Experiment", tuple(_run_parts(comparison)))
     if not isinstance(comparison.live, str):
         yield Section("", (Fragment(comparison.live.html(label)),))
     elif comparison.live:
-        yield Section("", (Note(f"There is no live arm on this page: {comparison.live}."),))
-    yield Section("What a control tick costs", (COSTS, _costs(comparison)))
+        yield Section("", (Note(f"This report has no live simulation: {comparison.live}."),))
+    yield Section("Cost of a control step", (COSTS, _costs(comparison)))
     yield Section("Stability and effort", [figure[name] for name in ("lyapunov", "torque") if name in figure])
     if "parameters" in figure:
-        yield Section("What it learnt", (on_truth(comparison), figure["parameters"], _parameters(comparison)))
-    yield Section("Which parameters matter", tuple(_matter(comparison)))
+        yield Section("Parameter estimates", (on_truth(comparison), figure["parameters"], _parameters(comparison)))
+    yield Section("Base parameters", tuple(_matter(comparison)))
     yield settings_section(comparison.settings, *_robot_notes(comparison))
     yield files_section(
-        "The arm in motion with all curves.",
-        "The figures of this page, for programs.",
-        {TRACE: "Every control period of the adaptive run, with units."},
+        "The moving arm, with all curves.",
+        "The numbers of this report, as JSON.",
+        {TRACE: "All control periods of the adaptive run, with units."},
     )
 
 
@@ -166,7 +166,7 @@ def _run_parts(comparison: Comparison) -> Iterator[Part]:
         )
         for run in comparison.runs
     ]
-    heads = "knew of the arm", "RMS error, first second", "RMS error, last 2 s", "steps at a torque limit", "outcome"
+    heads = "initial model", "RMS error, first second", "RMS error, last 2 s", "steps at a torque limit", "outcome"
     yield _of_runs(comparison, heads, rows, "llrrrl")
     if (columns := _measured(comparison)) is not None:
         yield columns
@@ -213,11 +213,15 @@ def _fixed(value: float) -> str:
 def _matter(comparison: Comparison) -> Iterator[Part]:
     mechanism, space, kept = comparison.mechanism, comparison.space, set(comparison.basis.names)
     friction = len(mechanism.parameter_names) - len(space.parameter_names)
-    more = f" Energies say nothing of its {friction} friction parameters, which are kept besides." if friction else ""
+    more = (
+        f" Its {friction} friction parameters are also kept, because energies do not depend on them."
+        if friction
+        else ""
+    )
     yield (
         f"The energy of {mechanism.name} depends on {space.rank} combinations of its {len(space.parameter_names)} "
-        "inertial parameters; found from energies alone, without accelerations. So many parameters are kept, and the "
-        f"others regrouped into them.{more}"
+        "inertial parameters. They are found from energies, without accelerations. As many base parameters are kept, "
+        f"and the others are regrouped into them.{more}"
     )
     yield drawings(comparison)["spectrum"]
     rows: list[tuple[str | bool, ...]] = [
@@ -225,8 +229,8 @@ def _matter(comparison: Comparison) -> Iterator[Part]:
     ]
     yield Table(("kept", *PARAMETERS), rows, layout=TableLayout.GRID, marks=("kept", "left out or regrouped"))
     yield Note(
-        "Regrouping equations; a star marks the fundamental parameter, the right-hand side the link parameters it is "
-        "made of (SI units)."
+        "Regrouping relations; a star marks a base parameter, the right-hand side has the link parameters regrouped "
+        "into it (SI units)."
     )
     yield Lines([str(equation) for equation in comparison.basis.equations()])
 
@@ -237,8 +241,8 @@ def _robot_notes(comparison: Comparison) -> Iterator[Note]:
         yield Note(description.source, head=f"{comparison.mechanism.name}.")
     if wrong := description.inconsistent_links:
         yield Note(
-            f"No rigid body can have the inertial parameters of {', '.join(wrong)}: the robot's description assigns "
-            "them so."
+            f"The inertial parameters of {', '.join(wrong)} are not physically consistent. They are those of the "
+            "robot's description."
         )
 
 

@@ -149,7 +149,7 @@ def blueprint(comparison: Comparison, parts: Skeleton) -> rrb.Blueprint:
     """Layout of a comparison's recording, in tabs."""
     end, joints = comparison.subject.duration, comparison.joint_names
     errors = _error_views(comparison)
-    title = f"All controllers: RMS error of all joints, powers of ten of a {comparison.error_unit}"
+    title = f"All controllers: RMS error of all joints, log10 [{comparison.error_unit}]"
     shares = [3, 2] if len(errors) > MAX_RUNS_IN_LEGEND else [1, 1]
     grid = rrb.Grid(*errors, grid_columns=min(len(errors), 4))
     together = rrb.Vertical(views.curves("/error_decades", title, end), grid, row_shares=shares, name="Controllers")
@@ -170,7 +170,7 @@ def blueprint(comparison: Comparison, parts: Skeleton) -> rrb.Blueprint:
         _overview(comparison, Viewpoint.of(comparison.mechanism, parts, comparison.subject.rollout.reference_p)),
         together,
         *(rrb.Grid(*each, grid_columns=3 if len(each) > 2 else 1, name=name) for name, each in grids.items()),
-        rrb.Horizontal(_spectrum(), views.text("basis/equations", "Independent parameters"), name="Offline stage"),
+        rrb.Horizontal(_spectrum(), views.text("basis/equations", "Base parameters"), name="Offline analysis"),
     )
 
 
@@ -178,16 +178,16 @@ def _overview(comparison: Comparison, viewpoint: Viewpoint) -> rrb.Container:
     end, leading, rise = comparison.subject.duration, comparison.leading, comparison.subject.lyapunov_max_increase
     arm = views.arm(WORLD, "The arm · desired: green ghost · adaptation off: orange ghost", viewpoint)
     left = rrb.Vertical(arm, views.text("summary", "Summary"), row_shares=[11, 9])
-    title = f"{leading.meaning}, powers of ten of a {leading.unit}" if leading else ""
+    title = f"{leading.meaning}, log10 [{leading.unit}]" if leading else ""
     curves = [views.curves("/leading", title, end, room=views.LONG_LEGEND)] if leading else []
     curves += _error_views(comparison, legend=True)[: 2 - len(curves)]
     if rise is None:
         curves.append(views.curves("/energy", "Energy [J]", end))
     else:
         curves.append(views.curves("/lyapunov", f"Lyapunov function [J] · {lyapunov_words(rise)}", end))
-    most = f"Estimates that moved most · {_truth(comparison)}"
+    most = f"Estimates with the largest changes · {_truth(comparison)}"
     curves += [
-        views.curves("/torque_share", "Torque / limit", end, (-1.1, 1.1), legend_room(comparison.joint_names)),
+        views.curves("/torque_share", "Torque over limit", end, (-1.1, 1.1), legend_room(comparison.joint_names)),
         views.curves("/estimate/most_learnt", most, end, room=views.LONG_LEGEND),
     ]
     right = rrb.Grid(*curves, _spectrum(), grid_columns=2)
@@ -202,7 +202,7 @@ def _error_views(comparison: Comparison, *, legend: bool | None = None) -> list[
     bounds = (float(errors.min()) - margin, float(errors.max()) + margin)
     end, room = comparison.subject.duration, legend_room(comparison.joint_names)
     shows = len(shown) <= MAX_RUNS_WITH_LEGENDS if legend is None else legend
-    told = f"joints' tracking errors [{comparison.error_unit}]"
+    told = f"joint tracking errors [{comparison.error_unit}]"
     return [
         views.curves(f"/error/{run.name}", f"{run.label} · {told}", end, bounds, room, legend=shows) for run in shown
     ]
@@ -224,20 +224,20 @@ def estimated_links(comparison: Comparison) -> dict[str, str]:
 
 
 def _truth(comparison: Comparison) -> str:
-    return "level lines: true values" if comparison.truth_known else "true values unknown"
+    return "pale: true values" if comparison.truth_known else "true values unknown"
 
 
 def _spectrum() -> rrb.View:
-    title = "Energy spectrum, powers of ten above the threshold · grey: null space"
+    title = "Singular values, log10 over the threshold · grey: null space"
     return rrb.BarChartView(origin="/basis/spectrum", name=title, plot_legend=rrb.PlotLegend(visible=False))
 
 
 def _equations(comparison: Comparison) -> str:
     equations = Lines([str(equation) for equation in comparison.basis.equations()]).markdown()
-    return f"""# Independent parameters: rank {comparison.space.rank} of {len(comparison.space.parameter_names)}
+    return f"""# Base parameters: rank {comparison.space.rank} of {len(comparison.space.parameter_names)}
 
-Found from energies alone. A star marks a parameter into which others are regrouped; what is not named here
-changes no torque by itself.
+Found from energies. A star marks a parameter into which others are regrouped; parameters that are not listed
+affect no torque.
 
 {equations}
 """

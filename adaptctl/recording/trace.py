@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 SCHEMA = "adaptctl/trace/2"
 # Units and meanings of the flags of plants and guards.
 FLAGS = {
-    "payload": ("kg", "mass that is held"),
-    "torque_limited": ("1", "1 where a limit held a torque back"),
-    "rate_limited": ("1", "1 where a torque would have changed too fast"),
-    "frozen": ("1", "1 where nothing is learned from the period"),
-    "bounded": ("1", "1 where an estimate was brought back to its bounds"),
-    "ringing": ("1", "1 where a sliding variable changes its sign every control period"),
-    "stopped": ("1", "1 from where the arm is braked"),
+    "payload": ("kg", "payload mass"),
+    "torque_limited": ("1", "1 where a torque was limited"),
+    "rate_limited": ("1", "1 where a torque rate was limited"),
+    "frozen": ("1", "1 where adaptation was frozen"),
+    "bounded": ("1", "1 where an estimate was projected onto its bounds"),
+    "ringing": ("1", "1 where a sliding variable changed its sign every control period"),
+    "stopped": ("1", "1 while the arm was braked"),
 }
 
 
@@ -80,14 +80,12 @@ def quantities(run: ControllerRun, mechanism: Mechanism, parameters: tuple[str, 
     yield Quantity("reward", "1", "reward of the environment", rollout.reward)
     yield Quantity("clipped", "1", "1 where a torque was clipped", rollout.clipped)
     for name, values in rollout.flags.items():
-        unit, meaning = FLAGS.get(name, ("1", "set by the plant or by the controller's guards"))
+        unit, meaning = FLAGS.get(name, ("1", "flag of the plant or of the safety limits"))
         yield Quantity(f"flag.{name}", unit, meaning, values)
     if run.lyapunov is not None:
         yield Quantity("lyapunov", "J", "Lyapunov function of the adaptive law", run.lyapunov)
     for name, values in zip(parameters, rollout.estimate.T, strict=False):
-        yield Quantity(
-            f"estimate.{name}", parameter_unit(name, mechanism), "estimate of the fundamental parameter", values
-        )
+        yield Quantity(f"estimate.{name}", parameter_unit(name, mechanism), "estimate of the base parameter", values)
 
 
 def _of_joints(run: ControllerRun, mechanism: Mechanism) -> Iterator[Quantity]:
@@ -99,7 +97,7 @@ def _of_joints(run: ControllerRun, mechanism: Mechanism) -> Iterator[Quantity]:
         ("reference_v", "/s", "desired velocity", rollout.reference_v),
         ("reference_a", "/s^2", "desired acceleration", rollout.reference_a),
         ("error", "", "position minus desired position", rollout.error),
-        ("torque", None, "torque asked for", rollout.torque),
+        ("torque", None, "commanded torque", rollout.torque),
         ("applied", None, "torque within the limits", rollout.applied),
     )
     for name, rate, meaning, values in kinds:

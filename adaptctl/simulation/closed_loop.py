@@ -83,7 +83,7 @@ class ClosedLoop:
         validate_kind(self.controller, Controller, "closed loop", "as SlotineLi(...) is one")
         if self.plant.dof != self.controller.dof:
             raise InputError(
-                f"closed loop: the plant has {self.plant.dof} joints, the controller is for {self.controller.dof}"
+                f"closed loop: the plant has {self.plant.dof} joints, but the controller has {self.controller.dof}"
             )
 
     def __repr__(self) -> str:
@@ -268,7 +268,7 @@ class ClosedLoop:
         for name, length in self.state.items():
             found = arms.state.columns.get(name, "none")
             if found != length:
-                raise InputError(f"closed loop: arms of this loop have {name} of length {length}, these have {found}")
+                raise InputError(f"closed loop: expected {name} of length {length}, got {found}")
 
     @cached_property
     def _blank(self) -> Any:
@@ -283,7 +283,7 @@ def not_compiled(plant: Plant, controller: Controller[Any]) -> str:
     """Reason why plant and controller cannot be compiled together, empty if they can."""
     for part, kind in ((controller, Controller), (plant, Plant)):
         if type(part).step is not kind.step:
-            return f"{type(part).__name__} has a step of its own"
+            return f"{type(part).__name__} has a custom step"
     links = len(plant.mechanism.links)
     return f"{links} links are too many to compile" if links > MAX_COMPILED_LINKS else ""
 

@@ -279,8 +279,8 @@ def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> 
         return float(np.abs(np.linalg.eigvals(np.linalg.solve(mechanism.mass_matrix(p), damping))).max())
     except np.linalg.LinAlgError as error:
         raise InputError(
-            f"{mechanism.name}: the mass matrix is singular, so friction would act at once: every joint that moves "
-            "alone needs a link or a rotor with inertia"
+            f"{mechanism.name}: the mass matrix is singular: every joint that moves "
+            "independently needs a link or a rotor with inertia"
         ) from error
 
 
@@ -345,9 +345,9 @@ def validate_substeps(mechanism: Mechanism, transmission: Transmission, control_
     needed = _few(math.ceil(control_period * max(waves, decay) / MAX_RATE_STEP), mechanism)
     if substeps < needed:
         raise InputError(
-            f"elastic joints: {substeps} substeps of {control_period:g} s are too few for springs that oscillate at "
-            f"{waves:.3g} rad/s and decay at {decay:.3g} 1/s with the inertias of {mechanism.name}: use at least "
-            f"{needed}"
+            f"elastic joints: {substeps} substeps per {control_period:g} s are too few for springs with oscillations "
+            f"of {waves:.3g} rad/s and decay rates of {decay:.3g} 1/s with the inertias of {mechanism.name}: use at "
+            f"least {needed}"
         )
 
 
@@ -355,9 +355,9 @@ def _few(steps: int, mechanism: Mechanism) -> int:
     if steps <= MAX_SPRING_SUBSTEPS:
         return steps
     raise InputError(
-        f"elastic joints: springs and dampers this stiff, with the inertias of {mechanism.name}, would need {steps} "
-        f"steps in a control period, and {MAX_SPRING_SUBSTEPS} are the most: make them softer, or leave the "
-        "joints rigid"
+        f"elastic joints: these springs and dampers, with the inertias of {mechanism.name}, would need {steps} "
+        f"steps per control period, but the limit is {MAX_SPRING_SUBSTEPS}: use softer springs, or rigid "
+        "joints"
     )
 
 

@@ -63,7 +63,7 @@ def differing(
     one = controller if isinstance(controller, Controller) else _first_of(controller)
     if one is not controller and one.numbers:
         if gains:
-            raise InputError("gains: expected none besides those of a sequence of controllers")
+            raise InputError("gains: not allowed with a sequence of controllers")
         laws: Any = controller
         return one, {name: np.stack([law.numbers[name] for law in laws]) for name in one.numbers}
     one.tuned({name: one.numbers.get(name, values) for name, values in gains.items()})
@@ -105,7 +105,9 @@ def _first_of(given: object) -> Controller[Any]:
         raise InputError(f"controller: expected a Controller or a sequence of them, got {given!r}")
     for k, one in enumerate(laws):
         if one.structure != laws[0].structure:
-            raise InputError(f"controller: expected any to differ in numbers alone, number {k} does not")
+            raise InputError(
+                f"controller: the controllers may differ only in numbers, but number {k} differs otherwise"
+            )
     return laws[0]
 
 
@@ -119,7 +121,7 @@ def validate_single(loop: ClosedLoop, steps: int) -> None:
     for part in _parts(loop.controller):
         if isinstance(part, AdaptationLaw) and part.needs_double:
             kind = type(part).__name__
-            raise InputError(f"precision: single precision loses the matrix in which {kind} forgets: use double")
+            raise InputError(f"precision: single precision is too inaccurate for the forgetting of {kind}: use double")
     if steps > MAX_FLOAT32_PERIODS:
         raise InputError(
             f"precision: single precision counts to {MAX_FLOAT32_PERIODS} control periods, got {steps}: use double"

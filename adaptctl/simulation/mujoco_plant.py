@@ -42,17 +42,17 @@ class MuJoCoPlant(Plant):
 
     def __post_init__(self) -> None:
         if self.model is None:
-            raise InputError("MuJoCoPlant: expected a MuJoCo model; MuJoCoPlant.of makes the mechanism of it as well")
+            raise InputError("MuJoCoPlant: expected a MuJoCo model; MuJoCoPlant.of also creates the mechanism")
         if tuple(self.effects):
-            raise InputError("MuJoCoPlant: effects are of our own plant: put what they do into MuJoCo's model")
+            raise InputError("MuJoCoPlant: effects are not supported: model them in MuJoCo")
         super().__post_init__()
         if self.arm.servos and not self.servos_off:
             raise InputError(
-                f"{self.mechanism.name}: actuators that are no torques would hold the arm against the law: "
-                f"{', '.join(self.arm.servos)}; put motors in their place, or switch them off with servos_off=True"
+                f"{self.mechanism.name}: these actuators are not torques and would work against the controller: "
+                f"{', '.join(self.arm.servos)}; replace them by motors, or switch them off with servos_off=True"
             )
         if len(self.arm.joints) != self.dof:
-            raise InputError(f"{self.mechanism.name}: expected {self.dof} joints in MuJoCo's model")
+            raise InputError(f"{self.mechanism.name}: expected {self.dof} joints in the MuJoCo model")
 
     @classmethod
     def of(
@@ -84,8 +84,8 @@ class MuJoCoPlant(Plant):
         p, v, drives = self._scene.having(parameters).moved(state.drives, applied)
         if not math.isfinite(p.dot(p) + v.dot(v)):
             raise NonFiniteError(
-                f"{self.mechanism.name}: MuJoCo's motion ran away after {state.time:g} s: use a shorter control "
-                "period, a shorter timestep in the model, or weaker gains"
+                f"{self.mechanism.name}: the MuJoCo simulation diverged after {state.time:g} s: use a shorter control "
+                "period, a shorter timestep in the model, or smaller gains"
             )
         clipped = bool((applied != given).any())
         return self._state(state.time + self.control_period, p, v, drives, applied, clipped)
@@ -233,10 +233,9 @@ def warn_of_contacts(plant: MuJoCoPlant, reference: Reference) -> None:
     (one, other), count = found.most_common(1)[0]
     more = f", and {len(found) - 1} more pairs of bodies" if len(found) > 1 else ""
     warnings.warn(
-        f"{plant.mechanism.name}: on the reference, {one!r} and {other!r} touch at {count} of {CONTACT_SAMPLES} "
-        f"times{more}, "
-        "which pushes the arm off, as the controller's model has no contacts: choose another reference, or exclude the "
-        "pair in the scene",
+        f"{plant.mechanism.name}: along the reference, {one!r} and {other!r} are in contact at {count} of "
+        f"{CONTACT_SAMPLES} times{more}, but the model of the controller has no contacts: give another reference, or "
+        "exclude the pair in the scene",
         ReferenceWarning,
         stacklevel=4,
     )
@@ -256,7 +255,7 @@ def clear_of_contacts(plant: MuJoCoPlant, drawn: Sinusoids) -> Sinusoids:
     found = contacts_at(plant, home[None])
     names = " and ".join(repr(name) for name in next(iter(found), ("it", "the scene")))
     raise InputError(
-        f"{plant.mechanism.name}: no motion about the scene's own posture is free of contacts: {names} touch there"
+        f"{plant.mechanism.name}: no contact-free motion about the posture of the scene: {names} are in contact"
     )
 
 

@@ -482,7 +482,7 @@ class Plant(Tunable):
             return p, v, sensors
         arms, noise = p.shape[:-1], checked(noise, self.noise_size, f"{self.mechanism.name}: noise")
         if same_samples(p=p, noise=noise) != arms:
-            raise InputError(f"{self.mechanism.name}: noise: expected that of {arms} arms, got {noise.shape[:-1]}")
+            raise InputError(f"{self.mechanism.name}: noise: expected values for {arms} arms, got {noise.shape[:-1]}")
         given = column(p), column(v), column(noise), column(sensors)
         measured = self._effects.measured(*given, self.control_period)
         made_p, made_v, after = (stacked(part.of, arms) for part in measured)
@@ -554,8 +554,8 @@ class Plant(Tunable):
         self._vector(state.p, "p"), self._vector(state.v, "v")
         checked(parameters, self.mechanism.equations.parameters, f"{self.mechanism.name}: parameters")
         raise NonFiniteError(
-            f"{self.mechanism.name}: the motion ran away after {state.time:g} s: use a shorter control period or "
-            "more substeps, weaker gains, and parameters whose mass matrix is positive definite"
+            f"{self.mechanism.name}: the motion diverged after {state.time:g} s: use a shorter control period or "
+            "more substeps, smaller gains, and parameters whose mass matrix is positive definite"
         )
 
 

@@ -53,8 +53,8 @@ def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: fl
         if wrong:
             joints = ", ".join(names[j] if j < len(names) else f"{j}" for j in wrong)
             warnings.warn(
-                f"reference: the {what} of {joints} is not the derivative of its {of}: the controller will follow "
-                f"neither; give {type(reference).__name__} exact derivatives, or use `Spline` through its positions",
+                f"reference: the {what} of {joints} is not the derivative of its {of}: the controller can follow "
+                f"neither; give {type(reference).__name__} exact derivatives, or use a `Spline` through its positions",
                 ReferenceWarning,
                 stacklevel=stacklevel + 1,
             )

@@ -254,7 +254,7 @@ def _validate_joints(env: gymnasium.Env[Any, Any], controller: Controller[Any], 
     widths = {len(range(*part.indices(shape[0]))) for part in parts}
     if widths != {controller.dof}:
         counts = " and ".join(str(width) for width in sorted(widths))
-        raise InputError(f"{env}: observes {counts} joints, the controller is for {controller.dof}")
+        raise InputError(f"{env}: has {counts} joints, but the controller has {controller.dof}")
     if env.action_space.shape != (controller.dof,):
         raise InputError(f"{env}: expected actions of shape ({controller.dof},), got {env.action_space.shape}")
 

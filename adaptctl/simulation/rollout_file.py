@@ -79,7 +79,7 @@ class RolloutFile:
             return self._held.__exit__(kind, error, trace)
         with self._held:
             if self._writer is None:
-                raise FileError(f"{self._path}: not written: expected samples of a run, and none were appended")
+                raise FileError(f"{self._path}: not written: no samples were appended")
             self._writer.add_key_value_metadata({name: json.dumps(value) for name, value in self.about.items()})
         return None
 
@@ -94,7 +94,7 @@ def joint_names(dof: int, given: Sequence[str] | None) -> list[str]:
     if len(names) != dof:
         raise InputError(f"joints: expected {dof} names, got {len(names)}")
     if len(set(names)) < dof:
-        raise InputError(f"joints: expected different names, got {', '.join(names)}")
+        raise InputError(f"joints: expected unique names, got {', '.join(names)}")
     return names
 
 
@@ -138,12 +138,12 @@ def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array],
     if about.get("schema") != SCHEMA:
         found = about.get("schema")
         more = earlier_schema(str(found), SCHEMA)
-        raise FileError(f"{path}: not a run of ours: expected the schema {SCHEMA!r}, got {found!r}{more}")
+        raise FileError(f"{path}: not a run of adaptctl: expected the schema {SCHEMA!r}, got {found!r}{more}")
     try:
         columns, flags = _arrays(table)
         return columns, flags, {name: json.loads(about[name]) for name in STORED_ENTRIES if name in about}
     except (KeyError, TypeError, ValueError) as error:
-        raise FileError(f"{path}: {type(error).__name__}: {error}; it is not whole") from error
+        raise FileError(f"{path}: {type(error).__name__}: {error}; the file is incomplete") from error
 
 
 def _file_columns(

@@ -279,7 +279,7 @@ class Rollout:
         """Notebook's view of the run: its figure, with the numbers that matter."""
         last = self.error[self.time >= self.time[-1] - FINAL_WINDOW] if len(self.time) else self.error
         rms = 1e3 * float(np.sqrt(np.mean(last**2))) if last.size else float("nan")
-        end = "stopped by an error" if self.terminated else "to the end" if self.complete else "cut off"
+        end = "stopped at the error limit" if self.terminated else "completed" if self.complete else "interrupted"
         text = f"{len(self.time):,} control periods of {self.control_period:g} s, {self.p.shape[1]} joints; {end}; "
         head = f"<p><b>Rollout</b> {text}RMS error over the last {FINAL_WINDOW:g} s: {rms:.3g} mrad (mm)</p>"
         if not len(self.time):
@@ -304,7 +304,7 @@ class Rollout:
             axes.tick_params(labelsize=8)
         figure.axes[0].set_prop_cycle(None)
         figure.axes[0].plot(self.time[every], self.reference_p[every], linestyle=":", linewidth=1.0)
-        figure.axes[0].set_title("positions, and dotted the reference", size=9)
+        figure.axes[0].set_title("positions (solid) and reference (dotted)", size=9)
         figure.axes[-1].set_xlabel("time [s]")
         figure.legend(figure.axes[1].lines, names, loc="outside right upper", fontsize=8)
         return figure
@@ -431,7 +431,7 @@ class Rollout:
             units = stated_units(columns["p"].shape[1], whole.pop("position_units", ()))
             return cls(**columns, flags=flags, **whole, position_units=units)
         except (KeyError, TypeError, ValueError) as error:
-            raise FileError(f"{path}: {type(error).__name__}: {error}; it is not whole") from error
+            raise FileError(f"{path}: {type(error).__name__}: {error}; the file is incomplete") from error
 
 
 def _table(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Array:

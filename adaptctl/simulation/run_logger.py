@@ -192,7 +192,7 @@ class RunLogger:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self.lost or self.faulty:
-            text = f"of {self.count + self.faulty} samples, {self.lost} were overwritten and {self.faulty} left out"
+            text = f"of {self.count + self.faulty} samples, {self.lost} were overwritten and {self.faulty} omitted"
             warnings.warn(f"log: {text}: `capacity` is {len(self._rows)}", LostSamplesWarning, stacklevel=2)
         if self._path is not None and self.count >= 2:
             self.rollout(complete=kind is None).save(self._path, self._joints)
@@ -202,6 +202,6 @@ def _validate_memory(size: int, capacity: int) -> None:
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if size > MAX_MEMORY_SHARE * memory:
         raise InputError(
-            f"capacity: {capacity} samples take {size / 1e9:.3g} GB, and this computer has {memory / 1e9:.3g}: at most "
-            f"{int(MAX_MEMORY_SHARE * memory / size * capacity)} fit into half of that"
+            f"capacity: {capacity} samples need {size / 1e9:.3g} GB, but this computer has {memory / 1e9:.3g} GB: at "
+            f"most {int(MAX_MEMORY_SHARE * memory / size * capacity)} fit into half of that"
         )

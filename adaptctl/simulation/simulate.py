@@ -100,7 +100,7 @@ def simulate(
     try:
         episode = _episode(env, controller, seed, options)
     except NotImplementedError as reason:
-        warnings.warn(f"simulate: {reason}: rollout drives it, step by step", NotCompiledWarning, stacklevel=2)
+        warnings.warn(f"simulate: {reason}: running step by step with rollout", NotCompiledWarning, stacklevel=2)
         run = rollout(
             env,
             controller,
@@ -131,9 +131,9 @@ def _episode(
     wrapper, inner = env, env.unwrapped
     while wrapper is not inner:
         if type(wrapper) not in (OrderEnforcing, PassiveEnvChecker, TimeLimit):
-            raise NotImplementedError(f"what {type(wrapper).__name__} does to the environment is not known")
+            raise NotImplementedError(f"the wrapper {type(wrapper).__name__} is not supported")
         if isinstance(wrapper, TimeLimit) and env.spec is None:
-            raise NotImplementedError("the time limit is not known")
+            raise NotImplementedError("the time limit is unknown")
         wrapper = wrapper.env  # type: ignore[attr-defined]
     if not (hasattr(inner, "episode") and hasattr(inner, "plant")):
         raise NotImplementedError(f"{type(inner).__name__} has no plant and no episode()")
@@ -308,7 +308,7 @@ class EpisodeRun(Driven):
         state, memory = self.loop.now(self.arms, time)
         torque, _ = controller.step(memory, *_measured(state), reference)
         plant.step(state, torque, self._parameters(time))
-        raise NonFiniteError(f"the closed loop is not finite after {time:g} s")
+        raise NonFiniteError(f"the closed loop diverged after {time:g} s")
 
     def _result(self, wall_time: float, complete: bool) -> Rollout:
         columns = self._kept()

@@ -382,7 +382,7 @@ class _Runs(Driven):
         sizes = [np.shape(part)[-1:] for part in parts]
         if sizes != own:
             kind = type(self.loop.controller).__name__
-            raise InputError(f"memory: expected what {kind}.init gives, parts whose last axes are {own}, got {sizes}")
+            raise InputError(f"memory: expected the result of {kind}.init, with last axes {own}, got {sizes}")
         return parts
 
     def advance(self) -> None:
@@ -444,7 +444,7 @@ def _validate_compilable(loop: ClosedLoop) -> None:
     if reason := not_compiled(loop.plant, loop.controller):
         raise InputError(f"simulate_many: {reason}: use `rollout` for one run after the other")
     if loop.controller.reference_size != loop.controller.dof:
-        raise InputError("simulate_many: expected a controller whose reference is one of joints")
+        raise InputError("simulate_many: expected a controller with a joint-space reference")
 
 
 def _members(given: int | None, rows: Mapping[str, tuple[int, ...]]) -> int:
@@ -454,5 +454,5 @@ def _members(given: int | None, rows: Mapping[str, tuple[int, ...]]) -> int:
     )
     if any(len(axes) > 1 for axes in named_rows.values()) or len(set(named_rows.values())) > 1:
         counts = ", ".join(f"{name} {'×'.join(map(str, axes))}" for name, axes in named_rows.items())
-        raise InputError(f"members: expected a row for each arm, as many everywhere, got {counts}")
+        raise InputError(f"members: expected one row per arm in all arguments, got {counts}")
     return next((axes[0] for axes in named_rows.values()), 1)

@@ -93,7 +93,7 @@ def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem
     """
     r = plant.dof
     if any(not isinstance(effect, JointEffect) for effect in plant.effects):
-        raise InputError("plant_system: expected a plant whose effects are in the joints, such as Friction, alone")
+        raise InputError("plant_system: expected a plant with joint effects only, such as Friction")
 
     def update(t: float, x: Array, u: Array, params: Any) -> Array:
         after = plant.step(plant.init(np.array(x[:r]), np.array(x[r:])), np.array(u))
@@ -183,7 +183,7 @@ def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
     """
     for what, given in (("p", numbers(p, "p")), ("v", numbers(v, "v"))):
         if given.shape != (controller.dof,):
-            raise InputError(f"{what}: expected shape ({controller.dof},), of one arm, got {given.shape}")
+            raise InputError(f"{what}: expected shape ({controller.dof},), for one arm, got {given.shape}")
     return np.concatenate([*leaves(controller.init(p, v)), np.zeros(0)])
 
 
@@ -219,7 +219,7 @@ def closed_loop_system(
     import control
 
     if plant.dof != controller.dof:
-        raise InputError(f"closed loop: the plant has {plant.dof} joints, the controller is for {controller.dof}")
+        raise InputError(f"closed loop: the plant has {plant.dof} joints, but the controller has {controller.dof}")
     parts = [plant_system(plant), controller_system(controller, plant.control_period)]
     return control.interconnect(
         parts,
@@ -244,7 +244,7 @@ def _ticked(controller: Controller[Any], control_period: float) -> float:
     own = getattr(controller, "control_period", None)
     if own is not None and not math.isclose(own, control_period):
         raise InputError(
-            f"control_period: {type(controller).__name__} is for {own:g} s, its own period, got {control_period:g} s"
+            f"control_period: {type(controller).__name__} has the period {own:g} s, got {control_period:g} s"
         )
     return control_period
 

@@ -73,7 +73,7 @@ class Transmission:
         description, r = mechanism.description, mechanism.dof
         if len(mechanism.inertial_parameters) < len(description.inertial_parameters):
             raise InputError(
-                f"elastic joints: {mechanism.name} has relations among its parameters: take the mechanism without them"
+                f"elastic joints: {mechanism.name} has constraints on its parameters: use the mechanism without them"
             )
         stiffness, damping, inertia = (joints.each(name, r) for name in ("stiffness", "damping", "motor_inertia"))
         found = cls(stiffness, damping, inertia, _rotors(mechanism), _primary(mechanism))
@@ -81,7 +81,7 @@ class Transmission:
         for joint, motor in zip(mechanism.primary_joints, motors, strict=True):
             if not motor > 0.0:
                 raise InputError(
-                    f"elastic joints: the motor of {joint.name} of {mechanism.name} has no inertia: give "
+                    f"elastic joints: the motor of joint {joint.name} of {mechanism.name} has no inertia: give "
                     "motor_inertia, in kg m^2 behind the gears, or a drive with rotor_inertia"
                 )
         return found
@@ -117,7 +117,7 @@ class Transmission:
         mass = links.mass_matrix(p)
         if not np.all(np.linalg.eigvalsh(mass)[:, 0] > 1e-12 * np.linalg.eigvalsh(mass)[:, -1]):
             raise InputError(
-                f"elastic joints: {mechanism.name}: without its rotors the mass matrix is singular: behind a spring, "
+                f"elastic joints: {mechanism.name}: without rotors the mass matrix is singular: behind a spring, "
                 "every joint needs links with inertia"
             )
         motors = np.array(self.motors(own).of, dtype=np.float64)
@@ -144,8 +144,8 @@ def _rotors(mechanism: Mechanism) -> tuple[int | None, ...]:
     for joint in found:
         if joint in description.primary and len(description.drive_coupling(joint)) > 1:
             raise InputError(
-                f"elastic joints: the rotor of {description.joint_names[joint]} of {mechanism.name} turns with several "
-                "joints, and a spring is taken to be in one: take the mechanism without `turns_with`"
+                f"elastic joints: the rotor of {description.joint_names[joint]} of {mechanism.name} is coupled to "
+                "several joints, but a spring is modelled in a single joint: use the mechanism without `turns_with`"
             )
     return tuple(found.get(joint) for joint in _primary(mechanism))
 

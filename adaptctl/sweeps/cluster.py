@@ -45,10 +45,10 @@ class Cluster:
         if len(given) > 1:
             raise InputError("expected one of --jobs, --scheduler and --scheduler-file")
         if self.jobs is not None and not 1 <= self.jobs <= 4096:
-            raise InputError(f"jobs: expected from 1 to 4096 workers, got {self.jobs}")
+            raise InputError(f"--jobs: expected 1 to 4096 workers, got {self.jobs}")
         for path in (*(self.tls or ()), *([self.scheduler_file] if self.scheduler_file else [])):
             if not path.is_file():
-                raise InputError(f"{path}: there is no such file")
+                raise InputError(f"{path}: no such file")
 
     @contextmanager
     def client(self) -> Iterator[Any]:
@@ -97,14 +97,16 @@ def _validate_workers(client: Any) -> None:
     try:
         client.wait_for_workers(1, timeout=CONNECTION_TIMEOUT)
     except TimeoutError as error:
-        raise InputError(f"the scheduler has no workers after {CONNECTION_TIMEOUT:g} s: start some") from error
+        raise InputError(f"the scheduler has no workers after {CONNECTION_TIMEOUT:g} s: start workers") from error
     try:
         found = client.run(versions)
     except ModuleNotFoundError as error:
         raise InputError(f"a worker lacks adaptctl ({error}): install {__version__} there") from error
     for worker, version in found.items():
         if version != __version__:
-            raise InputError(f"worker {worker} has adaptctl {version}, this is {__version__}: use the same everywhere")
+            raise InputError(
+                f"worker {worker} has adaptctl {version}, but this process has {__version__}: use the same version"
+            )
 
 
 def sweep(folder: Folder, cluster: Cluster, progress: Callable[[float], object] = lambda share: None) -> pa.Table:

@@ -62,12 +62,14 @@ class Folder:
         if (path / STUDY).is_file():
             saved = saved_study(path)
             if saved.sha256 != study.sha256:
-                raise InputError(f"{path}: has the sweep of another study, of {saved.experiment}: choose another --out")
+                raise InputError(f"{path}: has another sweep, of {saved.experiment}: give another --out")
             if saved.version != __version__:
-                raise InputError(f"{path}: was started by adaptctl {saved.version}, this is {__version__}: use that")
+                raise InputError(
+                    f"{path}: was started by adaptctl {saved.version}, but this is {__version__}: use that version"
+                )
             return cls(path, study, saved.shard)
         if path.is_dir() and any(not one.name.startswith(".") for one in path.iterdir()):
-            raise InputError(f"{path}: is not empty, and no sweep's: choose another --out")
+            raise InputError(f"{path}: is not empty and has no sweep: give another --out")
         made_folder(path)
         asked = study.sha256, study.experiment, study.question, list(command), list(study.swept), study.count
         write_json(path / STUDY, Saved(SCHEMA, __version__, *asked, shard))
@@ -101,7 +103,7 @@ class Folder:
         """Table of all rows in the runs' order, also written to sweep.parquet."""
         shards = list(self.shards())
         if missing := [shard for shard in shards if not self.has(shard)]:
-            raise FileError(f"{self.place(missing[0])}: is missing: run the same command again")
+            raise FileError(f"{self.place(missing[0])}: is missing: run the command again")
         whole = pa.concat_tables([pq.read_table(self.place(shard)) for shard in shards])
         _write(self.path / TABLE, whole)
         return whole
@@ -131,7 +133,7 @@ def read_table(path: Path) -> pa.Table:
 def saved_study(path: Path) -> Saved:
     """Content of a sweep's study.json."""
     if not (path / STUDY).is_file():
-        raise FileError(f"{path}: is no sweep's folder: {STUDY} is missing")
+        raise FileError(f"{path}: is not the folder of a sweep: {STUDY} is missing")
     return read_json(path / STUDY, Saved)
 
 

@@ -132,7 +132,7 @@ class SweepReport:
         for name in self.controllers:
             rows = self.of_controller(name)
             errors = [size for row in rows if (size := _error(row)) is not None]
-            summary = f"median error at the end {np.median(errors):.3g}, largest {max(errors):.3g}" if errors else ""
+            summary = f"median final error {np.median(errors):.3g}, largest {max(errors):.3g}" if errors else ""
             counts = ", ".join(f"{count} {status}" for status, count in self.counts(rows).items() if count)
             lines.append(f"  {name or 'runs'}: {counts}; {summary}".rstrip("; "))
         failed = [row for row in self.rows if row["status"] == "failed"]
@@ -140,7 +140,7 @@ class SweepReport:
             lines.append(f"  failed: {reason}")
         for setting, idle in self.without_effect().items():
             whose = "" if len(idle) == len(self.controllers) else f" of {', '.join(idle)}"
-            lines.append(f"  {setting} changes no result{whose}")
+            lines.append(f"  {setting} has no effect on the results{whose}")
         return "\n".join(lines)
 
 
@@ -160,11 +160,11 @@ def _error(row: dict[str, Any]) -> float | None:
 def write_report(path: Path) -> Path:
     """Write a sweep's report as an HTML page, and return its path."""
     report = SweepReport.of(path)
-    told = Section("What came of the runs", (Lines(report.text().splitlines()),))
+    told = Section("Results", (Lines(report.text().splitlines()),))
     page = Report(
         experiment=report.study.experiment,
         title=f"Sweep of {report.study.experiment}",
-        outcome=report.study.question or "Many runs of one experiment.",
+        outcome=report.study.question or "Parameter sweep of one experiment.",
         facts=report.facts(),
         sections=(told, *(_of_controller(report, name) for name in report.controllers)),
         about=f"{report.study.runs} runs",
@@ -181,8 +181,8 @@ def _of_controller(report: SweepReport, name: str) -> Section:
     ]
     columns = (*report.study.swept, "status", "final_rms_error")
     rows = [(*(str(row[column]) for column in columns), report.replay(row)) for row in report.worst(name)]
-    heads = (*report.study.swept, "status", "error at the end", "command")
-    title = "The worst, and how to see them again"
+    heads = (*report.study.swept, "status", "final error", "command")
+    title = "Worst runs, and the commands that reproduce them"
     worst = Table(heads, rows, title=title, align="l" * (len(heads) - 1) + "c")
     return Section(name or "Runs", (*maps, worst))
 
@@ -190,7 +190,7 @@ def _of_controller(report: SweepReport, name: str) -> Section:
 def map_figure(shown: SettingsMap) -> Figure:
     """Figure of two maps: errors, and fractions of stable runs."""
     canvas = sheet(3.5)
-    titles = ("error at the end, rad or m", "share of stable runs")
+    titles = ("final error [rad or m]", "fraction of stable runs")
     for axes, values, title in zip(canvas.subplots(1, 2), (shown.error, shown.stable), titles, strict=True):
         shares = {"vmin": 0.0, "vmax": 1.0} if title.startswith("share") else {}
         image = axes.imshow(values, origin="lower", aspect="auto", cmap="viridis", **shares)

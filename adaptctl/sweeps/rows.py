@@ -64,7 +64,7 @@ class RunOutcome(NamedTuple):
         for rms, last, most, rise, at, joint in zip(*(x.tolist() for x in columns), strict=True):
             one = cls("done", "", finite_or_none(rms), finite_or_none(last), most, lyapunov_rise=finite_or_none(rise))
             if joint >= 0:
-                why, gone = f"joint {joint + 1} left its bound at {at:g} s", (at, joint + 1)
+                why, gone = f"joint {joint + 1} exceeded its error limit at {at:g} s", (at, joint + 1)
                 one = cls("diverged", why, one.rms_error, None, most, *gone, one.lyapunov_rise)
             found.append(one)
         return found
@@ -145,7 +145,7 @@ def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
     known = [one.name for one in candidates]
     for name in names:
         if name not in known:
-            raise NotFoundError(f"there is no controller {name!r}; there are: {', '.join(known)}")
+            raise NotFoundError(f"unknown controller {name!r}; controllers: {', '.join(known)}")
     return [one for one in candidates if not names or one.name in names]
 
 
@@ -208,17 +208,17 @@ TIMES = ("wall_time", "host")
 # Kind and meaning of an outcome's columns.
 OUTCOME = {
     "status": ("string", "done, diverged, or failed"),
-    "reason": ("string", "why, where it is not done"),
+    "reason": ("string", "reason, if not done"),
     "rms_error": ("double", "root mean square of the errors of all joints, rad or m; until it diverged"),
     "final_rms_error": ("double", "the same over the last two seconds, rad or m; None of shorter runs"),
-    "largest_error": ("double", "of any joint, rad or m"),
+    "largest_error": ("double", "of all joints, rad or m"),
     "diverged_at": ("double", "s"),
     "diverged_joint": ("int64", "from 1"),
     "lyapunov_rise": ("double", "largest rise of the Lyapunov function from one sample to the next, J"),
 }
 ABOUT = {
     "version": ("string", "of adaptctl"),
-    "wall_time": ("double", "s a run, with all that ran with it"),
+    "wall_time": ("double", "s per run, with all runs of its batch"),
     "host": ("string", "computer"),
 }
 
@@ -251,14 +251,14 @@ def rows_of(
 def columns_of(kind: type[CheckedSettings]) -> dict[str, tuple[str, str]]:
     """Types and meanings of a sweep's columns, by name."""
     settings = {entry.name: (_kind(entry.default), entry.metadata["meaning"]) for entry in fields(kind)}
-    return settings | {"controller": ("string", "the controller compared")} | OUTCOME | ABOUT
+    return settings | {"controller": ("string", "name of the controller")} | OUTCOME | ABOUT
 
 
 def alone(experiment: Experiment, controllers: Sequence[str]) -> list[tuple[str, RunOutcome]]:
     """Outcomes of an experiment that runs by itself, by controller."""
     compare: Callable[..., Comparison] | None = getattr(experiment, "compare", None)
     if compare is None:
-        return [("", RunOutcome.failed(f"{experiment.name} compares no controllers, so that it has no rows"))]
+        return [("", RunOutcome.failed(f"{experiment.name} compares no controllers, so there are no rows"))]
     try:
         chosen = named(compare(lambda what, share: None).runs, controllers)
     except FAILURES as error:

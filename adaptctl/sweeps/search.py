@@ -59,8 +59,8 @@ def search(
         progress(min(1.0, (first + BATCH_TRIALS) / trials))
     if best is None:
         raise InputError(
-            f"search: none of {trials} runs of {study.experiment} was done and has {objective}: widen the ranges, or "
-            "minimise rms_error where runs are shorter than two seconds"
+            f"search: none of {trials} runs of {study.experiment} completed with a value of {objective}: widen the "
+            "ranges, or minimise rms_error for runs shorter than two seconds"
         )
     return best
 

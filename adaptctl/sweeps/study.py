@@ -79,11 +79,11 @@ class SweepStudy:
         drawn = [name for name, values in self.settings.items() if isinstance(values, Span)]
         if self.sampling == "grid" and drawn:
             raise InputError(
-                f"{drawn[0]}: a range of numbers needs a count in a grid, as in 0..5:11; or draw from it with "
+                f"{drawn[0]}: a range needs a count in a grid, as in 0..5:11; or sample it with "
                 "--sampling latin-hypercube or sobol, and --samples"
             )
         if self.sampling != "grid" and not 1 <= self.samples <= 10_000_000:
-            raise InputError(f"samples: expected how many to draw by {self.sampling}, got {self.samples}")
+            raise InputError(f"--samples: expected the number of {self.sampling} samples, got {self.samples}")
 
     @classmethod
     def named(cls, target: str, given: Mapping[str, str], **options: Any) -> SweepStudy:
@@ -96,7 +96,7 @@ class SweepStudy:
         if path.suffix != ".toml":
             names = [*(entry.name for entry in EXPERIMENTS), *shipped()]
             guess = suggested_name(target, names, least=0.4)
-            raise NotFoundError(f"unknown experiment or study {target!r}{guess}; there are: {', '.join(names)}")
+            raise NotFoundError(f"unknown experiment or study {target!r}{guess}; known: {', '.join(names)}")
         try:
             return cls._made(read_toml(path, StudyFile), given, options)
         except NotFoundError as error:
@@ -188,7 +188,7 @@ def parsed(entry: Field[Any], typed: str | Sequence[str]) -> Values:
             return _range(entry, match)
         values = tuple(_one(entry, part.strip()) for part in text.split(","))
     if not values or len(set(values)) < len(values):
-        raise InputError(f"{entry.name}: expected different values, at least one, got {typed!r}")
+        raise InputError(f"{entry.name}: expected one or more different values, got {typed!r}")
     return values
 
 
@@ -204,7 +204,7 @@ def _range(entry: Field[Any], match: re.Match[str]) -> Values:
     whole, count = isinstance(entry.default, int), match["count"]
     low, high = (_number(entry, match[end], whole) for end in ("low", "high"))
     if not low < high:
-        raise InputError(f"{entry.name}: expected a range that rises, got {match[0]!r}")
+        raise InputError(f"{entry.name}: expected an ascending range, got {match[0]!r}")
     if count is None and not whole:
         return Span(low, high, whole)
     count = str(int(high - low) + 1) if count is None else count
@@ -212,7 +212,7 @@ def _range(entry: Field[Any], match: re.Match[str]) -> Values:
         raise InputError(f"{entry.name}: expected from 2 to {MAX_VALUES} values in {match[0]!r}, got {count!r}")
     points = np.linspace(low, high, int(count)).tolist()
     if whole and any(point != int(point) for point in points):
-        raise InputError(f"{entry.name}: {match[0]!r} gives values that are not whole")
+        raise InputError(f"{entry.name}: {match[0]!r} gives non-integer values")
     return tuple(int(point) for point in points) if whole else tuple(points)
 
 
@@ -234,7 +234,7 @@ def _number(entry: Field[Any], text: str, whole: bool) -> float | int:
     try:
         number = float(text)
     except ValueError as error:
-        form = "numbers apart by commas, or a range such as 0..5:11"
+        form = "numbers separated by commas, or a range such as 0..5:11"
         raise InputError(f"{entry.name}: expected {form}, got {text!r}") from error
     if not math.isfinite(number) or (whole and number != int(number)):
         raise InputError(f"{entry.name}: expected {'a whole' if whole else 'a finite'} number")

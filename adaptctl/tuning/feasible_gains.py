@@ -90,17 +90,17 @@ def _validate_inertia(mechanism: Mechanism, M: Array) -> None:
     light = np.flatnonzero(~(diagonal.min(axis=0) > 1e-12 * diagonal.max()))
     if light.size:
         raise InputError(
-            f"{mechanism.name}: {', '.join(names[j] for j in light)}: moves nothing that has inertia, so no gains hold "
-            "it: give its links mass, or the joint a rotor's inertia"
+            f"{mechanism.name}: {', '.join(names[j] for j in light)}: moves no inertia, so there are no stable gains: "
+            "give its links mass, or the joint a rotor inertia"
         )
     root = np.sqrt(diagonal)
     least = np.linalg.eigvalsh(M / root[:, :, None] / root[:, None, :])[:, 0]
     if not least.min() > 1e-10:
         wrong = mechanism.description.inconsistent_links
-        whose = f"no rigid body has the inertial parameters of {', '.join(wrong)}: give them" if wrong else "give"
+        whose = f"give {', '.join(wrong)}" if wrong else "give the links"
         raise InputError(
-            f"{mechanism.name}: the mass matrix is not positive definite along the reference, so no gains hold it: "
-            f"{whose} inertial parameters that a rigid body can have, or the joints rotors"
+            f"{mechanism.name}: the mass matrix is not positive definite along the reference, so there are no stable "
+            f"gains: {whose} physically consistent inertial parameters, or the joints rotor inertias"
         )
 
 
@@ -114,13 +114,14 @@ def _limitation(mechanism: Mechanism, carried: FeasibleGains, j: int) -> str:
     unit = "kg m²" if joint.kind.is_revolute else "kg"
     if carried.limited_by_sampling[j]:
         rotor = (ROTOR_DAMPING_FACTOR - 1.0) * carried.free_inertia[j]
-        kind = "a rotor" if joint.kind.is_revolute else "a drive"
+        kind = "reflected rotor inertia" if joint.kind.is_revolute else "drive mass"
         return (
-            f"the control period holds K low: {kind} of {rotor:.1g} {unit} would allow {ROTOR_DAMPING_FACTOR:g} times"
+            f"K is limited by the sampling period; adding {rotor:.1g} {unit} of {kind} would allow "
+            f"{ROTOR_DAMPING_FACTOR:g}× the damping"
         )
     if carried.limited_by_torque[j]:
-        return "its torque limit holds Λ and K low"
-    return "its torque limit holds K low"
+        return "Λ and K are limited by the torque limit"
+    return "K is limited by the torque limit"
 
 
 def recoverable_error(mechanism: Mechanism, limits: Array, reference: Reference) -> Array:

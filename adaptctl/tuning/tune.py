@@ -208,8 +208,8 @@ class Tuning:
         """
         if self.failed:
             raise VerdictError(
-                f"{self.mechanism.name}: these gains fail in simulation ({self.verified[0]}); choose another "
-                f"bandwidth, period or reference, or take them all the same with {otherwise}"
+                f"{self.mechanism.name}: these gains fail in simulation ({self.verified[0]}): choose another "
+                f"bandwidth, period or reference, or use them anyway with {otherwise}"
             )
 
 
@@ -348,24 +348,30 @@ def _drawn(rule: DefaultGains, count: int, seed: int) -> list[Proposal]:
 def _notes(mechanism: Mechanism, found: FeasibleReference, carried: FeasibleGains, plant: Plant) -> Iterator[str]:
     for j, joint in enumerate(mechanism.primary_joints):
         if found.static[j] > MAX_STATIC_SHARE:
-            yield f"{joint.name}: gravity and friction ask {found.static[j]:.0%} of its torque limit: it can only creep"
+            yield (
+                f"{joint.name}: gravity and friction need {found.static[j]:.0%} of the torque limit: it can only "
+                "move slowly"
+            )
         elif found.asked[j] > max(TORQUE_SHARE, 0.5 * (1.0 + found.static[j])) + 1e-9:
-            yield f"{joint.name}: the reference asks {found.asked[j]:.0%} of its torque limit"
+            yield f"{joint.name}: the reference needs {found.asked[j]:.0%} of the torque limit"
         if found.reduced[j] < 0.5:
-            yield f"{joint.name}: moved by {found.reduced[j]:.2g} of what its limits allow, for its torque's sake"
+            yield (
+                f"{joint.name}: amplitude reduced to {100 * found.reduced[j]:.2g} % of its motion limits to respect "
+                "the torque limit"
+            )
         if (rate := carried.gains.bandwidth[j]) < MIN_BANDWIDTH:
-            yield f"{joint.name}: its torque limit allows a bandwidth of {rate:.2g} 1/s: learning takes minutes"
+            yield f"{joint.name}: the torque limit allows a bandwidth of only {rate:.2g} 1/s: adaptation takes minutes"
     if wrong := mechanism.description.inconsistent_links:
-        yield f"no rigid body has the inertial parameters of {', '.join(wrong)}"
+        yield f"the inertial parameters of {', '.join(wrong)} are not physically consistent"
     if plant.integrator.implicit:
-        explicit = f"{MAX_EXPLICIT_SUBSTEPS} explicit steps a period"
-        yield f"friction is too stiff for {explicit}: {plant.substeps} implicit ones are taken"
+        explicit = f"{MAX_EXPLICIT_SUBSTEPS} explicit steps per period"
+        yield f"friction is too stiff for {explicit}: {plant.substeps} implicit steps are used"
 
 
 def _run_remarks(verified: tuple[Verification, ...], possible: bool) -> Iterator[str]:
     if not possible:
-        yield "too many links to compile: nothing was searched or verified"
+        yield "too many links to compile: the gains were neither searched nor verified"
     for run in verified[:1]:
         ratio = run.parameter_error / run.last if run.last > 0.0 else math.inf
         if ratio < MIN_LEARNING_RATIO:
-            yield "adaptation off tracks nearly as well: there is little to learn on this reference"
+            yield "without adaptation, tracking is almost as good: this reference hardly excites the parameters"

@@ -36,7 +36,7 @@ FIRST = {
     "laws-friction": "friction",
     "laws-springs": "parameter-error",
 }
-"""Figures that show what the experiment is about, where it is not the tracking error."""
+"""Most relevant figure of an experiment, if it is not the tracking error."""
 
 
 class Shown(NamedTuple):
@@ -51,39 +51,39 @@ MORE = {
     "puma560-adaptive": (
         Shown(
             "puma560-adaptive-components",
-            "The PUMA 560 tracks while its controller carries only some of its essential components",
+            "Adaptive tracking of the PUMA 560 with a reduced number of essential components",
             "puma560-adaptive --components 36 34 30 25 10",
         ),
     ),
     "adaptive": (
         Shown(
             "adaptive-both",
-            "One law on two plants, adaptctl's and MuJoCo: how far they are apart, and why",
+            "One law on the built-in plant and on MuJoCo: their difference, and its cause",
             "adaptive --plant both",
         ),
     ),
     "laws": tuple(
         Shown(f"laws-{name}", summary, f"laws --disturbance {name}")
         for name, summary in (
-            ("payload", "A payload picked up and dropped in mid-motion: how long each law takes to recover"),
-            ("noise", "Encoders, delay, lag and weak motors, and nothing that excites: which laws drift"),
+            ("payload", "Payload pickup and release during motion: recovery time of each law"),
+            ("noise", "Encoder noise, delay, lag and weak motors without excitation: drift of each law"),
             (
                 "saturation",
-                "Motors too weak for a payload, for a while: adaptation frozen while they saturate, and not",
+                "Motors too weak for a temporary payload: adaptation with and without freezing during saturation",
             ),
-            ("friction", "Joints that rub: friction learned as parameters, and friction ignored"),
-            ("springs", "Elastic joints: up to which bandwidth each law stays stable, over their stiffness"),
+            ("friction", "Joint friction: adapted as parameters, and ignored"),
+            ("springs", "Elastic joints: largest stable bandwidth of each law against their stiffness"),
         )
     ),
     "sheu-walker-1991": (
         Shown(
             "sheu-walker-1991-arms",
-            "The three-joint PUMA and the five-bar on one path in space: what a closed loop costs",
+            "The three-joint PUMA and the five-bar on one path in space: the cost of a closed loop",
             "sheu-walker-1991 --only serial-versus-graph",
         ),
     ),
 }
-"""Other runs of an experiment, which answer questions of their own."""
+"""Other runs of an experiment."""
 SHOWN = [
     shown
     for entry in EXPERIMENTS
@@ -91,7 +91,7 @@ SHOWN = [
 ]
 HEAD = """# Gallery
 
-Every experiment: a picture, the command that makes it, and what came out. `make gallery` makes this page anew.
+All experiments, each with a picture, its command and its result. `make gallery` updates this page.
 """
 
 
@@ -104,7 +104,7 @@ def make(results: Path) -> list[str]:
         if not (folder / "report.html").is_file():
             command = [sys.executable, "-m", "adaptctl", "experiment", "run", *entry.arguments.split()]
             if run([*command, "--out", str(folder)], check=False).returncode not in (0, 3):
-                missing.append(f"{entry.name}: it did not run")
+                missing.append(f"{entry.name}: the run failed")
         missing += list(_picture(entry.name, folder))
         parts.append(_part(entry, folder))
     PAGE.write_text("\n".join(parts), encoding="utf-8")

@@ -290,8 +290,8 @@ class Arms:
         if lost.size:
             time = self.single.control_period * self.steps[lost[0]]
             raise NonFiniteError(
-                f"{self.single.mechanism.name}: the motion of arm {lost[0]} ran away after {time:g} s: use a shorter "
-                "control period or more substeps, weaker actions, a bound on errors that ends episodes earlier, and "
+                f"{self.single.mechanism.name}: the motion of arm {lost[0]} diverged after {time:g} s: use a shorter "
+                "control period or more substeps, smaller actions, a smaller error bound, and "
                 "parameters whose mass matrix is positive definite"
             )
 

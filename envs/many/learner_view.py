@@ -22,10 +22,10 @@ class LearnerView:
     def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
         inner = env.unwrapped
         if not isinstance(inner, VectorTrackingEnv):
-            raise InputError(f"{env}: expected a vector environment of adaptctl, such as make_vec makes")
+            raise InputError(f"{env}: expected a vector environment of adaptctl, as made by make_vec")
         if inner.autoreset_mode is not AutoresetMode.SAME_STEP:
             raise InputError(
-                f"{env}: arms must begin again in the same step: make it with autoreset_mode='SameStep', not "
+                f"{env}: arms must be reset in the same step: use autoreset_mode='SameStep', not "
                 f"{inner.autoreset_mode.value!r}"
             )
         self.env: Any = env

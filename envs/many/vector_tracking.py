@@ -247,7 +247,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         """
         self._validate_running(self._none)
         if self.render_mode is None:
-            gymnasium.logger.warn("render: choose a mode when making the environment: render_mode='rgb_array'")
+            gymnasium.logger.warn("render: set a mode when creating the environment: render_mode='rgb_array'")
             return None
         if self._renderer is None:
             from adaptctl.envs.rendering import Renderer
@@ -306,17 +306,17 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         mask = np.array(given)
         if self.autoreset_mode is not AutoresetMode.DISABLED:
             raise InputError(
-                "reset_mask: arms begin again by themselves; it is for autoreset_mode=AutoresetMode.DISABLED"
+                "reset_mask is only for autoreset_mode=AutoresetMode.DISABLED; otherwise arms are reset automatically"
             )
         if mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
             raise InputError(f"reset_mask: expected {self.num_envs} bools, not all False, got {mask.tolist()}")
         if self._latest is None and not mask.all():
-            raise ResetNeeded("reset_mask: there is no episode yet: reset all arms first")
+            raise ResetNeeded("reset_mask: no episode has started: reset all arms first")
         return mask
 
     def _validate_running(self, over: Flags) -> None:
         if self._latest is None:
-            raise ResetNeeded("there is no episode yet: call env.reset() first")
+            raise ResetNeeded("no episode has started: call env.reset() first")
         if over.any():
             raise ResetNeeded(
                 f"the episode of arm {int(over.argmax())} is over: call env.reset(options={{'reset_mask': ...}}) first"
@@ -326,7 +326,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         mechanism = self.single.mechanism
         if len(mechanism.links) > MAX_COMPILED_LINKS:
             raise InputError(
-                f"{mechanism.name}: has {len(mechanism.links)} links, and native code is made for at most "
+                f"{mechanism.name}: has {len(mechanism.links)} links, but native code is limited to "
                 f"{MAX_COMPILED_LINKS}: use vectorization_mode='sync'"
             )
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from adaptctl.control import SlotineLi
 from adaptctl.dynamics import Mechanism, equation_costs
-from adaptctl.experiments.contest import ADAPTATION_OFF, ADAPTIVE, FULL, Contender, over_time
+from adaptctl.experiments.contest import ADAPTATION_OFF, ADAPTIVE, FULL, NO_MODEL, Contender, over_time
 from adaptctl.experiments.task_space import ARMS, ArmWithTip, TaskSpaceTracking
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import Comparison, Progress, Result, judged, write_artifacts
@@ -27,18 +27,18 @@ START_OFF = np.array([0.05, 0.05, -0.05])
 """m: first error of both tips"""
 PURPOSE = (
     "Sheu and Walker compare two arms whose end points move with three degrees of freedom: the PUMA's first three "
-    "joints, and the semi-direct-drive arm, whose forearm follows through a closed loop. How much does the loop cost? "
-    "Both tips follow one path in space, and both controllers start knowing nothing, by the same distance off it. The "
-    "PUMA's wrist is held straight, its tip is the flange."
+    "joints, and the semi-direct-drive arm with a closed loop. This experiment measures the cost of the loop. "
+    "Both tips follow one path in space, with the same initial error and from zero estimates. The "
+    "wrist of the PUMA is straight, and its tip is the flange."
 )
-TITLE = "A serial arm and one with a loop, on one task"
+TITLE = "A serial arm and an arm with a loop, on one task"
 LAST = "Tip error (RMS), last 2 s"
 NOTE = (
-    "For the three-joint PUMA the paper prints 16. That is what energies give when they are not differenced: they "
-    "then carry the constant part of the potential, which moves nothing, as one more. Differences of energies give 15, "
+    "For the three-joint PUMA the paper prints 16. Energies give this value without differencing, because they "
+    "contain the constant part of the potential as an additional parameter. Differences of energies give 15, "
     "and so does the rank of the torque regressor; 7 N − 6 is 15 for three links with gravity along the first axis. "
     "Operations are counted in the compiled equations. A regressor is counted at a configuration that closes the loop; "
-    "a tick closes it too, by Newton's steps."
+    "a control step also closes it, by Newton steps."
 )
 
 
@@ -47,7 +47,7 @@ class ArmOnPath(TaskSpaceTracking):
     """Experiment of one arm of the two on a path."""
 
     name: ClassVar[str] = "serial-versus-graph"
-    title: ClassVar[str] = "{robot}: a tip on a path in space"
+    title: ClassVar[str] = "{robot}: tip path in space"
 
     @property
     def purpose(self) -> str:
@@ -70,9 +70,9 @@ class ArmOnPath(TaskSpaceTracking):
             return SlotineLi(on, gains.bandwidth, gains.damping, gain, control_period=self.control_period)
 
         return [
-            Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", "nothing", partial(law, model)),
-            Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", "nothing", partial(law, model, False)),
-            Contender(FULL, f"Slotine-Li, all {everything} parameters", "nothing", partial(law, full)),
+            Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", NO_MODEL, partial(law, model)),
+            Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", NO_MODEL, partial(law, model, False)),
+            Contender(FULL, f"Slotine-Li, all {everything} parameters", NO_MODEL, partial(law, full)),
         ]
 
 
@@ -139,17 +139,19 @@ def _answers(arm: dict[str, Any]) -> dict[str, str]:
     return {
         "Links": str(arm["links"]),
         "Joints": str(arm["joints"]),
-        "Actuators, which are the primary joints": str(arm["actuators"]),
+        "Actuators (primary joints)": str(arm["actuators"]),
         "Inertial parameters": str(arm["inertial_parameters"]),
-        "Independent parameters": str(arm["rank"]),
-        "… as the paper prints them (Table 13)": str(arm["rank_printed"]),
-        "Operations of the regressor, independent and all": "{reduced:,}, {full:,}".format(**arm["regressor_flops"]),
-        "Operations of an adaptive tick": f"{_flops(arm, ADAPTIVE):,}",
+        "Base parameters": str(arm["rank"]),
+        "… as printed (Table 13)": str(arm["rank_printed"]),
+        "Operations of the regressor, base and all parameters": "{reduced:,}, {full:,}".format(
+            **arm["regressor_flops"]
+        ),
+        "Operations of an adaptive control step": f"{_flops(arm, ADAPTIVE):,}",
         "… with all parameters": f"{_flops(arm, FULL):,}",
         "Tip error (RMS), first second": errors.get(f"first_tool_error.{ADAPTIVE}", "–"),
         LAST: errors.get(f"final_tool_error.{ADAPTIVE}", "–"),
         "… with all parameters, last 2 s": errors.get(f"final_tool_error.{FULL}", "–"),
-        "… with adaptation off, last 2 s": errors.get(f"final_tool_error.{ADAPTATION_OFF}", "–"),
+        "… without adaptation, last 2 s": errors.get(f"final_tool_error.{ADAPTATION_OFF}", "–"),
         "Lyapunov function rises": "–" if rise is None else f"by {number(rise)} J" if rise else "never",
     }
 
@@ -161,21 +163,21 @@ def _flops(arm: dict[str, Any], run: str) -> int:
 
 def _answer(arms: dict[str, dict[str, Any]]) -> str:
     ends = " and ".join(f"{_answers(arm)[LAST]} ({arm['label']})" for arm in arms.values())
-    text = f"From knowing nothing, the tip ends {ends} off the path that both follow."
+    text = f"Starting from zero estimates, the final tip error is {ends} on the common path."
     ticks, ranks = ([of(arm) for arm in arms.values()] for of in (partial(_flops, run=ADAPTIVE), itemgetter("rank")))
     if len(ticks) < len(ARMS) or not all(ticks):
         return text
-    times = f"A tick of the {ARMS[1].label} takes {number(ticks[1] / ticks[0])} times the operations"
-    return f"{text} {times}, for {ranks[1]} independent parameters instead of {ranks[0]}."
+    times = f"A control step of the {ARMS[1].label} takes {number(ticks[1] / ticks[0])} times the operations"
+    return f"{text} {times}, for {ranks[1]} base parameters instead of {ranks[0]}."
 
 
 def _sections(found: Compared, rows: Sequence[Sequence[str]]) -> Iterator[Section]:
     runs = [replace(one.subject, name=arm.name, label=arm.label) for arm, one in found.items()]
     errors = {arm.name: 1e3 * one.leading.errors[ADAPTIVE] for arm, one in found.items() if one.leading}
-    caption = "Distance of each arm's tip from the path that both follow (logarithmic scale)."
+    caption = "Distance of each arm's tip from the common path (logarithmic scale)."
     drawing = Drawing("tip-error", caption, partial(over_time, runs, errors, "distance from the path [mm]"))
     table = Table(("what", *(arm.label for arm in found)), rows, note=NOTE, align="lrr")
-    where = "report, recording and trace of its own are in the folder"
+    where = "its report, recording and trace are in the folder"
     each = [Note(f"{where} {arm.name}.", f"{arm.label}:") for arm in found]
-    yield Section("What was asked", (PURPOSE, table, drawing, *each))
-    yield files_section("The table and the figure.", "The numbers of both arms, for programs.")
+    yield Section("Experiment", (PURPOSE, table, drawing, *each))
+    yield files_section("The table and the figure.", "The numbers of both arms, as JSON.")

@@ -55,5 +55,5 @@ def torques(name: str, arm: Arm, joint: int, curves: Mapping[str, Array]) -> Dra
         figure.legend(loc="outside upper left", ncols=2)
         return figure
 
-    caption = "torque along the stated sinusoid, with all parameters and with the largest components of the first draw"
+    caption = "torque along the given sinusoid, with all parameters and with the largest components of the first draw"
     return Drawing(name, f"{name.replace('-', ' ').title()}: {caption}; mean square errors in the legend.", draw)

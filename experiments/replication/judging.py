@@ -249,7 +249,7 @@ def judged_item(name: str, paper: Paper, found: Computation, numbers: Mapping[st
     checks, known = checked(said, found.entry) if found.entry else (), {**numbers, **found.numbers}
     claims = tuple(_claim(paper.claims[key], found.claims[key], known) for key in said.claims)
     count = sum(claim.verdict is not Outturn.NOT_REPRODUCED for claim in claims)
-    held = f"{count or 'None'} of the text's {len(claims)} claims {'holds' if count == 1 else 'hold'}."
+    held = f"{count or 'None'} of the {len(claims)} claims of the text {'holds' if count == 1 else 'hold'}."
     known = {"all": len(checks), "exact": sum(c.exact for c in checks), "inside": inside(checks), "held": held, **known}
     verdict = judged(checks, claims)
     if said.holds and verdict in (Outturn.GIVEN, said.holds):

@@ -34,7 +34,7 @@ from adaptctl.recording.page import (
 from adaptctl.recording.result import TRACE, Fact, Verdict
 from adaptctl.recording.trace import Quantity, write_columns
 
-INCOMPLETE = "This run was interrupted. What was computed until then is shown; it is not the whole paper."
+INCOMPLETE = "This run was interrupted: the results are incomplete."
 TONES = dict(zip(Outturn, (Tone.QUIET, Tone.GOOD, Tone.FAIR, Tone.ODD, Tone.BAD), strict=True))
 
 
@@ -99,12 +99,12 @@ def headline(replication: Replication) -> str:
     wrong, missing = (", ".join(replication.named(one)) for one in (Outturn.ERRATUM, Outturn.NOT_REPRODUCED))
     said = {
         INCOMPLETE: not replication.complete,
-        f"Of {computable} printed numbers that can be computed as they stand, {n['reproduced']} come out, "
+        f"Of {computable} printed numbers that can be computed from the paper, {n['reproduced']} agree, "
         f"{n['to_the_last_digit']} to the last digit.": computable,
-        f"Of {depending} that depend on samples, motions or an arm that are not printed, {n['in_shape']} lie among "
-        "those of random draws.": depending,
-        f"Wrong, with a proof by numbers: {wrong}.": wrong,
-        f"Not reproduced, and not shown to be wrong: {missing}.": missing,
+        f"Of {depending} that depend on unprinted samples, motions or arms, {n['in_shape']} are within the range of "
+        "random draws.": depending,
+        f"Wrong, with a numerical proof: {wrong}.": wrong,
+        f"Neither reproduced nor proved wrong: {missing}.": missing,
     }
     sentences = [sentence for sentence, holds in said.items() if holds]
     return " ".join(sentences) or f"Computed: {', '.join(item.name for item in replication.items)}."
@@ -117,7 +117,7 @@ def facts(replication: Replication) -> Iterator[Fact]:
     yield Fact("Printed numbers", f"{n['printed']}, {n['given']} of them inputs")
     yield Fact("Reproduced", f"{n['reproduced']}, {n['to_the_last_digit']} to the last digit")
     yield Fact("Reproduced in shape", f"{n['in_shape']}")
-    yield Fact("Errata", f"{wrong} of {len(replication.items)} items")
+    yield Fact("Wrong", f"{wrong} of {len(replication.items)} items")
     yield Fact("Not reproduced", f"{n['not_reproduced']} numbers, {missing} items as a whole")
     yield Fact("Crosses and blanks", f"{m['reproduced']} of {m['printed']}")
 
@@ -154,20 +154,20 @@ def report(replication: Replication) -> Report:
     study = replication.study
     rows = [(_label(item), _badge(item.verdict), item.summary) for item in replication.items]
     meanings = [(_badge(verdict), study.paper.meanings[verdict]) for verdict in Outturn]
-    beside = "In the tables below a cell shows what was computed, with the printed entry under it where that differs."
+    beside = "Cells of the tables below have the computed value, and the printed entry below it if it differs."
     overview = (Table(("item", "verdict", "why"), rows, note=beside), Table(("verdict", "meaning"), meanings))
     own = [Section(_label(one), list(parts(one)), _badge(one.verdict), one.name) for one in replication.items]
     files = files_section(
-        "The figures beside all that is said of them.",
-        "Every printed entry beside the computed one with its verdict, and all counts.",
-        {TRACE: "Every draw: singular values, weights and energy errors of all seeds."},
+        "The figures, with the statements about them.",
+        "Every printed entry with the computed one and its verdict, and all counts.",
+        {TRACE: "Singular values, weights and energy errors of all seeds."},
     )
     return Report(
         replication.experiment,
         replication.title,
         headline(replication),
         list(facts(replication)),
-        [Section("At a glance", overview), *own, settings_section(replication.settings), files],
+        [Section("Summary", overview), *own, settings_section(replication.settings), files],
         about=f"{study.seeds} seeds from {study.seed}",
         seed=study.seed,
         complete=replication.complete,
@@ -219,11 +219,13 @@ def write_draws(path: str | Path, study: Study) -> None:
     arms, columns = study.drawn, list[Quantity]()
     seeds = np.arange(study.seed, study.seed + study.seeds)[:, None]
     kinds: dict[tuple[str, str, str], Callable[[Arm], Array]] = {
-        ("seed", "1", "of the draw"): lambda arm: seeds + 0.0 * arm.weights,
+        ("seed", "1", "seed of the draw"): lambda arm: seeds + 0.0 * arm.weights,
         ("number", "1", "1 for the largest"): lambda arm: np.arange(1, arm.space.rank + 1) + 0.0 * arm.weights,
         ("singular_value", "J per SI unit", "of the energy differences H"): lambda arm: arm.singular_values,
-        ("weight", "J", "|beta_j| of equation 19, by falling size"): lambda arm: arm.weights,
-        ("percent_error", "%", "of so many components (equation 23)"): lambda arm: arm.percent_errors[:, 1:],
+        ("weight", "J", "|beta_j| of equation 19, in descending order"): lambda arm: arm.weights,
+        ("percent_error", "%", "energy error with this number of components (equation 23)"): lambda arm: (
+            arm.percent_errors[:, 1:]
+        ),
     }
     labels = [np.full(arm.weights.size, label, dtype=np.str_) for label, arm in arms.items()]
     columns.append(Quantity("arm", "1", "which arm", np.concatenate([np.zeros(0, dtype=np.str_), *labels])))

@@ -122,7 +122,7 @@ def figure3(study: Study) -> Computation:
     checks = checked(study.paper.items["figure3"], lambda _, column: puma[:, int(column)])
     lies = [bool(inside([one])) for one in checks]
     below = {name: [errors[:, s] < x for s, x in limits.items()] for name, errors in others.items()}
-    titles = ("PUMA 560", "semi-direct-drive, generic", f"… sides equal but for {percent(study.unequal)}")
+    titles = ("PUMA 560", "semi-direct-drive, generic", f"… with sides equal up to {percent(study.unequal)}")
     points = (printed, *2 * [{**arm, **{s: -limit for s, limit in limits.items()}}])
     panels = {title: (x.percent_errors[:, :-1], own) for title, x, own in zip(titles, arms, points, strict=True)}
     caption = "Figure 3: error of the energy over the number of components kept"
@@ -174,7 +174,7 @@ def table3(study: Study) -> Computation:
 
 def drawn_torque_errors(name: str, arm: Arm, table: Printed) -> Drawing:
     """Drawing of Table 3 or 10, called `name` ("table-3"), from the draws of an `arm` and the printed `table`."""
-    k, caption = arm.space.rank, f"{name.replace('-', ' ').title()}: mean square torque errors, a joint each"
+    k, caption = arm.space.rank, f"{name.replace('-', ' ').title()}: mean square torque errors, one panel per joint"
     panels = {
         f"joint {j}": (
             arm.torque_errors[:, :k, j - 1],

@@ -165,7 +165,7 @@ def section53(study: Study) -> Computation:
             "still_more": min(generic.left, equal.left) > serial,
         },
         relations={
-            f"Every off-diagonal inertia vanishes: {key.lower()}, {len(one.relations)} relations (a star: fundamental "
+            f"Every off-diagonal inertia vanishes: {key.lower()}, {len(one.relations)} relations (a star marks a base "
             "parameter)": one.lines()
             for key, one in needs.items()
         },

@@ -136,9 +136,9 @@ def validate_predicted(law: str, model: ReducedModel, weight: ArrayLike, cutoff:
         fixed = mechanism.with_parameters(np.zeros(len(mechanism.parameter_names))).description
         pairs = zip(fixed.parameter_names, fixed.inertial_parameters.tolist(), strict=True)
         raise InputError(
-            f"{law}: {mechanism.name}: constraints fix values other than zero, which torques without accelerations "
-            f"cannot be predicted with: {', '.join(f'{name} ({value:g})' for name, value in pairs if value)}: leave "
-            "these constraints out, or adapt by the tracking error alone, as Gradient does"
+            f"{law}: {mechanism.name}: constraints fix values other than zero, with which torques cannot be predicted "
+            f"without accelerations: {', '.join(f'{name} ({value:g})' for name, value in pairs if value)}: remove "
+            "these constraints, or adapt only with the tracking error, like Gradient"
         )
 
 

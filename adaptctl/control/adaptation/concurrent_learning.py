@@ -98,14 +98,13 @@ class ConcurrentLearning(Descent[Stack]):
             raise InputError(f"concurrent learning: stack_size: expected a whole number, got {self.stack_size!r}")
         if not 1 <= self.stack_size <= MAX_SAMPLES:
             raise InputError(
-                f"concurrent learning: stack_size: a stack has from 1 to {MAX_SAMPLES} samples, got {self.stack_size}: "
-                f"without "
-                "any it is Gradient"
+                f"concurrent learning: stack_size: expected 1 to {MAX_SAMPLES}, got {self.stack_size}; use Gradient "
+                "without samples"
             )
         if not (np.isfinite(self.novelty_threshold) and self.novelty_threshold > 0.0):
             raise InputError(
-                f"concurrent learning: novelty_threshold: expected a positive number of 1/s, got "
-                f"{self.novelty_threshold}: with none, every period would push an older sample out"
+                "concurrent learning: novelty_threshold: expected a positive number of 1/s, got "
+                f"{self.novelty_threshold}; without a threshold, every period would replace a sample"
             )
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:

@@ -208,9 +208,9 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
         if wrong.size:
             j = int(wrong[0])
             raise InputError(
-                f"consistent adaptation: the first estimate is not the lift's: {model.names[j]} is {initial[j]:g}, and "
-                f"{first[j]:g} with the lift: start from initial=model.regrouping @ lift; "
-                "adaptctl.identifiability.nearest_consistent finds the lift nearest to an estimate"
+                f"consistent adaptation: the initial estimate does not match the lift: {model.names[j]} is "
+                f"{initial[j]:g}, but {first[j]:g} with the lift: give initial=model.regrouping @ lift; "
+                "adaptctl.identifiability.nearest_consistent finds the closest lift to an estimate"
             )
 
 

@@ -79,8 +79,8 @@ def validate_size(values: Array, model: ReducedModel, what: str) -> None:
         return
     hint = ""
     if given == len(model.mechanism.parameter_names):
-        hint = f"; these are for all {given} parameters, of which the basis keeps {k}: take model.columns of them"
-    raise InputError(f"{what}: expected {k} numbers, one a parameter of the model, got {given}{hint}")
+        hint = f"; these are for all {given} parameters, but the basis has {k}: select model.columns"
+    raise InputError(f"{what}: expected {k} numbers, one per parameter of the model, got {given}{hint}")
 
 
 def _is_positive_definite(matrix: Array) -> bool:

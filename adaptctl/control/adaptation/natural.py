@@ -86,14 +86,15 @@ class Natural(AdaptationLaw[NoMemory]):
         """
         if model.basis is not None:
             raise InputError(
-                f"natural adaptation: moves the pseudo-inertia of whole links, and {len(model.columns)} fundamental "
-                f"parameters are none: each regroups several links' (adapt all {len(model.mechanism.parameter_names)} "
+                f"natural adaptation: adapts the pseudo-inertia of whole links, which {len(model.columns)} base "
+                "parameters do not have, because they regroup several links (adapt all "
+                f"{len(model.mechanism.parameter_names)} "
                 "with ReducedModel.full(mechanism), from a consistent estimate; "
-                "adaptctl.identifiability.nearest_consistent finds one with given fundamental parameters)"
+                "adaptctl.identifiability.nearest_consistent finds one with given base parameters)"
             )
         validate_whole_links(model, "natural adaptation")
         validate_rates(self.gain, model)
-        validate_consistent(model, initial, "natural adaptation", "the first estimate")
+        validate_consistent(model, initial, "natural adaptation", "the initial estimate")
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """
@@ -195,8 +196,8 @@ def validate_whole_links(model: ReducedModel, law: str) -> None:
     names = mechanism.description.parameter_names[: 10 * len(mechanism.description.bodies)]
     if missing := [name for name in names if name not in mechanism.parameter_names]:
         raise InputError(
-            f"{law}: moves the pseudo-inertia of whole links, and constraints of {mechanism.name} take away "
-            f"{', '.join(missing)}: leave these constraints out, or take a law for parameters one by one"
+            f"{law}: adapts the pseudo-inertia of whole links, but constraints of {mechanism.name} remove "
+            f"{', '.join(missing)}: remove these constraints, or use a law for single parameters"
         )
 
 
@@ -208,7 +209,7 @@ def validate_consistent(model: ReducedModel, parameters: Array, law: str, what: 
         smallest = float(np.linalg.eigvalsh(pseudo_inertia(parameters[10 * i : 10 * i + 10]))[0])
         if not smallest > 0.0:
             raise InputError(
-                f"{law}: no rigid body has {what} of {link.name}: its pseudo-inertia has the eigenvalue "
+                f"{law}: {what} of {link.name} is not physically consistent: its pseudo-inertia has the eigenvalue "
                 f"{smallest:.3g}; start from physically consistent parameters"
             )
     for name, value in list(zip(mechanism.parameter_names, parameters.tolist(), strict=True))[10 * len(links) :]:

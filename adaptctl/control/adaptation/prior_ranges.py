@@ -221,7 +221,7 @@ class PriorRanges:
         kind = name.rsplit(".", 1)[-1]
         if kind not in RANGE_OF_KIND:
             known = f"one that ends in {', '.join(RANGE_OF_KIND)}{suggested_name(kind, RANGE_OF_KIND)}"
-            raise NotFoundError(f"prior ranges: there is no range of a parameter {name!r}: expected {known}")
+            raise NotFoundError(f"prior ranges: unknown kind of parameter {name!r}: expected {known}")
         return float(getattr(self, RANGE_OF_KIND[kind]))
 
 
@@ -284,7 +284,8 @@ def adaptation_gain(
         )
     if not np.all(reach > 0.0):
         raise GainError(
-            f"{model.mechanism.name}: a period of {control_period:g} s does not carry these gains: nothing is left"
+            f"{model.mechanism.name}: these gains are unstable at a period of {control_period:g} s, so no adaptation "
+            "gain is stable"
         )
     return np.asarray(positive_number(gain_scale, "adaptation gain: gain_scale: expected a positive number") * reach**2)
 

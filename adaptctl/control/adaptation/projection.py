@@ -63,14 +63,14 @@ class Projection(AdaptationLaw[Memory]):
         for name in ("lower", "upper"):
             bound = numbers(getattr(self, name), f"projection: {name}").copy()
             if bound.ndim != 1 or np.isnan(bound).any():
-                raise InputError(f"projection: {name}: expected numbers (k,), infinite where there is no bound")
+                raise InputError(f"projection: {name}: expected numbers (k,), infinite for no bound")
             object.__setattr__(self, name, frozen(bound))
         if self.lower.shape != self.upper.shape or not np.all(self.lower < self.upper):
             raise InputError("projection: expected lower < upper for every parameter")
         if not self.inner.by_parameter:
             raise InputError(
-                f"projection: {type(self.inner).__name__} weighs parameters' errors together, so that clipping one of "
-                "them could move the estimate away from the truth; give it a diagonal gain (k,)"
+                f"projection: {type(self.inner).__name__} couples the errors of the parameters, so that clipping one "
+                "of them could increase the estimation error; give it a diagonal gain (k,)"
             )
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
@@ -97,8 +97,8 @@ class Projection(AdaptationLaw[Memory]):
         if outside.size:
             j = int(outside[0])
             raise InputError(
-                f"projection: the first estimate of {model.names[j]} is {initial[j]:g}, outside its bounds "
-                f"[{self.lower[j]:g}, {self.upper[j]:g}]: start within them, or widen them"
+                f"projection: the initial estimate of {model.names[j]} is {initial[j]:g}, outside its bounds "
+                f"[{self.lower[j]:g}, {self.upper[j]:g}]: start within the bounds, or widen the bounds"
             )
 
     @property
@@ -225,7 +225,7 @@ def _pair(values: ArrayLike, what: str) -> Array:
 def _unknown(model: ReducedModel, name: str) -> str:
     if name in model.mechanism.parameter_names:
         return (
-            f"bounds: {name} is a parameter of {model.mechanism.name}, but the basis regroups it into others, so it is "
-            "not adapted: bound one that is kept (model.names), or adapt all parameters with ReducedModel.full"
+            f"bounds: {name} is a parameter of {model.mechanism.name}, but the basis regroups it into others, and it "
+            "is not adapted: bound a base parameter (model.names), or adapt all parameters with ReducedModel.full"
         )
     return f"bounds: {model.mechanism.name} has no parameter {name!r}{suggested_name(name, model.names)}"

@@ -113,7 +113,7 @@ class ReleasedGradient(Descent[Normaliser]):
         validate_size(gamma, model, "adaptation gain")
         h = sampling_ratio(model.mechanism, damping, control_period, workspace=workspace).value
         if not h < 2.0:
-            raise GainError(f"released gradient: the sampling ratio is {h:.3g}, and there is a theorem below 2 only")
+            raise GainError(f"released gradient: the sampling ratio is {h:.3g}, but the theorem needs a ratio below 2")
         slowest = slowest_decay(model.mechanism, damping, workspace)
         return cls(gamma, 0.5 * (2.0 - h) * slowest, 2.0 / (2.0 - h))
 

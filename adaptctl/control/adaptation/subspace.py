@@ -62,10 +62,10 @@ class Subspace(AdaptationLaw[NoMemory]):
         object.__setattr__(self, "directions", frozen_array(self.directions, shape, "subspace: directions"))
         object.__setattr__(self, "gain", frozen_array(self.gain, shape[1:], "subspace: gain"))
         if np.any(self.gain <= 0.0):
-            raise InputError("subspace: gain: expected positive numbers, one a direction")
+            raise InputError("subspace: gain: expected positive numbers, one per direction")
         values = np.linalg.svd(self.directions, compute_uv=False)
         if not values[-1] > MIN_SINGULAR_VALUE_RATIO * values[0]:
-            raise InputError("subspace: the directions are not independent: leave out what others combine to")
+            raise InputError("subspace: the directions are linearly dependent: remove the dependent ones")
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """

@@ -74,10 +74,9 @@ class ErrorFeedback:
             self.rate * self.control_period >= 2.0 or self.stiffness * self.control_period >= 2.0 * self.rate
         ):  # Jury (1961)
             raise GainError(
-                f"gains: {self.stiffness:.3g} 1/s^2 and {self.rate:.3g} 1/s cannot be carried by a hold of "
-                f"{self.control_period:g} s: the rate can be at most {2.0 / self.control_period:.4g} 1/s, the "
-                f"stiffness at most "
-                f"twice the rate over the period"
+                f"gains: {self.stiffness:.3g} 1/s^2 and {self.rate:.3g} 1/s are unstable at a control period of "
+                f"{self.control_period:g} s: the rate must be at most {2.0 / self.control_period:.4g} 1/s, the "
+                "stiffness at most twice the rate over the period"
             )
 
     @classmethod
@@ -112,8 +111,8 @@ class ErrorFeedback:
             return cls.from_poles([bandwidth * root for root in _roots(damping_ratio)], control_period)
         except InputError as error:
             raise InputError(
-                f"bandwidth of {bandwidth:g} rad/s and damping ratio of {damping_ratio:g}: gains beyond double "
-                f"precision: expected a bandwidth nearer to 1 over the period of {control_period:g} s, a ratio nearer "
+                f"bandwidth of {bandwidth:g} rad/s and damping ratio of {damping_ratio:g}: the gains exceed double "
+                f"precision; give a bandwidth closer to 1 over the period of {control_period:g} s, and a ratio closer "
                 f"to 1"
             ) from error
 
@@ -189,8 +188,8 @@ class ErrorFeedback:
             real_number(weight, f"weights: {name}")
         if not (position > 0.0 and velocity >= 0.0 and effort > 0.0 and math.isfinite(position + velocity + effort)):
             raise InputError(
-                f"weights: expected positive ones of position and effort, and of velocity at least 0, got {position}, "
-                f"{velocity}, {effort}"
+                "weights: expected positive weights of position and effort, and a velocity weight of at least 0, got "
+                f"{position}, {velocity}, {effort}"
             )
         import control
 
@@ -203,7 +202,7 @@ class ErrorFeedback:
             gains = np.asarray(control.dlqr(A, B, Q, R)[0], dtype=np.float64).ravel()
         except (ValueError, TypeError, np.linalg.LinAlgError) as error:  # python-control's errors are of either kind
             raise InputError(
-                f"weights: too far apart for a control period of {control_period:g} s ({error})"
+                f"weights: too different in size for a control period of {control_period:g} s ({error})"
             ) from error
         return cls(float(gains[0]) * natural**2, float(gains[1]) * natural, control_period)
 
@@ -254,7 +253,7 @@ class ErrorFeedback:
         try:
             return self.from_poles(poles, self.control_period)
         except InputError as error:
-            raise InputError(f"factor: {factor:g} leaves gains beyond double precision ({error})") from error
+            raise InputError(f"factor: {factor:g} gives gains that exceed double precision ({error})") from error
 
     @property
     def bandwidth(self) -> float:
@@ -277,8 +276,8 @@ class ErrorFeedback:
         squared = 1.0 - 1.0 / self.damping_ratio**2
         if not self.is_cascade:
             raise InputError(
-                f"damping ratio: Slotine and Li's error decays through two first-order lags, which needs a ratio of at "
-                f"least 1, got {self.damping_ratio:.3g}; use computed torque, or damp more"
+                "damping ratio: the error of Slotine and Li's law decays with two real poles, which need a ratio of "
+                f"at least 1, got {self.damping_ratio:.3g}; use computed torque, or more damping"
             )
         root = math.sqrt(max(squared, 0.0))
         return 0.5 * self.rate * (1.0 - root), 0.5 * self.rate * (1.0 + root)

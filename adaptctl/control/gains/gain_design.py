@@ -324,12 +324,10 @@ class GainDesign:
             late = f" and a delay of {self.delay} periods" if self.delay else ""
             raise GainError(
                 f"{self.mechanism.name}: the gains are too stiff for a control period of {self.control_period:g} "
-                f"s{late}: "
-                f"T_c lambda_max(M^-1 K) = {self.sampled_gain:.3g}, at most {self.largest_sampled_gain:.3g} is "
-                f"allowed. The largest gains that it carries have all poles at {self.max_bandwidth:.3g} times these, "
-                f"the "
-                f"fastest at {self.max_bandwidth * self.max_gain:.4g} 1/s instead of {self.max_gain:.4g}; or shorten "
-                f"the period"
+                f"s{late}: T_c lambda_max(M^-1 K) = {self.sampled_gain:.3g}, above the limit of "
+                f"{self.largest_sampled_gain:.3g}. The largest stable gains have all poles at {self.max_bandwidth:.3g} "
+                f"times these, the fastest at {self.max_bandwidth * self.max_gain:.4g} 1/s instead of "
+                f"{self.max_gain:.4g}; or shorten the period"
             )
         return self
 

@@ -331,19 +331,17 @@ def _refuse(mechanism: Mechanism, found: SamplingRatio, control_period: float, b
     where = f"p = {np.round(found.p, 3).tolist()}"
     if np.isinf(found.value):
         raise GainError(
-            f"{mechanism.name}: the mass matrix is not positive definite everywhere, so no damping can be checked "
-            f"against it: at {where} joint {found.joint} moves {_missing_inertia(mechanism, found.p)}"
+            f"{mechanism.name}: the mass matrix is not positive definite everywhere, so the damping cannot be "
+            f"checked: at {where} joint {found.joint} moves {_missing_inertia(mechanism, found.p)}"
         )
     own = control_period * bandwidth
     factor = max(MAX_SAMPLING_RATIO - own, 0.0) / (found.value - own) if found.value > own else 0.0
     raise GainError(
-        f"{mechanism.name}: damping is too stiff for a control period of {control_period:g} s: T_c "
-        f"lambda_max(M^-1 (K + M "
-        f"Lambda)) = {found.value:.3g} at {where}, at most {MAX_SAMPLING_RATIO} is allowed; use at most "
+        f"{mechanism.name}: damping is too stiff for a control period of {control_period:g} s: T_c lambda_max(M^-1 (K "
+        f"+ M Lambda)) = {found.value:.3g} at {where}, above the limit of {MAX_SAMPLING_RATIO}; use at most "
         f"{factor:.3g} times this damping or a period of at most "
-        f"{control_period * MAX_SAMPLING_RATIO / found.value:.3g} s. Joint {found.joint} would ring: less "
-        f"damping there, or "
-        "its rotor's inertia in the model, may be enough; a `workspace` along the reference leaves out the rest"
+        f"{control_period * MAX_SAMPLING_RATIO / found.value:.3g} s. Joint {found.joint} would oscillate: less damping "
+        "there, or its rotor inertia in the model, may be sufficient; `workspace` restricts the check to the reference"
     )
 
 
@@ -361,8 +359,8 @@ def _missing_inertia(mechanism: Mechanism, p: Array) -> str:
     """Phrase for what a joint moves, and the remedy."""
     links, inertia = mechanism.description.inconsistent_links, np.diagonal(mechanism.mass_matrix(p))
     if links and np.abs(inertia).min() > MIN_EIGENVALUE * np.abs(inertia).max():
-        return f"what no rigid body is: give {', '.join(links)} physically consistent parameters"
-    return "nothing: give it a link with inertia, or a rotor"
+        return f"inconsistent links: give {', '.join(links)} physically consistent parameters"
+    return "no inertia: give it a link with inertia, or a rotor inertia"
 
 
 def validate_period(control_period: float) -> None:

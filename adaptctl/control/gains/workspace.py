@@ -28,8 +28,8 @@ def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int =
     p = p[reachable(mechanism, p)]
     if not len(p):
         raise InputError(
-            f"workspace: {mechanism.name} reaches none of {samples} random positions within its joints' limits: draw "
-            "more, or state limits within which its loops close"
+            f"workspace: {mechanism.name} reaches none of {samples} random positions within its joint limits: give "
+            "more samples, or limits within which its loops close"
         )
     return p
 
@@ -160,7 +160,7 @@ class Workspace:
         path = np.atleast_2d(checked(p, mechanism.dof, "workspace: positions"))
         path = path[reachable(mechanism, path)]
         if not len(path):
-            raise InputError(f"workspace: {mechanism.name} reaches none of the positions given")
+            raise InputError(f"workspace: {mechanism.name} reaches none of the given positions")
         return cls(mechanism, path, path - margin, path + margin)
 
     @cached_property

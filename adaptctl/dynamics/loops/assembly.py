@@ -105,7 +105,7 @@ def _closed(
     if abs(gap[worst]) > 1e-11:
         raise LoopError(
             f"{name}: {elements[worst]} cannot close at the reference configuration: {abs(gap[worst]):.3g} (m or rad) "
-            f"remains; check lengths and frames, or give a reference nearer to a closed configuration{hint}"
+            f"remains; check lengths and frames, or give a reference closer to a closed configuration{hint}"
         )
     return q
 
@@ -123,9 +123,7 @@ def _nearby(name: str, every: Closing, links: Sequence[Segment], q: Array) -> Ar
         step = np.linalg.pinv(_jacobian(every, links, moved), rcond=1e-9) @ _residual(every, links, moved)
         moved = moved - step
     if np.abs(moved - q).max() < 1e-2 * _LITTLE:
-        raise LoopError(
-            f"{name}: the mechanism locks: its loops close in no other configuration near the reference; check lengths"
-        )
+        raise LoopError(f"{name}: the mechanism is locked: its loops close only at the reference; check lengths")
     return moved
 
 
@@ -140,21 +138,21 @@ def _validate_no_redundancy(name: str, jacobian: Array, elements: Sequence[str])
         last = len(elements) - elements[::-1].index(element)
         rank = _rank(jacobian[:last])
         if rank == before:
-            raise LoopError(f"{name}: {element} is redundant: what it binds is bound already; remove it")
+            raise LoopError(f"{name}: {element} is redundant: other constraints imply it; remove it")
         before = rank
 
 
 def _validate_fit(description: Description, every: Closing, jacobian: Array, rank: int) -> None:
     free, joints = len(description.links) - rank, description.joint_names
     if free == 0:
-        raise LoopError(f"{description.name}: the mechanism locks: {rank} constraints bind all {len(joints)} joints")
+        raise LoopError(f"{description.name}: the mechanism is locked: {rank} constraints fix all {len(joints)} joints")
     block = jacobian[:, every.dependent]
     if len(every.primary) > free:
         _blame(description, jacobian[:, every.primary], block, free)
     if _rank(block) < len(every.dependent):
         loose = np.linalg.svd(block)[2][_rank(block) :]
         names = [joints[i] for i, share in zip(every.dependent, np.abs(loose).max(0), strict=True) if share > 1e-6]
-        wanted = f"{free} joints must be primary, {len(every.primary)} are"
+        wanted = f"{free} joints must be primary, but only {len(every.primary)} are"
         raise LoopError(
             f"{description.name}: the primary joints do not determine {', '.join(names)}: {wanted}; make "
             f"{'one of these' if len(names) > 1 else 'it'} primary"
@@ -168,8 +166,8 @@ def _blame(description: Description, primary: Array, block: Array, free: int) ->
     names = [description.joint_names[i] for i in description.primary]
     bound = [name for name, share in zip(names, shares, strict=True) if share > _RANK]
     raise LoopError(
-        f"{description.name}: {len(description.primary)} joints are primary, but the loops leave only {free} free: "
-        f"{', '.join(bound)} bind one another; remove {len(description.primary) - free} of them"
+        f"{description.name}: {len(description.primary)} joints are primary, but the loops have only {free} degrees of "
+        f"freedom: {', '.join(bound)} depend on each other; remove {len(description.primary) - free} of them"
     )
 
 
@@ -180,7 +178,7 @@ def _validate_regular(description: Description, every: Closing, links: Sequence[
     if not here == nearby == dependent == rank:
         raise LoopError(
             f"{description.name}: the reference configuration is singular: of {max(rank, nearby)} constraints that are "
-            f"independent nearby, the dependent joints can meet only {dependent} there; give a reference elsewhere"
+            f"independent nearby, the dependent joints can satisfy only {dependent} there; give another reference"
         )
 
 

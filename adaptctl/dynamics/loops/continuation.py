@@ -128,8 +128,8 @@ class Continuation:
         if not regularity[worst] >= MIN_REGULARITY:
             p = np.reshape(q, (-1, q.shape[-1]))[worst, self.primary]
             raise SingularityError(
-                f"the loops are near a singularity at p = {np.round(p, 4).tolist()}: their smallest singular value is "
-                f"{regularity[worst]:.2g} of that at the reference, at least {MIN_REGULARITY} is needed"
+                f"the loops are near a singularity at p = {np.round(p, 4).tolist()}: the smallest singular value is "
+                f"{regularity[worst]:.2g} of that at the reference, below the limit of {MIN_REGULARITY}"
             )
 
     def _steps(self, way: Array) -> NDArray[np.int64]:

@@ -32,8 +32,8 @@ def validate_single_precision(mechanism: Mechanism, argument: str) -> None:
         worst = max(worst, *(abs(float(gap)) for gap in gaps))
     if not worst <= MAX_CLOSURE_GAP:
         raise InputError(
-            f"{argument}: in single precision the loops of {mechanism.name} stay open by {worst:.2g} m or rad, at most "
-            f"{MAX_CLOSURE_GAP:g} is allowed: use double"
+            f"{argument}: in single precision the loops of {mechanism.name} stay open by {worst:.2g} m or rad, above "
+            f"the limit of {MAX_CLOSURE_GAP:g}: use double"
         )
 
 

@@ -74,7 +74,7 @@ class MomentumTerms(NamedTuple):
 def momentum_terms(equations: Equations, q: Column, v: Column, columns: Sequence[int]) -> MomentumTerms:
     """Regressors of the momenta M v and of the forces that change them."""
     if equations.has_known_share:
-        raise InputError("learning from filtered torques needs relations without known values other than zero")
+        raise InputError("filtered torque prediction needs constraints with zero values")
     still = Column.zeros(equations.dof)
     moving = Column(map(Dual, q, equations.rates(q, v)))
     rows = equations.without_gravity().torque_regressor(moving, still, still, v, columns)

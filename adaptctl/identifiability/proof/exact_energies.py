@@ -298,11 +298,12 @@ def _validate_one_rank(mechanism: Mechanism, exact: ExactEnergies, coincidences:
         if len(coincidences) > MAX_LISTED_COINCIDENCES
         else ""
     )
-    if_meant = f"{meant} if" if meant is not None else "not to be told where"
+    if_meant = f"{meant}" if meant is not None else "undetermined"
     raise RankError(
-        f"{mechanism.name}: the rank is {exact.rank} as the geometry stands, and {if_meant} what is nearly special is "
-        f"meant to be so: {'; '.join(coincidences[:MAX_LISTED_COINCIDENCES])}{more}. Write what is meant exactly, or "
-        'load with snap=True, which makes angles right; if it is meant as it stands, say near_singular="as_is"'
+        f"{mechanism.name}: the rank is {exact.rank} for the geometry as given, but {if_meant} if nearly special "
+        f"values are made exact: {'; '.join(coincidences[:MAX_LISTED_COINCIDENCES])}{more}. Write the values exactly, "
+        "or "
+        'load with snap=True (--snap); to use the geometry as given, set near_singular="as_is" (--no-snap)'
     )
 
 

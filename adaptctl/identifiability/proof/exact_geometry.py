@@ -198,7 +198,7 @@ def _near_offsets(description: Description, frames: CanonicalFrames) -> Iterator
         before = "the world" if link.parent == GROUND else description.links[link.parent].joint.name
         for what, offset in (("from", joint.joint.radius), ("along", joint.joint.height)):
             if link.parent != GROUND and _nearly(offset, frames.length):
-                yield f"{link.joint.name} stands {abs(offset):.1e} m {what} the axis of {before}, nearly nothing"
+                yield f"{link.joint.name} is only {abs(offset):.1e} m {what} the axis of {before}"
 
 
 def _near_equals(description: Description, frames: CanonicalFrames) -> Iterator[str]:
@@ -237,7 +237,7 @@ def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
     """Equations of motion of closed loops on exact geometry."""
     description = mechanism.description
     if mechanism.continuation is None or description.loops is None:
-        raise InputError(f"{mechanism.name}: there are no loops to close")
+        raise InputError(f"{mechanism.name}: the mechanism has no loops")
     equations = mechanism.continuation.equations
     tree = replace(equations.tree, segments=geometry.links, gravity=geometry.gravity)
     pairs = zip(equations.closing.loops, description.loops.closures, strict=True)

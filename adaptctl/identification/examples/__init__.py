@@ -25,6 +25,6 @@ class Example(NamedTuple):
 def example(name: str) -> Iterator[Example]:
     """Context manager with the files of an example, "tx40"; `NotFoundError` for another name."""
     if name not in NAMES:
-        raise NotFoundError(f"unknown example {name!r}; there is {', '.join(NAMES)}")
+        raise NotFoundError(f"unknown example {name!r}; examples: {', '.join(NAMES)}")
     with as_file(files(__name__) / name) as folder:
         yield Example(folder / "log.parquet", folder / f"{name}.urdf", folder / f"{name}_drives.toml")

@@ -59,9 +59,8 @@ class ControlDelay(ActuatorEffect):
             raise InputError(f"control delay: expected a whole number of control periods, got {self.ticks!r}")
         if self.ticks > MAX_DELAY_PERIODS:
             raise InputError(
-                f"control delay: {self.ticks} control periods are longer than the buffer, which holds "
-                f"{MAX_DELAY_PERIODS}: "
-                "delay less, or lengthen the control period"
+                f"control delay: {self.ticks} control periods are more than the buffer length of {MAX_DELAY_PERIODS}: "
+                "reduce the delay, or lengthen the control period"
             )
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:

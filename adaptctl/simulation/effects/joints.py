@@ -229,7 +229,7 @@ class Payload:
         _validate_bounded(self.mass, self.center, tensor)
         if tensor.any() and not _is_inertia(tensor):
             raise InputError(
-                f"payload: no body has the inertia {tensor.tolist()}: expected a symmetric tensor whose "
+                f"payload: the inertia {tensor.tolist()} is not that of a body: expected a symmetric tensor whose "
                 "principal moments satisfy the triangle inequality"
             )
         object.__setattr__(self, "inertia", frozen(0.5 * (tensor + tensor.T)))
@@ -394,5 +394,5 @@ class PayloadHeld(LoadEffect):
         if self.link is None:
             return len(links) - 1
         if self.link not in links:
-            raise NotFoundError(f"payload: there is no link {self.link!r}; links: {', '.join(links)}")
+            raise NotFoundError(f"payload: unknown link {self.link!r}; links: {', '.join(links)}")
         return links.index(self.link)

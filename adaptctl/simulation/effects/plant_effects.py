@@ -277,7 +277,7 @@ def _rank(effect: Any) -> int:
 def listed(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     """Effects as a tuple; what is not iterable raises `InputError`."""
     if not isinstance(effects, Iterable):
-        raise InputError(f"effects: expected several, such as [ControlDelay(2)], got {effects!r}")
+        raise InputError(f"effects: expected a sequence, such as [ControlDelay(2)], got {effects!r}")
     return tuple(effects)
 
 
