@@ -133,7 +133,7 @@ def test_near_a_singularity_nothing_is_returned() -> None:
     assert stuck.configuration([far - 0.2]).shape == (3,)
     for beyond in (-1e-4, 0.0, 1e-4, 0.3):
         with pytest.raises(
-            SingularityError, match=r"the loops are near a singularity at p = \[\d\.\d+\]: .* at least 0"
+            SingularityError, match=r"the loops are near a singularity at p = \[\d\.\d+\]: .* below the limit of 0"
         ):
             stuck.configuration([far + beyond])
     assert stuck.continuation is not None

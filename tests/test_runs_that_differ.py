@@ -123,5 +123,5 @@ def test_gains_that_cannot_be_are_refused() -> None:
         run(damping=np.ones((2, 2)))
     with pytest.raises(GainError, match="too stiff"):
         run(damping=np.stack([np.ones(3), np.full(3, 1e5)]))
-    with pytest.raises(InputError, match="a row for each arm"):
+    with pytest.raises(InputError, match="one row per arm"):
         run(damping=np.ones((2, 3)), bandwidth=np.ones((3, 3)))

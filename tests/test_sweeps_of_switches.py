@@ -25,7 +25,7 @@ def test_switches_are_typed_as_true_and_false() -> None:
     assert parsed(SNAP, "true") == (True,)
     assert as_span(SNAP, (False, True)) is None
     for wrong in ("1", "yes", "0..1", "", "true,true"):
-        with pytest.raises(InputError, match=r"snap: expected (true or false|different values)"):
+        with pytest.raises(InputError, match=r"snap: expected (true or false|one or more different values)"):
             parsed(SNAP, wrong)
 
 
