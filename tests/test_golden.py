@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 from golden import capture
 
+from adaptctl.cli.main import app
+
 AFTERWARDS = "if it is meant, `make golden UPDATE=1` writes it anew; say why in the commit"
 ROBOTS = (
     *(
@@ -31,6 +33,8 @@ LAWS = ("three: gradient", "three: linear", "two: guarded")
 def _quiet(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     for name in ("COLUMNS", "NO_COLOR", "TERM"):
         monkeypatch.setenv(name, capture.SAME_EVERYWHERE[name])
+    # Cyclopts keeps the console that another test's help was the first to make, with the width of then.
+    monkeypatch.setattr(app, "_fallback_console", None)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
