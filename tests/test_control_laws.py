@@ -326,7 +326,7 @@ def test_the_sliding_variable_of_relatives_is_not_taken_for_slotine_and_lis() ->
     mechanism, law = arm(SMALL), PassivityIntegral(reduced(SMALL), 5.0, gains(SMALL).damping)
     p = posture(mechanism)[None]
     run = SimpleNamespace(p=p, v=0.0 * p, reference_p=p, reference_v=0.0 * p, estimate=np.zeros((1, len(gain(SMALL)))))
-    with pytest.raises(InputError, match="sliding variable: that of PassivityIntegral depends on more"):
+    with pytest.raises(InputError, match="sliding variable: that of PassivityIntegral needs more"):
         lyapunov(law, run, mechanism)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from golden import capture
+from rich.console import Console
 
 from adaptctl.cli.main import app
 
@@ -33,8 +34,8 @@ LAWS = ("three: gradient", "three: linear", "two: guarded")
 def _quiet(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     for name in ("COLUMNS", "NO_COLOR", "TERM"):
         monkeypatch.setenv(name, capture.SAME_EVERYWHERE[name])
-    # Cyclopts keeps the console that another test's help was the first to make, with the width of then.
-    monkeypatch.setattr(app, "_fallback_console", None)
+    # Else cyclopts takes the console that the first help of a process made, with the width of then.
+    monkeypatch.setattr(app, "_console", Console())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
