@@ -1,4 +1,4 @@
-"""The physical arm in time: integrators, the plant, its effects, and closed-loop runs."""
+"""Simulation of closed loops."""
 
 from adaptctl.simulation.closed_loop import ClosedLoop, Episode
 from adaptctl.simulation.integrator import (

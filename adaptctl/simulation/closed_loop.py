@@ -1,4 +1,4 @@
-"""A plant and a controller as one step over scalars: a whole run is then one call of native code."""
+"""Plant and controller as one compiled step."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _NOTHING = (Column(()), Column(()))
 
 
 class Sample(NamedTuple):
-    """Record of one control period: the state at its beginning, torques, estimate, flags and internal state."""
+    """Record of one control period, with the state at its beginning."""
 
     q: Any
     v: Any
@@ -47,7 +47,7 @@ class Sample(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
     """
-    Plant and controller as one step, a control period, over scalars of any kind.
+    Plant and controller as one step (a control period) over scalars of any kind.
 
     Parameters
     ----------
@@ -63,8 +63,7 @@ class ClosedLoop:
 
     Notes
     -----
-    At a period's beginning the controller computes a torque from the measured positions and velocities; the plant holds
-    it until the end. Loops that differ in gains alone are equal and share native code.
+    Loops that differ only in gains are equal and share native code.
 
     Examples
     --------
@@ -87,19 +86,18 @@ class ClosedLoop:
             )
 
     def __repr__(self) -> str:
-        """Robot and controller in one line."""
         return f"<ClosedLoop of {self.plant.mechanism.name!r} and {type(self.controller).__name__}>"
 
     @cached_property
     def state(self) -> dict[str, int]:
-        """Lengths, by name, of the columns that pass from one control period to the next."""
+        """Lengths, by name, of the columns that carry the state."""
         measured = dict.fromkeys(("measured_p", "measured_v"), self.controller.dof if self._senses else 0)
         memory = {f"memory_{k}": len(part) for k, part in enumerate(leaves(self._blank))}
         return self.plant.sizes | measured | memory
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths, by name, of the columns that are constant over a run: "parameters" and "gains"."""
+        """Lengths of the constant columns "parameters" and "gains"."""
         return {"parameters": self.plant.mechanism.equations.parameters} | self.controller.gain_sizes
 
     @property
@@ -109,7 +107,7 @@ class ClosedLoop:
 
     @property
     def noise(self) -> dict[str, int]:
-        """Length, by its name, of the column "noise": 2r standard normal numbers, or 0 without sensors."""
+        """Length of the column "noise": 2r, or 0 without sensors."""
         return {"noise": self.plant.noise_size}
 
     def equation(self, **columns: Column) -> tuple[list[Column], Sample]:
@@ -150,11 +148,10 @@ class ClosedLoop:
 
     @cached_property
     def flags(self) -> tuple[str, ...]:
-        """Names of the flags in a `Sample`: the actuator effects', then those of a `SafetyFilter`."""
+        """Names of a `Sample`'s flags, the plant's first."""
         return (*self.plant.flags, *getattr(guards(self._blank), "_fields", ()))
 
     def __eq__(self, other: object) -> bool:
-        """True if the plants are equal, and the controllers but for their gains."""
         return isinstance(other, ClosedLoop) and self._parts == other._parts
 
     def __hash__(self) -> int:
@@ -264,7 +261,6 @@ class ClosedLoop:
         return PlantState(time, p, v, q, measured[0], measured[1], *done, drives, sensors), memory
 
     def _validate_own(self, arms: Ensemble) -> None:
-        """Raise `InputError` for arms without one of the columns of `state`; they may have others besides."""
         for name, length in self.state.items():
             found = arms.state.columns.get(name, "none")
             if found != length:
@@ -280,7 +276,7 @@ class ClosedLoop:
 
 
 def not_compiled(plant: Plant, controller: Controller[Any]) -> str:
-    """Reason why plant and controller cannot be compiled together, empty if they can."""
+    """Reason why the two cannot be compiled, or ""."""
     for part, kind in ((controller, Controller), (plant, Plant)):
         if type(part).step is not kind.step:
             return f"{type(part).__name__} has a custom step"
@@ -289,7 +285,7 @@ def not_compiled(plant: Plant, controller: Controller[Any]) -> str:
 
 
 class Driven(ABC):
-    """Native runs in the making, taken a stretch of control periods at a time."""
+    """Base class of native runs that proceed in chunks."""
 
     loop: ClosedLoop
     steps: int
@@ -298,19 +294,19 @@ class Driven(ABC):
     @property
     @abstractmethod
     def count(self) -> int:
-        """The number of control periods done."""
+        """Number of control periods done."""
 
     @abstractmethod
     def advance(self) -> object:
-        """Take the next stretch, which counts when all of it is done."""
+        """Compute the next chunk."""
 
     @property
     def over(self) -> bool:
-        """True if there is nothing left to be done."""
+        """True if the run has ended."""
         return self.count >= self.steps
 
     def drive(self, progress: Callable[[float], object] | None) -> tuple[float, bool]:
-        """Computing time in s to do all that is left, and False if Ctrl-C ended it."""
+        """Computing time (s), and False after Ctrl-C."""
         complete, started = False, perf_counter()
         try:
             while not self.over:
@@ -323,20 +319,19 @@ class Driven(ABC):
         return perf_counter() - started, complete
 
     def ahead(self, most: int) -> Array:
-        """Times in s of the next 1 to `most` control periods in which the true parameters stay as they are."""
+        """Times (s) of the next control periods with constant true parameters."""
         times = self.control_period * np.arange(self.count, min(self.steps, self.count + most))
         return np.asarray(times[: max(1, int(np.searchsorted(times, self.loop.plant.next_change_time(times[0]))))])
 
 
 def guards(memory: Any) -> tuple[Any, ...]:
-    """Flags of a `SafetyFilter` in its internal state, else an empty tuple."""
+    """Names of a `SafetyFilter`'s flags, or ()."""
     flags = getattr(memory, "flags", ())
     return flags if isinstance(flags, tuple) else ()
 
 
 Judge: TypeAlias = Callable[[Array, Array, ReferencePoint, Array], tuple[Array, NDArray[np.bool_]]]
-"""From configurations q (..., n), velocities (..., r), the reference there and the torques applied before (..., r), to
-rewards (...) and whether the episode ends there (...)."""
+"""From q (..., n), v (..., r), the reference and the last torques (..., r) to rewards (...) and ends (...)."""
 
 
 def _untold(parameters: Array, state: PlantState, steps: int, clipped: int, energy: float) -> dict[str, Any]:
@@ -346,7 +341,7 @@ def _untold(parameters: Array, state: PlantState, steps: int, clipped: int, ener
 @sent_as_made
 class Episode(NamedTuple):
     """
-    Episode of one robot, all that `simulate` needs to run it in native code.
+    Episode of one robot that `simulate` can run in native code.
 
     Parameters
     ----------
@@ -371,8 +366,7 @@ class Episode(NamedTuple):
 
     Notes
     -----
-    An environment offers episodes by a method `episode(seed=..., options=...)`, which draws what `reset` draws; it
-    raises `NotImplementedError` where its `step` does anything else.
+    An environment's method `episode(seed=..., options=...)` returns it, or raises `NotImplementedError`.
 
     Examples
     --------
@@ -390,5 +384,4 @@ class Episode(NamedTuple):
     info: Callable[[Array, PlantState, int, int, float], dict[str, Any]] = _untold
 
     def __repr__(self) -> str:
-        """Robot and length in one line."""
         return f"<Episode of {self.plant.mechanism.name!r}: {self.steps} control periods>"

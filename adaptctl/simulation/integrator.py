@@ -1,4 +1,4 @@
-"""One step in time of p'' = a(p, p') over scalars of any kind, and how many steps friction and springs need."""
+"""Integration methods and their step sizes."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from adaptctl.simulation.effects import JointEffect
 from adaptctl.simulation.transmission import Transmission
 
 Acceleration: TypeAlias = Callable[[Column, Column], Column]
-"""Configurations (n,) and velocities (r,) to accelerations (r,)."""
+"""From q (n,) and v (r,) to accelerations (r,)."""
 
 Rates: TypeAlias = Callable[[Column, Column], Column]
-"""Configurations (n,) and velocities (r,) to how the configuration moves (n,)."""
+"""From q (n,) and v (r,) to q' (n,)."""
 
 
 def own(q: Column, v: Column) -> Column:
-    """Rates of a tree's positions: its velocities (n,)."""
+    """Rates of a tree's positions, its velocities (n,)."""
     return v
 
 
 class Integrator(Protocol):
     """
-    Protocol of one-step integration methods for q' = rates(q, v), v' = acceleration(q, v).
+    Protocol of one-step methods for q' = rates(q, v), v' = acceleration(q, v).
 
     Parameters
     ----------
@@ -41,8 +41,8 @@ class Integrator(Protocol):
 
     Notes
     -----
-    An implementation has `stages`, the number of accelerations in a step, and `implicit`, True if `acceleration` is to
-    use the friction of the step's end.
+    An implementation has `stages`, its accelerations per step, and `implicit`, True if `acceleration` uses the friction
+    of the step's end.
 
     Examples
     --------
@@ -57,7 +57,7 @@ class Integrator(Protocol):
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
         """
-        Advance positions and velocities by one step; numbers are not checked.
+        Advance positions and velocities by one step, unchecked.
 
         Parameters
         ----------
@@ -82,7 +82,7 @@ class Integrator(Protocol):
 
 
 def validate_integrator(given: object) -> None:
-    """Raise `InputError` unless `given` is an object with the members `step` and `implicit`."""
+    """Raise `InputError` unless `given` is an integrator."""
     if isinstance(given, type) or not (hasattr(given, "step") and hasattr(given, "implicit")):
         raise InputError(f"integrator: expected an Integrator, such as RungeKutta4(), got {given!r:.80}")
 
@@ -94,7 +94,7 @@ class RungeKutta4:
 
     Notes
     -----
-    Explicit, with four accelerations per step [1]_; the error of a step is of order dt^5.
+    Explicit, with four accelerations per step [1]_.
 
     References
     ----------
@@ -114,7 +114,7 @@ class RungeKutta4:
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
         """
-        Advance positions and velocities by one step; numbers are not checked.
+        Advance positions and velocities by one step, unchecked.
 
         Parameters
         ----------
@@ -153,8 +153,8 @@ class SemiImplicitEuler:
 
     Notes
     -----
-    One acceleration per step; the new velocities move the positions. The energy error stays bounded where accelerations
-    depend on positions alone, only approximately with a robot's velocity terms [1]_.
+    One acceleration per step; the new velocities move the positions. The energy error stays bounded if accelerations
+    depend on positions alone [1]_.
 
     References
     ----------
@@ -173,7 +173,7 @@ class SemiImplicitEuler:
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
         """
-        Advance positions and velocities by one step; numbers are not checked.
+        Advance positions and velocities by one step, unchecked.
 
         Parameters
         ----------
@@ -200,14 +200,14 @@ class SemiImplicitEuler:
 @dataclass(frozen=True)
 class LinearlyImplicitEuler:
     r"""
-    Linearly implicit Euler method of order 1, stable however stiff friction is.
+    Linearly implicit Euler method of order 1, for stiff friction.
 
     Notes
     -----
     .. math:: (M + \Delta t\,B)(v_1 - v) = \Delta t\,(\tau - C v - g - B v), \quad p_1 = p + \Delta t\,(v + v_1)/2
 
-    B v is the friction at v, for Coulomb friction by the secant of its curve from rest to v: exact at steady speed.
-    With torque and gravity held, friction alone never reverses a velocity. It is a Rosenbrock method of one stage [1]_.
+    with the friction B v at v, Coulomb friction by the secant of its curve: a Rosenbrock method of one stage [1]_.
+    Friction alone never reverses a velocity.
 
     References
     ----------
@@ -226,7 +226,7 @@ class LinearlyImplicitEuler:
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
         """
-        Advance positions and velocities by one step; numbers are not checked.
+        Advance positions and velocities by one step, unchecked.
 
         Parameters
         ----------
@@ -252,22 +252,21 @@ class LinearlyImplicitEuler:
 
 
 MAX_RATE_STEP = 2.5
-"""Of rate times step: Runge and Kutta's method is stable up to 2.78 on the real axis."""
+"""rate times step; RK4 is stable up to 2.78"""
 MAX_EXPLICIT_SUBSTEPS = 8
-"""steps of Runge and Kutta's method in a control period"""
+"""RK4 steps per control period"""
 MIN_IMPLICIT_SUBSTEPS = 4
-"""at least so many steps of the linearly implicit one: within 0.4 mrad of 144 to 556 of the other on arms with stiff
-friction"""
+"""within 0.4 mrad of 144 to 556 RK4 steps on arms with stiff friction"""
 
 
 MAX_FREQUENCY_STEP = 1.0
-"""Of a spring's frequency times step: Runge and Kutta's method loses 0.7 % of an oscillation's amplitude a radian."""
+"""frequency times step; RK4 then loses 0.7 % amplitude per radian"""
 MAX_SPRING_SUBSTEPS = 2000
-"""steps in a control period"""
+"""steps per control period"""
 
 
 def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> float:
-    """Fastest decay rate of a velocity by friction in 1/s, over 200 random configurations."""
+    """Fastest decay rate (1/s) of a velocity by friction in 200 random configurations."""
     extra = sum((np.diag(effect.max_slope(mechanism.dof)) for effect in effects), np.zeros((mechanism.dof,) * 2))
     description = mechanism.description
     columns = range(description.num_energy_parameters, len(description.parameter_names))
@@ -285,7 +284,7 @@ def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> 
 
 
 class Integration(NamedTuple):
-    """Integration method of a control period and its number of equal steps."""
+    """Integration method and number of equal steps per control period."""
 
     substeps: int
     integrator: Integrator
@@ -299,7 +298,7 @@ def integration(
     transmission: Transmission | None = None,
 ) -> Integration:
     """
-    Return the integration that stays stable with the given friction and elastic joints.
+    Return an integration that is stable with given friction and elastic joints.
 
     Parameters
     ----------
@@ -340,7 +339,7 @@ def integration(
 
 
 def validate_substeps(mechanism: Mechanism, transmission: Transmission, control_period: float, substeps: int) -> None:
-    """Raise `InputError` where explicit steps are too few to be stable with elastic joints."""
+    """Raise `InputError` if explicit steps are too few for elastic joints."""
     waves, decay = transmission.rates(mechanism, sampled_configurations(mechanism))
     needed = _few(math.ceil(control_period * max(waves, decay) / MAX_RATE_STEP), mechanism)
     if substeps < needed:
@@ -362,7 +361,7 @@ def _few(steps: int, mechanism: Mechanism) -> int:
 
 
 def _slopes(mechanism: Mechanism, p: Array, columns: range) -> Array:
-    """The drives' friction over velocity at rest (samples, r, r), by velocities far below where the sign bends."""
+    """Slopes (samples, r, r) of the drives' friction at rest."""
     D, slow = mechanism.inertial_parameters[columns.start :], 1e-6 * COULOMB_SMOOTHING_SPEED
     rest = np.zeros_like(p)
     slopes = np.zeros((*p.shape, mechanism.dof))

@@ -1,4 +1,4 @@
-"""Arms that run together, and what may differ among them: gains, noise, precision."""
+"""Members of a batch of arms."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from adaptctl.scalars import Tunable
 from adaptctl.simulation.closed_loop import ClosedLoop
 
 Seeds: TypeAlias = int | NDArray[np.object_] | None
-"""One seed for all arms, an array of one for each, or None for another noise each time."""
+"""One seed for all arms, one per arm, or None for new noise."""
 
 
 def checked_seeds(given: object) -> Seeds:
-    """Seeds of many arms' noise: None, one whole number or an array of them; others raise `InputError`."""
+    """Checked seeds, else `InputError`."""
     if given is None:
         return None
     each = np.asarray(given, dtype=np.object_)
@@ -32,7 +32,7 @@ def checked_seeds(given: object) -> Seeds:
 
 
 class Noise(NamedTuple):
-    """Source of standard normal sensor noise for many arms."""
+    """Standard normal sensor noise of many arms."""
 
     generators: Sequence[np.random.Generator]
     members: int
@@ -40,7 +40,7 @@ class Noise(NamedTuple):
 
     @classmethod
     def of(cls, seed: Seeds, members: int, batch: int, size: int) -> list[Noise]:
-        """Sources of noise for groups of at most `batch` arms; with one seed each an arm's noise is its own."""
+        """Sources for groups of at most `batch` arms."""
         counts = [min(batch, members - first) for first in range(0, members, batch)]
         if isinstance(seed, np.ndarray) and size:
             each = [np.random.default_rng(int(x)) for x in seed]
@@ -50,7 +50,7 @@ class Noise(NamedTuple):
         return [cls([np.random.default_rng(x)], n, size) for x, n in zip(sources, counts, strict=True)]
 
     def drawn(self, steps: int) -> Array:
-        """Standard normal numbers (steps, M, size) of the next control periods."""
+        """Noise (steps, M, size) of the next control periods."""
         if len(self.generators) == 1:
             return self.generators[0].standard_normal((steps, self.members, self.size))
         return np.stack([rng.standard_normal((steps, self.size)) for rng in self.generators], axis=1)
@@ -59,7 +59,7 @@ class Noise(NamedTuple):
 def differing(
     controller: Controller[Any] | Sequence[Controller[Any]], gains: Mapping[str, ArrayLike]
 ) -> tuple[Controller[Any], dict[str, Array]]:
-    """One controller for M arms, and the numbers in which they differ, by name."""
+    """One controller for M arms, and their numbers by name."""
     one = controller if isinstance(controller, Controller) else _first_of(controller)
     if one is not controller and one.numbers:
         if gains:
@@ -79,18 +79,17 @@ def differing(
 
 
 def arms_of(controller: Controller[Any], given: Mapping[str, Array]) -> dict[str, tuple[int, ...]]:
-    """Leading axes of gains by name: (M,) where there is a row for each arm, () else."""
+    """Leading axes of gains by name, (M,) or ()."""
     return {name: x.shape[: x.ndim - controller.numbers[name].ndim] for name, x in given.items()}
 
 
 def gains_of(controller: Controller[Any], given: Mapping[str, Array], count: int) -> dict[str, Array]:
-    """All gains (count, ...) of the arms by name, the controller's own where not given."""
+    """Gains (count, ...) of the arms by name, defaults included."""
     own = controller.numbers if given else {}
     return {name: np.broadcast_to(given.get(name, x), (count, *x.shape)) for name, x in own.items()}
 
 
 def _require(controller: Controller[Any], each: Mapping[str, Array]) -> None:
-    """Raise the errors of the controller's class, unless each arm's numbers would make a controller."""
     with suppress(InputError):
         controller.tuned({name: x.max(axis=0) for name, x in each.items()})
     rows = np.concatenate([x.reshape(len(x), -1) for x in each.values()], axis=1)
@@ -99,7 +98,6 @@ def _require(controller: Controller[Any], each: Mapping[str, Array]) -> None:
 
 
 def _first_of(given: object) -> Controller[Any]:
-    """The first of a sequence of controllers that differ in numbers alone."""
     laws = list(given) if isinstance(given, Sequence) else []
     if not laws or not all(isinstance(one, Controller) for one in laws):
         raise InputError(f"controller: expected a Controller or a sequence of them, got {given!r}")
@@ -112,11 +110,11 @@ def _first_of(given: object) -> Controller[Any]:
 
 
 MAX_FLOAT32_PERIODS = 2**24
-"""Control periods that single precision can count."""
+"""control periods that single precision counts exactly"""
 
 
 def validate_single(loop: ClosedLoop, steps: int) -> None:
-    """Raise `InputError` unless a closed loop can be simulated in single precision."""
+    """Raise `InputError` if a closed loop needs double precision."""
     validate_single_precision(loop.plant.mechanism, "precision")
     for part in _parts(loop.controller):
         if isinstance(part, AdaptationLaw) and part.needs_double:

@@ -1,4 +1,4 @@
-"""MuJoCo as the plant: it moves the arm, with contacts, joint stops and all else that a scene has."""
+"""MuJoCo as the plant."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _SILENT = ("actuator_gainprm", "actuator_biasprm")
 
 @dataclass(frozen=True, eq=False)
 class MuJoCoPlant(Plant):
-    """Plant that is the arm of a MuJoCo model, moved by MuJoCo under torques held over each control period."""
+    """Plant that MuJoCo simulates, with torques held over each control period."""
 
     model: mujoco.MjModel | None = None
     body: str | None = None
@@ -58,7 +58,7 @@ class MuJoCoPlant(Plant):
     def of(
         cls, robot: str | Path | Mechanism | mujoco.MjModel, control_period: float, body: str | None = None, **more: Any
     ) -> MuJoCoPlant:
-        """Plant of a robot's MuJoCo model: an MJCF scene, a `MjModel`, or one made of another robot."""
+        """Plant of an MJCF scene, an `MjModel` or another robot."""
         model = as_mujoco(robot)
         own = robot if isinstance(robot, Mechanism) else None
         return cls(own or Mechanism.from_mujoco(model, body), control_period, model=model, body=body, **more)
@@ -66,7 +66,7 @@ class MuJoCoPlant(Plant):
     def init(
         self, p: ArrayLike, v: ArrayLike, parameters: ArrayLike | None = None, noise: ArrayLike | None = None
     ) -> PlantState:
-        """State of one arm at time zero; all else in the scene is in the model's initial state."""
+        """Initial state of one arm, the scene in its initial state."""
         p, v = (self._vector(x, what).astype(np.float64) for x, what in ((p, "p"), (v, "v")))
         scene = self._scene.having(parameters)
         return self._state(0.0, *scene.started(p, v), np.zeros(self.dof), False)
@@ -78,7 +78,7 @@ class MuJoCoPlant(Plant):
         parameters: ArrayLike | None = None,
         noise: ArrayLike | None = None,
     ) -> PlantState:
-        """State of one arm a control period later, under a torque that is clipped and held."""
+        """State of one arm a control period later."""
         given = self._finite(torque)
         applied = self.limited(given)
         p, v, drives = self._scene.having(parameters).moved(state.drives, applied)
@@ -91,7 +91,7 @@ class MuJoCoPlant(Plant):
         return self._state(state.time + self.control_period, p, v, drives, applied, clipped)
 
     def compile(self) -> None:
-        """Compile the energy to native code; MuJoCo computes all else."""
+        """Compile the energy to native code."""
         _ = self._energy
 
     def _state(self, time: float, p: Array, v: Array, drives: Array, applied: Array, clipped: bool) -> PlantState:
@@ -110,7 +110,7 @@ class MuJoCoPlant(Plant):
 
 
 class _Scene:
-    """MuJoCo's model and data for one set of true parameters: memory in which a control period is computed."""
+    """MuJoCo's model and data for one set of true parameters."""
 
     def __init__(self, plant: MuJoCoPlant, parameters: Array | None = None) -> None:
         import mujoco
@@ -140,7 +140,7 @@ class _Scene:
         self._latest: Array | None = None
 
     def having(self, parameters: ArrayLike | None) -> _Scene:
-        """The scene with these true parameters (P,), None for the mechanism's own; the plant keeps the latest."""
+        """Scene with true parameters (P,), the latest being kept."""
         own = self._plant.mechanism.inertial_parameters
         given = own if parameters is None else parameters
         if np.array_equal(given, self.parameters):
@@ -151,7 +151,7 @@ class _Scene:
         return new
 
     def started(self, p: Array, v: Array) -> tuple[Array, Array, Array]:
-        """The arm at p, v (r,), the rest as the scene draws it: p, v and the whole state."""
+        """p, v and whole state with the arm at p, v (r,)."""
         import mujoco
 
         mujoco.mj_resetData(self._model, self._data)
@@ -160,7 +160,7 @@ class _Scene:
         return p, v, self._kept()
 
     def moved(self, whole: Array, torque: Array) -> tuple[Array, Array, Array]:
-        """A control period under a torque (r,) from a whole state: p, v (r,) and the whole state after it."""
+        """p, v and whole state after a control period."""
         import mujoco
 
         if whole is not self._latest:
@@ -179,7 +179,7 @@ class _Scene:
 
 
 def as_mujoco(robot: str | Path | Mechanism | mujoco.MjModel) -> mujoco.MjModel:
-    """MuJoCo model of a robot: itself, that of a scene's file, or one made of a mechanism's links."""
+    """MuJoCo model of a scene, a model or a mechanism."""
     try:
         import mujoco
     except ImportError as error:
@@ -197,16 +197,16 @@ def as_mujoco(robot: str | Path | Mechanism | mujoco.MjModel) -> mujoco.MjModel:
 
 
 CONTACT_SAMPLES, CONTACT_HORIZON = 201, 20.0
-"""at how many times references are looked at, and for how long, s"""
+"""number of times, and s"""
 SHRINKING_FACTOR, MAX_SHRINKINGS = 0.8, 20
-"""by which references are drawn in towards the scene's own posture, and how often"""
+"""shrinking of a reference towards the scene's posture, and how often at most"""
 
 Pair = tuple[str, str]
-"""Names of two bodies that touch."""
+"""names of two bodies"""
 
 
 def contacts_at(plant: MuJoCoPlant, positions: Array) -> Counter[Pair]:
-    """Number of positions (n, r) at which each pair of bodies is in contact, by their names."""
+    """Number of positions (n, r) with contact, by pair."""
     import mujoco
 
     model, arm = plant.model, plant.arm
@@ -222,12 +222,12 @@ def contacts_at(plant: MuJoCoPlant, positions: Array) -> Counter[Pair]:
 
 
 def contacts_along(plant: MuJoCoPlant, reference: Reference) -> Counter[Pair]:
-    """Number of times along a reference at which each pair of bodies is in contact."""
+    """Number of times of a reference with contact, by pair."""
     return contacts_at(plant, reference(np.linspace(0.0, CONTACT_HORIZON, CONTACT_SAMPLES)).p)
 
 
 def warn_of_contacts(plant: MuJoCoPlant, reference: Reference) -> None:
-    """Warn (`ReferenceWarning`) where the arm on the reference touches itself or the scene."""
+    """Warn (`ReferenceWarning`) of contacts along a reference."""
     if not (found := contacts_along(plant, reference)):
         return
     (one, other), count = found.most_common(1)[0]
@@ -242,7 +242,7 @@ def warn_of_contacts(plant: MuJoCoPlant, reference: Reference) -> None:
 
 
 def clear_of_contacts(plant: MuJoCoPlant, drawn: Sinusoids) -> Sinusoids:
-    """Sinusoids on which the arm touches neither itself nor the scene."""
+    """Sinusoids without contacts."""
     if not contacts_along(plant, drawn):
         return drawn
     model, arm = plant.model, plant.arm

@@ -1,7 +1,4 @@
-"""One control period of a plant over scalars of any kind: limits, drives, the motion under held torques, and sensors.
-
-`Plant.step` is this on arrays; `ClosedLoop` has a controller's law before it, a vector environment's step facts after.
-"""
+"""One control period of a plant over scalars of any kind."""
 
 from __future__ import annotations
 
@@ -25,17 +22,17 @@ from adaptctl.simulation.integrator import Integrator
 from adaptctl.simulation.transmission import Motors, Transmission
 
 MAX_FUNDAMENTAL_LINKS = 12
-"""Links of a mechanism whose basis is looked for, which takes longer than is saved for more."""
+"""links up to which finding a basis pays"""
 
 
 class FundamentalMotion(NamedTuple):
-    """Equations of motion in fundamental (base) parameters, which take fewer operations."""
+    """Equations of motion in base parameters, with fewer operations."""
 
     equations: Equations
     sums: tuple[tuple[tuple[int, float], ...], ...]
 
     def parameters(self, true: Column) -> Column:
-        """Parameters (m,) of these equations, weighted sums of the mechanism's own (P,)."""
+        """Base parameters (m,) of full ones (P,)."""
 
         def total(terms: tuple[tuple[int, float], ...]) -> Scalar:
             (i, weight), *rest = terms
@@ -45,7 +42,7 @@ class FundamentalMotion(NamedTuple):
 
 
 def fundamental_motion(mechanism: Mechanism) -> FundamentalMotion | None:
-    """Equations of motion in fundamental (base) parameters; None where no basis is certified."""
+    """Equations of motion in base parameters, None without a certified basis."""
     if type(mechanism) is not Mechanism or len(mechanism.links) > MAX_FUNDAMENTAL_LINKS:
         return None
     turned = Mechanism(with_joint_frames(mechanism.description))
@@ -64,15 +61,14 @@ def _terms(row: np.ndarray) -> tuple[tuple[int, float], ...]:
 
 
 HeldMotion: TypeAlias = Callable[[Column, Column, Column, Column], tuple[Column, Column]]
-"""From q (n,), v (r,), torque (r,) and parameters (P,) to the q and v a control period later; behind springs q has the
-motors' positions (r,) at its end, and v their velocities."""
+"""From q (n,), v (r,), torque (r,) and parameters (P,) to q and v a period later, motors (r,) appended."""
 
 MIN_SECANT_SPEED = 1e-9
-"""rad/s (m/s): at smaller speeds the secant of friction is its slope at rest"""
+"""rad/s (m/s); below, friction's slope at rest is used"""
 
 
 class Bodies(NamedTuple):
-    """Equations of motion as an integrator takes them: `rates`, `moved` and `projected`."""
+    """Equations of motion for an integrator."""
 
     rates: Callable[[Column, Column], Column]
     moved: Callable[..., tuple[Column, Column]]
@@ -87,7 +83,7 @@ def held_motion(
     friction: Sequence[JointEffect] = (),
     transmission: Transmission | None = None,
 ) -> HeldMotion:
-    """Motion over one control period under a held torque, a function of Columns."""
+    """Motion over one control period under a held torque."""
     dt, several = control_period / substeps, integrator.stages > 1
     fewer = fundamental_motion(mechanism) if transmission is None else None
     bodies = _rigid(mechanism.equations if fewer is None else fewer.equations, integrator, friction, dt)
@@ -112,7 +108,6 @@ def held_motion(
 
 def _rigid(equations: Equations, integrator: Integrator, friction: Sequence[JointEffect], dt: float) -> Bodies:
     def explicit(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
-        """Rates of the configuration and of the velocities: together, for loops need their Jacobian for both."""
         return equations.rates(q, v), equations.forward_dynamics(q, v, torque, parameters)
 
     shared = outlined(explicit) if integrator.stages > 1 else explicit
@@ -131,7 +126,7 @@ def _rigid(equations: Equations, integrator: Integrator, friction: Sequence[Join
 
 
 def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodies:
-    """Equations of motion of links and motors with springs between them."""
+    """Equations of motion of links and motors coupled by springs."""
     r = len(transmission.primary)
 
     def parted(both: Column) -> tuple[Column, Column]:
@@ -155,7 +150,7 @@ def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodi
 
 
 def joined(links: Column, motors: Column) -> Column:
-    """Concatenated column of the numbers of links and motors."""
+    """Concatenated column of links and motors."""
     return Column((*links, *motors))
 
 
@@ -170,7 +165,7 @@ def _secants(friction: Sequence[JointEffect], v: Column) -> Column:
 
 class PlantState(NamedTuple):
     """
-    State of a simulated robot at one time; arrays of many robots have leading axes.
+    State of a simulated robot; many robots have leading axes.
 
     Parameters
     ----------
@@ -214,7 +209,7 @@ class PlantState(NamedTuple):
 
 
 class PeriodOutcome(NamedTuple):
-    """Outcome of one control period as Columns: the next state, measurements and torques applied."""
+    """Next state, measurements and applied torques."""
 
     q: Column
     v: Column
@@ -229,7 +224,7 @@ class PeriodOutcome(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ControlPeriod:
-    """One control period of a plant, a function from a mapping of named Columns to a `PeriodOutcome`."""
+    """Function from named Columns to the `PeriodOutcome` of a control period."""
 
     motion: HeldMotion
     effects: PlantEffects
@@ -238,7 +233,7 @@ class ControlPeriod:
     length: float
 
     def __call__(self, columns: Mapping[str, Column]) -> PeriodOutcome:
-        """Outcome from the columns "q", "v", "drives", "sensors", "torque", "noise" and "parameters"."""
+        """Outcome of the columns "q", "v", "drives", "sensors", "torque", "noise" and "parameters"."""
         q, v, torque = columns["q"], columns["v"], columns["torque"]
         applied = limited = self.limited(torque)
         drives, flags, springs = columns["drives"], Column(()), 2 * len(v) if self.effects.elastic is not None else 0
@@ -257,7 +252,6 @@ class ControlPeriod:
     def _moved(
         self, q: Column, v: Column, motors: Column, torque: Column, parameters: Column
     ) -> tuple[Column, Column, Column]:
-        """The joints, and the motors behind springs (2r,), at the end."""
         if self.effects.elastic is None:
             return *self.motion(q, v, torque, parameters), motors
         n, r = len(q), len(v)
@@ -265,5 +259,5 @@ class ControlPeriod:
         return Column(x.of[:n]), Column(u.of[:r]), joined(Column(x.of[n:]), Column(u.of[r:]))
 
     def limited(self, torque: Column) -> Column:
-        """Torque (r,) clipped to the period's limits."""
+        """Torque (r,) clipped to the limits."""
         return Column(clip(x, -bound, bound) for x, bound in zip(torque, self.limits, strict=True))

@@ -1,4 +1,4 @@
-"""The physical arm: equations of motion under a torque held over each control period, and what real arms add."""
+"""The simulated plant."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from adaptctl.simulation.transmission import Motors, Transmission
 _DOUBLE = np.dtype(np.float64)
 
 MAX_SUBSTEPS = 1_000_000
-"""steps of the integrator in one control period"""
+"""integration steps per control period"""
 
 
 @dataclass(frozen=True, eq=False)
 class Plant(Tunable):
     """
-    Simulated robot, driven by joint torques that are held over each control period.
+    Simulated robot under torques held over each control period.
 
     Parameters
     ----------
@@ -61,8 +61,7 @@ class Plant(Tunable):
 
     Notes
     -----
-    Inertial parameters and sensor noise are arguments of `step`: one plant serves a robot with any payload, and equal
-    calls give equal bits. Up to 100 links run as native code, more in Python.
+    Up to 100 links run as native code, more in Python.
 
     Examples
     --------
@@ -100,33 +99,32 @@ class Plant(Tunable):
             validate_substeps(self.mechanism, self._transmission, self.control_period, self.substeps)
 
     def __repr__(self) -> str:
-        """Robot, period and effects in one line."""
         effects = ", ".join(type(effect).__name__ for effect in self.effects) or "none"
         return f"<{type(self).__name__} of {self.mechanism.name!r}: period {self.control_period} s, effects: {effects}>"
 
     @property
     def dof(self) -> int:
-        """Number r of the mechanism's primary (independent) joints; of a tree, without loops, all its joints."""
+        """Number r of primary (independent) joints."""
         return self.mechanism.dof
 
     @cached_property
     def loads(self) -> tuple[LoadEffect, ...]:
-        """The effects that change the inertial parameters in mid-motion, such as `PayloadHeld`, in the order given."""
+        """Effects that change the inertial parameters."""
         return self._effects.loads
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """Names of the flags, such as "torque_limited", that actuator effects set in periods in which they act."""
+        """Names of the actuator effects' flags, such as "torque_limited"."""
         return self._effects.flags
 
     @cached_property
     def noise_size(self) -> int:
-        """Number of standard normal numbers that the sensors take in a control period: 2r, or 0 without sensors."""
+        """Normal numbers per control period: 2r, or 0 without sensors."""
         return 2 * self.dof if self._effects.sensors or self._effects.senses_motors else 0
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """Lengths of the columns passed from one control period to the next: "q", "v", "drives" and "sensors"."""
+        """Lengths of the state columns "q", "v", "drives" and "sensors"."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
         joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self.is_elastic else 0
@@ -157,7 +155,7 @@ class Plant(Tunable):
 
     def next_change_time(self, time: float) -> float:
         """
-        Return the time until which the true parameters stay as they are.
+        Return the time until which the true parameters are constant.
 
         Parameters
         ----------
@@ -346,7 +344,7 @@ class Plant(Tunable):
         return float(energy)
 
     def compile(self) -> None:
-        """Compile a control period and the energy to native code now, not at their first use."""
+        """Compile a control period and the energy now, not at first use."""
         _ = self._advance, self._energy
 
     def positions(self, q: Array) -> Array:
@@ -367,7 +365,7 @@ class Plant(Tunable):
 
     def is_valid_configuration(self, q: Array) -> NDArray[np.bool_]:
         """
-        Tell configurations that are regular and within the description's bounds.
+        Tell which configurations are regular and within the description's bounds.
 
         Parameters
         ----------
@@ -386,7 +384,7 @@ class Plant(Tunable):
 
     @cached_property
     def equation(self) -> ControlPeriod:
-        """Equation of a control period, from a mapping of named Columns to a `PeriodOutcome`."""
+        """Function from named Columns to the `PeriodOutcome` of a control period."""
         settings = self.control_period, self.substeps, self.integrator
         motion = held_motion(self.mechanism, *settings, self._effects.joints, self._transmission)
         primary = tuple(self.mechanism.description.primary)
@@ -442,7 +440,7 @@ class Plant(Tunable):
         return _shared(self.structure, "_advancing")
 
     def _advancing(self) -> Callable[..., tuple[Any, ...]]:
-        """A control period on arrays; of a plant with nothing between controller and joints, the motion alone."""
+        """Control period on arrays, the motion alone without further effects."""
         empty, chained = Column(()), self._chained
 
         def period(**columns: Column) -> tuple[Any, ...]:
@@ -472,12 +470,11 @@ class Plant(Tunable):
         moving: Mapping[str, int],
         kept: Mapping[str, int] = MappingProxyType({}),
     ) -> Callable[..., Any]:
-        """An equation on arrays of these lengths, the parameters between them; in Python where code would be long."""
+        """Compiled equation on arrays, or in Python if too long."""
         sizes = {**moving, "parameters": self.mechanism.equations.parameters, **kept}
         return native_or_floats(equation, sizes, len(self.mechanism.links), name=name).call
 
     def _measured(self, p: Array, v: Array, noise: ArrayLike, sensors: Array) -> tuple[Array, Array, Array]:
-        """The first measurement of arms (..., r), and the sensors' memory after it."""
         if not self._effects.sensors:
             return p, v, sensors
         arms, noise = p.shape[:-1], checked(noise, self.noise_size, f"{self.mechanism.name}: noise")
@@ -489,7 +486,7 @@ class Plant(Tunable):
         return made_p, made_v, after
 
     def _holding(self, q: Array, parameters: ArrayLike) -> Array:
-        """The torques (..., r) of gravity on true parameters (..., P)."""
+        """Gravity torques (..., r)."""
         known = checked(parameters, self.mechanism.equations.parameters, f"{self.mechanism.name}: parameters")
         still, true = Column.zeros(self.dof), column(known)
         torque = self.mechanism.equations.inverse_dynamics(column(q), still, still, still, true)
@@ -505,12 +502,11 @@ class Plant(Tunable):
 
     @cached_property
     def _chained(self) -> bool:
-        """True if an actuator, sensor or spring stands between controller and joints."""
         return bool(self._effects.actuators or self._effects.sensors or self.is_elastic)
 
     @property
     def is_elastic(self) -> bool:
-        """True if the plant has elastic joints, with springs between the motors and the links; False for rigid ones."""
+        """True if the joints are elastic."""
         return self._effects.elastic is not None
 
     @cached_property
@@ -527,7 +523,7 @@ class Plant(Tunable):
 
     @cached_property
     def _primary(self) -> list[int] | None:
-        """The primary joints among the tree's; None for a tree, where they are all."""
+        """Indices of the primary joints, None for a tree."""
         return None if self.mechanism.description.loops is None else list(self.mechanism.description.primary)
 
     @cached_property
@@ -566,7 +562,7 @@ def _shared(structure: Structure, name: str) -> Callable[..., Any]:
 
 
 def validate_ten_a_link(mechanism: Mechanism) -> None:
-    """Raise `InputError` for linear relations among the inertial parameters, which payloads would break."""
+    """Raise `InputError` if payloads would break relations among parameters."""
     if len(mechanism.inertial_parameters) < len(mechanism.description.inertial_parameters):
         raise InputError(
             f"payload: {mechanism.name} has relations among its parameters, which a payload would not keep to: take "

@@ -1,4 +1,4 @@
-"""References at given times: samples, checked, and rows of them ahead of an arm that follows one."""
+"""References sampled at given times."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from adaptctl.errors import InputError, NonFiniteError, ReferenceWarning
 from adaptctl.scalars import Column, column
 
 DERIVATIVE_SAMPLES, DIFFERENCE_STEP = 41, 1e-4
-"""how many times are looked at, and the step of central differences, s"""
+"""number of times, and s"""
 DERIVATIVE_TOLERANCE = 0.05
-"""of the largest derivative, at the median: a corner of a path here and there is none"""
+"""of the largest derivative, at the median"""
 
 
 def validate_point(point: object) -> None:
-    """Raise `InputError` unless a reference returned positions, velocities and accelerations."""
+    """Raise `InputError` unless it is a reference point."""
     if not all(hasattr(point, name) for name in ReferencePoint._fields):
         raise InputError(
             f"reference: expected it to return ReferencePoint(p, v, a), each (n, r) at times (n,), got a "
@@ -35,7 +35,7 @@ def validate_point(point: object) -> None:
 
 
 def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: float, stacklevel: int = 2) -> None:
-    """Warn (`ReferenceWarning`) where velocities or accelerations are not the derivatives of positions."""
+    """Warn (`ReferenceWarning`) of velocities or accelerations that are not derivatives."""
     time = (
         DIFFERENCE_STEP
         + (duration - 2.0 * DIFFERENCE_STEP) * (np.arange(DERIVATIVE_SAMPLES) + 0.382) / DERIVATIVE_SAMPLES
@@ -62,19 +62,19 @@ def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: fl
 
 
 def _wrong(stated: Array, slope: Array) -> list[int]:
-    """Indices of the joints whose stated derivatives (T, r) differ from those by finite differences."""
+    """Joints whose derivatives (T, r) differ from finite differences."""
     scale = np.maximum(np.abs(stated), np.abs(slope)).max(axis=0)
     return np.flatnonzero(np.median(np.abs(stated - slope), axis=0) > DERIVATIVE_TOLERANCE * scale + 1e-6).tolist()
 
 
 REFERENCE = ("reference_p", "reference_v", "reference_a")
-"""Names of a reference point's parts as columns."""
+"""column names of a reference point"""
 BLOCK = 128
-"""Control periods evaluated at once."""
+"""control periods evaluated at once"""
 
 
 def sampled(reference: Reference, times: Array, size: int, out: Array | None = None) -> ReferencePoint:
-    """Points (T, size) of a reference at times (T,), checked, as views of one array (T, 3, size)."""
+    """Checked points (T, size) at times (T,), views of one array (T, 3, size)."""
     points = np.empty((len(times), 3, size)) if out is None else out
     parts = ReferencePoint(*points.swapaxes(0, 1))
     if isinstance(reference, Sinusoids) and len(reference.center) == size:
@@ -89,7 +89,7 @@ def sampled(reference: Reference, times: Array, size: int, out: Array | None = N
 
 
 class Preview:
-    """Reference of each control period and its positions ahead, computed many periods at once."""
+    """Reference of each control period and its next positions."""
 
     def __init__(
         self, reference: Reference, dof: int, control_period: float, look_ahead: Array, block: int = BLOCK
@@ -100,7 +100,7 @@ class Preview:
         self._keep([0])
 
     def row(self, step: int) -> Array:
-        """Row (3r + h r,) of a control period: positions, velocities, accelerations, positions ahead."""
+        """Row (3r + h r,) of a control period."""
         block, place = divmod(step, self._size)
         if block not in self._blocks:
             self._keep([block])
@@ -126,7 +126,7 @@ class Preview:
 
 
 def _put_sinusoids(points: Array, reference: Sinusoids, times: Array) -> None:
-    """Put the points of sinusoids at times (T,), s, into an array (T, 3, r), in native code."""
+    """Write sinusoids at times (T,), s, into an array (T, 3, r)."""
     numbers = reference.numbers
     evaluated = _compiled(*map(len, numbers)).map
     if points.flags.c_contiguous:
@@ -156,7 +156,7 @@ def _checked(point: ReferencePoint, name: str, count: int, size: int) -> Array:
 
 @dataclass(frozen=True)
 class ReferenceForm:
-    """Form of a compiled step's reference: samples from outside, or sums of `terms` sinusoids."""
+    """Samples, or sums of `terms` sinusoids."""
 
     size: int
     terms: int = 0
@@ -164,31 +164,31 @@ class ReferenceForm:
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths, by name, of the columns that are constant over a run for each arm."""
+        """Lengths, by name, of each arm's constant columns."""
         wave = self.size * self.terms
         return SinusoidNumbers(self.size, wave, wave, wave, 1)._asdict() if self.terms else {}
 
     @property
     def shared(self) -> dict[str, int]:
-        """Lengths, by name, of the columns that change in each control period and are the same for all arms."""
+        """Lengths, by name, of varying columns common to all arms."""
         if self.terms:
             return {"time": 1}
         return {} if self.each else dict.fromkeys(REFERENCE, self.size)
 
     @property
     def driven(self) -> dict[str, int]:
-        """Lengths, by name, of the columns that change in each control period and differ from arm to arm."""
+        """Lengths, by name, of each arm's varying columns."""
         return dict.fromkeys(REFERENCE, self.size) if self.each and not self.terms else {}
 
     def point(self, columns: Mapping[str, Column], ahead: float = 0.0) -> ReferencePoint:
-        """Reference point of a control period, `ahead` s later where it is computed."""
+        """Reference point, `ahead` s later if computed."""
         if not self.terms:
             return ReferencePoint(*(columns[name] for name in REFERENCE))
         numbers = SinusoidNumbers(*(columns[name] for name in SinusoidNumbers._fields))
         return sinusoids_at(columns["time"][0] + ahead, numbers)
 
     def numbers(self, references: Sequence[Reference | None]) -> SinusoidNumbers:
-        """Numbers of M sums of sinusoids, filled up with terms of amplitude 0."""
+        """Numbers of M sums of sinusoids, padded by zero amplitudes."""
         known: dict[int, SinusoidNumbers] = {}
         for one in references:
             if isinstance(one, Sinusoids) and id(one) not in known:
@@ -199,7 +199,7 @@ class ReferenceForm:
 
 @dataclass(frozen=True, eq=False)
 class ReferencesOfMany:
-    """References of M arms, sampled or as the numbers of sinusoids."""
+    """References of M arms, sampled or as sinusoids."""
 
     references: Sequence[Reference]
     form: ReferenceForm
@@ -208,7 +208,7 @@ class ReferencesOfMany:
 
     @classmethod
     def of(cls, given: Reference | Sequence[Reference], size: int) -> ReferencesOfMany:
-        """References of many arms from one for all or one for each, checked."""
+        """Checked references, one for all arms or one each."""
         if callable(given):
             return cls([given], ReferenceForm(size), size, ())
         references = list(given) if isinstance(given, Sequence) else []
@@ -220,18 +220,18 @@ class ReferencesOfMany:
         return cls(references, _form(references, size), size, arms)
 
     def of_arms(self, arms: slice) -> ReferencesOfMany:
-        """References of the arms in a slice."""
+        """References of a slice of arms."""
         if self._is_shared:
             return self
         return replace(self, references=self.references[arms], arms=(arms.stop - arms.start,))
 
     @property
     def held(self) -> Mapping[str, Array]:
-        """Values of the columns that are constant over a run, by name; empty where references are sampled."""
+        """Values of constant columns, by name; empty for samples."""
         return {} if self._numbers is None else self._numbers._asdict()
 
     def start(self) -> tuple[Array, Array]:
-        """Positions and velocities of the references at time zero."""
+        """Positions and velocities at time zero."""
         if self._numbers is not None:
             point = sinusoids_at(0.0, SinusoidNumbers(*map(column, self._numbers)))
             return stacked(point.p.of, self.arms), stacked(point.v.of, self.arms)
@@ -239,13 +239,13 @@ class ReferencesOfMany:
         return points.p[0], points.v[0]
 
     def signals(self, time: Array) -> Mapping[str, Array]:
-        """Values of the columns that change in each control period, by name."""
+        """Values of varying columns, by name."""
         if self.form.terms:
             return {"time": time[:, None]}
         return dict(zip(REFERENCE, self._points(time), strict=True))
 
     def _points(self, time: Array) -> ReferencePoint:
-        """The points (T, M, n) at times (T,), (T, n) where one is for all."""
+        """Points (T, M, n), or (T, n) for one reference."""
         points = [sampled(one, time, self.size) for one in self.references]
         if self._is_shared:
             return points[0]
@@ -257,7 +257,7 @@ class ReferencesOfMany:
 
     @cached_property
     def _numbers(self) -> SinusoidNumbers | None:
-        """Numbers (M, n) of the sinusoids, where all are sinusoids of one form; else None."""
+        """Numbers (M, n) of sinusoids of one form, else None."""
         return self.form.numbers(self.references) if self.form.terms else None
 
 

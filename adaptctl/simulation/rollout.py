@@ -1,4 +1,4 @@
-"""A controller in closed loop with a Gymnasium environment, start to end."""
+"""Rollout of a controller in a Gymnasium environment."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ if TYPE_CHECKING:
 
 
 MAX_KEPT_SAMPLES = 2**62
-"""Greatest number of samples that are kept, however long the time asked for: no run has as many."""
+"""more than any run has"""
 
 
 @dataclass(frozen=True)
 class KeptSamples:
-    """Rule for the control periods kept as samples: one in `every`, of these the latest `most`."""
+    """Rule that keeps one in `every` samples, the latest `most`."""
 
     every: int = 1
     most: int | None = None
 
     @classmethod
     def of(cls, every: int, last: float | None, period: float) -> KeptSamples:
-        """Rule that keeps one in `every` control periods of the last `last` seconds; bad values raise `InputError`."""
+        """Rule for the last `last` seconds, else `InputError`."""
         if isinstance(every, bool) or not isinstance(every, int) or every < 1:
             raise InputError(f"record_every: expected a whole number of control periods, at least 1, got {every!r}")
         if last is None:
@@ -47,26 +47,26 @@ class KeptSamples:
         return cls(every, max(1, round(min(last / (every * period), MAX_KEPT_SAMPLES))))
 
     def room(self, steps: int) -> int:
-        """Number of rows that the samples of a run of `steps` control periods need."""
+        """Rows needed for `steps` control periods."""
         needed = -(-steps // self.every)
         return needed if self.most is None else min(needed, self.most)
 
     def row(self, period: int) -> int | None:
-        """Row in which the sample of a control period is kept, None where it is not."""
+        """Row of a control period's sample, or None."""
         sample, rest = divmod(period, self.every)
         return None if rest else sample if self.most is None else sample % self.most
 
     def among(self, first: int, count: int) -> slice:
-        """Slice of the kept ones among `count` successive control periods from index `first`."""
+        """Slice of those kept among `count` periods from `first`."""
         return slice(-first % self.every, count, self.every)
 
     def rows(self, first: int, count: int) -> NDArray[np.int64]:
-        """Rows (s,) of samples kept of `count` control periods from index `first`; the last of equal rows counts."""
+        """Rows (s,) of those kept; the last of equal rows counts."""
         samples = np.arange(-(-first // self.every), -(-(first + count) // self.every))
         return samples if self.most is None else samples % self.most
 
     def order(self, count: int) -> slice | NDArray[np.int64]:
-        """Rows that are filled after `count` control periods, the oldest sample first."""
+        """Filled rows, the oldest sample first."""
         samples = -(-count // self.every)
         if self.most is None or samples <= self.most:
             return slice(0, samples)
@@ -74,7 +74,7 @@ class KeptSamples:
 
 
 PARTS = ("p", "v", *REFERENCE)
-"""The parts of an observation that a controller needs; the environment's `observation_slices` say where they are."""
+"""parts of an observation that a controller needs"""
 
 
 def rollout(
@@ -88,7 +88,7 @@ def rollout(
     keep_last: float | None = None,
 ) -> Rollout:
     """
-    Run a controller in a Gymnasium environment step by step, from reset to the episode's end.
+    Run a controller in a Gymnasium environment step by step for one episode.
 
     Parameters
     ----------
@@ -121,10 +121,9 @@ def rollout(
 
     Notes
     -----
-    `observation_slices` maps p, v, reference_p, reference_v and reference_a to slices of the observation, r joints
-    each. These keys of `info` are recorded if present: `time`, `applied_torque` (r,), `energy`, `clipped` (count so
-    far), true `p` and `v`, and `flags`, a mapping from names of events to numbers. So are the `flags` of the
-    controller's state (`SafetyFilter`).
+    `observation_slices` maps p, v, reference_p, reference_v and reference_a to slices of the observation. These keys of
+    `info` are recorded if present: `time`, `applied_torque`, `energy`, `clipped` (count so far), true `p` and `v`, and
+    `flags` (numbers by name); also the `flags` of the controller's state.
 
     Examples
     --------
@@ -147,8 +146,6 @@ def rollout(
 
 
 class _SteppedRun:
-    """A run in the making: the memories of environment and controller, and the samples so far."""
-
     def __init__(
         self,
         env: gymnasium.Env[Any, Any],
@@ -176,7 +173,6 @@ class _SteppedRun:
         self._samples = np.empty((self._kept_samples.room(self.steps or 1024), sum(self._widths.values())))
 
     def tick(self) -> None:
-        """One control period."""
         p, v, reference = self._read()
         torque, state = self._controller.step(self._state, p, v, reference)
         observation, reward, terminated, truncated, info = self._env.step(torque)
@@ -188,7 +184,7 @@ class _SteppedRun:
         self.count += 1  # last, so that an interrupted sample does not count
 
     def _keep(self, row: int, torque: Array, state: Any, reward: float, info: dict[str, Any]) -> None:
-        """Put the sample of this control period into a row; where there is none, memory is doubled."""
+        """Store a sample; memory doubles when full."""
         before = self._info
         if row >= len(self._samples):
             self._samples = np.concatenate((self._samples, np.empty_like(self._samples)))
@@ -201,7 +197,6 @@ class _SteppedRun:
         np.concatenate(sample, out=self._samples[row])
 
     def result(self, wall_time: float, complete: bool) -> Rollout:
-        """The run so far."""
         samples, ends = self._samples[self._kept_samples.order(self.count)], np.cumsum(list(self._widths.values()))
         parts = dict(zip(self._widths, np.split(samples, ends[:-1], axis=1), strict=True))
         columns = dict(zip(PARTS, np.split(parts["observed"], len(PARTS), axis=1), strict=True))
@@ -229,7 +224,7 @@ class _SteppedRun:
 
 
 def interface(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> tuple[list[slice], float]:
-    """Observation slices of p, v and the reference's parts, and the control period (s), checked."""
+    """Checked observation slices and control period (s)."""
     import gymnasium
 
     validate_kind(env, gymnasium.Env, "environment", "as gymnasium.make(...) gives one")
@@ -260,13 +255,13 @@ def _validate_joints(env: gymnasium.Env[Any, Any], controller: Controller[Any], 
 
 
 def known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
-    """Greatest number of control periods of an episode, None where it is not known."""
+    """Control periods of an episode, None if unknown."""
     limits = (getattr(env.unwrapped, "steps", None), getattr(env.spec, "max_episode_steps", None))
     return min((steps for steps in limits if isinstance(steps, int) and steps > 0), default=None)
 
 
 def _units(env: gymnasium.Env[Any, Any]) -> tuple[str, ...]:
-    """Units of the joints' positions, "rad" or "m" each; empty where the plant is not known."""
+    """Position units, "rad" or "m", empty if unknown."""
     mechanism = getattr(getattr(env.unwrapped, "plant", None), "mechanism", None)
     return position_units(mechanism) if isinstance(mechanism, Mechanism) else ()
 

@@ -1,4 +1,4 @@
-"""Runs of closed loops as Parquet files, written whole or as they come."""
+"""Parquet files of runs."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 SCHEMA = "adaptctl/rollout/2"
 RUN_ENTRIES = ("control_period", "wall_time", "complete", "terminated")
-"""Entries on the whole run that every run has."""
+"""entries of every run as a whole"""
 STORED_ENTRIES = (*RUN_ENTRIES, "every", "position_units")
-"""Entries on the whole run in a run's file."""
+"""entries in its file"""
 POSITION, VELOCITY, FORCE = ("rad", "m"), ("rad/s", "m/s"), ("N m", "N")
-"""Units of a joint's position, of its velocity and of its torque or force: where it is revolute, where prismatic."""
+"""units of revolute and prismatic joints"""
 JOINT_UNITS = {
     "p": POSITION,
     "v": VELOCITY,
@@ -37,14 +37,14 @@ JOINT_UNITS = {
     "measured_p": POSITION,
     "measured_v": VELOCITY,
 }
-"""Arrays of a run that have a column a joint, by name, with their units where a joint is revolute, where prismatic."""
+"""arrays with one column per joint, and their units"""
 SAMPLE_UNITS = {"time": "s", "clipped": "1", "energy": "J", "reward": "1"}
 CONTROLLER_ARRAYS = ("estimate", "logged_state")
-"""A run's arrays of as many columns as the controller has."""
+"""arrays with the controller's number of columns"""
 
 
 class RolloutFile:
-    """Writer of a run's Parquet file, which appears when the context ends without an error."""
+    """Writer of a run's Parquet file, which appears if the context ends without error."""
 
     def __init__(
         self, path: str | Path, dof: int, joints: Sequence[str] | None = None, position_units: Sequence[str] = ()
@@ -61,7 +61,7 @@ class RolloutFile:
         return self
 
     def append(self, columns: Mapping[str, Array | None], flags: Mapping[str, Array]) -> None:
-        """Append T samples, by the names of a `Rollout`'s arrays; all calls have the same names."""
+        """Append T samples by array name."""
         import pyarrow.parquet as pq
 
         if self._writer is not None and not len(columns["time"]):  # type: ignore[arg-type]
@@ -85,7 +85,7 @@ class RolloutFile:
 
 
 def joint_names(dof: int, given: Sequence[str] | None) -> list[str]:
-    """Names (r,) of the joints, checked: those given, or joint1, joint2, ..."""
+    """Checked names (r,), default joint1, joint2, ..."""
     if given is None:
         return [f"joint{j + 1}" for j in range(dof)]
     names = [] if isinstance(given, str) or not isinstance(given, Iterable) else list(given)
@@ -99,7 +99,7 @@ def joint_names(dof: int, given: Sequence[str] | None) -> list[str]:
 
 
 def stated_units(dof: int, given: Sequence[str]) -> tuple[str, ...]:
-    """Joint units (r,), "rad" or "m", checked; empty where none are given."""
+    """Checked units (r,), "rad" or "m", or empty."""
     if not isinstance(given, Iterable) or isinstance(given, str) or any(unit not in POSITION for unit in given):
         raise InputError(f"position_units: expected {dof} of rad and m, got {printable(repr(given))}")
     if len(given) not in (0, dof):
@@ -114,7 +114,7 @@ def rollout_table(
     about: Mapping[str, object] = MappingProxyType({}),
     position_units: Sequence[str] = (),
 ) -> pyarrow.Table:
-    """Samples as an Arrow table of float64, the units of its columns and `about` as metadata."""
+    """Arrow table of samples, with units and `about` as metadata."""
     import pyarrow as pa
 
     slides = [unit == "m" for unit in position_units] or [False] * len(joints)
@@ -125,7 +125,7 @@ def rollout_table(
 
 
 def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
-    """Arrays, events, and entries on the whole run from a run's Parquet file."""
+    """Arrays, events and entries of a run's Parquet file."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -149,7 +149,6 @@ def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array],
 def _file_columns(
     columns: Mapping[str, Array | None], flags: Mapping[str, Array], joints: Mapping[str, bool]
 ) -> Iterator[tuple[str, tuple[str, Array]]]:
-    """Names of a file's columns, and their units and values, of joints that slide or turn."""
     yield from ((name, (unit, np.asarray(columns[name]))) for name, unit in SAMPLE_UNITS.items())
     for name, units in JOINT_UNITS.items():
         values = columns[name]
@@ -162,7 +161,6 @@ def _file_columns(
 
 
 def _arrays(table: Any) -> tuple[dict[str, Array], Mapping[str, Array]]:
-    """A run's arrays and its flags, of the columns of its file."""
     parts: dict[str, list[Array]] = {name: [] for name in (*JOINT_UNITS, *CONTROLLER_ARRAYS)}
     flags: dict[str, Array] = {}
     for name in table.column_names:

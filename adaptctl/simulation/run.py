@@ -1,4 +1,4 @@
-"""A closed-loop run of an arm, simulated or real: what happened in it, kept as arrays."""
+"""Record of a closed-loop run."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 
 
 MAX_PLOTTED_SAMPLES = 4000
-"""as many a curve are drawn at most"""
+"""per curve"""
 FINAL_WINDOW = 2.0
-"""s at the end over which an error is averaged"""
+"""s at the end for the final error"""
 
 
 @sent_as_made
@@ -91,8 +91,7 @@ class Rollout:
 
     Notes
     -----
-    Sample k has the state at ``time[k]`` and the torque commanded on it. Arrays are read-only; nothing is checked.
-    `rollout`, `simulate` and `RunLogger` make runs, `from_arrays` and `load` read them.
+    Sample k has the state at ``time[k]`` and the torque commanded there. Arrays are read-only and unchecked.
 
     Examples
     --------
@@ -127,7 +126,6 @@ class Rollout:
     position_units: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        """Numbers of joints and samples, and the duration."""
         end = "complete" if self.complete else "cut off"
         return f"<Rollout of {self.p.shape[-1]} joints: {len(self.time)} samples in {self.duration:.6g} s, {end}>"
 
@@ -138,7 +136,7 @@ class Rollout:
 
     @property
     def duration(self) -> float:
-        """Duration of the run in s, rounded up to a whole sample."""
+        """Duration in s, rounded up to a whole sample."""
         first = round(float(self.time[0]) / self.control_period) if len(self.time) else 0
         return (first + len(self.time) * self.every) * self.control_period
 
@@ -175,7 +173,7 @@ class Rollout:
 
         Notes
         -----
-        Columns are as in `to_arrow`; `info` is left out.
+        Columns are as in `to_arrow`, without `info`.
 
         Examples
         --------
@@ -190,7 +188,7 @@ class Rollout:
     @needed("Rollout.to_arrow")
     def to_arrow(self, joints: Sequence[str] | None = None) -> pyarrow.Table:
         """
-        Return the run as an Arrow table with a row for each sample.
+        Return the run as an Arrow table, one row per sample.
 
         Parameters
         ----------
@@ -228,7 +226,7 @@ class Rollout:
 
     def to_pandas(self, joints: Sequence[str] | None = None) -> pandas.DataFrame:
         """
-        Return the run as a pandas data frame with a row for each sample.
+        Return the run as a pandas data frame, one row per sample.
 
         Parameters
         ----------
@@ -253,7 +251,7 @@ class Rollout:
     @needed("Rollout.plot")
     def plot(self, joints: Sequence[str] | None = None) -> Figure:
         """
-        Plot positions, tracking errors, applied torques and parameter estimates over time.
+        Plot positions, tracking errors, applied torques and parameter estimates.
 
         Parameters
         ----------
@@ -276,7 +274,6 @@ class Rollout:
 
     @needed("the figure of a Rollout")
     def _repr_html_(self) -> str:
-        """Notebook's view of the run: its figure, with the numbers that matter."""
         last = self.error[self.time >= self.time[-1] - FINAL_WINDOW] if len(self.time) else self.error
         rms = 1e3 * float(np.sqrt(np.mean(last**2))) if last.size else float("nan")
         end = "stopped at the error limit" if self.terminated else "completed" if self.complete else "interrupted"
@@ -327,7 +324,7 @@ class Rollout:
         position_units: Sequence[str] = (),
     ) -> Rollout:
         """
-        Make a run of arrays that were logged elsewhere.
+        Make a run from logged arrays.
 
         Parameters
         ----------

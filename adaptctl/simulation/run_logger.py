@@ -1,4 +1,4 @@
-"""A logger for a control loop on a real robot: bounded memory, a few microseconds a sample, a run at the end."""
+"""Logger for real-time control loops."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from adaptctl.simulation.rollout_file import RolloutFile, joint_names, stated_un
 from adaptctl.simulation.run import Rollout
 
 MAX_MEMORY_SHARE = 0.5
-"""of the computer's, that a log may take"""
+"""of the computer's memory"""
 
 
 class RunLogger:
     """
-    Logger for a real control loop, with bounded memory, whose log becomes a `Rollout`.
+    Logger for a real control loop, with bounded memory.
 
     Parameters
     ----------
@@ -53,9 +53,9 @@ class RunLogger:
 
     Notes
     -----
-    `append` neither allocates nor touches files, so a loop at 1 kHz can call it. `count` is the number of samples
-    appended, `faulty` of those left out, `lost` of those overwritten. When the context ends, also by an exception, lost
-    or faulty samples raise a `LostSamplesWarning`, and at least two samples are saved.
+    `append` neither allocates nor touches files. `count` is the number of samples appended, `faulty` of those left out,
+    `lost` of those overwritten. When the context ends, also by an exception, a file of at least two samples is saved;
+    `LostSamplesWarning` reports missing ones.
 
     Examples
     --------
@@ -92,15 +92,14 @@ class RunLogger:
         self._rows, self._dof, self._path = np.zeros((capacity, width)), dof, path
         self._sample, self._lengths = np.zeros(width), [dof] * 7 + [estimates]
         self.count, self.faulty = 0, 0
-        """samples that were appended; samples left out since they did not fit or were not finite"""
+        """appended samples, and those refused"""
 
     def __repr__(self) -> str:
-        """Number of samples in one line."""
         return f"<RunLogger: {self.count} samples, {self.lost} lost, {self.faulty} faulty>"
 
     @property
     def lost(self) -> int:
-        """Number of samples that later ones have overwritten."""
+        """Number of samples overwritten."""
         return max(0, self.count - len(self._rows))
 
     def append(
@@ -114,7 +113,7 @@ class RunLogger:
         estimate: ArrayLike = (),
     ) -> None:
         """
-        Append a sample to the log; a faulty one is left out and counted, and nothing is raised.
+        Append a sample; a faulty one is only counted.
 
         Parameters
         ----------

@@ -1,5 +1,4 @@
-"""Simulation of one run in native code: `rollout` with controller and plant compiled together, thousands of control
-periods a call."""
+"""Simulation of one run in native code."""
 
 from __future__ import annotations
 
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     import gymnasium
 
 FIRST_CHUNK, MAX_CHUNK = 2000, 10_000
-"""Control periods in one native call: in the first, if the run is as long, and at most."""
+"""control periods in the first and in any native call"""
 
 
 def simulate(
@@ -42,10 +41,10 @@ def simulate(
     stream: str | Path | None = None,
 ) -> Rollout:
     """
-    Simulate a controller in an environment in native code, from reset to the episode's end.
+    Simulate a controller in an environment in native code for one episode.
 
-    The result equals that of `rollout` to round-off. Environments and controllers that cannot be compiled together are
-    driven by `rollout`, with a `NotCompiledWarning` that says why.
+    The result equals that of `rollout` to round-off; what cannot be compiled runs by `rollout`, with a
+    `NotCompiledWarning`.
 
     Parameters
     ----------
@@ -86,8 +85,7 @@ def simulate(
 
     Notes
     -----
-    Afterwards the environment's generator is where `rollout` leaves it, and the environment takes no step before it is
-    reset.
+    Afterwards the environment must be reset; its generator is where `rollout` leaves it.
 
     Examples
     --------
@@ -125,7 +123,7 @@ def simulate(
 def _episode(
     env: gymnasium.Env[Any, Any], controller: Controller[Any], seed: int | None, options: dict[str, Any] | None
 ) -> Episode:
-    """Episode that an environment begins; `NotImplementedError` if it cannot be compiled."""
+    """Episode of an environment; `NotImplementedError` if it cannot be compiled."""
     from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 
     wrapper, inner = env, env.unwrapped
@@ -144,7 +142,7 @@ def _episode(
 
 
 class Stretch(NamedTuple):
-    """Control periods taken in one native call: times (n + 1,), samples, reference, rewards and masses held."""
+    """Control periods of one native call, with n + 1 times."""
 
     time: Array
     sample: Sample
@@ -154,7 +152,7 @@ class Stretch(NamedTuple):
 
 
 class EpisodeRun(Driven):
-    """Native run in the making of an `episode` under a `controller`; keeps the samples chosen by `kept`."""
+    """Native run of an `episode` under a `controller`."""
 
     def __init__(
         self,
@@ -185,16 +183,16 @@ class EpisodeRun(Driven):
 
     @property
     def count(self) -> int:
-        """The number of control periods that count."""
+        """Number of valid control periods."""
         return self._count
 
     @property
     def over(self) -> bool:
-        """True if the episode ended itself, or its time is up."""
+        """True if the episode has ended."""
         return self.terminated or super().over
 
     def advance(self) -> Stretch:
-        """Next stretch in which the true parameters stay as they are; it counts when all of it is done."""
+        """Compute the next chunk, with constant true parameters."""
         time = self._times()
         reference = self._reference(time)
         self.arms.held["parameters"] = self._parameters(time[0])
@@ -216,7 +214,7 @@ class EpisodeRun(Driven):
 
     @property
     def reached(self) -> PlantState:
-        """The plant's state at the end of all that counts, to which it returns from a stretch that was interrupted."""
+        """Plant state at the end of all valid periods."""
         self._return()
         if not self.count:
             return self.end
@@ -225,11 +223,11 @@ class EpisodeRun(Driven):
 
     @property
     def _first(self) -> int:
-        """Index in the buffer where the next control periods are recorded."""
+        """Buffer index of the next sample."""
         return self.count if self.whole else 0
 
     def _keep(self, stretch: Stretch) -> None:
-        """Keep the samples of a stretch that are to be kept and are not kept by themselves."""
+        """Store those samples of a chunk not stored natively."""
         count, own = len(stretch.reward), self.kept.room(self.steps)
         chosen, rows = self.kept.among(self.count, count), self.kept.rows(self.count, count)[-own:]
         columns = {"reward": stretch.reward, "payload": stretch.payload} if self.whole else self._columns(stretch)
@@ -255,12 +253,12 @@ class EpisodeRun(Driven):
         return columns | {"reward": stretch.reward, "payload": stretch.payload}
 
     def _last(self, time: float, sample: Sample) -> PlantState:
-        """The time after the last sample, and what that keeps of a plant's state; the rest is in `place`."""
+        """Time and plant state after the last sample."""
         flags, clipped = sample.flags[-1, : len(self.episode.plant.flags)].copy(), bool(sample.clipped[-1, 0])
         return self.end._replace(time=time, applied=sample.applied[-1].copy(), clipped=clipped, flags=flags)
 
     def _judged(self, sample: Sample, reference: ReferencePoint) -> tuple[Array, bool]:
-        """Rewards up to the end or the first number that is not finite; True if the episode ended itself."""
+        """Rewards of finite periods, and whether the episode ended."""
         count, after = len(sample.q), slice(self._first + 1, self._first + len(sample.q) + 1)
         q, v = self.recorded.q[after], self.recorded.v[after]
         q[-1], v[-1] = self.arms.state["q"][0], self.arms.state["v"][0]
@@ -270,12 +268,12 @@ class EpisodeRun(Driven):
         return (reward[: int(over.argmax()) + 1], True) if over.any() else (reward, False)
 
     def _sound(self, torque: Array) -> bool:
-        """True only if all torques just recorded and the state after them are finite, and so the states before."""
+        """True if all torques just recorded and the final state are finite."""
         with np.errstate(over="ignore", invalid="ignore"):
             return bool(np.isfinite(torque).all()) and math.isfinite(self.arms.state.blocks.sum())
 
     def _times(self) -> Array:
-        """Times of the next stretch and its end: few at first, for a run may soon be over."""
+        """Times of the next chunk and its end."""
         times = self.ahead(min(MAX_CHUNK, max(FIRST_CHUNK, 4 * self.count)))
         return np.append(times, self.control_period * (self.count + len(times)))
 
@@ -283,7 +281,7 @@ class EpisodeRun(Driven):
         return self.episode.plant.parameters(self.episode.parameters, time)
 
     def _reference(self, time: Array) -> ReferencePoint:
-        """The reference (T, r) at times (T,), put among the signals that the next control periods read."""
+        """Reference (T, r), written into the input signals."""
         size, rows = self.loop.controller.reference_size, slice(self._first, self._first + len(time))
         signals = self.signals.shared.blocks[rows, 0, : 3 * size, 0].reshape(-1, 3, size)
         return sampled(self.episode.reference, time, size, out=signals)
@@ -296,14 +294,14 @@ class EpisodeRun(Driven):
         return Sample(*(part[rows] for part in self.recorded))
 
     def _place(self) -> tuple[Array, Any]:
-        """All that changes as the run goes on: the arm's state, and the generator's."""
+        """State of the arm and of the random generator."""
         return self.arms.state.blocks.copy(), self.episode.rng.bit_generator.state
 
     def _return(self) -> None:
         self.arms.state.blocks[...], self.episode.rng.bit_generator.state = self.place
 
     def _fail(self, time: float, reference: ReferencePoint) -> NoReturn:
-        """Raise what the step raises in which a number was not finite."""
+        """Raise the error of the first non-finite step."""
         plant, controller, self.lost = self.episode.plant, self.loop.controller, time
         state, memory = self.loop.now(self.arms, time)
         torque, _ = controller.step(memory, *_measured(state), reference)
@@ -326,14 +324,14 @@ class EpisodeRun(Driven):
         )
 
     def _energy_reached(self) -> float:
-        """The energy, J, at the end of all that counts, as the next control period would record it."""
+        """Energy (J) at the end of all valid periods."""
         self.arms.held["parameters"] = self._parameters(self.end.time)
         self.arms.record_into(self.records, self._first, 1, self.signals)
         self._return()
         return float(self.recorded.energy[self._first, 0])
 
     def _kept(self) -> dict[str, Array]:
-        """The columns kept, in order; arrays of their own where less was computed than there is room for."""
+        """Stored columns in order, copied if the buffer is not full."""
         columns, order = self.samples, self.kept.order(self.count)
         if self.whole or not self.count:  # where nothing was computed yet, there is nothing else
             columns = self._columns(self._recorded(slice(0, self.count)))
@@ -341,14 +339,12 @@ class EpisodeRun(Driven):
         return {name: frozen(values if full else values[order].copy()) for name, values in columns.items()}
 
     def _recorded(self, done: slice) -> Stretch:
-        """The stretch of some control periods, as the buffers have it."""
         time = np.asarray(self.control_period * np.arange(done.start, done.stop + 1))
         reference = ReferencePoint(*(self.signals.shared.view(name)[done] for name in REFERENCE))
         sample, own = Sample(*(part[done] for part in self.recorded)), (self.samples["reward"], self.samples["payload"])
         return Stretch(time, sample, reference, *(values[done] for values in own))
 
     def _flags(self, values: Array, payload: Array) -> Mapping[str, Array]:
-        """SafetyFlags by their names, the plant's own first, with the mass held if there are loads."""
         own, by_name = self.episode.plant, dict(zip(self.loop.flags, map(frozen, values.T), strict=True))
         loaded = {"payload": frozen(payload)} if own.loads else {}
         return MappingProxyType({name: by_name[name] for name in own.flags} | loaded | by_name)
@@ -359,7 +355,7 @@ def _measured(state: PlantState) -> tuple[Array, Array]:
 
 
 def _finite(torque: Array, q: Array, v: Array) -> int:
-    """The number of samples at the beginning in which every torque, and the state after it, is finite."""
+    """Number of first samples with finite torque and next state."""
     with np.errstate(over="ignore", invalid="ignore"):
         squares = np.vecdot(torque, torque) + np.vecdot(q, q) + np.vecdot(v, v)
     faulty = ~np.isfinite(squares)

@@ -1,4 +1,4 @@
-"""Many closed loops of one kind at once, in SIMD lanes: for Monte Carlo studies, sweeps and tolerances."""
+"""Batches of closed loops in SIMD lanes."""
 
 from __future__ import annotations
 
@@ -39,8 +39,7 @@ from adaptctl.simulation.summaries import (
 )
 
 BATCH, MAX_STRETCH, MAX_CALL_BYTES = 512, 2000, 2**23
-"""Arms and control periods, at most, and bytes that one native call reads and writes, so that these fit the caches: one
-batch of arms takes a stretch of time after the other. In between progress is reported, and Ctrl-C handled."""
+"""arms, control periods and bytes of one native call, so that its data fit the caches"""
 RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estimate")
 
 
@@ -48,7 +47,7 @@ RECORDED = ("p", "v", "reference_p", "reference_v", "torque", "applied", "estima
 @dataclass(frozen=True, eq=False)
 class Rollouts:
     r"""
-    Record of M closed-loop runs of r joints: T samples each, and summaries of the tracking errors.
+    Record of M closed-loop runs of r joints: T samples each, and error summaries.
 
     Parameters
     ----------
@@ -90,18 +89,18 @@ class Rollouts:
 
     Notes
     -----
-    Sample k has the states at ``time[k]`` and the torques commanded on them; the errors are of all control periods.
-    Arrays are read-only, nothing is checked, and NaN in one run does not touch the others.
+    Sample k has the states at ``time[k]`` and the torques commanded there; summaries are of all control periods. Arrays
+    are read-only and unchecked.
 
-    The Lyapunov function of Slotine and Li is
+    The Lyapunov function is
 
     .. math::
 
         V = \tfrac12 s^T M s + \tfrac12 \tilde\theta^T \Gamma^{-1} \tilde\theta,
         \quad s = v - v_d + \Lambda (p - p_d),
 
-    with the mass matrix M, the estimation error :math:`\tilde\theta`, the adaptation gain :math:`\Gamma` and the
-    bandwidth :math:`\Lambda`; an adaptation law may add a term.
+    with the mass matrix M, the estimation error :math:`\tilde\theta`, the gain :math:`\Gamma` and the bandwidth
+    :math:`\Lambda`; adaptation laws may have another second term.
 
     Examples
     --------
@@ -133,7 +132,6 @@ class Rollouts:
     complete: bool
 
     def __repr__(self) -> str:
-        """Numbers of runs, joints and samples."""
         runs, joints = self.rms_error.shape
         return f"<Rollouts: {runs} runs of {joints} joints, {len(self.time)} samples each>"
 
@@ -144,7 +142,7 @@ class Rollouts:
 
     @property
     def finite(self) -> Array:
-        """Mask (M,) of the runs whose `largest_error` is finite: all that did not diverge beyond every bound."""
+        """Mask (M,) of the runs whose `largest_error` is finite."""
         return np.asarray(np.isfinite(self.largest_error).all(axis=-1))
 
 
@@ -171,7 +169,7 @@ def simulate_many(
     """
     Simulate M closed loops at once in native code.
 
-    Runs differ in the arguments that have one row for each run, such as parameters or gains.
+    Arguments with M rows, such as parameters or gains, differ between runs.
 
     Parameters
     ----------
@@ -248,7 +246,7 @@ def simulate_many(
 
 @lru_cache(maxsize=8)
 def _compiled(loop: ClosedLoop, form: ReferenceForm, precision: Precision) -> Stepper:
-    """A control period of arms in lanes, with the errors summed up."""
+    """Compiled control period of arms in lanes, with error sums."""
     law = watched(loop, precision)
 
     def step(clock: Column, **columns: Column) -> tuple[Any, ...]:
@@ -273,7 +271,7 @@ def _compiled(loop: ClosedLoop, form: ReferenceForm, precision: Precision) -> St
 
 
 class _Batch(NamedTuple):
-    """Runs that are advanced together: their indices, native copies, references and noise."""
+    """Runs advanced together."""
 
     members: slice
     arms: Ensemble
@@ -282,8 +280,6 @@ class _Batch(NamedTuple):
 
 
 class _Runs(Driven):
-    """Runs in the making."""
-
     def __init__(
         self,
         loop: ClosedLoop,
@@ -327,7 +323,6 @@ class _Runs(Driven):
         bounds: Mapping[str, Array],
         given: Mapping[str, ArrayLike | None],
     ) -> None:
-        """Put every arm where it starts."""
         loop, start = self.loop, self.references.start()
         own = {"parameters": loop.plant.mechanism.inertial_parameters, "p": start[0], "v": start[1]}
         rows = {name: checked(_given(given[name], x), x.shape[-1], name) for name, x in own.items()}
@@ -355,7 +350,6 @@ class _Runs(Driven):
     def _start(
         self, batch: _Batch, p: Array, v: Array, memory: Any, gains: dict[str, Array], bounds: Mapping[str, Array]
     ) -> None:
-        """Put a batch at time zero, with a new memory if it has none."""
         loop, arms, own = self.loop, batch.arms, self.parameters[batch.members]
         state = loop.plant.init(p, v, loop.plant.parameters(own, 0.0), batch.noise.drawn(1)[0])
         new = loop.controller.init(state.measured_p, state.measured_v, gains) if memory is None else memory
@@ -371,7 +365,7 @@ class _Runs(Driven):
                 columns[name] = each
 
     def _longest(self, stepper: Stepper) -> int:
-        """Greatest number of control periods in one native call whose data fit the caches."""
+        """Most control periods per native call."""
         numbers = sum(stepper.columns[Source.DRIVEN].values())
         numbers += sum(map(math.prod, stepper.outputs)) if self.every == 1 else 0
         return max(1, min(MAX_STRETCH, MAX_CALL_BYTES // (8 * min(BATCH, len(self.parameters)) * max(1, numbers))))
@@ -386,7 +380,7 @@ class _Runs(Driven):
         return parts
 
     def advance(self) -> None:
-        """Take a stretch of time, up to the next sample where not all are kept."""
+        """Compute a chunk, at most up to the next sample."""
         first, every, plant = self.count, self.every, self.loop.plant
         end = self.steps if every in (None, 1) else min(first + -first % (every or 1) + 1, self.steps)
         time = self.ahead(min(end - first, self.longest))
@@ -412,7 +406,6 @@ class _Runs(Driven):
         return 0 if self.every is None else -(-count // self.every)
 
     def result(self, wall_time: float, complete: bool) -> Rollouts:
-        """The runs so far."""
         count, sums, rises = self._done
         samples = self._samples(count)
         parts = (frozen(kept[:samples]) for kept in self.records)
@@ -430,7 +423,7 @@ class _Runs(Driven):
 
 
 def _of_arms(memory: Any, arms: slice) -> Any:
-    """The memory of some of the arms, where there is one for each; None where there is none."""
+    """Memory of some of the arms, or None."""
     if memory is None:
         return None
     return like(memory, (part[arms] if np.ndim(part) > 1 else part for part in leaves(memory)))
@@ -448,7 +441,7 @@ def _validate_compilable(loop: ClosedLoop) -> None:
 
 
 def _members(given: int | None, rows: Mapping[str, tuple[int, ...]]) -> int:
-    """Number of arms as given, or of the rows of the arguments, checked."""
+    """Checked number of arms."""
     named_rows = {name: axes for name, axes in rows.items() if axes} | (
         {} if given is None else {"batch_size": (given,)}
     )

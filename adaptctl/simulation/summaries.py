@@ -1,4 +1,4 @@
-"""Summaries of a run's errors that are kept while it runs, so that no sample has to be."""
+"""Error summaries computed during a run."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from adaptctl.scalars import Column, Scalar, absolute, column, maximum, where
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
 
 FINAL_WINDOW = 2.0
-"""s at the end of a run over which its final error is taken."""
+"""s at the end for the final error"""
 LARGEST_FLOAT = float(np.finfo(np.float64).max)
 
 
 class ErrorSums(NamedTuple):
-    """Sums of a run's tracking errors over its control periods so far."""
+    """Sums of the tracking errors so far."""
 
     squares: Any
     final_squares: Any
@@ -34,17 +34,17 @@ class ErrorSums(NamedTuple):
 
 
 def sum_sizes(joints: int) -> dict[str, int]:
-    """Lengths of the columns of a run's `ErrorSums`, by name."""
+    """Lengths of the columns of `ErrorSums`, by name."""
     return ErrorSums(joints, joints, joints, 1, 1, 1)._asdict()
 
 
 def judged_by(joints: int) -> dict[str, int]:
-    """Lengths, by name, of the columns (vectors) of the criteria for tracking errors of r `joints`."""
+    """Lengths of the columns of error criteria of r `joints`."""
     return {"within": joints, "beyond": joints, "final": 1}
 
 
 def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> ErrorSums:
-    """Sums after one more control period, over scalars of any kind."""
+    """Sums after one more control period."""
     before = ErrorSums(*(columns[name] for name in ErrorSums._fields))
     sizes = Column(map(absolute, error))
     joint = before.joint[0]
@@ -69,7 +69,7 @@ def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> Error
 
 
 def summary(sums: ErrorSums, count: int, final: int, period: float, beyond: Array) -> dict[str, Any]:
-    """Summaries of M runs from their sums, by their names in `Rollouts`."""
+    """Summaries of M runs, by name in `Rollouts`."""
     joint = sums.joint[:, 0].astype(np.int64) - 1
     lost = joint >= 0
     counted = np.where(lost, sums.diverged[:, 0] - 1.0, count)
@@ -86,27 +86,26 @@ def summary(sums: ErrorSums, count: int, final: int, period: float, beyond: Arra
 
 
 TRUTH = "truth"
-"""Name of the column of the true values of the parameters that are adapted."""
+"""column of the true values of adapted parameters"""
 METRIC = "metric"
-"""Name of the column of Gamma^-1, where Gamma is no diagonal: its upper triangle, row by row, with half its diagonal.
-To solve with Gamma in each control period takes four times as long as the rest of it."""
+"""column of a full Gamma^-1: upper triangle by rows, half its diagonal; four times faster than solving with Gamma"""
 
 
 class LyapunovRise(NamedTuple):
-    """Lyapunov function V at the latest control period, and its largest rise so far."""
+    """Lyapunov function V and its largest rise so far."""
 
     lyapunov: Any
     lyapunov_rise: Any
 
 
 def rise_sizes(law: SlotineLi | None) -> dict[str, int]:
-    """Lengths of the columns of V and its largest rise, 0 without a law."""
+    """Lengths of the columns of `LyapunovRise`."""
     known = 0 if law is None else 1
     return LyapunovRise(known, known)._asdict()
 
 
 def truth_sizes(law: SlotineLi | None) -> dict[str, int]:
-    """Lengths of the constant columns from which V is computed, by name."""
+    """Lengths of the constant columns for V, by name."""
     if law is None:
         return {}
     k = len(law.model.names)
@@ -115,7 +114,7 @@ def truth_sizes(law: SlotineLi | None) -> dict[str, int]:
 
 @lru_cache(maxsize=8)  # asked for by every batch of arms
 def watched(loop: ClosedLoop, precision: Precision) -> SlotineLi | None:
-    """Controller of a loop whose V can be computed from joints, estimate and true parameters, else None."""
+    """Controller whose V can be computed, else None."""
     law, plant = loop.controller, loop.plant
     if precision == "single":
         return None
@@ -131,7 +130,7 @@ def watched(loop: ClosedLoop, precision: Precision) -> SlotineLi | None:
 def first_rise(
     law: SlotineLi | None, parameters: Array, gains: Mapping[str, Array]
 ) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Initial columns of V and its largest rise, and its constant columns, by name."""
+    """Initial and constant columns for V."""
     if law is None:
         return {}, {}
     # Not by BLAS, whose second thread takes longer to begin than so few products.
@@ -143,7 +142,7 @@ def first_rise(
 
 
 def _whole_gain(law: SlotineLi) -> Array | None:
-    """Gamma (k, k) of a law of gradient descent; None where it is a diagonal, and for other laws."""
+    """Full Gamma (k, k) of a gradient law, else None."""
     own = law.adaptation_law
     return own.gain if isinstance(own, Descent) and own.gain.ndim == 2 else None
 
@@ -151,7 +150,7 @@ def _whole_gain(law: SlotineLi) -> Array | None:
 def risen(
     loop: ClosedLoop, sample: Sample, point: ReferencePoint, runs: Any, columns: Mapping[str, Column]
 ) -> LyapunovRise:
-    """V and its largest rise after one more control period, in J."""
+    """V and its largest rise (J) after one more period."""
     before = LyapunovRise(*(columns[name] for name in LyapunovRise._fields))
     if not len(before.lyapunov):
         return before
@@ -161,7 +160,7 @@ def risen(
 
 
 def _lyapunov(loop: ClosedLoop, sample: Sample, point: ReferencePoint, columns: Mapping[str, Column]) -> Scalar:
-    """V = s'Ms/2 + the adaptation law's term, in J; the first is the kinetic energy at the velocity s."""
+    """V in J."""
     law: Any = loop.controller.substituted(columns[GAINS]) if GAINS in columns else loop.controller
     true, equations = columns[TRUTH], loop.plant.mechanism.equations
     s = sample.v - point.v + column(law.bandwidth) * (loop.plant.primary(sample.q) - point.p)
@@ -175,7 +174,7 @@ def _lyapunov(loop: ClosedLoop, sample: Sample, point: ReferencePoint, columns: 
 
 
 def _half_square(triangle: Column, error: Column) -> Scalar:
-    """error' A error / 2 of a symmetric A, from its upper triangle, row by row, with half its diagonal."""
+    """error' A error / 2, with A stored like `METRIC`."""
     rest = iter(triangle)
     rows = (Column(next(rest) for _ in error.of[i:]) @ Column(error.of[i:]) for i in range(len(error)))
     return Column(rows) @ error

@@ -1,4 +1,4 @@
-"""Plants and controllers as systems of python-control, to be interconnected, linearised and simulated there."""
+"""Systems for python-control."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.N
 
     Notes
     -----
-    With loops an evaluation follows p from the reference configuration and raises `SingularityError` where it cannot,
+    An evaluation with loops follows p from the reference configuration: `SingularityError` where it cannot,
     `NonFiniteError` for NaN or infinity. A tree of up to 100 joints is not checked.
     """
     r, accelerations = mechanism.dof, _accelerations(mechanism)
@@ -64,7 +64,7 @@ def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.N
 @needed("plant_system")
 def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem:
     """
-    Return a plant as a discrete-time python-control system that steps once per control period.
+    Return a plant as a discrete-time python-control system.
 
     Parameters
     ----------
@@ -88,8 +88,7 @@ def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem
 
     Notes
     -----
-    An evaluation raises `NonFiniteError` for NaN, infinity and motions that diverge, `SingularityError` where loops
-    cannot be closed.
+    An evaluation raises `NonFiniteError` for non-finite numbers, `SingularityError` where loops cannot be closed.
     """
     r = plant.dof
     if any(not isinstance(effect, JointEffect) for effect in plant.effects):
@@ -230,7 +229,7 @@ def closed_loop_system(
 
 
 def _of_joints(update: Any, r: int, name: str, **timing: float) -> control.NonlinearIOSystem:
-    """A system of torques whose outputs are its states, p and v of r joints."""
+    """System of torques with p and v as states and outputs."""
     import control
 
     joints = _signals(("p", "v"), r)
@@ -250,7 +249,7 @@ def _ticked(controller: Controller[Any], control_period: float) -> float:
 
 
 def _accelerations(mechanism: Mechanism) -> Any:
-    """Forward dynamics of p, v, torque (r,), in native code for a tree that is short enough."""
+    """Forward dynamics, native for short trees."""
     equations, parameters = mechanism.equations, Column(mechanism.inertial_parameters.tolist())
     if mechanism.continuation is not None or mechanism.dof > MAX_COMPILED_LINKS:
         return mechanism.forward_dynamics

@@ -1,4 +1,4 @@
-"""The springs between the motors and the links of one mechanism, over scalars of any kind."""
+"""Springs between motors and links."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from adaptctl.simulation.effects import ElasticJoints
 
 
 class Motors(NamedTuple):
-    """Positions, velocities and inertias (r,) of the motors, seen at the joints."""
+    """Positions, velocities and inertias (r,), joint side."""
 
     theta: Column
     w: Column
@@ -24,7 +24,7 @@ class Motors(NamedTuple):
 
 
 class Springs(NamedTuple):
-    """Torque of elastic joints' springs over a step, an affine function of the links' velocities at its end."""
+    """Spring torque over a step, affine in the links' final velocities."""
 
     held: Column
     slope: Column
@@ -35,17 +35,17 @@ class Springs(NamedTuple):
 
     @property
     def firm(self) -> Column:
-        """Damping (r,) that the springs give the links over the step."""
+        """Damping (r,) of the links over the step."""
         return self._share * self.motors.inertia
 
     @property
     def torque(self) -> Column:
-        """Torque (r,) on the links for velocities that do not change."""
+        """Torque (r,) on the links at constant velocities."""
         driven = self.motors.inertia * (self.motors.w - self.v) + self.dt * (self.given - self.held)
         return self.held + self._share * driven
 
     def spin(self, after: Column) -> Column:
-        """Mean acceleration (r,) of the motors, seen at the joints, over the step."""
+        """Mean acceleration (r,) of the motors, joint side."""
         return self._yielding * (self.given - self.held - self.slope * (self.motors.w - after))
 
     @property
@@ -69,7 +69,7 @@ class Transmission:
 
     @classmethod
     def of(cls, mechanism: Mechanism, joints: ElasticJoints) -> Transmission:
-        """Transmission of a mechanism with elastic joints, checked."""
+        """Checked transmission of a mechanism."""
         description, r = mechanism.description, mechanism.dof
         if len(mechanism.inertial_parameters) < len(description.inertial_parameters):
             raise InputError(
@@ -87,22 +87,22 @@ class Transmission:
         return found
 
     def motors(self, parameters: Column) -> Column:
-        """Inertias (r,) of the motors, seen at the joints, rotors included."""
+        """Motor inertias (r,) with rotors, joint side."""
         own = self.inertia.tolist()
         return Column(x if j is None else x + parameters[j] for x, j in zip(own, self.rotors, strict=True))
 
     def links(self, parameters: Column) -> Column:
-        """Parameters (P,) with the rotors' inertias replaced by zero."""
+        """Parameters (P,) with zero rotor inertias."""
         return Column(0.0 if j in self.rotors else x for j, x in enumerate(parameters))
 
     def springs(self, q: Column, v: Column, motors: Motors, torque: Column, dt: float) -> Springs:
-        """The torques of the springs of r elastic joints over an integration step of `dt` (s), a `Springs`."""
+        """`Springs` of an integration step of `dt` (s)."""
         half = (0.5 * dt) * column(self.stiffness)
         held = column(self.stiffness) * self._stretch(q, motors) + half * (motors.w - v)
         return Springs(held, column(self.damping) + half, v, motors, torque, dt)
 
     def energy(self, q: Column, motors: Motors) -> Scalar:
-        """Kinetic energy of the motors plus elastic energy of the springs in J."""
+        """Kinetic energy of motors plus elastic energy (J)."""
         stretch = self._stretch(q, motors)
         total: Scalar = 0.5 * (motors.w @ (motors.inertia * motors.w) + stretch @ (column(self.stiffness) * stretch))
         return total
@@ -111,7 +111,7 @@ class Transmission:
         return motors.theta - Column(q[i] for i in self.primary)
 
     def rates(self, mechanism: Mechanism, p: Array) -> tuple[float, float]:
-        """Fastest oscillation (rad/s) and fastest decay (1/s) of the springs at positions (k, r)."""
+        """Fastest oscillation (rad/s) and decay (1/s) at positions (k, r)."""
         own = column(mechanism.inertial_parameters)
         links = mechanism.with_parameters(np.array(self.links(own).of, dtype=np.float64))
         mass = links.mass_matrix(p)
@@ -125,7 +125,7 @@ class Transmission:
 
 
 def _fastest(mass: Array, motors: Array, springs: Array) -> float:
-    """The largest eigenvalue of what springs (r,) do between links M (samples, r, r) and motors (r,), over inertia."""
+    """Largest eigenvalue of springs (r,) between links M (samples, r, r) and motors (r,)."""
     r = len(motors)
     inverse, pull = np.zeros((len(mass), 2 * r, 2 * r)), np.zeros((2 * r, 2 * r))
     inverse[:, :r, :r], inverse[:, r:, r:] = np.linalg.inv(mass), np.diag(1.0 / motors)
@@ -135,7 +135,7 @@ def _fastest(mass: Array, motors: Array, springs: Array) -> float:
 
 
 def _rotors(mechanism: Mechanism) -> tuple[int | None, ...]:
-    """The parameter of each primary joint's rotor, None where none is modelled."""
+    """Rotor parameter of each primary joint, or None."""
     description, first = mechanism.description, 10 * len(mechanism.description.bodies)
     found: dict[int, int] = {}
     for k, (joint, kind) in enumerate(description.drive_parameters):

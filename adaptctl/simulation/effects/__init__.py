@@ -1,4 +1,4 @@
-"""Effects: what real plants have besides rigid links, each a part that can be switched on."""
+"""Effects that make a plant realistic."""
 
 from adaptctl.optional_packages import imported_lazily
 

@@ -1,4 +1,4 @@
-"""Torques that arrive late."""
+"""Actuator effects."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from adaptctl.scalars import Column, clip
 from adaptctl.simulation.effects.effect import ActuatorEffect, at_least_zero, validate_positive
 
 MAX_DELAY_PERIODS = 64
-"""Control periods of torques that are kept."""
+"""control periods"""
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class ControlDelay(ActuatorEffect):
 
     Notes
     -----
-    Sampling and hold alone delay by half a period; a controller that needs the period to compute delays by one more
-    [1]_. Until the first torque arrives, the joints get the torque that held them. First of the actuator effects.
+    First of the actuator effects. Until the first torque arrives, the holding torque is applied. A controller that
+    computes for one period adds a period to the half of sampling and hold [1]_.
 
     References
     ----------
@@ -64,14 +64,14 @@ class ControlDelay(ActuatorEffect):
             )
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise an error where the settings do not fit a plant."""
+        """Check the settings against a plant."""
 
     def initial_state(self, torque: Array, control_period: float) -> Array:
-        """Internal state before the first control period."""
+        """Initial internal state."""
         return np.tile(torque, self.ticks)
 
     def apply(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """Torque passed on over one control period, and the internal state after it."""
+        """Torque and internal state after the period."""
         if self.ticks == 0:
             return torque, memory
         dof = len(torque)
@@ -81,7 +81,7 @@ class ControlDelay(ActuatorEffect):
 @dataclass(frozen=True, eq=False)
 class TorqueLimit(ActuatorEffect):
     """
-    Torque limit (saturation) of the drives, which the controller does not know.
+    Torque limit (saturation) of the drives, unknown to the controller.
 
     Parameters
     ----------
@@ -90,8 +90,7 @@ class TorqueLimit(ActuatorEffect):
 
     Notes
     -----
-    An environment's own limits are those of its actions, which a controller can know. Acts after a delay; a run flags
-    the periods with "torque_limited".
+    Acts after a delay; flag "torque_limited".
 
     Examples
     --------
@@ -106,15 +105,15 @@ class TorqueLimit(ActuatorEffect):
     flag: ClassVar[str | None] = "torque_limited"
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise an error where the settings do not fit a plant."""
+        """Check the settings against a plant."""
         at_least_zero(self.limit, dof, "torque limit")
 
     def initial_state(self, torque: Array, control_period: float) -> Array:
-        """Internal state before the first control period."""
+        """Initial internal state."""
         return np.zeros(0)
 
     def apply(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """Torque passed on over one control period, and the internal state after it."""
+        """Torque and internal state after the period."""
         limits = at_least_zero(self.limit, len(torque), "torque limit").tolist()
         return Column(clip(x, -most, most) for x, most in zip(torque, limits, strict=True)), memory
 
@@ -122,7 +121,7 @@ class TorqueLimit(ActuatorEffect):
 @dataclass(frozen=True, eq=False)
 class TorqueRateLimit(ActuatorEffect):
     """
-    Torque rate limit (slew rate) of the drives, as a supply voltage over a winding's inductance sets it.
+    Torque rate limit (slew rate) of the drives.
 
     Parameters
     ----------
@@ -132,7 +131,7 @@ class TorqueRateLimit(ActuatorEffect):
 
     Notes
     -----
-    Acts after a delay and a torque limit; a run flags the periods with "rate_limited".
+    Acts after a delay and a torque limit; flag "rate_limited".
 
     Examples
     --------
@@ -147,15 +146,15 @@ class TorqueRateLimit(ActuatorEffect):
     flag: ClassVar[str | None] = "rate_limited"
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise an error where the settings do not fit a plant."""
+        """Check the settings against a plant."""
         at_least_zero(self.rate, dof, "torque rate limit")
 
     def initial_state(self, torque: Array, control_period: float) -> Array:
-        """Internal state before the first control period."""
+        """Initial internal state."""
         return torque
 
     def apply(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """Torque passed on over one control period, and the internal state after it."""
+        """Torque and internal state after the period."""
         steps = (at_least_zero(self.rate, len(torque), "torque rate limit") * control_period).tolist()
         given = Column(clip(x, y - step, y + step) for x, y, step in zip(torque, memory, steps, strict=True))
         return given, given
@@ -164,7 +163,7 @@ class TorqueRateLimit(ActuatorEffect):
 @dataclass(frozen=True)
 class ActuatorLag(ActuatorEffect):
     r"""
-    First-order lag of the drives' torque, as of a current loop.
+    First-order lag of the drives' torque.
 
     Parameters
     ----------
@@ -180,8 +179,7 @@ class ActuatorLag(ActuatorEffect):
     -----
     .. math:: T\,\dot x = u - x
 
-    with the commanded torque u and the drive's torque x. The joints get the mean of x over the period, so that the
-    impulse is exact; the error is of third order in the period. Last of the actuator effects.
+    with the commanded torque u; the joints get the mean of x over the period. Last of the actuator effects.
 
     Examples
     --------
@@ -202,14 +200,14 @@ class ActuatorLag(ActuatorEffect):
         validate_positive(self.time_constant, "actuator lag", "s")
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise an error where the settings do not fit a plant."""
+        """Check the settings against a plant."""
 
     def initial_state(self, torque: Array, control_period: float) -> Array:
-        """Internal state before the first control period."""
+        """Initial internal state."""
         return torque
 
     def apply(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
-        """Torque passed on over one control period, and the internal state after it."""
+        """Torque and internal state after the period."""
         ratio = control_period / self.time_constant
         mean = -math.expm1(-ratio) / ratio
         behind = memory - torque

@@ -1,4 +1,4 @@
-"""Base classes of effects: ways in which a plant is not ideal."""
+"""Base classes of effects."""
 
 from __future__ import annotations
 
@@ -15,14 +15,12 @@ from adaptctl.scalars import Column
 
 class Effect(ABC):
     """
-    Abstract base class of plant effects, such as delays, friction, sensors and loads.
+    Abstract base class of plant effects.
 
     Notes
     -----
-    Derive from `ActuatorEffect`, `SensorEffect`, `JointEffect` or `LoadEffect`: a plant refuses all others but
-    `ElasticJoints`. A subclass is a frozen dataclass of its settings. Its equations are written over scalars of any
-    kind, so they must not branch on values; what changes over time is its internal state, a `Column` that is passed in
-    and returned.
+    Derive from `ActuatorEffect`, `SensorEffect`, `JointEffect` or `LoadEffect`. A subclass is a frozen dataclass. Its
+    equations run over scalars of any kind, so they must not branch on values.
 
     Examples
     --------
@@ -56,12 +54,12 @@ class Effect(ABC):
 
 class ActuatorEffect(Effect):
     """
-    Abstract base class of effects that change torques on their way to the joints, such as a delay.
+    Abstract base class of effects on torques, such as a delay.
 
     Notes
     -----
-    A subclass has `rank`, its position in the order in which torques pass the effects, and may have `flag`, the name
-    under which a run flags the control periods in which it changed a torque.
+    A subclass has `rank`, its position among these effects, and may have `flag`, the flag of control periods in which
+    it changed a torque.
 
     Examples
     --------
@@ -114,11 +112,11 @@ class ActuatorEffect(Effect):
 
 class SensorEffect(Effect):
     """
-    Abstract base class of effects that change measurements, such as encoders.
+    Abstract base class of effects on measurements, such as encoders.
 
     Notes
     -----
-    A subclass has `rank`, its position in the order in which measurements pass the effects.
+    A subclass has `rank`, its position among these effects.
 
     Examples
     --------
@@ -178,11 +176,11 @@ class SensorEffect(Effect):
 
 class JointEffect(Effect):
     """
-    Abstract base class of torques that resist the joints' motion, such as friction.
+    Abstract base class of resisting joint torques, such as friction.
 
     Notes
     -----
-    They depend on the joints' velocities alone and dissipate energy.
+    They depend on velocities alone and dissipate energy.
 
     Examples
     --------
@@ -226,7 +224,7 @@ class JointEffect(Effect):
 
 class LoadEffect(Effect):
     """
-    Abstract base class of effects that change the inertial parameters in mid-motion, such as a payload.
+    Abstract base class of changes of inertial parameters, such as a payload.
 
     Examples
     --------
@@ -253,7 +251,7 @@ class LoadEffect(Effect):
 
     def next_change_time(self, time: float) -> float:
         """
-        Return the time until which the load stays as it is.
+        Return the time until which the load is constant.
 
         Parameters
         ----------
@@ -289,7 +287,7 @@ class LoadEffect(Effect):
 
 
 def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:
-    """Values (r,) of at least zero, checked; infinity is allowed."""
+    """Checked values (r,) of at least zero, infinity allowed."""
     given = numbers(values, what)
     if not np.all(given >= 0.0):
         raise InputError(f"{what}: expected numbers of at least 0, got {given.tolist()}")
@@ -297,5 +295,5 @@ def at_least_zero(values: ArrayLike, dof: int, what: str) -> Array:
 
 
 def validate_positive(value: float, what: str, unit: str) -> None:
-    """Raise `InputError` unless a value is one positive finite number."""
+    """Raise `InputError` unless a number is positive and finite."""
     positive_number(value, f"{what}: expected a positive number of {unit}")

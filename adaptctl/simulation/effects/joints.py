@@ -1,4 +1,4 @@
-"""Effects at the joints: friction and springs that a model need not know, and bodies that links carry."""
+"""Friction, joint elasticity and payloads."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ KINDS = (DriveParameter.VISCOUS, DriveParameter.COULOMB, DriveParameter.STRIBECK
 @dataclass(frozen=True, eq=False)
 class Friction(JointEffect):
     r"""
-    Viscous, Coulomb and Stribeck friction of the joints, which the controller's model does not have.
+    Viscous, Coulomb and Stribeck friction of the joints, unknown to the controller.
 
     Parameters
     ----------
@@ -48,8 +48,7 @@ class Friction(JointEffect):
     -----
     .. math:: \tau = f_v v + \left(f_c + \frac{f_s}{1 + (v/v_s)^2}\right) \operatorname{sign}(v)
 
-    [1]_ [2]_. The sign is smoothed to v/sqrt(v^2 + 0.01^2), so the robot creeps where a real one sticks. It comes on
-    top of the drives' friction, which the model has too.
+    [1]_ [2]_, with the sign smoothed to v/sqrt(v^2 + 0.01^2). It adds to the modelled friction of the drives.
 
     References
     ----------
@@ -75,18 +74,18 @@ class Friction(JointEffect):
         validate_positive(self.speed, "friction: speed", "rad/s")
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise an error where the settings do not fit a plant."""
+        """Check the settings against a plant."""
         if not np.isfinite(self._each(dof)).all():
             raise InputError("friction: expected finite numbers")
 
     def torque(self, v: Column) -> Column:
-        """Resisting torque (r,) at velocities v."""
+        """Resisting torque (r,)."""
         terms = zip(KINDS, self._each(len(v)).tolist(), strict=True)
         each = (Column(values) * Column(friction(kind, x, self.speed) for x in v) for kind, values in terms)
         return sum(each, Column.zeros(len(v)))
 
     def max_slope(self, dof: int) -> Array:
-        """Greatest slopes (r,) of the torque over velocity: those at rest."""
+        """Slopes (r,) at rest."""
         viscous, coulomb, stribeck = self._each(dof)
         return viscous + (coulomb + stribeck) / COULOMB_SMOOTHING_SPEED
 
@@ -96,13 +95,13 @@ class Friction(JointEffect):
 
 
 LINK, MOTOR = "link", "motor"
-"""Places of encoders: behind the spring or before it."""
+"""Encoder behind or before the spring."""
 
 
 @dataclass(frozen=True, eq=False)
 class ElasticJoints(Effect):
     r"""
-    Springs and dampers between the motors and the links of r joints.
+    Springs and dampers between the motors and links of r joints.
 
     Parameters
     ----------
@@ -125,9 +124,9 @@ class ElasticJoints(Effect):
     -----
     .. math:: J \dot w = \tau - f, \quad M(q) \dot v + C v + g + \tau_f = f, \quad f = k(\theta - p) + d(w - v)
 
-    [1]_ with the motors' positions :math:`\theta` and velocities w, seen at the joints, which are the last 2r numbers
-    of `PlantState.drives`. J is the drives' rotor inertia, which then no longer turns with the links, plus
-    `motor_inertia`. Friction stays with the links; rotors turn about their joints' axes alone. See docs/simulation.md.
+    [1]_ with the motors' positions :math:`\theta` and velocities w (joint side), the last 2r numbers of
+    `PlantState.drives`. J is the drives' rotor inertia plus `motor_inertia`. Rotors turn about their joints' axes
+    alone; friction acts on the links.
 
     References
     ----------
@@ -152,7 +151,7 @@ class ElasticJoints(Effect):
             raise InputError(f"elastic joints: encoders: expected {LINK!r} or {MOTOR!r}, got {self.encoders!r}")
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise an error where the settings do not fit a plant."""
+        """Check the settings against a plant."""
         stiffness = self.each("stiffness", dof)
         if not np.all(stiffness > 0.0):
             raise InputError(f"elastic joints: stiffness: expected positive numbers, got {stiffness.tolist()}")
@@ -160,7 +159,7 @@ class ElasticJoints(Effect):
 
     def each(self, name: str, dof: int) -> Array:
         """
-        Return a setting as one number for each joint.
+        Return a setting as one number per joint.
 
         Parameters
         ----------
@@ -186,7 +185,7 @@ class ElasticJoints(Effect):
 
 
 SYMMETRY_TOLERANCE = 1e-9
-"""Parts of a tensor's largest entry that round-off, or the digits of a file, may make two of its entries differ."""
+"""of a tensor's largest entry"""
 
 
 @sent_as_made
@@ -237,7 +236,7 @@ class Payload:
     @classmethod
     def of(cls, given: float | Mapping[str, Any] | Payload) -> Payload:
         """
-        Make a payload of a mass or a mapping.
+        Make a payload from a mass or a mapping.
 
         Parameters
         ----------
@@ -318,7 +317,7 @@ def _validate_bounded(mass: float, center: Array, tensor: Array) -> None:
 
 
 def _is_inertia(tensor: Array) -> bool:
-    """True if a body has this tensor (3, 3) about its centre of mass."""
+    """True if a rigid body can have this tensor (3, 3)."""
     if np.abs(tensor - tensor.T).max() > SYMMETRY_TOLERANCE * np.abs(tensor).max():
         return False
     second_moments = 0.5 * np.trace(tensor) * np.eye(3) - tensor
@@ -328,7 +327,7 @@ def _is_inertia(tensor: Array) -> bool:
 @dataclass(frozen=True, eq=False)
 class PayloadHeld(LoadEffect):
     """
-    Payload that a link holds for some time.
+    Payload that a link holds for a time interval.
 
     Parameters
     ----------
@@ -350,8 +349,7 @@ class PayloadHeld(LoadEffect):
 
     Notes
     -----
-    The payload already moves with the link when it is picked up, and moves on when it is dropped: velocities do not
-    jump.
+    Velocities do not jump at pick-up or release.
 
     Examples
     --------
@@ -373,19 +371,19 @@ class PayloadHeld(LoadEffect):
             raise InputError(f"payload: expected a start before its stop, got {self.start} and {self.stop} s")
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise an error where the settings do not fit a plant."""
+        """Check the settings against a plant."""
         self._place(links)
 
     def mass(self, time: float) -> float:
-        """Mass in kg that is held at a time."""
+        """Mass (kg) held at a time."""
         return Payload.of(self.payload).mass if self.start <= time < self.stop else 0.0
 
     def next_change_time(self, time: float) -> float:
-        """First time in s after `time` at which the payload is picked up or dropped."""
+        """Next time (s) of a pick-up or release."""
         return next((change for change in (self.start, self.stop) if time < change), math.inf)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-        """Parameters (..., P), with the payload while it is held."""
+        """Parameters (..., P) with the payload while held."""
         if not self.start <= time < self.stop:
             return parameters
         return Payload.of(self.payload).added_to(parameters, self._place(links))

@@ -1,4 +1,4 @@
-"""Effects of a plant together, in the order of their places."""
+"""All effects of a plant."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from adaptctl.simulation.effects.effect import ActuatorEffect, Effect, JointEffe
 from adaptctl.simulation.effects.joints import MOTOR, ElasticJoints
 
 KINDS = (ActuatorEffect, SensorEffect, JointEffect, LoadEffect, ElasticJoints)
-"""Base classes of the effects that a plant has a place for; it refuses others."""
+"""base classes that a plant accepts"""
 
 
 @dataclass(frozen=True)
@@ -111,12 +111,12 @@ class PlantEffects:
 
     @property
     def senses_motors(self) -> bool:
-        """True if encoders sit on the motors of elastic joints."""
+        """True if encoders are on the motors."""
         return self.elastic is not None and self.elastic.encoders == MOTOR
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """Names of the actuator effects' flags, in the order in which a torque passes."""
+        """Names of the actuator effects' flags."""
         return tuple(effect.flag for effect in self.actuators if effect.flag is not None)
 
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:
@@ -188,7 +188,7 @@ class PlantEffects:
 
     def driven(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column, Column]:
         """
-        Return the torque that all actuator effects together pass on.
+        Return the torque after all actuator effects.
 
         Parameters
         ----------
@@ -220,7 +220,7 @@ class PlantEffects:
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
         """
-        Return positions and velocities as all sensor effects together measure them.
+        Return the measurements after all sensor effects.
 
         Parameters
         ----------
@@ -250,7 +250,7 @@ class PlantEffects:
 
 
 def differs(asked: Column, given: Column) -> Scalar:
-    """Flag of a changed torque: 1 where any joint was given another than asked, else 0."""
+    """Flag, 1 where any torque differs from the given one."""
     largest: Any = 0.0
     for x, y in zip(asked, given, strict=True):
         largest = maximum(largest, absolute(x - y))
@@ -275,7 +275,7 @@ def _rank(effect: Any) -> int:
 
 
 def listed(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """Effects as a tuple; what is not iterable raises `InputError`."""
+    """Effects as a tuple, else `InputError`."""
     if not isinstance(effects, Iterable):
         raise InputError(f"effects: expected a sequence, such as [ControlDelay(2)], got {effects!r}")
     return tuple(effects)

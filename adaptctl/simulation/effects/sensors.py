@@ -1,4 +1,4 @@
-"""Joints seen through encoders."""
+"""Sensor effects."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from adaptctl.scalars import Column, Scalar
 from adaptctl.simulation.effects.effect import SensorEffect, at_least_zero, validate_positive
 
 _WHOLE = 1.5 * 2.0**52
-"""Adding and subtracting it rounds a double below 2^51 to the nearest whole number, ties to even."""
+"""adding and subtracting it rounds to the nearest integer"""
 
 MIN_RESOLUTION = 1e-12
-"""rad (m): counts of a finer resolution are not whole numbers any more in double precision"""
+"""rad (m), so that counts are exact integers"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class Encoder(SensorEffect):
     rank: ClassVar[int] = 0
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise an error where the settings do not fit a plant."""
+        """Check the settings against a plant."""
         for name in ("resolution", "noise", "velocity_noise"):
             if not np.isfinite(at_least_zero(getattr(self, name), dof, f"encoder: {name}")).all():
                 raise InputError(f"encoder: {name}: expected finite numbers, got {getattr(self, name)}")
@@ -65,13 +65,13 @@ class Encoder(SensorEffect):
             raise InputError(f"encoder: resolution: expected 0 or at least {MIN_RESOLUTION:g}, got {steps.tolist()}")
 
     def initial_state(self, p: Array, v: Array, control_period: float) -> Array:
-        """Internal state before the first control period."""
+        """Initial internal state."""
         return np.zeros(0)
 
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """Measured positions and velocities, and the internal state after them."""
+        """Measurements and the internal state."""
         dof = len(p)
         jitter, steps, shake = (
             at_least_zero(values, dof, "encoder").tolist()
@@ -89,7 +89,7 @@ def _rounded(x: Scalar) -> Scalar:
 @dataclass(frozen=True)
 class FilteredDifferences(SensorEffect):
     r"""
-    Velocities from measured positions by backward differences and a first-order low-pass filter.
+    Velocities from measured positions by backward differences and a low-pass filter.
 
     Parameters
     ----------
@@ -105,8 +105,7 @@ class FilteredDifferences(SensorEffect):
     -----
     .. math:: w_k = a\,w_{k-1} + (1 - a)(p_k - p_{k-1})/T_c, \quad a = e^{-2 \pi f T_c}
 
-    is the derivative that controllers use in practice [1]_. It is late by about T_c/2 + 1/(2 pi f); a count of c makes
-    it jump by (1 - a) c/T_c. At first w is the true velocity. Acts after encoders.
+    [1]_, delayed by about T_c/2 + 1/(2 pi f); a count of c changes it by (1 - a) c/T_c. Acts after encoders.
 
     References
     ----------
@@ -128,7 +127,7 @@ class FilteredDifferences(SensorEffect):
         validate_positive(self.cutoff, "filtered differences: cutoff", "Hz")
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Raise an error where the settings do not fit a plant."""
+        """Check the settings against a plant."""
         if self.cutoff >= 0.5 / control_period:
             raise InputError(
                 f"filtered differences: a cutoff of {self.cutoff:g} Hz is not below half the sampling rate, "
@@ -136,13 +135,13 @@ class FilteredDifferences(SensorEffect):
             )
 
     def initial_state(self, p: Array, v: Array, control_period: float) -> Array:
-        """Internal state before the first control period."""
+        """Initial internal state."""
         return np.concatenate((p - control_period * v, v), axis=-1)
 
     def measure(
         self, p: Column, v: Column, noise: Column, memory: Column, control_period: float
     ) -> tuple[Column, Column, Column]:
-        """Measured positions and velocities, and the internal state after them."""
+        """Measurements and the internal state."""
         dof, kept = len(p), math.exp(-2.0 * math.pi * self.cutoff * control_period)
         before, rate = Column(memory.of[:dof]), Column(memory.of[dof:])
         after = kept * rate + ((1.0 - kept) / control_period) * (p - before)
