@@ -1,4 +1,4 @@
-"""Gymnasium environments. Importing this registers them, which is Gymnasium's way."""
+"""Gymnasium environments, registered on import."""
 
 from gymnasium.envs.registration import register
 

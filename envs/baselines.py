@@ -1,4 +1,4 @@
-"""Returns of controllers in an environment, to judge what learners reach by."""
+"""Returns of controllers, for comparison with learners."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from adaptctl.simulation.rollout import rollout
 from adaptctl.tuning import tune
 
 BANDWIDTH, SAMPLING_RATIO = 8.0, 1.0
-"""1/s, and the sampling ratio of the damping: stiff, with which all four track as well as they can at 20 ms."""
+"""Bandwidth in 1/s, and sampling ratio of the damping."""
 
 
 def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]:
@@ -47,7 +47,7 @@ def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]
 
     Notes
     -----
-    The gains are those of `tune` for a bandwidth of 8 1/s and a sampling ratio of 1. See docs/learners.md.
+    The gains are those of `tune` for a bandwidth of 8 1/s and a sampling ratio of 1.
     """
     first, runs = whole_count(seed, "seed"), whole_count(episodes, "episodes", 1)
     own, seeds = deepcopy(tracking_of(env)), range(first, first + runs)
@@ -81,7 +81,6 @@ def _laws(env: TrackingEnv) -> dict[str, Controller[Any]]:
 
 
 def _driven(env: TrackingEnv, law: Controller[Any] | None, seed: int) -> float:
-    """The return of an episode under a law, or under no torque."""
     if law is not None:
         return float(rollout(env, law, seed=seed).reward.sum())
     env.reset(seed=seed)

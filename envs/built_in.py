@@ -1,4 +1,4 @@
-"""Tracking environments of two built-in arms: the PUMA 560, and the semi-direct-drive arm."""
+"""Tracking environments of two built-in arms."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ PUMA560_REFERENCE = Sinusoids(
     frequency=np.array([0.1, 0.125, 0.15, 0.175, 0.2, 0.225]),
     start_time=2.0,
 )
-"""Every joint at least 0.4 rad at 0.1 Hz and above, within the joint limits, from rest."""
 
 
 class Puma560TrackingEnv(TrackingEnv):
@@ -46,61 +45,36 @@ class Puma560TrackingEnv(TrackingEnv):
 
     Notes
     -----
-    Reward, information and all else are as in `TrackingEnv`, whose card holds here too.
+    All else is as in `TrackingEnv`.
 
     ## Action space
 
-    `Box(-limit, limit, (6,), float64)`, torques in N m; others are clipped.
-
-    | Num | Joint    | Limit |
-    |-----|----------|-------|
-    | 0   | waist    | 97.6  |
-    | 1   | shoulder | 186.4 |
-    | 2   | elbow    | 89.4  |
-    | 3   | wrist    | 24.2  |
-    | 4   | wrist    | 20.1  |
-    | 5   | flange   | 21.3  |
+    `Box(-limit, limit, (6,), float64)`: torques with limits 97.6, 186.4, 89.4, 24.2, 20.1 and 21.3 N m.
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (42,), float64)` in rad, rad/s and rad/s^2; `observation_slices` has slices by name.
-
-    | Num   | Observation                                       |
-    |-------|---------------------------------------------------|
-    | 0-5   | positions                                         |
-    | 6-11  | velocities                                        |
-    | 12-17 | the reference's positions now                     |
-    | 18-23 | the reference's velocities now                    |
-    | 24-29 | the reference's accelerations now                 |
-    | 30-35 | the reference's positions 0.05 s ahead            |
-    | 36-41 | the reference's positions 0.2 s ahead             |
+    `Box(-1e6, 1e6, (42,), float64)` in rad, rad/s and rad/s^2.
 
     ## Reward
 
-    *reward = -(sum(e^2) + 0.1 sum(e'^2) + 0.001 sum((applied torque / limit)^2))*, and 1000 less when terminated.
+    Weights 1, 0.1 and 0.001; 1000 less at termination.
 
     ## Starting state
 
-    On the reference at time zero, at rest, 0.1 rad off in every joint.
+    At rest, 0.1 rad off the reference in every joint.
 
     ## Episode end
 
-    Terminated when a joint's error passes 1 rad. Truncated at 20 s, which is 20,000 steps.
+    Terminated at an error above 1 rad. Truncated at 20 s.
 
     ## Robots
 
-    "puma560" has the inertial parameters of Sheu and Walker [1]_, Table 6. No rigid bodies have them (five of six links
-    violate the pseudo-inertia condition), yet the mass matrix is positive definite (eigenvalues above 0.06 kg m^2 in
-    2,000 random configurations); loading them here does not warn. "puma560_measured" has consistent values [2]_ without
-    motor inertias: choose it when the physics matter.
+    Five of six links of "puma560" [1]_ violate the pseudo-inertia condition, yet its mass matrix is positive definite.
+    "puma560_measured" [2]_ is physically consistent, without motor inertias.
 
     ## Options at reset
 
-    Those of `TrackingEnv`: `payload` (at the flange), `trajectory`, `initial_error` and `parameters`.
-
-    ## Version history
-
-    * v0: first version
+    `payload` (at the flange), `trajectory`, `initial_error`, `parameters`.
 
     References
     ----------
@@ -136,7 +110,7 @@ FIVE_BAR_REFERENCE = Sinusoids(
     frequency=np.array([0.15, 0.2, 0.25]),
     start_time=2.0,
 )
-"""Every joint at least 0.4 rad at 0.15 Hz and above, from rest; p2 - p3 stays between 0.77 and 2.37 rad."""
+"""p2 - p3 stays between 0.77 and 2.37 rad."""
 
 
 class SemiDirectDriveTrackingEnv(TrackingEnv):
@@ -163,53 +137,20 @@ class SemiDirectDriveTrackingEnv(TrackingEnv):
 
     Notes
     -----
-    The arm is that of Asada and Youcef-Toumi [1]_. Its loop is closed to round-off after every step. Reward,
-    information and all else are as in `TrackingEnv`, whose card holds here too.
+    The arm is that of [1]_. All else is as in `Puma560TrackingEnv`.
 
     ## Action space
 
-    `Box(-limit, limit, (3,), float64)`, torques in N m; others are clipped.
-
-    | Num | Joint                         | Limit |
-    |-----|-------------------------------|-------|
-    | 0   | the vertical axis             | 660   |
-    | 1   | upper arm (link 2), on link 1 | 230   |
-    | 2   | crank (link 3), on link 1     | 230   |
+    `Box(-limit, limit, (3,), float64)`: torques of vertical axis, upper arm and crank; limits 660, 230 and 230 N m.
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (21,), float64)` in rad, rad/s and rad/s^2; `observation_slices` has slices by name.
-
-    | Num   | Observation                                       |
-    |-------|---------------------------------------------------|
-    | 0-2   | positions of the driven joints                    |
-    | 3-5   | velocities of the driven joints                   |
-    | 6-8   | the reference's positions now                     |
-    | 9-11  | the reference's velocities now                    |
-    | 12-14 | the reference's accelerations now                 |
-    | 15-17 | the reference's positions 0.05 s ahead            |
-    | 18-20 | the reference's positions 0.2 s ahead             |
-
-    ## Reward
-
-    *reward = -(sum(e^2) + 0.1 sum(e'^2) + 0.001 sum((applied torque / limit)^2))*, and 1000 less when terminated.
-
-    ## Starting state
-
-    On the reference at time zero, at rest, 0.1 rad off in every joint.
+    `Box(-1e6, 1e6, (21,), float64)` in rad, rad/s and rad/s^2, of the driven joints.
 
     ## Episode end
 
-    Terminated when a joint's error passes 1 rad, when the upper arm's position less the crank's leaves 0.5236 to 2.618
-    rad [2]_, or near a singularity of the loop. Truncated at 20 s, which is 20,000 steps.
-
-    ## Options at reset
-
-    Those of `TrackingEnv`: `payload` (fixed to the last link), `trajectory`, `initial_error` and `parameters`.
-
-    ## Version history
-
-    * v0: first version
+    Terminated at an error above 1 rad, near a singularity, or when the upper arm's position less the crank's leaves
+    0.5236 to 2.618 rad [2]_. Truncated at 20 s.
 
     References
     ----------

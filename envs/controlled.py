@@ -1,4 +1,4 @@
-"""Arms with a controller in their loop, to whose torques, or to whose gains, a learner adds."""
+"""Wrappers that run a controller."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from adaptctl.simulation.rollout import PARTS, interface
 
 
 class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.utils.RecordConstructorArgs):
-    """Base class of wrappers in which actions change the torques or gains of a controller."""
+    """Base class of wrappers around one arm."""
 
     def __init__(
         self, env: gymnasium.Env[Any, Any], controller: Controller[Any], space: gymnasium.Space[Any] | None = None
@@ -41,7 +41,7 @@ class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.uti
         self._seen: tuple[Array, Array, ReferencePoint]
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Begin a new episode, with a new initial state of the controller."""
+        """Begin a new episode."""
         observation, info = self.env.reset(seed=seed, options=options)
         self._look(observation)
         self._memory = self.controller.init(*self._seen[:2])
@@ -49,7 +49,7 @@ class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.uti
         return observation, info | told
 
     def step(self, action: Any) -> tuple[Array, Any, bool, bool, dict[str, Any]]:
-        """Advance the environment by a control period under its controller."""
+        """Advance by a control period."""
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("no episode has started: call env.reset() first")
         torque, self._memory, told = self._torque(finite_actions(action, self.action_space))
@@ -59,7 +59,7 @@ class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.uti
 
     @abstractmethod
     def _torque(self, action: Array) -> tuple[Array, Any, dict[str, Any]]:
-        """Torque (r,) under an action (a,), the controller's state after it, and additions to `info`."""
+        """Torque (r,), the next controller state, and additions to `info`."""
 
     def _look(self, observation: Array) -> None:
         p, v, *reference = (np.asarray(observation, dtype=np.float64)[..., part] for part in self._parts)
@@ -67,7 +67,7 @@ class ControlledEnv(gymnasium.Wrapper[Array, Array, Array, Array], gymnasium.uti
 
 
 class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
-    """Base class of vector environments of N arms whose actions change the torques or gains of a controller."""
+    """Base class of wrappers around N arms."""
 
     def __init__(self, env: VectorTrackingEnv, controller: Controller[Any], actions: int) -> None:
         if not isinstance(env, VectorTrackingEnv):
@@ -87,7 +87,7 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin new episodes of the arms, with new initial states of the controller."""
+        """Begin new episodes."""
         observations, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours takes more
         started = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_)))
         self._over = self._over & ~started
@@ -95,7 +95,7 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
         return observations, info
 
     def step(self, actions: Any) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Advance all arms by a control period, each under its own controller."""
+        """Advance by a control period."""
         if self._memory is None:
             raise gymnasium.error.ResetNeeded("no episode has started: call env.reset() first")
         torques, self._memory, told = self._torques(finite_actions(actions, self.action_space))
@@ -108,10 +108,9 @@ class ControlledVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any
 
     @abstractmethod
     def _torques(self, actions: Array) -> tuple[Array, Any, dict[str, Any]]:
-        """Torques (N, r) under actions (N, a), the controllers' states after them, and additions to `info`."""
+        """Torques (N, r), the next controller states, and additions to `info`."""
 
     def _look(self, observations: Array, started: NDArray[np.bool_]) -> None:
-        """Take what is observed, and let arms whose episode has started forget the last one."""
         p, v, *reference = (observations[:, part] for part in self._parts)
         self._seen = p, v, ReferencePoint(*reference)
         if self._memory is None:
@@ -141,17 +140,15 @@ class ResidualEnv(ControlledEnv):
 
     Notes
     -----
-    An action of zero leaves the controller alone.
-
     ## Action space
 
-    `Box(-1, 1, (r,), float32)`: fractions of the residual torque. What is out of bounds is not clipped; the sum of both
-    torques is, to the torque limits. A wrong shape raises `InputError`, NaN and infinity `NonFiniteError`.
+    `Box(-1, 1, (r,), float32)`: fractions of the residual torque; only the total torque is clipped. A wrong shape
+    raises `InputError`, NaN and infinity `NonFiniteError`.
 
     ## Observation space
 
-    That of the environment. `info` also has `base_torque` (r,) in N m (N): the controller's torque in the last control
-    period; after a reset, in the first one to come.
+    That of the environment. `info` also has `base_torque` (r,) in N m (N), the controller's torque in the last control
+    period, after a reset in the first.
 
     Examples
     --------
@@ -191,8 +188,7 @@ class ResidualVectorEnv(ControlledVectorEnv):
 
     Notes
     -----
-    Actions (N, r) and observations (N, n) are as in `ResidualEnv`. After a step `info` has the controllers' torques
-    `base_torque` (N, r) and the mask `_base_torque` (N,).
+    Actions are (N, r), observations (N, n). `info` has `base_torque` (N, r) and the mask `_base_torque` (N,).
 
     Examples
     --------
@@ -212,7 +208,7 @@ class ResidualVectorEnv(ControlledVectorEnv):
 
 
 def validate_controller(given: object) -> None:
-    """Raise `InputError` unless `given` is a `Controller`."""
+    """Raise `InputError` for other types."""
     if not isinstance(given, Controller):
         raise InputError(f"controller: expected a Controller, got {given!r:.80}")
 

@@ -1,4 +1,4 @@
-"""Environments in which a learner moves the gains of a controller."""
+"""Environments whose actions scale controller gains."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from adaptctl.envs.many.vector_tracking import VectorTrackingEnv, masked
 from adaptctl.errors import GainError, InputError, NotFoundError
 
 HALVINGS = 12
-"""of the range in which the largest factor is sought"""
+"""Bisection steps for the largest factor."""
 
 
 @dataclass(frozen=True, eq=False)
 class GainRange:
-    """Range within which actions scale gains of a controller, and the map from actions to gains."""
+    """Map from actions to gains."""
 
     controller: Controller[Any]
     names: tuple[str, ...]
@@ -30,7 +30,7 @@ class GainRange:
 
     @classmethod
     def of(cls, controller: Controller[Any], names: Iterable[str], span: float) -> GainRange:
-        """Range from 1/`span` to `span` times the gains, its upper end as far as the controller accepts; checked."""
+        """Range from 1/`span` to `span` times the gains, within what the controller accepts."""
         validate_controller(controller)
         chosen = names_of(names)
         controller.tuned({name: controller.numbers.get(name, 0.0) for name in chosen})
@@ -54,12 +54,12 @@ class GainRange:
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Numbers of actions by the names of the gains."""
+        """Numbers of actions by gain."""
         shapes = {name: self.controller.numbers[name].shape for name in self.names}
         return {name: self.controller.dof if shape == (self.controller.dof,) else 1 for name, shape in shapes.items()}
 
     def gains(self, actions: Array) -> dict[str, Array]:
-        """Scaled gains, by name, under actions (..., a)."""
+        """Gains by name under actions (..., a)."""
         within = np.clip(actions, -1.0, 1.0)
         factors = np.where(within > 0.0, self.highest, 1.0 / self.lowest) ** within
         ends = np.cumsum(list(self.sizes.values())).tolist()
@@ -67,7 +67,7 @@ class GainRange:
         return {name: self.controller.numbers[name].ravel() * factor for name, factor in parts.items()}
 
     def packed(self, actions: Array) -> Array:
-        """All numbers (N, g) of the controller under actions (N, a), in the order of `controller.numbers`."""
+        """All numbers (N, g) of the controller under actions (N, a)."""
         moved, count = self.gains(actions), len(actions)
         rows = [moved.get(name, np.tile(own.ravel(), (count, 1))) for name, own in self.controller.numbers.items()]
         return np.concatenate(rows, axis=1)
@@ -106,19 +106,15 @@ class TuningEnv(ControlledEnv):
 
     Notes
     -----
-    An action of zero leaves the gains alone.
-
     ## Action space
 
-    `Box(-1, 1, (a,), float32)`: one action for each joint of gains such as `bandwidth` and `damping`, one for all
-    numbers of others, such as `adaptation.gain`, in the order of the names. What is out of bounds is clipped; a wrong
-    shape raises `InputError`, NaN and infinity `NonFiniteError`. Where `span` times the gains would make the loop
-    unstable, 1 gives the largest factor that the controller accepts, `env.range.highest`.
+    `Box(-1, 1, (a,), float32)`, clipped: one action per joint for gains such as `bandwidth`, one for all values of
+    others, such as `adaptation.gain`. Zero leaves the gains unchanged, 1 gives the largest stable factor up to `span`,
+    `env.range.highest`. A wrong shape raises `InputError`, NaN and infinity `NonFiniteError`.
 
     ## Observation space
 
-    That of the environment. `info` also has `gains`, a mapping from the names to the gains (m,) of the last control
-    period.
+    That of the environment. `info` also has `gains`, a mapping to the gains (m,) of the last control period.
 
     Examples
     --------
@@ -141,7 +137,6 @@ class TuningEnv(ControlledEnv):
         return torque[0], memory, {"gains": self.range.gains(action)}
 
     def _look(self, observation: Array) -> None:
-        """Take what is observed, as of one arm of many (1, r)."""
         super()._look(np.asarray(observation)[None])
 
 
@@ -169,8 +164,7 @@ class TuningVectorEnv(ControlledVectorEnv):
 
     Notes
     -----
-    Actions (N, a) and observations (N, n) are as in `TuningEnv`. After a step `info` has `gains`, a mapping from the
-    names to arrays (N, m), and Gymnasium's masks (N,).
+    Actions are (N, a), observations (N, n). `info` has `gains`, a mapping to arrays (N, m), and masks (N,).
 
     Examples
     --------
@@ -192,7 +186,7 @@ class TuningVectorEnv(ControlledVectorEnv):
 
 
 def names_of(gains: object) -> tuple[str, ...]:
-    """Names of gains as a tuple, from one name or several; other things raise `InputError`."""
+    """Names of gains as a tuple."""
     names = (gains,) if isinstance(gains, str) else tuple(gains) if isinstance(gains, Iterable) else None
     if names is None or not all(isinstance(name, str) for name in names):
         raise InputError(f"gains: expected names, such as ['damping'], got {gains!r:.80}")

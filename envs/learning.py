@@ -1,4 +1,4 @@
-"""Tracking environments whose observations and actions are in [-1, 1], for one arm and for many."""
+"""Environments with observations and actions in [-1, 1]."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from adaptctl.tuning.feasible_reference import motion_ranges
 
 Observation = NDArray[np.float32]
 HALF_SCALE_ERROR_SHARE = 0.1
-"""Tracking error that is observed as a half: a share of half the joint's range, or of the bound where that is less."""
+"""Error observed as a half, as a share of half the joint range."""
 VELOCITY_SCALE_RATE = 5.0
-"""1/s, velocity errors over errors that are observed alike"""
+"""1/s, scale of velocity errors over that of errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class NormalisedView:
-    """Map from observations (..., n) to numbers x/(|x| + c) in (-1, 1) for learners."""
+    """Map from observations (..., n) to x/(|x| + c)."""
 
     slices: Mapping[str, slice]
     middle: Array
@@ -37,7 +37,7 @@ class NormalisedView:
 
     @classmethod
     def of(cls, env: TrackingEnv) -> NormalisedView:
-        """View of the observations of an environment, with scales c of its joint ranges and error bound."""
+        """View with the scales c of an environment."""
         lower, upper = motion_ranges(env.mechanism)
         half = 0.5 * (upper - lower)
         error = HALF_SCALE_ERROR_SHARE * np.minimum(half, env.error_bound)
@@ -75,36 +75,24 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     Notes
     -----
-    Rewards, episodes, options and `info` are the environment's own, so returns compare with those of
-    `adaptctl.envs.baselines`. The registered `adaptctl/Learning-v0` and `adaptctl/Puma560Learning-v0` hold a torque for
-    0.02 s and last 5 s: at 1 kHz a learner has to look a thousand steps ahead to see the effect of a torque. Their
-    other arguments are those of `TrackingEnv`.
+    Rewards, episodes, options and `info` are the environment's.
 
     ## Action space
 
-    `Box(-1, 1, (r,), float32)`: fractions of the torque limits; the actions of `ResidualEnv` or `TuningEnv` are left as
-    they are. What is out of bounds is clipped by the environment. A wrong shape raises `InputError`, NaN and infinity
-    `NonFiniteError`.
+    `Box(-1, 1, (r,), float32)`: fractions of the torque limits, clipped; those of `ResidualEnv` and `TuningEnv` are
+    unchanged.
 
     ## Observation space
 
-    `Box(-1, 1, (5r + r L,), float32)` for L look-ahead times: each number x becomes x/(|x| + c). Indices are
-    zero-based, the last exclusive.
+    `Box(-1, 1, (5r + r L,), float32)`: numbers x as x/(|x| + c), with h half the joint's range (1 rad or m without
+    limits) and b a tenth of h, or of the error bound where that is less.
 
-    | Indices     | Number x                                             | Scale c                             |
-    |-------------|------------------------------------------------------|-------------------------------------|
-    | 0 to r      | position minus the reference's                       | a tenth of h (below), or of the error bound
-    where that is less |
-    | r to 2r     | velocity minus the reference's                       | 5/s times the first                 |
-    | 2r to 3r    | position from the middle of the joint's range        | h, half the range (1 rad or m where there is
-    none) |
-    | 3r to 4r    | velocity                                             | h per second                        |
-    | 4r to 5r    | the reference's acceleration                         | h per second squared                |
-    | from 5r     | the reference's positions ahead minus those now      | as the first, each of the L times   |
-
-    ## Version history
-
-    * v0: first version
+    - 0 to r: position errors, c = b
+    - r to 2r: velocity errors, c = 5 b/s
+    - 2r to 3r: positions from mid-range, c = h
+    - 3r to 4r: velocities, c = h/s
+    - 4r to 5r: reference accelerations, c = h/s^2
+    - 5r to end: reference positions ahead, less those now, c = b
 
     Examples
     --------
@@ -156,6 +144,13 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         -------
         tuple
             Observation (n,) in [-1, 1], reward, `terminated`, `truncated` and `info` of the environment.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong.
+        NonFiniteError
+            If the action or the motion is NaN or infinite.
         """
         share = finite_actions(action, self.action_space)
         observation, reward, terminated, truncated, info = self.env.step(share * self._scale)
@@ -175,10 +170,6 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
     ------
     InputError
         If the environment is none of these or a wrapper has changed its observations.
-
-    Notes
-    -----
-    Observations (N, n) and actions (N, a) are as in `LearningEnv`.
 
     Examples
     --------
@@ -241,28 +232,28 @@ class LearningVectorEnv(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any])
 
 
 DEFAULTS: dict[str, Any] = {"control_period": 0.02, "duration": 5.0}
-"""What differs from `TrackingEnv`."""
+"""Differences from `TrackingEnv`."""
 MANY: dict[str, Any] = DEFAULTS | {"autoreset_mode": "SameStep"}
-"""What differs from `VectorTrackingEnv`: learners want the last observation and the first in one step."""
+"""Differences from `VectorTrackingEnv`."""
 
 
 def learning(**settings: Any) -> LearningEnv:
-    """Environment `adaptctl/Learning-v0`: a `TrackingEnv` of 0.02 s periods and 5 s episodes in a `LearningEnv`."""
+    """Environment `adaptctl/Learning-v0`."""
     return LearningEnv(TrackingEnv(**DEFAULTS | settings))
 
 
 def puma560_learning(**settings: Any) -> LearningEnv:
-    """Environment `adaptctl/Puma560Learning-v0`: a `Puma560TrackingEnv` in a `LearningEnv`."""
+    """Environment `adaptctl/Puma560Learning-v0`."""
     return LearningEnv(Puma560TrackingEnv(**DEFAULTS | settings))
 
 
 def many_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
-    """Vector environment `adaptctl/Learning-v0` of `num_envs` arms in a `LearningVectorEnv`."""
+    """Vector environment `adaptctl/Learning-v0`."""
     return LearningVectorEnv(VectorTrackingEnv(num_envs, **MANY | settings))
 
 
 def many_puma560_learning(num_envs: int = 1, **settings: Any) -> LearningVectorEnv:
-    """Vector environment `adaptctl/Puma560Learning-v0` of `num_envs` arms in a `LearningVectorEnv`."""
+    """Vector environment `adaptctl/Puma560Learning-v0`."""
     return LearningVectorEnv(Puma560VectorTrackingEnv(num_envs, **MANY | settings))
 
 
@@ -271,7 +262,7 @@ def _scale(space: Any) -> Array:
 
 
 def _observed(env: Any) -> TrackingEnv:
-    """Tracking environment whose observations an environment passes on as they are."""
+    """Tracking environment with these observations."""
     inner = tracking_of(env)
     if getattr(env, "single_observation_space", env.observation_space) != inner.observation_space:
         raise InputError(f"{env}: expected observations in SI units, but a wrapper has changed them")
@@ -279,7 +270,7 @@ def _observed(env: Any) -> TrackingEnv:
 
 
 def tracking_of(env: Any) -> TrackingEnv:
-    """The `TrackingEnv` inside wrappers or a vector environment; others raise `InputError`."""
+    """`TrackingEnv` inside wrappers or a vector environment."""
     inner = getattr(env, "unwrapped", env)
     inner = getattr(inner, "single", inner)
     if not isinstance(inner, TrackingEnv):

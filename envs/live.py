@@ -1,4 +1,4 @@
-"""An environment whose arm is shown live."""
+"""Environment with a live view."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
 
     Notes
     -----
-    Observations, rewards and `info` are unchanged. A failure of the view is a `LiveViewWarning`.
+    A failure of the view is a `LiveViewWarning`.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], live: Live) -> None:
@@ -84,7 +84,7 @@ class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
 
 
 def _shown_of(env: gymnasium.Env[Any, Any]) -> tuple[Mapping[str, slice], float]:
-    """Slices of the parts of an observation, and the control period in s, checked."""
+    """Slices of an observation, and the control period in s."""
     inner = env.unwrapped
     slices, period = getattr(inner, "observation_slices", None), getattr(inner, "control_period", None)
     if (

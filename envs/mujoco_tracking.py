@@ -1,4 +1,4 @@
-"""The tracking environment whose arm MuJoCo moves; needs the extra `mujoco`."""
+"""Tracking environment simulated by MuJoCo (extra `mujoco`)."""
 
 from __future__ import annotations
 
@@ -65,13 +65,8 @@ class MuJoCoTrackingEnv(TrackingEnv):
 
     Notes
     -----
-    Actions, observations, reward, episode end, information and options at reset are those of `TrackingEnv`, whose card
-    holds here. The controller's model of the arm is the mechanism of `Mechanism.from_mujoco`, which has no contacts,
-    stops or springs. Torques act at the joints, clipped to the limits of the motors, which get no control themselves.
-
-    ## Version history
-
-    * v0: first version
+    Spaces, reward, episode end and options are those of `TrackingEnv`. Controllers use the model of
+    `Mechanism.from_mujoco`, without contacts, stops and springs. Torques act at the joints.
 
     Examples
     --------

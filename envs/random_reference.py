@@ -1,4 +1,4 @@
-"""Random sinusoidal references within a mechanism's limits."""
+"""Random sinusoidal references."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from adaptctl.errors import InputError
 from adaptctl.tuning.feasible_reference import START_TIME, motion_ranges, random_swing
 
 Trajectory: TypeAlias = Reference | int | str | None
-"""A reference, the seed of a random one, or "random" or None for a new one each time."""
+"""Reference, seed of a random one, or 'random' or None for a new one."""
 
 LIMIT_SHARE = 0.8
-"""The share of a position range and of a velocity limit that is used."""
+"""Fraction of a position range and of a velocity limit."""
 LOOP_MARGIN = 0.1
-"""rad or m that loops must leave around a reference, for the tracking error."""
+"""rad or m, distance from the loops' limits."""
 BOX_SAMPLES = 64
 
 
 def drawn(trajectory: Trajectory, mechanism: Mechanism, rng: np.random.Generator) -> Reference:
-    """Reference that a trajectory is: itself, a seeded one, or a new random one."""
+    """Reference for a trajectory."""
     return all_drawn([trajectory], mechanism, lambda _: rng)[0]
 
 
 def all_drawn(
     trajectories: Sequence[Trajectory], mechanism: Mechanism, generator: Callable[[int], np.random.Generator]
 ) -> list[Reference]:
-    """References of many trajectories; new ones are drawn from `generator(k)` for index k."""
+    """References of many trajectories."""
     sources: dict[Hashable, np.random.Generator] = {}
     keys: list[Hashable] = []
     for k, given in enumerate(trajectories):
@@ -51,7 +51,7 @@ def all_drawn(
 
 
 def validate_trajectory(given: object, what: str = "trajectory") -> None:
-    """Raise `InputError` unless `given` is a reference, a seed, "random" or None."""
+    """Raise `InputError` unless `given` is a `Trajectory`."""
     is_seed = isinstance(given, int | np.integer) and not isinstance(given, bool) and given >= 0
     is_word = given is None or (isinstance(given, str) and given == "random")
     if not (is_seed or is_word or callable(given)):
@@ -81,9 +81,8 @@ def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoid
 
     Notes
     -----
-    They use 80 % of the position ranges and the velocity limits. A joint without limits moves within 1 rad (m) of zero,
-    one with a single limit within 2 rad (m) of that. With loops, center and amplitudes are reduced until the loops
-    close and the file's conditions hold at 64 sampled positions.
+    They use 80 % of position ranges and velocity limits. Joints without limits move within 1 rad (m) of zero, with one
+    limit within 2 rad (m) of it. With loops, center and amplitudes are reduced until 64 sampled positions are possible.
 
     Examples
     --------
@@ -95,7 +94,7 @@ def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoid
 
 
 def many_random_sinusoids(mechanism: Mechanism, rngs: Iterable[np.random.Generator]) -> list[Sinusoids]:
-    """Random references, one for each generator; loops are tried for all together, which is faster."""
+    """Random references, one per generator."""
     references = [_within_limits(mechanism, rng) for rng in rngs]
     return references if mechanism.continuation is None else _where_loops_allow(mechanism, references)
 
@@ -109,7 +108,6 @@ def _within_limits(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoids:
 
 
 def _where_loops_allow(mechanism: Mechanism, references: list[Sinusoids]) -> list[Sinusoids]:
-    """Each reference, drawn in towards the loops' reference configuration where they cannot follow it."""
     home, found = mechanism.neutral_configuration, dict[int, Sinusoids]()
     box = np.random.default_rng(0).uniform(-1.0, 1.0, (BOX_SAMPLES, mechanism.dof))
     box[: BOX_SAMPLES // 2] = np.sign(box[: BOX_SAMPLES // 2])
@@ -132,7 +130,7 @@ def _where_loops_allow(mechanism: Mechanism, references: list[Sinusoids]) -> lis
 
 
 def _reached(mechanism: Mechanism, p: Array) -> NDArray[np.bool_]:
-    """Mask (k,) of the boxes of positions (k, b, r) of which all can be reached."""
+    """Mask (k,) of boxes of positions (k, b, r) that can be reached."""
     inside: NDArray[np.bool_] = np.asarray(mechanism.description.within_conditions(p).all(axis=1))
     if mechanism.continuation is not None and inside.any():
         reachable = mechanism.continuation.reachable(p[inside].reshape(-1, p.shape[-1]))

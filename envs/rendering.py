@@ -1,4 +1,4 @@
-"""Pictures of an arm and of its reference: round solids met by a camera's rays, in NumPy, with words over them."""
+"""Ray-cast images of an arm and its reference."""
 
 from __future__ import annotations
 
@@ -19,18 +19,17 @@ from adaptctl.recording.drawing import BASE, BODY, GOAL, INK, RUN_COLORS, Color
 from adaptctl.recording.skeleton import ROOT_RADIUS, Solid, skeleton
 
 OVERSAMPLING = 2
-"""Rays a pixel in each direction."""
+"""Rays per pixel and direction."""
 SUN = np.array([0.30, -0.55, 0.78])
 GHOST_OPACITY, GHOST_SCALE = 0.5, 0.95
-"""The ghost is a little smaller, so that it vanishes inside an arm that tracks well instead of speckling it."""
+"""Less than 1, so that the ghost vanishes inside an arm that tracks."""
 ZENITH, HORIZON = np.array([0.74, 0.81, 0.90]), np.array([0.95, 0.96, 0.98])
 FLOOR, LINE, SHADOW = np.array([0.87, 0.89, 0.91]), np.array([0.70, 0.74, 0.79]), 0.66
-"""Colours of the floor and of its lines, and the brightness of a shadow on it."""
 PAINT = {Solid.LINK: BODY, Solid.JOINT: RUN_COLORS[0], Solid.TOOL: INK}
 
 
 class Renderer:
-    """Renderer of images of one mechanism from a fixed viewpoint."""
+    """Renderer of one mechanism."""
 
     def __init__(self, mechanism: Mechanism, width: int = 640, height: int = 480) -> None:
         self._mechanism, self._parts = mechanism, skeleton(mechanism)
@@ -44,7 +43,7 @@ class Renderer:
         self._caption = Caption(mechanism.name, {"arm": RUN_COLORS[0], "reference": GOAL}, width, height)
 
     def image(self, p: Array, goal: Array, time: float) -> NDArray[np.uint8]:
-        """RGB image of the robot at `p`, a translucent ghost of it at `goal`, and the time."""
+        """RGB image at `p`, with a ghost at `goal`."""
         solids = [*self._pedestals, *self._arm(p)]
         picture = self._backdrop.copy()
         depth = np.full(picture.shape[:2], np.inf)  # the floor hides nothing: an arm without stops may sink into it
@@ -69,7 +68,6 @@ class Renderer:
         return solids
 
     def _paint(self, picture: Array, depth: Array, solids: Iterable[ConvexPart]) -> None:
-        """Draw solids into a picture (H, W, 3) where they are nearer than its depth (H, W)."""
         for solid in solids:
             window = self.camera.window(np.stack([solid.start, solid.end]), 1.5 * solid.radius)
             rays = self._rays[window]
@@ -79,7 +77,7 @@ class Renderer:
             depth[window][nearer] = hits.distance[nearer]
 
     def _lit(self, color: Array, normal: Array, rays: Array) -> Array:
-        """Sun, sky and floor light on a surface (n, 3), and the sun's gleam (Blinn 1977)."""
+        """Colours of a lit surface (n, 3) (Blinn 1977)."""
         halfway = self._sun - rays
         halfway /= np.sqrt(np.vecdot(halfway, halfway))[:, None]
         sun = np.maximum(normal @ self._sun, 0.0)
@@ -88,7 +86,6 @@ class Renderer:
         return np.asarray(light[:, None] * color + 0.22 * gleam[:, None])
 
     def _cast_shadows(self, picture: Array, solids: Iterable[ConvexPart]) -> None:
-        """Darken the floor where solids stand between it and the sun."""
         shaded = np.zeros(picture.shape[:2], dtype=bool)
         for solid in solids:
             ends = np.stack([solid.start, solid.end])
@@ -99,7 +96,7 @@ class Renderer:
         picture[shaded & self._on_floor] *= SHADOW
 
     def _background(self, reach: float) -> tuple[Array, NDArray[np.bool_], Array]:
-        """Sky and floor: the picture (H, W, 3), where it is floor (H, W), and the floor's points (H, W, 3)."""
+        """Picture (H, W, 3), mask of the floor (H, W), and floor points (H, W, 3)."""
         slope = self._rays[..., 2]
         on_floor = slope < 0.0
         distance = np.where(on_floor, (self._floor - self.camera.eye[2]) / np.minimum(slope, -1e-9), 0.0)
@@ -118,7 +115,6 @@ def _pixels(picture: Array) -> NDArray[np.uint8]:
 
 
 def _camera(feet: Array, floor: float, reach: float, size: tuple[int, int]) -> Camera:
-    """Far enough to see all that the arm can reach, seen from the front and a little above."""
     top = float(feet[:, 2].max()) + reach
     target = np.append(feet[:, :2].mean(axis=0), 0.5 * (floor + top) - 0.05 * reach)
     eye = target + 4.2 * reach * np.array([0.74, -0.60, 0.30])
@@ -128,13 +124,11 @@ def _camera(feet: Array, floor: float, reach: float, size: tuple[int, int]) -> C
 
 
 def _floor_height(feet: Array, reach: float) -> float:
-    """The world's zero where the arm stands above it, else low enough for an arm on a pedestal (m)."""
     lowest = float(feet[:, 2].min())
     return 0.0 if lowest > 0.05 * reach else lowest - 0.7 * reach
 
 
 def _pedestals(feet: Array, floor: float, radius: float) -> list[ConvexPart]:
-    """A post on a plate under every link that hangs on the ground."""
     color, up = _rgb(BASE), np.array([0.0, 0.0, 1.0])
     posts = [ConvexPart(np.append(foot[:2], floor), foot, radius, color, flat=True) for foot in feet]
     plates = [ConvexPart(post.start, post.start + 0.25 * radius * up, 2.2 * radius, color, flat=True) for post in posts]
@@ -142,13 +136,11 @@ def _pedestals(feet: Array, floor: float, radius: float) -> list[ConvexPart]:
 
 
 def _grid(points: Array, spacing: float) -> Array:
-    """1.0 on the lines of a grid over points (..., 2) of the floor, else 0.0."""
     off = np.abs((points / spacing + 0.5) % 1.0 - 0.5) * spacing
     return (off.min(axis=-1) < 0.012 * spacing).astype(np.float64)
 
 
 def _spacing(reach: float) -> float:
-    """A round length of about a quarter of the reach (m)."""
     step = 10.0 ** np.floor(np.log10(0.25 * reach))
     return float(step * min((1.0, 2.0, 5.0, 10.0), key=lambda c: abs(np.log(c * step / (0.25 * reach)))))
 
@@ -158,12 +150,12 @@ def _rgb(color: Color) -> Array:
 
 
 MISS_DISTANCE = np.inf
-"""The distance of what is not met."""
+"""Distance of a ray without intersection."""
 
 
 @dataclass(frozen=True, eq=False)
 class ConvexPart:
-    """Cylinder or capsule to be drawn; a ball where both ends coincide."""
+    """Cylinder, capsule or ball."""
 
     start: Array
     end: Array
@@ -173,7 +165,7 @@ class ConvexPart:
 
 
 class Hits(NamedTuple):
-    """First intersections of rays with a solid: distances and outward unit normals."""
+    """First intersections: distances and outward unit normals."""
 
     distance: Array
     normal: Array
@@ -181,7 +173,7 @@ class Hits(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """Pinhole camera in world coordinates."""
+    """Pinhole camera."""
 
     eye: Array
     target: Array
@@ -191,7 +183,7 @@ class Camera:
 
     @property
     def axes(self) -> Array:
-        """Axes of the camera as rows (3, 3): right, down and forward."""
+        """Axes as rows (3, 3): right, down, forward."""
         forward = _unit(self.target - self.eye)
         right = _unit(np.cross(forward, [0.0, 0.0, 1.0]))
         return np.stack([right, np.cross(forward, right), forward])
@@ -202,14 +194,14 @@ class Camera:
         return 0.5 * self.height / np.tan(0.5 * self.field)
 
     def rays(self) -> Array:
-        """Unit vectors (height, width, 3) of the rays through the centers of the pixels."""
+        """Unit vectors (height, width, 3)."""
         x = (np.arange(self.width) + 0.5 - 0.5 * self.width) / self.focal
         y = (np.arange(self.height) + 0.5 - 0.5 * self.height) / self.focal
         right, down, forward = self.axes
         return _unit(x[None, :, None] * right + y[:, None, None] * down + forward)
 
     def window(self, points: Array, margin: float) -> tuple[slice, slice]:
-        """Rows and columns of the picture that cover balls about points and the lines between them."""
+        """Rows and columns that cover balls about points."""
         seen = (points - self.eye) @ self.axes.T
         if seen[:, 2].min() <= 1.5 * margin:
             return slice(0, self.height), slice(0, self.width)
@@ -220,7 +212,7 @@ class Camera:
 
 
 def intersect(solid: ConvexPart, origin: Array, rays: Array) -> Hits:
-    """First intersections, a `Hits`, of rays with a convex `solid`, a `ConvexPart` (Quilez 2016)."""
+    """First intersections of rays with a convex solid (Quilez 2016)."""
     axis, away = solid.end - solid.start, origin - solid.start
     length = float(axis @ axis)
     if length < 1e-12:
@@ -276,11 +268,11 @@ def _span(centers: Array, reach: Array, size: int) -> slice:
 
 
 POINT = 100.0 / 72.0
-"""Pixels a typographic point."""
+"""Pixels per typographic point."""
 
 
 class Caption:
-    """Text overlay for images of one size."""
+    """Text overlay."""
 
     def __init__(self, name: str, colors: Mapping[str, Color], width: int, height: int) -> None:
         figure = Figure(figsize=(width / 100.0, height / 100.0), dpi=100.0)
@@ -299,7 +291,7 @@ class Caption:
             figure.text(margin + 0.03, y, meaning, size=size, color=INK.hex, va="top")
 
     def over(self, picture: NDArray[np.uint8], time: float) -> NDArray[np.uint8]:
-        """Copy of the picture with the overlay and the time."""
+        """Copy of the picture with the overlay."""
         self._time.set_text(f"{time:.2f} s")
         self._canvas.draw()  # type: ignore[no-untyped-call]
         words = np.asarray(self._canvas.buffer_rgba())  # type: ignore[no-untyped-call]

@@ -1,4 +1,4 @@
-"""Many arms as a `VecEnv` of stable-baselines3; needs the extra `rl`."""
+"""Adapter to stable-baselines3 (extra `rl`)."""
 
 from __future__ import annotations
 
@@ -22,51 +22,51 @@ except ImportError as error:
 
 
 class TrackingVecEnv(VecEnv):  # type: ignore[misc]  # stable-baselines3 need not be installed
-    """Vector environment of N arms for stable-baselines3, on one of adaptctl."""
+    """`VecEnv` of stable-baselines3 for N arms."""
 
     def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
         self.view, self.actions = LearnerView(env), np.zeros(0)
         super().__init__(env.num_envs, self.view.observation_space, self.view.action_space)
 
     def reset(self) -> Array:
-        """First observations (N, n) of new episodes, with the seeds and options set before."""
+        """First observations (N, n)."""
         observations = self.view.reset(self._seeds, self._options)
         self._reset_seeds()
         self._reset_options()
         return observations
 
     def step_async(self, actions: Array) -> None:
-        """Store the actions (N, a) for the next `step_wait`."""
+        """Store the actions (N, a)."""
         self.actions = actions
 
     def step_wait(self) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
-        """Observations, rewards, ends and infos after one control period."""
+        """Observations, rewards, ends and infos."""
         return self.view.step(self.actions)
 
     def close(self) -> None:
-        """Close the vector environment of the arms. Nothing is returned."""
+        """Close the vector environment."""
         self.view.env.close()
 
     def get_images(self) -> Sequence[NDArray[np.uint8]]:
-        """RGB images of the arms, () without a render mode."""
+        """RGB images of the arms."""
         return self.view.env.render() or ()
 
     def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
-        """Value of an attribute, once for each arm of `indices`."""
+        """Attribute, once per arm."""
         inner = self.view.env.unwrapped
         owner = next((one for one in (self.view.env, inner) if hasattr(one, attr_name)), inner.single)
         return [getattr(owner, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
-        """Raise `InputError`: the arms share one set of settings."""
+        """Raise `InputError`: the arms share their settings."""
         raise InputError(f"{attr_name}: the arms share their settings: use `set_options`, or create a new environment")
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: int | Iterable[int] | None = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Raise `InputError`, whatever is given: the arms are stepped together and have no methods of their own."""
+        """Raise `InputError`: the arms share their methods."""
         raise InputError(f"{method_name}: the arms are stepped together and have no separate methods")
 
     def env_is_wrapped(self, wrapper_class: type, indices: int | Iterable[int] | None = None) -> list[bool]:
-        """False for each arm of `indices`: no arm is in a wrapper of its own."""
+        """False for each arm."""
         return [False for _ in self._get_indices(indices)]

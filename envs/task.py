@@ -81,7 +81,7 @@ class RewardWeights:
 
 
 class Judged(NamedTuple):
-    """Reward of a control period, and 1.0 if a joint's position error passed its bound, else 0.0."""
+    """Reward, and 1.0 if a position error passed its bound."""
 
     reward: Scalar
     lost: Scalar
@@ -89,14 +89,14 @@ class Judged(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """Rule for reward and termination, as an equation over scalars of any kind and as native code."""
+    """Rule for reward and termination."""
 
     weights: RewardWeights
     error_bound: Array
     torque_limits: Array
 
     def equation(self, p: Column, v: Column, reference_p: Column, reference_v: Column, torque: Column) -> Judged:
-        """Reward and termination of one control period from Columns (r,)."""
+        """Reward and termination from Columns (r,)."""
         error, rate = p - reference_p, v - reference_v
         relative = Column(x / limit for x, limit in zip(torque, self.torque_limits.tolist(), strict=True))
         return Judged(-self.weights.cost(error @ error, rate @ rate, relative @ relative), self._lost(error))
@@ -120,7 +120,7 @@ def control_period_of(given: object) -> float:
 
 
 def steps_of(duration: object, control_period: float) -> int:
-    """Number of control periods in a duration, rounded; at least one, else `InputError`."""
+    """Number of control periods, at least one."""
     what = f"duration: expected at least one control period of {control_period:g} s"
     if (length := positive_number(duration, what)) < control_period:
         raise InputError(f"{what}, got {length}")
@@ -128,7 +128,7 @@ def steps_of(duration: object, control_period: float) -> int:
 
 
 def times_ahead_of(given: Sequence[float]) -> Array:
-    """Look-ahead times (L,) in s, checked, read-only."""
+    """Look-ahead times (L,) in s, checked."""
     times = numbers(given, "look_ahead", "(L,)")
     times = frozen_array(times, (times.size,), "look_ahead")
     if (times < 0.0).any():
@@ -137,12 +137,12 @@ def times_ahead_of(given: Sequence[float]) -> Array:
 
 
 def initial_error_of(given: ArrayLike, dof: int) -> Array:
-    """Initial position errors (r,) from one number or (r,), checked."""
+    """Initial position errors (r,), checked."""
     return finite_numbers(per_joint(given, dof, "initial_error"), "initial_error")
 
 
 def known_options(given: Mapping[str, Any] | None, names: Sequence[str]) -> Mapping[str, Any]:
-    """Options of a reset, checked for unknown names."""
+    """Options of a reset, checked."""
     options = given if given is not None else {}
     if not isinstance(options, Mapping):
         raise InputError(f"reset: options: expected a mapping, got {options!r}")
@@ -152,14 +152,14 @@ def known_options(given: Mapping[str, Any] | None, names: Sequence[str]) -> Mapp
 
 
 def weights_of(given: object) -> RewardWeights:
-    """Weights that are given, or the default ones for None."""
+    """Weights, checked."""
     if given is not None and not isinstance(given, RewardWeights):
         raise InputError(f"reward_weights: expected RewardWeights(...), got {given!r:.80}")
     return given or RewardWeights()
 
 
 def finite_numbers(given: ArrayLike, what: str) -> Array:
-    """Finite numbers as a float64 array of any shape, checked."""
+    """Finite float64 array, checked."""
     array = numbers(given, what)
     if not np.isfinite(array).all():
         place = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
@@ -170,7 +170,7 @@ def finite_numbers(given: ArrayLike, what: str) -> Array:
 def finite_actions(
     given: Any, space: gymnasium.Space[Any], what: str = "number", ignored: NDArray[np.bool_] | None = None
 ) -> Array:
-    """Actions as a new float64 array, checked but not clipped; zero for arms that are ignored."""
+    """Finite actions; zero for ignored arms."""
     actions = numbers(given, "action", f"of shape {space.shape}").copy()
     if actions.shape != space.shape:
         raise InputError(f"action: expected shape {space.shape}, got {actions.shape}")
@@ -186,7 +186,7 @@ def finite_actions(
 
 
 def validate_reference(given: Trajectory, dof: int) -> None:
-    """Raise `InputError` unless `given` is a reference of `dof` joints, a seed, "random" or None."""
+    """Raise `InputError` unless it fits `dof` joints."""
     if isinstance(given, list | tuple | np.ndarray):
         return
     validate_trajectory(given, "reference")
@@ -201,7 +201,7 @@ def validate_reference(given: Trajectory, dof: int) -> None:
 @sent_as_made
 @dataclass
 class RunningEpisode:
-    """Mutable state of a running episode."""
+    """State of a running episode."""
 
     parameters: Array
     preview: Preview

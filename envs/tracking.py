@@ -1,4 +1,4 @@
-"""The tracking environment for any mechanism."""
+"""Tracking environment."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from adaptctl.envs.rendering import Renderer
 
 MAX_OBSERVATION = 1e6
-"""Bound of every observation in its own unit: check_env wants a finite one, and no motion comes near it."""
+"""Bound of observations, which Gymnasium wants finite."""
 
 OPTIONS = ("payload", "trajectory", "initial_error", "parameters")
 
@@ -99,75 +99,58 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     Notes
     -----
-    The equations of motion of rigid links, with the drives' rotors and friction and without joint stops, are integrated
-    under a torque that is held over each control period. Units in brackets are those of prismatic joints.
+    The plant is rigid links with rotors and friction, without joint stops. Units in brackets hold for prismatic joints.
 
     ## Action space
 
-    `Box(-limit, limit, (r,), float64)`: torques in N m (N). The limits are the mechanism's own; a joint without one
-    gets four times the largest torque of inverse dynamics in 200 random states at up to 2 rad/s and 10 rad/s^2 (m/s,
-    m/s^2), and at least 1. What is out of bounds is clipped and counted; NaN and infinity raise `NonFiniteError`, a
-    wrong shape `InputError`.
+    `Box(-limit, limit, (r,), float64)`: torques in N m (N), clipped to the limits. A joint without a limit gets four
+    times its largest inverse-dynamics torque in 200 random states up to 2 rad/s and 10 rad/s^2, at least 1.
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (5r + r L,), float64)` for L look-ahead times; `observation_slices` maps names to slices.
+    `Box(-1e6, 1e6, (5r + r L,), float64)` for L look-ahead times; `observation_slices` has the slices by name.
 
-    | Slice         | Size | Observation                                                | Unit               |
-    |---------------|------|------------------------------------------------------------|--------------------|
-    | `p`           | r    | positions, as measured                                     | rad (m)            |
-    | `v`           | r    | velocities, as measured                                    | rad/s (m/s)        |
-    | `reference_p` | r    | the reference's positions now                              | rad (m)            |
-    | `reference_v` | r    | the reference's velocities now                             | rad/s (m/s)        |
-    | `reference_a` | r    | the reference's accelerations now                          | rad/s^2 (m/s^2)    |
-    | `look_ahead`  | r L  | the reference's positions at each time ahead, in turn      | rad (m)            |
+    - `p`, `v`: measured positions in rad (m) and velocities in rad/s (m/s)
+    - `reference_p`, `reference_v`, `reference_a`: the reference now, accelerations in rad/s^2 (m/s^2)
+    - `look_ahead`: reference positions at each time ahead in turn
 
     ## Reward
 
-    *reward = -(position sum(e^2) + velocity sum(e'^2) + torque sum((applied torque / limit)^2))*, with the true errors
-    e = p - reference p and e' = v - reference v after the step, and the `RewardWeights`. The weight `termination` is
-    subtracted once when an episode is terminated.
+    *-(position sum(e^2) + velocity sum(e'^2) + torque sum((applied torque / limit)^2))* with the true errors
+    e = p - reference p after the step and the `RewardWeights`, less `termination` at termination.
 
     ## Starting state
 
-    On the reference at time zero, at its speed, `initial_error` off in every joint.
+    At the reference's position and velocity, with `initial_error` added to the position.
 
     ## Episode end
 
-    Terminated when a joint's |e| passes `error_bound`, a mechanism with loops nears a singularity (smallest singular
-    value of its Jacobian below 0.05 of the reference value), or positions break a condition of its file. Truncated at
-    `duration`.
+    Terminated when |e| passes `error_bound`, positions break a condition of the robot's file, or a loop nears a
+    singularity (smallest singular value of its Jacobian below 0.05 of the reference value). Truncated at `duration`.
 
     ## Information
 
-    | Key              | Value                                                                      |
-    |------------------|----------------------------------------------------------------------------|
-    | `time`           | s since the reset                                                          |
-    | `parameters`     | (P,) true inertial and friction parameters now, SI units, payload included, in the order of
-    `mechanism.parameter_names` |
-    | `applied_torque` | (r,) the torque that reached the joints in the last step, N m (N)          |
-    | `energy`         | kinetic plus potential energy in J                                         |
-    | `clipped`        | number of steps since the reset with a clipped action                      |
-    | `p`, `v`         | with effects: (r,) true positions, rad (m), and velocities, rad/s (m/s)    |
-    | `flags`          | with effects: events of the last step by name: `payload` (kg held), `torque_limited`,
-    `rate_limited` (1 or 0) |
+    - `time`: s since the reset
+    - `parameters`: (P,) true inertial and friction parameters with the payload, SI units, in the order of
+      `mechanism.parameter_names`
+    - `applied_torque`: (r,) torque at the joints in the last step, N m (N)
+    - `energy`: kinetic plus potential energy, J
+    - `clipped`: number of clipped actions since the reset
+
+    With effects also:
+
+    - `p`, `v`: true positions and velocities (r,)
+    - `flags`: `payload` (kg held), `torque_limited` and `rate_limited` (1 or 0) in the last step
 
     ## Options at reset
 
-    For the episode that begins, else as constructed. Equal seeds, options and actions give equal episodes, bit for bit.
+    Equal seeds, options and actions give equal episodes, bit for bit.
 
-    | Option          | Value                                                                                 |
-    |-----------------|---------------------------------------------------------------------------------------|
-    | `payload`       | a point mass in kg at the origin of the frame of the last link that has mass, a `Payload`, or a
-    mapping with `mass`, `center` (3,), m, in that link's frame and `inertia` (3, 3), kg m^2, about that center |
-    | `trajectory`    | a `Reference`, the seed of a random one, or `"random"`                                |
-    | `initial_error` | rad (m), one number or (r,)                                                           |
-    | `parameters`    | (P,) true inertial and friction parameters, SI units, in the order of
-    `mechanism.parameter_names`, to which the payload is added |
-
-    ## Version history
-
-    * v0: first version
+    - `payload`: `Payload` on the last link with mass, point mass in kg at its origin, or mapping of `mass`, `center`
+      (3,) in m and `inertia` (3, 3) in kg m^2 about the center
+    - `trajectory`: `Reference`, seed of a random one, or `"random"`
+    - `initial_error`: rad (m), one number or (r,)
+    - `parameters`: (P,) true parameters, without the payload
 
     Examples
     --------
@@ -219,7 +202,6 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         initial_error: ArrayLike = 0.0,
         render_mode: str | None = None,
     ) -> None:
-        """Set the plant, the reference and the rules of an episode."""
         self.plant, self.mechanism, self.control_period = plant, plant.mechanism, plant.control_period
         self.steps = steps_of(duration, self.control_period)
         self.look_ahead = times_ahead_of(look_ahead)
@@ -237,7 +219,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @property
     def reference(self) -> Reference:
-        """Reference of the running episode; `ResetNeeded` before the first reset."""
+        """Reference of the running episode."""
         return self._running("reference").preview.reference
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
@@ -384,7 +366,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return Episode(self.plant, started.state, started.parameters, reference, self.np_random, self.steps, *told)
 
     def _judged(self, q: Array, v: Array, reference: ReferencePoint, applied: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Rewards (...) of states (...), and whether the episode ends there."""
+        """Rewards (...), and whether the episode ends."""
         judged = self.judgement.kernel if q.ndim == 1 else self.judgement.kernel.map
         reward, lost = judged(self.plant.positions(q), v, reference.p, reference.v, applied)
         terminated = ~self.plant.is_valid_configuration(q) | (np.asarray(lost) > 0.0)
@@ -392,7 +374,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @cached_property
     def judgement(self) -> Judgement:
-        """Rule for the reward and the end of a control period."""
+        """Rule for reward and termination."""
         return Judgement(self.reward_weights, self.error_bound, self._limits)
 
     def _reference(self, episode: RunningEpisode) -> ReferencePoint:
@@ -405,7 +387,6 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     def _info(
         self, own: Array, state: PlantState, steps: int, clipped: int, energy: float | None = None
     ) -> dict[str, Any]:
-        """Info of a state that was reached after so many control periods."""
         parameters, time = self._now(own, steps), steps * self.control_period
         info: dict[str, Any] = {
             "time": time,
@@ -422,13 +403,12 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         return info
 
     def _now(self, parameters: Array, step: int) -> Array:
-        """The true parameters at a step, what is held by then included."""
+        """True parameters at a step, with payloads."""
         if not self.plant.loads:
             return parameters
         return self.plant.parameters(parameters, step * self.control_period)
 
     def _noise(self) -> Array | None:
-        """Standard normal numbers for the sensors; none are drawn where there are no sensors."""
         size = self.plant.noise_size
         return self.np_random.standard_normal(size) if size else None
 

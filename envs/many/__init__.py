@@ -1,1 +1,1 @@
-"""Many arms in one vector environment."""
+"""Vector environments."""

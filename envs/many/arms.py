@@ -1,4 +1,4 @@
-"""Many arms in their tracking environments: their state in one array of lanes, their steps in native code."""
+"""State and steps of many arms in native code."""
 
 from __future__ import annotations
 
@@ -24,19 +24,16 @@ from adaptctl.simulation.plant import validate_ten_a_link
 from adaptctl.simulation.references import Preview, ReferenceForm
 
 MAX_SQUARED_SUM = 1e300
-"""Squares summed below which a motion has not run away."""
+"""Bound of squared sums, above which a motion diverges."""
 PREVIEW_BLOCK = 64
-"""Control periods in which a reference is sampled at once."""
+"""Control periods sampled at once."""
 
 Numbers = NDArray[np.int64]
-"""Indices (k,) of some of N arms."""
+"""Indices (k,) of arms."""
 Flags = NDArray[np.bool_]
 Told = dict[str, Any]
-"""What is told of k arms of r joints after a control period or at the beginning of an episode, by name, a row for each:
-"observation" (k, n), in the environment's units; "reward" (k,); "terminated" and "truncated" (k,), bools; "time" (k,),
-s since the reset; "energy" (k,), J; "clipped" (k,), control periods since the reset in which a torque was clipped; "p"
-and "v" (k, r), the true ones; "torque" (k, r), N m (N), as applied at the joints; "flags" (k, h), flags of the actuator
-effects named in `Plant.flags`.
+"""Results of k arms: "observation" (k, n); "time" in s, "energy" in J, "reward", "terminated", "truncated", "clipped"
+(k,); true "p" and "v", applied "torque" in N m (N) (k, r); "flags" (k, h).
 """
 
 
@@ -47,22 +44,20 @@ def put(told: Told, arms: Numbers, others: Told) -> None:
 
 
 class Facts(NamedTuple):
-    """Facts on one control period of one arm besides its state, a scalar each."""
+    """Scalars of one control period of one arm."""
 
     reward: Any
-    """without what ending costs"""
+    """without the penalty of termination"""
     finite: Any
     lost: Any
-    """a position error passed its bound"""
     sure: Any
     energy: Any
-    """kinetic plus potential, J, with the parameters of the period that ends"""
+    """kinetic plus potential, J, before a payload changes"""
     clipped: Any
-    """the torque was clipped to its limits"""
 
 
 class Arms:
-    """State of N arms that take their control periods together in native code."""
+    """State of N arms that step together."""
 
     def __init__(self, single: TrackingEnv, count: int, precision: Precision = "double") -> None:
         self.single, self.count, self.precision = single, count, precision
@@ -85,7 +80,7 @@ class Arms:
         self._lanes: Any = None  # an `Ensemble`, once there are references
 
     def begin(self, arms: Numbers, options: Mapping[str, Any]) -> Told:
-        """First results of new episodes of some arms."""
+        """First results of new episodes."""
         single, chosen, r = self.single, ArmOptions(self.count, arms), self._dof
         error = chosen.numbers(options.get("initial_error", single.initial_error), r, "initial_error")
         own, last = single.mechanism.inertial_parameters, len(single.mechanism.description.bodies) - 1
@@ -113,7 +108,7 @@ class Arms:
         }
 
     def advance(self, torque: Array, moving: Numbers) -> Told:
-        """Results of one control period of all arms under torques (N, r)."""
+        """Results of one control period under torques (N, r)."""
         self.steps += 1
         held, time = self._lanes.held, self.single.control_period * self.steps
         held["torque"] = torque
@@ -149,7 +144,7 @@ class Arms:
         return self.single.plant.positions(self._lanes.state["q"])
 
     def rows(self, arms: Numbers) -> Array:
-        """Rows (k, 3r + r L) of some arms' references."""
+        """Reference rows (k, 3r + r L)."""
         steps = self.steps[arms]
         if self._terms:
             if self._terms not in self._kernels:
@@ -181,7 +176,6 @@ class Arms:
             self._sample()
 
     def _sample(self) -> None:
-        """Have samples of each of the references, of which arms may share one."""
         settings = self._dof, self.single.control_period, self.single.look_ahead, PREVIEW_BLOCK
         known = {id(preview.reference): preview for preview in self._previews}
         given = {id(one): one for one in self._references if one is not None}
@@ -190,7 +184,6 @@ class Arms:
         self._places = np.array([places.get(id(one), -1) for one in self._references])
 
     def _change_code(self, terms: int) -> None:
-        """Go on with a step that evaluates so many sinusoids a joint, or none."""
         before, self._terms, self._previews = self._lanes, terms, []
         self._lanes = self._ensemble()
         if before is not None:
@@ -214,7 +207,7 @@ class Arms:
 
     @property
     def _reference(self) -> dict[str, int]:
-        """Lengths of the columns that define an arm's reference: a time and the numbers of sinusoids, or a row."""
+        """Lengths of the columns that define a reference."""
         if not self._terms:
             return {"row": (3 + len(self.single.look_ahead)) * self._dof}
         return self._form.shared | self._form.held
@@ -226,7 +219,7 @@ class Arms:
         return Column(x for part in (*now, *(point.p for point in ahead)) for x in part)
 
     def _step(self, **columns: Column) -> tuple[Column, ...]:
-        """The plant's state after a control period; the observation; `Facts` and flags; the true p, v and torque."""
+        """Next plant state, observation, `Facts`, flags, true p, v and torque."""
         plant = self.single.plant
         row, after = self._row(**columns), plant.equation(columns)
         p, wanted_p = plant.primary(after.q), Column(row.of[: plant.dof])
@@ -244,7 +237,7 @@ class Arms:
         return *after[:4], observation, Column((*facts, *after.flags)), Column((*p, *after.v, *after.applied))
 
     def _surely_works(self, q: Column, p: Column) -> Scalar:
-        """1 where loops are surely away from singularities and within their conditions, else 0."""
+        """1 where loops are away from singularities and limits, else 0."""
         mechanism = self.single.mechanism
         if mechanism.continuation is None:
             return 1.0
@@ -257,7 +250,7 @@ class Arms:
         return sure
 
     def _load(self, arms: Numbers) -> Array:
-        """The true parameters (k, P) of some arms now, with what they hold; others' stay."""
+        """True parameters (k, P) of some arms."""
         plant, rows = self.single.plant, self._own[arms]
         times = self.single.control_period * self.steps[arms]
         for time in np.unique(times).tolist() if plant.loads else ():
@@ -271,14 +264,12 @@ class Arms:
         return rows
 
     def _reload(self, told: Told) -> None:
-        """Pick up and drop what is due, which counts in the energy already."""
         due = np.flatnonzero(told["time"] >= self._until)
         if due.size:
             q, drives = (self._lanes.state[name][due] for name in ("q", "drives"))
             told["energy"][due] = self._energy.map(q, told["v"][due], self._load(due), drives)
 
     def _terminated(self, facts: Facts) -> Flags:
-        """Mask of the arms whose episode ends; those in doubt are computed exactly."""
         terminated: Flags = facts.lost > 0.0
         doubtful = np.flatnonzero(facts.sure < 1.0) if self._loops else self.all[:0]
         if doubtful.size:
@@ -305,7 +296,6 @@ class Arms:
         return compile_function(self.single.plant.energy_equation, sizes, name="energy")
 
     def __getstate__(self) -> tuple[State, list[dict[str, Array]]]:
-        """State of the arms for copies in other processes, native code left out, and their columns."""
         parts = () if self._lanes is None else (self._lanes.state, self._lanes.held)
         kept, read_only = without_caches(self)
         made: dict[str, Any] = {"_lanes": None, "_steppers": {}, "_kernels": {}}

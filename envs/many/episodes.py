@@ -1,4 +1,4 @@
-"""Options of a reset, for many arms: one value for all, or one each."""
+"""Options of a reset for many arms."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from adaptctl.simulation.effects import Payload
 
 @dataclass(frozen=True)
 class ArmOptions:
-    """Reader of the options of a reset for k chosen arms among N."""
+    """Options of k chosen arms."""
 
     total: int
     arms: NDArray[np.int64]
 
     def numbers(self, values: ArrayLike, size: int, what: str) -> Array:
-        """Numbers (k, size) of an option, a row for each chosen arm."""
+        """Numbers (k, size) of an option."""
         array = numbers(values, what)
         if array.shape not in ((), (size,), (self.total, size)):
             raise InputError(
@@ -37,7 +37,7 @@ class ArmOptions:
         return rows
 
     def each(self, values: Any, what: str) -> Sequence[Any]:
-        """Values of an option, one for each chosen arm."""
+        """Values of an option by arm."""
         if isinstance(values, np.ndarray) and values.ndim == 1:
             values = values.tolist()
         if not isinstance(values, list | tuple):
@@ -47,7 +47,7 @@ class ArmOptions:
         return [values[arm] for arm in self.arms.tolist()]
 
     def parameters(self, options: Mapping[str, Any], own: Array, link: int) -> Array:
-        """True parameters (k, P) of the chosen arms."""
+        """True parameters (k, P)."""
         rows = self.numbers(options.get("parameters", own), own.size, "parameters")
         if "payload" not in options:
             return rows
@@ -67,27 +67,27 @@ def _payload(given: Any, arm: int) -> Payload:
 
 
 DRAWN_ROWS = 32
-"""Draws made at once: a generator's call costs more than its numbers."""
+"""Rows drawn at once."""
 
 
 class ArmStreams:
-    """Streams of standard normal numbers, one for each arm."""
+    """Random numbers, one stream per arm."""
 
     def __init__(self, arms: int, width: int) -> None:
         self._seeds: list[int | None] = [None] * arms
         self._generators: dict[int, np.random.Generator] = {}
         self._before: dict[int, Any] = {}
-        """the generators' states before their blocks"""
+        """states before the current blocks"""
         self._blocks = np.empty((arms, DRAWN_ROWS, width))
         self._used = np.full(arms, DRAWN_ROWS)
 
     def seed(self, arm: int, seed: int) -> None:
-        """Restart the stream of an arm."""
+        """Restart a stream."""
         self._generators.pop(arm, None)
         self._seeds[arm], self._used[arm] = seed, DRAWN_ROWS
 
     def generator(self, arm: int) -> np.random.Generator:
-        """NumPy generator of an arm, in the state after the rows drawn so far."""
+        """Generator of an arm after the rows drawn so far."""
         if arm not in self._generators:
             self._generators[arm], self._seeds[arm] = seeding.np_random(self._seeds[arm])
         generator = self._generators[arm]
@@ -98,7 +98,7 @@ class ArmStreams:
         return generator
 
     def normal(self, arms: NDArray[np.int64]) -> Array:
-        """Next row (k, w) of standard normal numbers of some arms."""
+        """Next row (k, w) of standard normal numbers."""
         if self._blocks.shape[2] == 0:
             return np.empty((len(arms), 0))
         for arm in arms[self._used[arms] == DRAWN_ROWS].tolist():

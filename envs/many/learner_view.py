@@ -1,4 +1,4 @@
-"""A view of many arms for learners that know one kind of end, and actions in [-1, 1]."""
+"""Adapter for learners with one flag `done`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from adaptctl.errors import InputError
 
 
 class LearnerView:
-    """Adapter of a vector environment for learners with one flag `done`."""
+    """Vector environment with one flag `done`."""
 
     def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
         inner = env.unwrapped
@@ -35,7 +35,7 @@ class LearnerView:
         self._largest, self._dof = np.asarray(own.high), inner.single.plant.dof
 
     def reset(self, seeds: Sequence[int | None], options: Sequence[Mapping[str, Any]]) -> Array:
-        """First observations (N, n) of new episodes."""
+        """First observations (N, n)."""
         count = self.env.num_envs
         listed = isinstance(options, Sequence) and all(isinstance(own, Mapping) for own in options)
         if not listed or len(options) != count:
@@ -53,7 +53,7 @@ class LearnerView:
         return observations
 
     def step(self, actions: ArrayLike) -> tuple[Array, Array, NDArray[np.bool_], list[dict[str, Any]]]:
-        """Observations, rewards, `done` and infos after one control period."""
+        """Observations, rewards, `done` and infos."""
         scaled = finite_actions(actions, self.env.action_space) * self._largest
         observation, reward, terminated, truncated, info = self.env.step(scaled)
         done: NDArray[np.bool_] = terminated | truncated

@@ -1,4 +1,4 @@
-"""The tracking environments for many arms at once."""
+"""Vector tracking environments."""
 
 from __future__ import annotations
 
@@ -55,47 +55,34 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     Notes
     -----
-    The card of `TrackingEnv` holds for every arm; this one adds what is different. Arm i is the single environment with
-    its seed, options and actions, to round-off. Mechanisms have at most 100 links.
+    Arm i equals a `TrackingEnv` with its seed, options and actions, to round-off. Mechanisms have at most 100 links.
 
     ## Action space
 
-    `Box(-limit, limit, (N, r), float64)`: torques in N m (N). What is out of bounds is clipped and counted; NaN and
-    infinity raise `NonFiniteError`, which names the joint and the arm, a wrong shape `InputError`, before anything
-    moves.
+    `Box(-limit, limit, (N, r), float64)`: torques in N m (N), clipped.
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (N, 5r + r L), float64)`, a row for each arm. `observation_slices` has slices of the columns by
-    name; `Controller.step` takes these columns as they are.
+    `Box(-1e6, 1e6, (N, 5r + r L), float64)`; `observation_slices` has slices of columns for `Controller.step`.
 
     ## Rewards and episode end
 
-    `rewards`, `terminations` and `truncations` are (N,). An arm that ends disturbs no other. A motion that diverges
-    raises `NonFiniteError`, which names the arm; then reset all.
+    `rewards`, `terminations` and `truncations` are (N,). If a motion diverges, reset all arms.
 
     ## Beginning again
 
-    | `autoreset_mode` | An arm whose episode has ended                                                        |
-    |------------------|---------------------------------------------------------------------------------------|
-    | `"NextStep"`     | begins again at the next step, which ignores its action, with reward 0: the default   |
-    | `"SameStep"`     | begins again at once; `info` has `final_obs` and `final_info`                         |
-    | `"Disabled"`     | waits for `reset(options={"reset_mask": mask})`, `mask` (N,) of bools                 |
+    - `"NextStep"`: an arm begins again at the next step, which ignores its action, with reward 0
+    - `"SameStep"`: at once; `info` has `final_obs` and `final_info`
+    - `"Disabled"`: at `reset(options={"reset_mask": mask})`, `mask` (N,) of bools
 
     ## Information
 
-    As in `TrackingEnv`, with a leading axis of arms; for every key a mask `_key` (N,) says which arms have it.
-    `parameters` and the masks are read-only.
+    Arrays with a leading axis of arms; a mask `_key` (N,) says which arms have `key`.
 
     ## Options at reset
 
-    Those of `TrackingEnv`, for all arms or one each: `initial_error` also (N, r), `parameters` also (N, P), `payload`
-    and `trajectory` also a list of N. Sums of sinusoids (`Sinusoids`, random ones) are computed natively; other
-    references are sampled, which is slower.
-
-    ## Version history
-
-    * v0: first version
+    One for all arms or one each: `initial_error` (N, r), `parameters` (N, P), lists of `payload` and `trajectory`.
+    Trajectories other than `Sinusoids` are sampled, which is slower.
 
     Examples
     --------
@@ -107,7 +94,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     """
 
     kind: ClassVar[type[TrackingEnv]] = TrackingEnv
-    """Class of the single environment that each arm is in."""
+    """Class of the single environment."""
     metadata: dict[str, Any] = TrackingEnv.metadata | {"autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(
@@ -141,7 +128,6 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
             flags.flags.writeable = False
         self._over = self._none
         self._latest: Told | None = None
-        """the last results, in arrays of their own"""
         self._renderer: Renderer | None = None
 
     def reset(
@@ -209,9 +195,9 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         Raises
         ------
         InputError
-            If the shape is wrong.
+            If the shape is wrong; no arm moves.
         NonFiniteError
-            If an action or a motion is NaN or infinite.
+            If an action (no arm moves) or a motion is NaN or infinite.
         gymnasium.error.ResetNeeded
             If an arm is not running.
         """
@@ -259,7 +245,6 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         return tuple(self._renderer.image(p, goal, time) for p, goal, time in arms)
 
     def _begin(self, result: Told, chosen: Flags) -> None:
-        """Begin an episode of some arms, and put its beginning into the result."""
         if chosen.any():
             arms = np.flatnonzero(chosen)
             put(result, arms, self._arms.begin(arms, self.reset_options))
@@ -274,7 +259,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         }
 
     def _info(self, result: Told, mask: Flags) -> dict[str, Any]:
-        """The `info` of the arms in the mask; others have zeros."""
+        """`info` of the arms in the mask."""
         info = {name: result[name] for name in ("time", "energy", "clipped")}
         info |= {"parameters": self._arms.parameters, "applied_torque": result["torque"]}
         plant = self.single.plant
@@ -348,10 +333,6 @@ class Puma560VectorTrackingEnv(VectorTrackingEnv):
     **settings : object
         Arguments of `Puma560TrackingEnv`, the same for all arms.
 
-    Notes
-    -----
-    Actions are (N, 6), observations (N, 42).
-
     Examples
     --------
     >>> from adaptctl.envs import Puma560VectorTrackingEnv
@@ -379,10 +360,6 @@ class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
     **settings : object
         Arguments of `SemiDirectDriveTrackingEnv`, the same for all arms.
 
-    Notes
-    -----
-    Actions are (N, 3), observations (N, 21).
-
     Examples
     --------
     >>> from adaptctl.envs import SemiDirectDriveVectorTrackingEnv
@@ -398,7 +375,7 @@ def _copied(result: Told) -> Told:
 
 
 def masked(values: Mapping[str, Any], mask: Flags) -> dict[str, Any]:
-    """Entries of a vector environment's `info` with Gymnasium's masks; numbers of arms outside the mask become zero."""
+    """Entries of `info` with Gymnasium's masks."""
     info: dict[str, Any] = {}
     partial = not mask.all()
     for name, value in values.items():
