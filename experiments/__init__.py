@@ -1,4 +1,4 @@
-"""Experiments, one file each: settings whose fields become flags, and a function from them to a result."""
+"""Experiments and how to find them."""
 
 from __future__ import annotations
 
@@ -74,9 +74,9 @@ RENAMED = {
     "energy-differences": "identify tx40 --energy-differences 0.1",
     "export-check": "export puma560_geared --check --out results/export",
 }
-"""Commands that answer what experiments of these names answered."""
+"""Commands that replace experiments of these names."""
 GROUP = "adaptctl.experiments"
-"""Entry points of this group name classes of experiments."""
+"""Group of entry points."""
 
 
 def offered() -> dict[str, EntryPoint]:
@@ -235,6 +235,5 @@ def _experiment(found: object, where: str) -> type[Experiment]:
 
 
 def _line(error: BaseException, file: Path) -> int | str:
-    """The last line of the file that the error passed through."""
     passed = [frame.lineno for frame in extract_tb(error.__traceback__) if Path(frame.filename) == file]
     return passed[-1] if passed and passed[-1] else getattr(error, "lineno", None) or "unknown"

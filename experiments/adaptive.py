@@ -1,4 +1,4 @@
-"""The method on any arm: a built-in robot, or a URDF, MJCF or TOML file of yours; on our plant, MuJoCo's, or both."""
+"""Adaptive tracking for any robot file."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ if TYPE_CHECKING:
 PLANTS = ("adaptctl", "mujoco", "both")
 FINE, OURS = "mujoco-fine", "adaptctl"
 SHORTER = 4
-"""Factor by which MuJoCo's steps are shorter in the run that shows the integrator's error."""
+"""Factor by which MuJoCo's steps are shorter in the run that estimates the integrator's error."""
 MUJOCO_S = "the difference is caused by MuJoCo's integrator."
 FIRST_ORDER = 0.5 * SHORTER
-"""Least factor by which a difference shrinks at shorter steps, where it is the integrator's."""
+"""Least factor by which an integrator's error shrinks at these steps."""
 
 
 @dataclass(frozen=True)
 class AdaptiveTracking(Learning):
-    """Experiment of learning to track on any arm from zero initial estimates."""
+    """Experiment of learning to track on any arm."""
 
     name: ClassVar[str] = "adaptive"
     title: ClassVar[str] = "{robot}: adaptive tracking from zero estimates"
@@ -95,7 +95,7 @@ class AdaptiveTracking(Learning):
 
     @property
     def purpose(self) -> str:
-        """Question of the experiment, for the report."""
+        """Question of the experiment."""
         if self.plant == "both":
             return (
                 "One adaptive controller, from zero estimates and on one reference, runs on MuJoCo and on the built-in "
@@ -105,23 +105,23 @@ class AdaptiveTracking(Learning):
 
     @property
     def in_mujoco(self) -> bool:
-        """True where MuJoCo moves the arm, in the subject's run at least."""
+        """True where MuJoCo moves the arm."""
         return self.plant != OURS
 
     @property
     def is_scene(self) -> bool:
-        """True where the robot is an MJCF file."""
+        """True for an MJCF file."""
         return Path(self.robot).suffix.lower() in (".xml", ".mjcf")
 
     def mechanism(self) -> Mechanism:
-        """The `Mechanism` that the experiment drives, loaded from `robot`, in MuJoCo's plant as MuJoCo reads it."""
+        """Arm from `robot`, in MuJoCo's plant as MuJoCo reads it."""
         root = self.root or None
         if self.in_mujoco and self.is_scene:
             return load(as_mujoco(self.robot), snap=self.snap, root=root)
         return load(self.robot, floating_base=self.floating_base, snap=self.snap, root=root)
 
     def tuning(self, mechanism: Mechanism) -> Tuning:
-        """Reference and gains found by `tune`; in MuJoCo on a reference clear of contacts."""
+        """Reference and gains found by `tune`."""
         return _tuned(self, mechanism)
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
@@ -141,12 +141,12 @@ class AdaptiveTracking(Learning):
         )
 
     def scene(self, mechanism: Mechanism) -> Any:
-        """Thing that MuJoCo's plant moves: the scene's file where the robot is one, else the `mechanism`."""
+        """File of the scene, else the `mechanism`."""
         return self.robot if self.is_scene else mechanism
 
     @property
     def scene_settings(self) -> dict[str, Any]:
-        """Arguments of MuJoCo's plant on a scene."""
+        """Arguments of MuJoCo's plant."""
         return {"body": self.root or None, "servos_off": self.servos_off}
 
     def _finer(self, mechanism: Mechanism) -> Any:
@@ -155,19 +155,19 @@ class AdaptiveTracking(Learning):
         return model
 
     def slotine_li(self, model: ReducedModel, adaptation: Array | None = None) -> SlotineLi:
-        """Slotine and Li's law from zero estimates with the tuned gains."""
+        """Slotine and Li's law from zero estimates."""
         tuning = self.tuning(model.mechanism)
         given = (None, self.control_period, tuning.workspace, tuning.torque_limits)
         return SlotineLi(model, tuning.gains.bandwidth, tuning.gains.damping, adaptation, *given)
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """Tuned adaptation gain of a model's parameters."""
+        """Tuned adaptation gain."""
         tuning = self.tuning(model.mechanism)
         everything = len(model.columns) == len(model.mechanism.parameter_names)
         return tuning.adaptation if everything else tuning.gain_on(model)
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Tuned gains of Slotine and Li's law for a `mechanism`: bandwidth (r,), 1/s, and damping (r,), N m s/rad."""
+        """Bandwidth (r,), 1/s, and damping (r,), N m s/rad."""
         return self.tuning(mechanism).gains
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
@@ -188,7 +188,7 @@ class AdaptiveTracking(Learning):
         ]
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Iterator over what the report says was chosen: tuned gains, what limits each, the drawn reference, notes."""
+        """Chosen settings: gains, limits, reference, notes."""
         tuning = self.tuning(mechanism)
         rule = "from prior ranges by typical inertias and reach, scaled to a normalised adaptation gain of"
         gain = f"{rule} {tuning.adaptation_ratio:.3g}, mapped"
@@ -203,7 +203,7 @@ class AdaptiveTracking(Learning):
             yield Setting(f"note {k}", note, "on the tuning")
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
-        """Findings: two controllers are one; or how far two plants are apart."""
+        """Differences between controllers or plants."""
         if self.plant != "both":
             return Told(one_controller(outcome, ADAPTIVE))
         if OURS not in outcome.run:

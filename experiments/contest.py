@@ -1,4 +1,4 @@
-"""Several controllers on one environment, one after the other, under equal conditions, and what came of it."""
+"""Comparison of controllers on one environment."""
 
 from __future__ import annotations
 
@@ -55,16 +55,16 @@ if TYPE_CHECKING:
 ADAPTIVE, FULL = "adaptive", "adaptive-full"
 OFFLINE = "Base parameters from energies"
 TIMED_TICKS = 1000
-"""control ticks that are timed to find out how long one takes"""
+"""control steps that are timed"""
 PLOTTED_SAMPLES = 600
 """samples of a curve in a figure"""
 MAX_SAMPLES, THINNED_SAMPLES = 600_000, 30_000
-"""samples of all runs: so many are kept as they are, and of more so few: with what draws them they fit into 500 MB"""
+"""samples of all runs that are kept, and number to which more are thinned, to fit into 500 MB"""
 
 
 @dataclass(frozen=True, eq=False)
 class Contender:
-    """Controller to compare with others: its names, prior knowledge, and how it is made."""
+    """Controller to compare."""
 
     name: str
     label: str
@@ -74,18 +74,18 @@ class Contender:
 
     @classmethod
     def of(cls, name: str, label: str, knows: str, controller: Controller[Any]) -> Contender:
-        """The `Contender` for a `controller` that is made already."""
+        """`Contender` for an existing `controller`."""
         return cls(name, label, knows, lambda: controller)
 
     @cached_property
     def controller(self) -> Controller[Any]:
-        """Controller to compare, made when first asked for. Raises what `make` raises, such as `GainError`."""
+        """Controller, made on first use. Raises what `make` raises."""
         return self.make()
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Outcome of a contest: the mechanism and the runs so far."""
+    """Outcome of a contest."""
 
     mechanism: Mechanism
     runs: tuple[ControllerRun, ...]
@@ -93,12 +93,12 @@ class Outcome:
 
     @cached_property
     def run(self) -> dict[str, ControllerRun]:
-        """Runs by the names of their controllers."""
+        """Runs by controller."""
         return {run.name: run for run in self.runs}
 
 
 class Told(NamedTuple):
-    """Text of an experiment on its outcome: findings, answer, drawings and leading curves."""
+    """Findings, answer, drawings and leading curves."""
 
     findings: Iterable[Finding] = ()
     answer: str | None = None
@@ -108,7 +108,7 @@ class Told(NamedTuple):
 
 @dataclass(frozen=True)
 class Learning(ClosedLoopExperiment):
-    """Base class of experiments that compare controllers of one arm, the subject first."""
+    """Base class of experiments that compare controllers, the subject first."""
 
     robot: str = setting("puma560", "a built-in robot or a file (.urdf, .xml, .toml)")
     time_ticks: bool = setting(
@@ -118,20 +118,20 @@ class Learning(ClosedLoopExperiment):
     @property
     @abstractmethod
     def purpose(self) -> str:
-        """Paragraph of text for the report that states the question."""
+        """Question of the experiment."""
 
     def mechanism(self) -> Mechanism:
-        """The `Mechanism` that the experiment drives, loaded from `robot` unless a subclass makes another."""
+        """Arm from `robot`."""
         return load(self.robot)
 
     @abstractmethod
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Tracking environment of the mechanism."""
+        """Tracking environment."""
 
     def tracking(
         self, robot: Any, reference: Reference, name: str = "Tracking", **more: Any
     ) -> gymnasium.Env[Any, Any]:
-        """Environment adaptctl/NAME-v0 with the experiment's duration and control period."""
+        """Environment adaptctl/NAME-v0 with the experiment's settings."""
         import gymnasium
 
         ours = {"robot": robot, "duration": self.duration, "control_period": self.control_period}
@@ -139,24 +139,24 @@ class Learning(ClosedLoopExperiment):
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of the environment's reset by name, such as a payload: none unless a subclass gives some."""
+        """Options of the reset."""
         return {}
 
     @abstractmethod
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Controllers in the order in which they run, the subject first."""
+        """Controllers to compare, the subject first."""
 
     @property
     def expected(self) -> Mapping[Failure, str]:
-        """Failures of the subject that are the experiment's question, and why: none unless a subclass has some."""
+        """Expected failures of the subject, and reasons."""
         return {}
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Settings that were chosen besides those given, for the report."""
+        """Chosen settings for the report."""
         yield from ()
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
-        """Sayings on the `outcome`, `basis` having the mechanism's fundamental (base) parameters."""
+        """Findings on the `outcome`."""
         return Told()
 
     def run(self, progress: Progress) -> Result:
@@ -164,7 +164,7 @@ class Learning(ClosedLoopExperiment):
         return shown(self.compare(progress))
 
     def compare(self, progress: Progress) -> Comparison:
-        """Comparison of all controllers on the experiment's environment, as data; otherwise as `run`."""
+        """Comparison of all controllers, as data; otherwise as `run`."""
         progress(OFFLINE, 0.0)
         mechanism = self.mechanism()
         env = self.environment(mechanism)
@@ -198,7 +198,7 @@ class Learning(ClosedLoopExperiment):
 
 @dataclass(frozen=True)
 class FromRanges(Learning):
-    """Abstract base class of experiments whose adaptation gain comes from prior ranges of the parameters."""
+    """Base class of experiments with adaptation gains from prior ranges."""
 
     bandwidth: float = setting(8.0, "bandwidth: decay rate of errors, 1/s", symbol="Λ", low=0.1, high=100.0)
     gain_scale: float = setting(
@@ -210,16 +210,16 @@ class FromRanges(Learning):
 
     @property
     def ranges(self) -> PriorRanges:
-        """Prior ranges (greatest plausible errors) of masses, first moments and inertias, from the settings."""
+        """Prior ranges (greatest plausible errors) from the settings."""
         return PriorRanges(self.mass_range, self.first_moment_range, self.inertia_range)
 
     def adaptation(self, model: ReducedModel) -> Array:
-        """Diagonal (k,) of the adaptation gain for a `model`'s k parameters: `rate` times the squared prior ranges."""
+        """Diagonal (k,) of the adaptation gain: `rate` times the squared prior ranges."""
         return adaptation_gain(model, self.ranges, self.gain_scale)
 
 
 def chosen_gains(gains: Gains, adaptation: str = "", rule: str = "", first: str = "0") -> Iterator[Setting]:
-    """Lines of the report on gains, adaptation gain and first estimate."""
+    """Report lines on gains and the first estimate."""
     yield Setting("Λ", listed(gains.bandwidth), "bandwidth of the tracking loop, 1/s, per joint")
     yield Setting("K", listed(gains.damping), "damping, N·m·s (N·s/m), per joint")
     if adaptation:
@@ -228,12 +228,12 @@ def chosen_gains(gains: Gains, adaptation: str = "", rule: str = "", first: str 
 
 
 def listed(values: Array) -> str:
-    """Text of one number a joint, such as gains, with four digits each."""
+    """Numbers with four digits."""
     return ", ".join(f"{value:.4g}" for value in values)
 
 
 def over_time(runs: Sequence[ControllerRun], values: Mapping[str, Array], ylabel: str) -> Figure:
-    """Figure of values (T,) of some runs over time, on a logarithmic scale."""
+    """Figure of values (T,) on a logarithmic scale."""
     from adaptctl.recording.drawing import run_style, sheet, thinned
 
     figure, places = sheet(4.2), color_places(runs)
@@ -257,7 +257,7 @@ def contest(
     options: Mapping[str, Any] = MappingProxyType({}),
     timed: bool = False,
 ) -> Outcome:
-    """Outcome of controllers that drive an environment one after the other from one seed."""
+    """Outcome of controllers run from one seed."""
     for contender in contenders:
         _ = contender.controller  # what cannot be made is told before anything runs
     runs, complete = list[ControllerRun](), False
@@ -288,14 +288,14 @@ def contest(
 
 
 def thinning(samples: int) -> int:
-    """Control periods per recorded sample, so that long runs together have at most 30 000 samples."""
+    """Control periods per recorded sample."""
     return -(-samples // THINNED_SAMPLES) if samples > MAX_SAMPLES else 1
 
 
 def live_subject(
     env: gymnasium.Env[Any, Any], controller: Controller[Any], seed: int, options: Mapping[str, Any]
 ) -> LiveArm | str:
-    """Closed loop for a report's page, or the reason why there is none."""
+    """Closed loop for a report's page, or the reason why none."""
     if not hasattr(env.unwrapped, "episode"):
         return f"{type(env.unwrapped).__name__} does not expose its plant and reference"
     if type(env.unwrapped.plant).step is not Plant.step:  # type: ignore[attr-defined]
@@ -305,7 +305,7 @@ def live_subject(
 
 
 def _driven(env: gymnasium.Env[Any, Any], mechanism: Mechanism, controller: Controller[Any], **how: Any) -> Rollout:
-    """Run of a controller, in native code unless MuJoCo moves the arm or it is shown live."""
+    """Run in native code, unless MuJoCo moves the arm or it is shown live."""
     from adaptctl.recording.live import CURRENT, Live
 
     if (to := CURRENT.get()) is not None:
@@ -319,7 +319,7 @@ def _driven(env: gymnasium.Env[Any, Any], mechanism: Mechanism, controller: Cont
 
 
 def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -> Array | None:
-    """Lyapunov function (T,) of Slotine and Li's law where it adapts; its relatives' need more than a run keeps."""
+    """Lyapunov function (T,) of Slotine and Li's law where it adapts."""
     if type(controller) is not SlotineLi or controller.adaptation_law is None or not len(run.time):
         return None
     if controller.model.regrouping.shape[1] != len(mechanism.parameter_names):

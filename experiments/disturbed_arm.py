@@ -1,4 +1,4 @@
-"""An arm known roughly, disturbed by what real plants have: settings, plant, motion and gains."""
+"""Settings, plant, reference and gains of a disturbed arm."""
 
 from __future__ import annotations
 
@@ -26,32 +26,32 @@ if TYPE_CHECKING:
     from adaptctl.simulation.effects import Effect, Payload
 
 CENTER = (0.0, -0.6, 0.8, 0.0, 0.5, 0.0)
-"""rad: a posture of a PUMA with its elbow bent"""
+"""rad: elbow bent"""
 FREQUENCIES = (0.15, 0.3, 0.55, 0.85, 1.2)
-"""Hz, each drawn 20 % up or down for every joint, its amplitude as 1/sqrt(frequency)"""
+"""Hz, each drawn 20 % up or down for every joint, with amplitudes as 1/sqrt(frequency)"""
 AMPLITUDES, SINGLE = (0.5, 0.4, 0.4, 0.4, 0.4, 0.4), (0.1, 0.125, 0.15, 0.175, 0.2, 0.225)
-"""rad and Hz of the single sinusoids that `puma560-adaptive` follows"""
+"""rad and Hz of the sinusoids of `puma560-adaptive`"""
 SAMPLES = 400
-"""moments of a reference at which loops are asked whether they allow it, and over which parameters are weighed"""
+"""sampled states of a reference"""
 WINDOW = 2.0
-"""s over which errors are averaged, before an event and after it"""
+"""s over which errors are averaged"""
 DAMPING_FACTOR, DAMPING_RATIO, STRIBECK_SPEED = 2.0, 0.05, 0.1
-"""damping over bandwidth times typical inertia; damping ratio of springs; rad/s at which Stribeck's excess is half"""
+"""damping over bandwidth times typical inertia; damping ratio of springs; rad/s at which the Stribeck excess is half"""
 RANDOM, EXCITING, SINGLES, REST = MOTIONS = ("random", "exciting", "single", "rest")
 FILE: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("disturbances.toml").read_text("utf-8"))
 LABELS: dict[str, str] = FILE["labels"]
 LAWS, OTHERS = tuple(LABELS)[:16], tuple(LABELS)[16:-1]
-"""Laws that run by default, and others, which show what these are better than."""
+"""Default laws, and others."""
 DISTURBANCES: dict[str, dict[str, Any]] = {
     name: {key: tuple(value) if isinstance(value, list) else value for key, value in chosen.items()}
     for name, chosen in FILE["settings"].items()
 }
-"""Settings by name that each disturbance sets where they are not given."""
+"""Default settings of each disturbance."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DisturbedArm(Learning):
-    """Base class of experiments on an arm known roughly, under a disturbance."""
+    """Base class of experiments on a roughly known arm with disturbances."""
 
     disturbance: str = setting("none", f"disturbance, which sets defaults of other settings: {', '.join(DISTURBANCES)}")
     laws: tuple[str, ...] = setting(LAWS, f"laws to run, the subject first; others: {', '.join(OTHERS)}")
@@ -157,27 +157,27 @@ class DisturbedArm(Learning):
 
     @property
     def turn(self) -> float:
-        """Length (s) of a part of the run, in which the payload is picked up and dropped once."""
+        """Length (s) of a part of the run, with one pickup and drop."""
         return self.duration / self.payload_cycles
 
     @property
     def has_springs(self) -> bool:
-        """True where motors turn the links through springs."""
+        """True for elastic joints."""
         return self.joint_stiffness != (0.0,)
 
     @property
     def is_weak(self) -> bool:
-        """True where motors are held back, so that all laws are guarded."""
+        """True for weak motors."""
         return self.torque_limit_scale < 1.0 or self.torque_rate_limit > 0.0
 
     @property
     def recovers(self) -> bool:
-        """True where a payload comes that the motors can carry, so that laws return from it."""
+        """True where laws can recover from a payload."""
         return self.payload > 0.0 and not self.is_weak
 
     @property
     def expected(self) -> Mapping[Failure, str]:
-        """Failures of the first law that the disturbance is to show, and why."""
+        """Failures of the first law that the disturbance is to show."""
         if self.has_springs:
             return dict.fromkeys(Failure, "elastic joints oscillate")
         weak = {Failure.SATURATED: "the motors are too weak"} if self.torque_limit_scale < 1.0 else {}
@@ -185,16 +185,16 @@ class DisturbedArm(Learning):
 
     @property
     def purpose(self) -> str:
-        """Paragraph of text for the report that states the question."""
+        """Question of the experiment."""
         asked = FILE["asks"].get(self.disturbance, "").format(**vars(self))
         return FILE["asks"]["all"].format(asked=asked, **vars(self))
 
     def environment(self, mechanism: Mechanism) -> Any:
-        """Gymnasium tracking environment of a `mechanism` on the reference, its plant with the disturbances."""
+        """Tracking environment with the disturbances."""
         return self.plant_env(mechanism, self.followed(mechanism), max(self.joint_stiffness))
 
     def plant_env(self, mechanism: Mechanism, reference: Reference, stiffness: float) -> Any:
-        """Environment of a `mechanism` on a `reference`, with springs of a `stiffness`, N m/rad, none for 0."""
+        """Environment with springs of a `stiffness`, N m/rad, none for 0."""
         return self.tracking(
             mechanism,
             reference,
@@ -206,15 +206,15 @@ class DisturbedArm(Learning):
 
     @property
     def error_bound(self) -> float:
-        """Error of a joint, rad or m, that ends a run: beyond it, an undisturbed arm is lost, any other diverges."""
+        """Error, rad or m, that ends a run."""
         return 1.0 if self.disturbance == "none" else DIVERGENCE_ERROR
 
     def motors(self, mechanism: Mechanism) -> Array:
-        """Torque limits (r,) of a `mechanism`'s motors, N m (N if prismatic): finite ones, times their strength."""
+        """Torque limits (r,), N m (N)."""
         return self.torque_limit_scale * finite_torque_limits(mechanism)
 
     def effects(self, mechanism: Mechanism, stiffness: float) -> Iterator[Effect]:
-        """Effects of the plant that no controller knows."""
+        """Effects that no controller knows."""
         from adaptctl.simulation import effects
 
         if stiffness:
@@ -238,7 +238,7 @@ class DisturbedArm(Learning):
             yield effects.ActuatorLag(self.drive_time_constant)
 
     def body(self, share: float = 1.0) -> Payload:
-        """The payload, a cube before the flange, or one of a share of its mass."""
+        """Cube before the flange, with a share of the payload's mass."""
         from adaptctl.simulation.effects import Payload
 
         mass = share * self.payload
@@ -257,7 +257,7 @@ class DisturbedArm(Learning):
         return Friction(stribeck=excess, speed=STRIBECK_SPEED)
 
     def _elastic(self, mechanism: Mechanism, stiffness: float) -> Effect:
-        """Springs of one stiffness, damped as an oscillation of each joint's motor against its typical links."""
+        """Springs of one stiffness, damped by joint."""
         from adaptctl.simulation.effects import ElasticJoints
 
         inertia, known = typical_inertia(mechanism), mechanism.parameter_names
@@ -272,7 +272,7 @@ class DisturbedArm(Learning):
         return ElasticJoints(stiffness, 2.0 * DAMPING_RATIO * np.sqrt(stiffness * together), encoders=self.encoder_side)
 
     def reference(self, mechanism: Mechanism, amplitude: float | None = None) -> Sinusoids:
-        """Motion of the joints before any stop."""
+        """Motion before any stop."""
         if self.motion == EXCITING:
             return most_exciting(mechanism, self.seed)
         dof, loops = mechanism.dof, mechanism.description.loops is not None
@@ -293,7 +293,7 @@ class DisturbedArm(Learning):
         return Sinusoids(center, amplitude / np.sqrt(frequency / 0.2), frequency, phase)
 
     def followed(self, mechanism: Mechanism) -> Reference:
-        """Motion to follow, the reference with its halt."""
+        """Motion with its halt."""
         moving = self.reference(mechanism)
         reference = StoppedReference(moving, self.reference_stop) if self.reference_stop else moving
         p = reference(np.linspace(0.0, self.duration, SAMPLES)).p
@@ -306,7 +306,7 @@ class DisturbedArm(Learning):
         return reference
 
     def chosen(self, mechanism: Mechanism, env: Any) -> Iterator[Setting]:
-        """Iterator over what the report says was chosen: gains, the rough model and the reference."""
+        """Chosen settings: gains, rough model, reference."""
         share = f"{100 * self.parameter_error:.0f} %"
         rough = f"rough model: random link errors of ±{share}, no friction"
         rule = f"prior deviation: {share} of the size of each link and drive"
@@ -315,17 +315,17 @@ class DisturbedArm(Learning):
             yield Setting("reference frequencies", listed(np.array(FREQUENCIES)), "Hz, ±20 % per joint, random")
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Gains of the tracking loop, from the bandwidth and a `mechanism`'s typical inertia."""
+        """Gains from the bandwidth and typical inertia."""
         return Gains.from_bandwidth(mechanism, self.bandwidth, DAMPING_FACTOR)
 
     def rough(self, mechanism: Mechanism) -> Array:
-        """All P parameters (P,) of the rough model of a `mechanism`, in SI units."""
+        """Parameters (P,) of the rough model, in SI units."""
         return scaled_links(mechanism, self.parameter_error, self.seed)
 
 
 @lru_cache(maxsize=4)
 def most_exciting(mechanism: Mechanism, seed: int) -> Sinusoids:
-    """Fourier series within a `mechanism`'s limits, found by the `seed`. Raises `InputError` for loops or no limits."""
+    """Fourier series within the limits. Raises `InputError` for loops or no limits."""
     if mechanism.description.loops is not None:
         raise InputError(f"motion: {EXCITING} is only for arms without loops, and {mechanism.name} has loops")
     basis = fundamental_basis(essential_space(mechanism, seed=seed))

@@ -1,4 +1,4 @@
-"""Experiments: checked settings, and a function from them to a result."""
+"""Base classes of experiments."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.recording import Progress, Result, Setting
 
 MAX_PERIODS = 300_000
-"""control periods a run may have"""
+"""control periods of a run"""
 DIVERGENCE_ERROR = 100.0
-"""rad or m: the error that ends a run where all are to be compared to the end; what passes it has diverged"""
+"""rad or m: divergence, where runs are compared to the end"""
 
 
 def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf) -> Any:
-    """Dataclass field for a setting of an experiment, with the `default` given."""
+    """Dataclass field for a setting."""
     text = f"{symbol}: {meaning}" if symbol else meaning
     metadata = {"meaning": meaning, "low": low, "high": high, "help": text}
     return field(default=default, metadata=metadata)
@@ -26,7 +26,7 @@ def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.
 
 @dataclass(frozen=True)
 class CheckedSettings:
-    """Base class of an experiment's settings, a frozen dataclass of fields made by `setting`."""
+    """Base class of settings made by `setting`."""
 
     name: ClassVar[str]
 
@@ -39,7 +39,7 @@ class CheckedSettings:
 
 @dataclass(frozen=True)
 class Experiment(CheckedSettings, ABC):
-    """Abstract base class of experiments: settings, and the method `run`, which computes a `Result` from them."""
+    """Abstract base class of experiments."""
 
     title: ClassVar[str]
 
@@ -50,7 +50,7 @@ class Experiment(CheckedSettings, ABC):
 
 @dataclass(frozen=True)
 class ClosedLoopExperiment(Experiment):
-    """Base class of experiments that run controllers in closed loop."""
+    """Base class of closed-loop experiments."""
 
     duration: float = setting(20.0, "duration of every run, s", low=0.01, high=300.0)
     control_period: float = setting(1e-3, "control period, s", symbol="T_c", low=1e-4, high=0.02)
@@ -72,27 +72,27 @@ def validate_count(experiment: Experiment, names: Iterable[str], count: int, mea
 
 
 def settings(experiment: Experiment | type[Experiment]) -> Iterator[Field[Any]]:
-    """Fields of all settings of an experiment, its own first."""
+    """Fields of all settings, own ones first."""
     common = {entry.name for entry in fields(ClosedLoopExperiment)}
     yield from sorted(fields(experiment), key=lambda entry: entry.name in common)
 
 
 def stated(experiment: Experiment) -> Iterator[Setting]:
-    """Settings as summary and report state them: flag, value and meaning."""
+    """Settings for summary and report."""
     for entry in settings(experiment):
         name = f"--{entry.name.replace('_', '-')}"
         yield Setting(name, text(getattr(experiment, entry.name)), entry.metadata["meaning"])
 
 
 def text(value: object) -> str:
-    """Text of a value as it is typed on the command line."""
+    """Text of a value on the command line."""
     if isinstance(value, tuple):
         return " ".join(text(entry) for entry in value)
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _require(entry: Field[Any], value: object) -> None:
-    """Check that a setting is of its default's kind, every number in it finite and within bounds."""
+    """Check type, finiteness and bounds of a setting."""
     default: Any = entry.default
     if value is default and value != ():
         return  # sound, as tests hold

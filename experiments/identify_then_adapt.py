@@ -1,4 +1,4 @@
-"""Adaptation that starts from what a real arm's log shows, against its URDF file and zero."""
+"""Adaptation from estimates identified from a log."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 
 FROM_ZERO, FROM_FILE = "from-zero", "from-urdf"
 FIRST_WINDOW = 2.0
-"""s over which the first errors are taken"""
+"""s of the first errors"""
 
 
 @dataclass(frozen=True)
 class IdentifyThenAdapt(Learning):
-    """Experiment of adapting from estimates identified from part of a real arm's log."""
+    """Experiment of adapting from identified estimates."""
 
     name: ClassVar[str] = "identify-then-adapt"
     title: ClassVar[str] = "{robot}: adaptation from an identified estimate"
@@ -71,7 +71,7 @@ class IdentifyThenAdapt(Learning):
 
     @property
     def purpose(self) -> str:
-        """Paragraph of text for the report that states the question: what an estimate from a log is worth."""
+        """Question of the experiment."""
         return (
             "The benefit of an initial estimate from a real log. The simulated arm has the parameters identified from "
             "the whole log, including rotors, friction and the wrist coupling. Slotine and Li's controller adapts "
@@ -80,11 +80,11 @@ class IdentifyThenAdapt(Learning):
         )
 
     def mechanism(self) -> Mechanism:
-        """The `Mechanism` to drive: the example arm with what is identified from its whole log."""
+        """Example arm with parameters from its whole log."""
         return identified_from(self.robot, 1.0)
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of a `mechanism` on the sinusoids that the settings state."""
+        """Tracking environment on sinusoids."""
         return self.tracking(
             mechanism,
             Sinusoids(np.array(self.center), np.array(self.amplitude), np.array(self.frequency)),
@@ -94,7 +94,7 @@ class IdentifyThenAdapt(Learning):
         )
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Controllers from several first estimates, the identified ones first."""
+        """Controllers from several first estimates."""
         model, gains = (
             ReducedModel(mechanism, basis),
             Gains.from_bandwidth(mechanism, self.bandwidth, self.damping_scale),
@@ -116,14 +116,14 @@ class IdentifyThenAdapt(Learning):
         ]
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Iterator over what the report says was chosen: gains and the first estimate."""
+        """Chosen settings: gains, first estimate."""
         gains = Gains.from_bandwidth(mechanism, self.bandwidth, self.damping_scale)
         rule = f"prior deviation: {100 * self.parameter_error:.0f} % of the size of each link and drive"
         first = "identified from the first part of the log"
         yield from chosen_gains(gains, f"{self.gain_scale:g} × (deviation)²", rule, first)
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
-        """Findings, an answer and figures on the `outcome`: errors of the first two seconds, by first estimate."""
+        """Errors of the first two seconds by first estimate."""
         measured = {run.name: run.rms_error(stop=FIRST_WINDOW) for run in outcome.runs}
         first = {name: error for name, error in measured.items() if error is not None}
         findings = [
@@ -145,7 +145,7 @@ class IdentifyThenAdapt(Learning):
 
 @cache
 def identified_from(name: str, share: float) -> Mechanism:
-    """Mechanism identified from the first share of an example arm's log; cached."""
+    """Mechanism identified from the first share of a log; cached."""
     from adaptctl.identification.columns import JointLog, joint_log
     from adaptctl.identification.drives_file import read_drives
     from adaptctl.identification.examples import example
@@ -162,7 +162,7 @@ def identified_from(name: str, share: float) -> Mechanism:
 
 
 def robot_file(name: str) -> Mechanism:
-    """Mechanism as the file of an example arm, `name`, describes it. Raises `InputError` for a name that is none."""
+    """Mechanism of an example arm's file. Raises `InputError` for an unknown name."""
     from adaptctl.identification.examples import example
 
     with example(name) as files:
@@ -170,6 +170,6 @@ def robot_file(name: str) -> Mechanism:
 
 
 def _parameters(mechanism: Mechanism, other: Mechanism) -> Array:
-    """Parameters of another mechanism in the places that this one has for them; zero where it has none."""
+    """Parameters of another mechanism, zero where it has none."""
     values: dict[str, Any] = dict(zip(other.parameter_names, other.inertial_parameters.tolist(), strict=True))
     return np.array([values.get(name, 0.0) for name in mechanism.parameter_names])

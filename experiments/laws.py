@@ -1,4 +1,4 @@
-"""Adaptation laws and control laws side by side on one arm, from one rough model, under what real plants have."""
+"""Adaptation and control laws on one roughly known arm."""
 
 from __future__ import annotations
 
@@ -28,33 +28,32 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WEIGHING_AMPLITUDE, WEIGHING_AMPLITUDE_LOOPS = 0.25, 0.1
-"""rad at 0.2 Hz: of the motion along which parameters are weighed where the arm rests; loops leave less room"""
+"""rad at 0.2 Hz, of the weighing motion of an arm at rest, without and with loops"""
 BANDWIDTHS = 0.5 * 2.0 ** (np.arange(45) / 4.0)
-"""1/s that are tried, from 0.5 to 1024"""
+"""1/s that are tried"""
 MAX_VELOCITY_ERROR, MAX_SATURATED_SHARE = 0.25, 0.01
-"""rad/s (m/s) of velocity errors (RMS) and share of periods with a motor at its limit, in the last third of a trial,
-above which a bandwidth is not stable"""
+"""RMS velocity error, rad/s (m/s), and saturated share of the last third, above which a bandwidth is unstable"""
 RECOVERY_RATIO = 2.0
-"""times the earlier error: below it a law has returned"""
+"""error ratio below which a law has recovered"""
 COLUMNS = 3
-"""panels in a row"""
+"""panels per row"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Laws(DisturbedArm):
-    """Experiment that compares adaptation and control laws on one roughly known arm."""
+    """Experiment that compares adaptation and control laws."""
 
     name: ClassVar[str] = "laws"
     title: ClassVar[str] = "{robot}: comparison of adaptation and control laws"
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Controllers to compare, then Slotine and Li's law with adaptation off."""
+        """Controllers to compare, the last without adaptation."""
         model, knows = ReducedModel(mechanism, basis), f"links within {100 * self.parameter_error:.0f} %"
         names = (*self.laws, ADAPTATION_OFF)
         return [Contender(name, LABELS[name], knows, partial(controller, self, name, model)) for name in names]
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
-        """Findings on parameter errors and internal states of all laws."""
+        """Parameter errors and internal states of all laws."""
         asked = {
             _recovered: self.recovers,
             _drifted: self.motion == REST,
@@ -72,27 +71,27 @@ class Laws(DisturbedArm):
 def each(
     runs: Iterable[ControllerRun], name: str, unit: str, meaning: str, value: Callable[[ControllerRun], float | None]
 ) -> list[Finding]:
-    """Findings of one name on each run; none where `value` gives none."""
+    """Findings on each run for which `value` gives one."""
     found = ((run, value(run)) for run in runs)
     return [Finding(f"{name}.{run.name}", x, unit, f"{run.label}: {meaning}") for run, x in found if x is not None]
 
 
 def _span(ends: list[tuple[float, str]], unit: str = "") -> str:
-    """Text of the least and the greatest of numbers, each with its run's label."""
+    """Least and greatest number, with labels."""
     words = [" ".join(filter(None, (number(value), unit, f"({label})"))) for value, label in sorted(ends)]
     return " to ".join(dict.fromkeys((*words[:1], *words[-1:])))
 
 
 @dataclass(frozen=True, eq=False)
 class ParameterErrors:
-    """Relative errors of estimates, weighed by the torques that the parameters make."""
+    """Relative errors of estimates, weighted by torques."""
 
     model: ReducedModel
     weights: Array
 
     @classmethod
     def along(cls, of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> ParameterErrors:
-        """The measure along the motion of the experiment `of`, or, where the arm rests, along one that excites."""
+        """Measure along the experiment's motion, or an exciting one where the arm rests."""
         mechanism, rests = outcome.mechanism, of.motion == REST
         telling = WEIGHING_AMPLITUDE if mechanism.description.loops is None else WEIGHING_AMPLITUDE_LOOPS
         times = np.linspace(0.0, 20.0 if rests else of.duration, SAMPLES)
@@ -101,13 +100,13 @@ class ParameterErrors:
         return cls(model, np.sqrt(np.mean(rows**2, axis=(0, 1))))
 
     def of(self, run: ControllerRun) -> Array | None:
-        """Errors (T,) of a run's estimates; None without estimates of this model."""
+        """Errors (T,), or None without estimates."""
         estimate = run.rollout.estimate
         known = estimate.shape[1] in self.model.regrouping.shape
         return self.apart(estimate, self.model.fundamental_parameters) if known else None
 
     def apart(self, one: Array, other: Array) -> Array:
-        """Distances, no unit, of estimates (..., k) or (..., P) in this measure."""
+        """Distances of estimates (..., k) or (..., P)."""
         K, true = self.model.regrouping, self.model.fundamental_parameters
         one, other = (x @ K.T if x.shape[-1] == K.shape[1] else x for x in (one, other))
         weighed = np.linalg.norm((one - other) * self.weights, axis=-1)
@@ -143,13 +142,13 @@ def _learned(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Tol
 
 
 def _threshold(adapting: object) -> float | None:
-    """The excitation, 1/s, that an adaptation law asks of what it remembers; None for a law without memory."""
+    """Excitation threshold, 1/s, of a law with memory."""
     names = ("excitation_threshold", "novelty_threshold")
     return next((getattr(adapting, name) for name in names if hasattr(adapting, name)), None)
 
 
 def memory_findings(law: Controller[Any], run: ControllerRun, mechanism: Mechanism) -> Iterator[Finding]:
-    """Findings on the internal state of an adaptation law in a run."""
+    """Findings on the internal state of an adaptation law."""
     adapting, learning = getattr(getattr(law, "inner", law), "adaptation_law", None), run.rollout.logged_state
     if isinstance(adapting, Natural | ConsistentAdaptation):
         bodies = len(mechanism.description.bodies)
@@ -164,7 +163,7 @@ def memory_findings(law: Controller[Any], run: ControllerRun, mechanism: Mechani
 
 
 class Recovery(NamedTuple):
-    """Return of a run from an event: errors before and after, and the time taken."""
+    """Recovery from an event."""
 
     run: ControllerRun
     event: str
@@ -174,7 +173,7 @@ class Recovery(NamedTuple):
 
     @classmethod
     def of(cls, run: ControllerRun, event: str, earlier: float, begin: float, end: float) -> Recovery:
-        """The recovery from an `event` at `begin` until the next one at `end`, s."""
+        """Recovery from `begin` until `end`, s."""
         end = min(end, run.duration)
         last = run.rms_error(max(begin, end - WINDOW), end)
         coming = run.moving_rms_error(WINDOW)[round(WINDOW / run.rollout.sample_time) - 1 :]
@@ -185,7 +184,7 @@ class Recovery(NamedTuple):
 
     @property
     def findings(self) -> list[Finding]:
-        """Time to return, s, or, where the run does not, its error at the end over the earlier one, if known."""
+        """Recovery time, s, or the final error ratio."""
         name, after = f"after_{self.event.replace(' ', '_')}", f"after the {self.event}"
         if self.time is not None:
             meaning = f"time {after} until the error is below twice the earlier"
@@ -217,7 +216,7 @@ def _recovered(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> T
 
 
 def _recoveries(of: DisturbedArm, outcome: Outcome) -> Iterator[Recovery]:
-    """Recoveries of all laws from the first pickup and drop, and from the last ones where there are several."""
+    """Recoveries from the first and last pickups and drops."""
     late = (of.payload_cycles - 1) * of.turn
     events = [
         ("pickup", of.payload_start, of.payload_stop),
@@ -239,7 +238,7 @@ def _drifted(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Tol
     errors, mechanism = ParameterErrors.along(of, outcome, basis), outcome.mechanism
 
     def drift(run: ControllerRun) -> float:
-        """Drift, 1/min, from the mean estimate of a run's third quarter to that of its last one."""
+        """Drift, 1/min, from the third quarter to the last."""
         third, fourth = (part.mean(axis=0) for part in np.array_split(run.rollout.estimate, 4)[2:])
         return float(errors.apart(third, fourth)) / (0.25 * run.duration / 60.0)
 
@@ -286,7 +285,7 @@ def _saturated(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> T
 
 
 def held_back(run: ControllerRun) -> float:
-    """Share of the samples of a `run` at which a limit of a torque or of its rate held a torque back."""
+    """Share of samples with limited torque."""
     marks = [run.rollout.flags[name] for name in ("torque_limited", "rate_limited") if name in run.rollout.flags]
     return float(np.mean(np.max([run.rollout.clipped, *marks], axis=0)))
 
@@ -321,7 +320,7 @@ def _rubbed(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told
 
 
 def friction_curves(mechanism: Mechanism, learned: Mapping[str, float], v: Array, stribeck: float) -> Figure:
-    """Figure of true and learned friction over speed, a panel for each joint."""
+    """Figure of true and learned friction."""
     joints = mechanism.primary_joints
     rows = -(-len(joints) // COLUMNS)
     figure = sheet(2.0 * rows + 0.4)
@@ -362,7 +361,7 @@ def _carried(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Tol
 
 
 def _largest(of: DisturbedArm, plant: Plant, model: ReducedModel, name: str) -> float:
-    """Largest bandwidth, 1/s, of those that are tried with which a law is stable; found by bisection."""
+    """Largest stable bandwidth, 1/s, of those tried, by bisection."""
     low, high = -1, len(BANDWIDTHS)
     while high - low > 1:
         middle = (low + high) // 2
@@ -372,7 +371,7 @@ def _largest(of: DisturbedArm, plant: Plant, model: ReducedModel, name: str) -> 
 
 
 def _is_stable(of: DisturbedArm, plant: Plant, model: ReducedModel, name: str) -> bool:
-    """True where in the last third of a trial velocity errors are small and motors below their limits."""
+    """True for small velocity errors and unsaturated motors in the last third."""
     try:
         law = controller(of, name, model)
     except GainError:

@@ -1,4 +1,4 @@
-"""Adaptation laws and control laws by name, from one rough model and with one gain, for the experiment `laws`."""
+"""Controllers of the experiment `laws`."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from adaptctl.experiments.disturbed_arm import DisturbedArm
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 
 BOUNDS = 4.0
-"""deviations of the rough model to which `Projection` keeps"""
+"""standard deviations of the bounds of `Projection`"""
 FRICTION_RANGE = 0.1
 """prior range of Coulomb friction over the torque limit; of viscous friction, at 1 rad/s"""
 SLIDING_LEAKAGE = 0.5
-"""1/rad: that of e-modification"""
+"""1/rad, e-modification"""
 CUTOFF, RECALL, ALARM = 5.0, 2.0, 0.2
-"""rad/s of torque filters; 1/s, how fast composite learning returns to its memory; W missed at which it forgets it"""
+"""rad/s of torque filters; 1/s, rate of composite learning; W missed at which it forgets"""
 
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """Draft of a law of the comparison `of` on a `model`: the rough model's first estimate, and gains."""
+    """First estimate and gains of a law on a `model`."""
 
     of: DisturbedArm
     model: ReducedModel
@@ -50,14 +50,14 @@ class Draft:
 
     @cached_property
     def first(self) -> Array:
-        """Initial estimate (k,): that of the rough model, and zero for friction."""
+        """Initial estimate (k,), zero for friction."""
         estimate = np.array(self.model.regrouping @ self.of.rough(self.mechanism))
         estimate[[k for k, _ in friction_columns(self.model)]] = 0.0
         return estimate
 
     @cached_property
     def unknown(self) -> Array:
-        """Standard deviations (k,) of the prior knowledge."""
+        """Standard deviations (k,) of the prior."""
         of, mechanism = self.of, self.mechanism
         found = deviations(self.model, of.rough(mechanism), of.parameter_error)
         if of.recovers:
@@ -70,26 +70,26 @@ class Draft:
 
     @cached_property
     def gain(self) -> Array:
-        """Adaptation gain (k,) of all laws that have one."""
+        """Adaptation gain (k,)."""
         return np.asarray(self.of.gain_scale * self.unknown**2)
 
     @property
     def predicting(self) -> tuple[Array, Array, float]:
-        """Gain, weight (r,) of torque prediction errors, 1/(N m s), and cutoff of the torque filter, rad/s."""
+        """Gain, weight (r,), 1/(N m s), and filter cutoff, rad/s, for torque prediction errors."""
         return self.gain, self.of.prediction_weight / finite_torque_limits(self.mechanism) ** 2, CUTOFF
 
     def slotine_li(self, law: Any = None, first: Array | None = None) -> SlotineLi:
-        """Slotine and Li's control law with an adaptation `law`, None for none, from the `first` estimate."""
+        """Slotine and Li's law with an adaptation `law`."""
         start, period = self.first if first is None else first, self.of.control_period
         return SlotineLi(self.model, self.gains.bandwidth, self.gains.damping, law, start, period)
 
     def projected(self, share: float = 1.0) -> control.Projection[Any]:
-        """The gradient with a `share` of the gain, kept within bounds."""
+        """Gradient law with a `share` of the gain and bounds."""
         reach = BOUNDS * self.unknown
         return control.Projection(Gradient(share * self.gain), self.first - reach, self.first + reach)
 
     def natural(self) -> tuple[control.Natural, Array]:
-        """Natural adaptation and its first bodies (P,), with half a payload in the hand."""
+        """Natural adaptation and its first bodies (P,), with half a payload."""
         of, rough = self.of, self.of.rough(self.mechanism)
         rate = of.gain_scale * of.parameter_error**2
         if not of.recovers:
@@ -104,7 +104,7 @@ class Draft:
 
 
 def controller(of: DisturbedArm, name: str, model: ReducedModel) -> Controller[Any]:
-    """Controller of a name with the settings of an experiment."""
+    """Controller of a name."""
     draft = Draft(of, model)
     found = _control_law(draft, name) or draft.slotine_li(_adaptation_law(draft, name))
     if not of.is_weak:
@@ -119,7 +119,6 @@ def controller(of: DisturbedArm, name: str, model: ReducedModel) -> Controller[A
 
 
 def _adaptation_law(draft: Draft, name: str) -> Any:
-    """Adaptation law for Slotine and Li's control law on the model; None for adaptation off."""
     of, gain, predicting = draft.of, draft.gain, draft.predicting
     match name:
         case "composite":
@@ -146,7 +145,7 @@ def _adaptation_law(draft: Draft, name: str) -> Any:
 
 
 def _control_law(draft: Draft, name: str) -> Controller[Any] | None:
-    """Control law with its own model or law; None where Slotine and Li's law on the model is meant."""
+    """Control law, or None for Slotine and Li's."""
     of, model, mechanism, first = draft.of, draft.model, draft.mechanism, draft.first
     bandwidth, damping = draft.gains.bandwidth, draft.gains.damping
     match name:
@@ -177,7 +176,7 @@ def _control_law(draft: Draft, name: str) -> Controller[Any] | None:
 
 
 def deviations(model: ReducedModel, parameters: ArrayLike, share: float) -> Array:
-    """Standard deviations (k,) of parameters whose links and drives are off by a share."""
+    """Standard deviations (k,) at a relative error."""
     values, bodies = np.asarray(parameters, dtype=np.float64), len(model.mechanism.description.bodies)
     sizes = np.abs(values)
     for i in range(0, 10 * bodies, 10):
@@ -188,12 +187,12 @@ def deviations(model: ReducedModel, parameters: ArrayLike, share: float) -> Arra
 
 
 def without_friction(mechanism: Mechanism) -> Mechanism:
-    """Mechanism without viscous and Coulomb friction in its joints; rotor inertias stay."""
+    """Mechanism without joint friction; rotor inertias stay."""
     return mechanism.with_drives([Drive(link.joint.drive.rotor_inertia) for link in mechanism.links])
 
 
 def friction_columns(model: ReducedModel) -> Iterator[tuple[int, int]]:
-    """Index of each friction parameter among a `model`'s, and of its joint."""
+    """Indices of each friction parameter and its joint."""
     joints = [joint.name for joint in model.mechanism.primary_joints]
     for k, name in enumerate(model.names):
         owner, _, kind = name.rpartition(".")

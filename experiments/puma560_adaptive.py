@@ -1,4 +1,4 @@
-"""The PUMA 560 end to end: from energies to an adaptive controller that starts knowing nothing."""
+"""Adaptive control of the PUMA 560 from zero estimates."""
 
 from __future__ import annotations
 
@@ -59,17 +59,17 @@ SOME = (
 )
 MAPPED = "adaptive-mapped"
 KEPT, FIXED = "adaptive", "fixed"
-"""names of runs with some components: adapted from zero, and held at their true values"""
+"""names of runs with some components"""
 STATES = 101
-"""states within the joints' limits over which components are sorted by their energy"""
+"""states for the components' energies"""
 REFERENCE = ("center", "amplitude", "frequency", "start_time")
 ENVIRONMENT = ("duration", "control_period", "initial_error")
-"""Settings that the reference and the environment are made of."""
+"""Settings of the environment."""
 
 
 @dataclass(frozen=True)
 class Puma560Adaptive(FromRanges):
-    """Experiment of learning to track sinusoids from zero initial estimates."""
+    """Experiment of learning to track sinusoids."""
 
     name: ClassVar[str] = "puma560-adaptive"
     title: ClassVar[str] = "PUMA 560: adaptive tracking from zero estimates"
@@ -107,12 +107,12 @@ class Puma560Adaptive(FromRanges):
 
     @property
     def purpose(self) -> str:
-        """Question of the experiment, for the report."""
+        """Question of the experiment."""
         question = FROM_NOTHING if self.components == (0,) else SOME
         return f"{self.asks} {question} Every controller starts {self.initial_error:g} rad off in every joint."
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Gymnasium tracking environment of a `mechanism`, on the sinusoids that the settings state."""
+        """Tracking environment on sinusoids."""
         if mechanism.dof != self.joints:
             raise InputError(
                 f"robot: {mechanism.name} has {mechanism.dof} joints, but this experiment needs {self.joints}; "
@@ -123,20 +123,20 @@ class Puma560Adaptive(FromRanges):
         return self.tracking(mechanism, reference, self.environment_id, **more)
 
     def task(self, mechanism: Mechanism) -> tuple[Any, ...]:
-        """All that the experiment's environment for a `mechanism` is made of: settings, which compare."""
+        """Settings of the environment, for comparison."""
         return (self.environment_id, *(getattr(self, name) for name in (*REFERENCE, *ENVIRONMENT)))
 
     def torque_limits(self, mechanism: Mechanism) -> Array | None:
-        """Torque limits (r,) of a `mechanism`, N m (N if prismatic); None, as here, for the environment's own."""
+        """Torque limits (r,), N m (N), or None for the environment's."""
         return None
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of the environment's reset: the payload, where there is one."""
+        """Options of the reset: a payload."""
         return {"payload": self.payload} if self.payload > 0.0 else {}
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Gains of the tracking loop, from the settings: bandwidth, 1/s, and damping, N m s/rad, (r,) each."""
+        """Bandwidth, 1/s, and damping, N m s/rad, (r,) each."""
         return Gains(np.full(self.joints, self.bandwidth), np.array(self.damping))
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
@@ -177,7 +177,7 @@ class Puma560Adaptive(FromRanges):
         return [*found, Contender(ADAPTATION_OFF, "Adaptation off", NO_MODEL, partial(law, model, None))]
 
     def _reduction(self, mechanism: Mechanism) -> tuple[Reduction, Array]:
-        """Model reduction over states within the limits, and V1 (P, k)."""
+        """Model reduction, and V1 (P, k)."""
         states = states_within_limits(mechanism, STATES, self.seed)
         space = essential_space(mechanism, seed=self.seed, states=states)
         return reduce(space, mechanism, components=space.rank), space.basis
@@ -192,7 +192,7 @@ class Puma560Adaptive(FromRanges):
                 raise InputError(f"components: {mechanism.name} has {rank} essential parameters, got {s}")
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Iterator over what the report says was chosen: gains, the first estimate and the reference's formula."""
+        """Chosen settings: gains, first estimate, reference."""
         ranges = ((self.mass_range, "kg"), (self.first_moment_range, "kg·m"), (self.inertia_range, "kg·m²"))
         rule = "; ".join(f"{self.gain_scale:g}·({value:g} {unit})²" for value, unit in ranges)
         yield from chosen_gains(self.gains(mechanism), rule, "adaptation gain: rate × (prior range)²")
@@ -200,7 +200,7 @@ class Puma560Adaptive(FromRanges):
         yield Setting("reference", law, f"fade is a quintic over {fade}, starting at rest")
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
-        """Findings, an answer and figures on the `outcome`: that two controllers are one; or errors by components."""
+        """Findings on equal controllers, or on errors by components."""
         if self.components == (0,):
             return Told(one_controller(outcome, MAPPED))
         energies, unit = self._reduction(outcome.mechanism)[0].percent_errors, error_unit(outcome.mechanism)
@@ -233,7 +233,7 @@ def from_nothing(
     share: float,
     seed: int,
 ) -> list[Contender]:
-    """Controllers of differing prior knowledge: adaptive from zero, and computed torque."""
+    """Adaptive controllers from zero, and computed torque."""
     model, full = ReducedModel(mechanism, basis), ReducedModel.full(mechanism)
     true, k, P = mechanism.inertial_parameters, len(basis.columns), len(mechanism.parameter_names)
     off = f"{100 * share:.0f} % wrong"
@@ -257,7 +257,7 @@ def from_nothing(
 
 
 def one_controller(outcome: Outcome, mapped: str) -> Iterator[Finding]:
-    """Finding with the largest difference of torques between two runs that are one controller."""
+    """Largest difference of torques between two runs."""
     if not {mapped, FULL} <= set(outcome.run):
         return
     one, other = (outcome.run[name].rollout for name in (mapped, FULL))

@@ -1,4 +1,4 @@
-"""The semi-direct-drive arm end to end: the same method where links form a closed loop."""
+"""Adaptive control of the semi-direct-drive arm."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from adaptctl.experiments.puma560_adaptive import DAMPING, Puma560Adaptive
 
 @dataclass(frozen=True)
 class SemiDirectDriveAdaptive(Puma560Adaptive):
-    """Experiment `Puma560Adaptive` on the semi-direct-drive arm, a five-bar linkage."""
+    """Experiment `Puma560Adaptive` on a five-bar linkage."""
 
     name: ClassVar[str] = "semi-direct-drive-adaptive"
     title: ClassVar[str] = "Semi-direct-drive arm: adaptive tracking with a closed loop"

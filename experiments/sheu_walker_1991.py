@@ -1,4 +1,4 @@
-"""Sheu and Walker (1991), replicated: tables and figures with a verdict each, and their two arms in closed loop."""
+"""Replication of Sheu and Walker (1991)."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ ITEMS: dict[str, Callable[[Study], Computation]] = {
     "section5.3" if step is semi_direct_drive.section53 else step.__name__: step
     for step in (*puma560.STEPS, *semi_direct_drive.STEPS)
 }
-"""In the order of the paper. Figures 2 and 5 are drawings of the two arms."""
+"""In the paper's order; figures 2 and 5 are drawings of the arms."""
 ALL, ARMS_IN_LOOP = "all", "serial-versus-graph"
 OF_TABLES = ("seed", "seeds", "samples", "velocity_scale", "frequency", "motion_samples", "unequal")
 
 
 @dataclass(frozen=True)
 class SheuWalker1991(ClosedLoopExperiment):
-    """Experiment that replicates the tables and figures of Sheu and Walker (1991)."""
+    """Experiment that replicates Sheu and Walker (1991)."""
 
     name: ClassVar[str] = "sheu-walker-1991"
     title: ClassVar[str] = "Replication of Sheu and Walker (1991)"
@@ -47,13 +47,13 @@ class SheuWalker1991(ClosedLoopExperiment):
         chosen(self.only)
 
     def run(self, progress: Progress) -> Result:
-        """Result of the replication, or of the arms in closed loop, a `Result`."""
+        """Replication, or the arms in closed loop."""
         if chosen(self.only) == ():
             return closed_loop.side_by_side(self.seed, self.duration, self.control_period, progress)
         return self.replication(progress).result
 
     def replication(self, progress: Progress) -> Replication:
-        """Replication of the tables and figures that `only` names, in the paper's order; otherwise as `run`."""
+        """Replication of what `only` names."""
         started, names, items = time.perf_counter(), chosen(self.only), list[Item]()
         study = Study(printed(), **{name: getattr(self, name) for name in OF_TABLES})
         try:
@@ -71,7 +71,7 @@ class SheuWalker1991(ClosedLoopExperiment):
 
 
 def chosen(names: Iterable[str]) -> tuple[str, ...]:
-    """Names of the tables, figures and sections asked for, in the paper's order."""
+    """Names in the paper's order."""
     asked = set(names)
     for name in sorted(asked - ITEMS.keys() - {ALL, ARMS_IN_LOOP}):
         close = get_close_matches(name, (*ITEMS, ARMS_IN_LOOP), n=1)

@@ -1,4 +1,4 @@
-"""A tool on a path in the world: Slotine and Li's law in task space against the same law in joints."""
+"""Task-space and joint-space control on one path."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ if TYPE_CHECKING:
     import gymnasium
 
 KNOT = 0.02
-"""s between the samples that inverse kinematics turns into joints"""
+"""s between samples of inverse kinematics"""
 REFERENCE_OVERRUN = 1.0
-"""s beyond the end that a reference is asked for"""
+"""s of the reference after the end"""
 
 
 class ArmWithTip(NamedTuple):
-    """Arm of three degrees of freedom and the point on it that follows a path."""
+    """Arm of three degrees of freedom with its tool."""
 
     name: str
     label: str
@@ -66,12 +66,12 @@ ARMS = (
 START_TIME = 2.0
 """s: length of the smooth (quintic) start"""
 FIRST_WINDOW, END = 1.0, 2.0
-"""s at the start and at the end of a run over which the tool's error is averaged"""
+"""s at the start and end over which errors are averaged"""
 
 
 @dataclass(frozen=True)
 class TaskSpaceTracking(FromRanges):
-    """Experiment of tracking a path in the world by Slotine and Li's law in task space."""
+    """Experiment of tracking a path in task space."""
 
     name: ClassVar[str] = "task-space"
     title: ClassVar[str] = "{robot}: tool path in the world frame"
@@ -96,7 +96,7 @@ class TaskSpaceTracking(FromRanges):
 
     @property
     def purpose(self) -> str:
-        """Paragraph of text for the report that states the question: control of the tool or of the joints."""
+        """Question of the experiment."""
         return (
             "The tool follows a path in the world frame, with unknown inertial parameters. A task-space law, with "
             "joint velocities from the Jacobian, is compared with a joint-space law, with inverse kinematics. Every "
@@ -104,34 +104,34 @@ class TaskSpaceTracking(FromRanges):
         )
 
     def environment(self, mechanism: Mechanism) -> gymnasium.Env[Any, Any]:
-        """Tracking environment whose joint reference follows the path by inverse kinematics."""
+        """Tracking environment on the path, by inverse kinematics."""
         return self.tracking(mechanism, self.reference(mechanism), initial_error=self.initial_error)
 
     @property
     def path(self) -> Sinusoids:
-        """Desired path of the tool in the world: positions x, y, z in m, with velocities and accelerations."""
+        """Path of the tool in the world, m."""
         amplitude, frequency, phase = map(np.array, (self.amplitude, self.frequency, self.phase))
         return Sinusoids(np.array(self.center), amplitude, frequency, phase, START_TIME)
 
     def reference(self, mechanism: Mechanism) -> Spline:
-        """Joint reference of the path, a spline of degree 5 through points every 0.02 s."""
+        """Joint reference, a quintic spline through points every 0.02 s."""
         times = np.arange(0.0, self.duration + REFERENCE_OVERRUN + KNOT, KNOT)
         return Spline(self.tip(mechanism).joints(self.path(times).p, np.array(self.arm.start)), times)
 
     def gains(self, mechanism: Mechanism) -> Gains:
-        """Gains of the tracking loop for the joints of a `mechanism`, from its typical inertia."""
+        """Gains from typical inertia."""
         return Gains.from_bandwidth(mechanism, self.bandwidth, self.damping_scale)
 
     @property
     def arm(self) -> ArmWithTip:
-        """The arm with its tool: the link, the tool in its frame, and where inverse kinematics starts."""
+        """Arm, tool, and start of inverse kinematics."""
         known = {arm.robot: arm for arm in ARMS}
         if self.robot not in known:
             raise InputError(f"robot: expected {' or '.join(known)}, whose tools are defined, got {self.robot!r}")
         return known[self.robot]
 
     def tip(self, mechanism: Mechanism) -> Tip:
-        """Tool of a `mechanism`, a point of one of its links."""
+        """Tool as a point of a link."""
         return Tip(mechanism, self.arm.link, np.array(self.arm.tip))
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
@@ -168,7 +168,7 @@ class TaskSpaceTracking(FromRanges):
         ]
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Iterator over what the report says was chosen: gains, the path, and the tool in its link's frame."""
+        """Chosen settings: gains, path, tool."""
         yield from chosen_gains(self.gains(mechanism))
         law = "x(t) = centre + fade(t) · amplitude · sin(2π · frequency · t + phase)"
         yield Setting("path", law, "of the tool, in the world frame")
@@ -178,7 +178,7 @@ class TaskSpaceTracking(FromRanges):
         yield Setting("tool", " ".join(f"{x:g}" for x in self.arm.tip), f"m, in the frame of {self.arm.link}")
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
-        """Findings, an answer and figures on the `outcome`: how far the tool was off its path, first and last."""
+        """First and last errors of the tool."""
         from adaptctl.recording.drawing import Drawing
 
         tip = self.tip(outcome.mechanism)

@@ -1,4 +1,4 @@
-"""Learning on two arms that hold one rod: several robots as one mechanism with a loop."""
+"""Two arms that hold one rod."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ BASE_DISTANCE = 1.1
 """m from base to base, face to face"""
 LEFT = (-2.25, -2.36, -0.33, 0.375, 1.436, -0.08)
 RIGHT = (2.455, -2.233, -0.116, 1.624, -1.103, -2.392)
-"""rad: where two PUMA 560 hold the rod, far from their singularities. The right arm's joints need only be near."""
+"""rad: two PUMA 560 holding the rod, far from singularities; the right arm's are approximate"""
 
 
 @dataclass(frozen=True)
 class TwoArms(Puma560Adaptive):
-    """Experiment of learning to track with two arms welded to one rod."""
+    """Experiment of learning to track with two arms."""
 
     name: ClassVar[str] = "two-arms"
     title: ClassVar[str] = "Two arms and a rod: adaptive tracking of one mechanism"
@@ -56,18 +56,18 @@ class TwoArms(Puma560Adaptive):
     initial_error: float = setting(0.05, "initial error of every joint, rad or m", low=-1.0, high=1.0)
 
     def mechanism(self) -> Mechanism:
-        """The `Mechanism` that the experiment drives: two arms that hold one rod, each arm as `robot` describes it."""
+        """Two arms that hold one rod."""
         return two_arms(self.robot)
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
-        """Torque limits (6,) in N m equivalent to those of both arms' motors."""
+        """Torque limits (6,), N m, equivalent to those of both arms."""
         limits = np.array([link.joint.limits.effort for link in mechanism.links])
         if not np.isfinite(limits).all():
             raise InputError(f"robot: {self.robot} has joints without a torque limit: give each joint an effort")
         return np.abs(_slopes(mechanism)) @ limits
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
-        """Iterator over what the report says was chosen, the rod and the motors' torque limits too."""
+        """Chosen settings, with rod and torque limits."""
         yield from super().chosen(mechanism, env)
         yield Setting(
             "rod",
@@ -78,7 +78,7 @@ class TwoArms(Puma560Adaptive):
 
 
 def two_arms(robot: str) -> Mechanism:
-    """Mechanism of two equal arms face to face with a rod welded to both hands."""
+    """Mechanism of two arms with a rod welded to both hands."""
     arm = load(robot).description
     if len(arm.links) != len(LEFT) or arm.loops is not None:
         raise InputError(
@@ -98,7 +98,7 @@ def two_arms(robot: str) -> Mechanism:
 
 
 def _slopes(mechanism: Mechanism) -> Array:
-    """dU/dp at the reference (r, n), transposed: how every joint of the tree follows each primary one."""
+    """dU/dp at the reference (r, n), transposed."""
     home = Column(np.asarray(mechanism.configuration(LEFT)).tolist())
     units = np.eye(mechanism.dof).tolist()
     return np.array([list(mechanism.equations.rates(home, Column(unit))) for unit in units], dtype=np.float64)

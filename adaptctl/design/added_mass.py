@@ -28,15 +28,14 @@ class AddedMass:
     """
     Effect of a body added to a link on a mechanism's energy, torques and parameters.
 
-    `added_mass` makes it. Nothing is checked at construction; an unknown link raises `InputError` where it is first
-    used.
+    Made by `added_mass`.
 
     Parameters
     ----------
     task : DesignTask
         Mechanism and states; costs are root mean squares over the states.
     link : str
-        Name of the link.
+        Name of the link, checked on first use (`InputError`).
     body : Payload
         Body fixed to it, placed in the link's frame.
     percent : float
@@ -44,8 +43,7 @@ class AddedMass:
 
     Notes
     -----
-    Properties that count parameters raise `RankError` where the mechanism's rank cannot be certified. Those that
-    compute a cost raise `NonFiniteError` where it overflows.
+    Properties raise `RankError` where a rank cannot be certified, `NonFiniteError` where a cost overflows.
 
     Examples
     --------
@@ -75,7 +73,7 @@ class AddedMass:
 
     @cached_property
     def essential(self) -> Array:
-        """Part (P,) of `change` that changes energies and torques, its projection on the essential space."""
+        """Projection (P,) of `change` on the essential space."""
         return frozen(self.task.space.project(self.change))
 
     @property
@@ -85,33 +83,33 @@ class AddedMass:
 
     @property
     def energy_change(self) -> float:
-        """Relative change of the energy (0.1 for 10 % more), negative where the body balances the mechanism."""
+        """Relative change of the energy, negative where the body balances."""
         return self._change("energy")
 
     @property
     def torque_change(self) -> float:
-        """Relative change of the joint torques as fractions of their limits, without friction."""
+        """Relative change of the torques over their limits, without friction."""
         return self._change("torque")
 
     @property
     def torques(self) -> Array:
-        """Root mean square torques (r,) with the body, in N m (N for a prismatic joint), without friction."""
+        """Root mean square torques (r,) with the body, in N m (N), without friction."""
         return self.task.torques(self.parameters)
 
     @property
     def components(self) -> int:
-        """Least number of essential components that keep the energy to an error of `percent`."""
+        """Least number of components within the error `percent`."""
         return self.task.components(self.percent, self.parameters)
 
     @cached_property
     def newly_identifiable(self) -> tuple[str, ...]:
-        """Names of the fundamental parameters that contribute more than 1e-6 of the energy only with the body."""
+        """Fundamental parameters above 1e-6 of the energy only with the body."""
         before = set(self.task.nonzero_parameters())
         return tuple(name for name in self.task.nonzero_parameters(self.parameters) if name not in before)
 
     @cached_property
     def changed(self) -> tuple[tuple[str, float], ...]:
-        """Pairs (name, change in SI units) of the fundamental parameters that the body changes."""
+        """Pairs of a fundamental parameter and its change in SI units."""
         basis = self.task.basis
         changes = basis.regrouping @ self.change
         size = 1e-9 * float(np.abs(self.change).max(initial=0.0))
@@ -175,7 +173,7 @@ def added_mass(
 
 
 def change_of(task: DesignTask, link: str, body: Payload) -> Array:
-    """Change (P,) of the inertial parameters in SI units by a body on a link."""
+    """Change (P,) of the inertial parameters in SI units."""
     change, place = np.zeros(len(task.parameters)), 10 * task.link(link)
     change[place : place + 10] = from_center_of_mass(body.mass, body.center, body.inertia)
     if not np.isfinite(change).all():
@@ -185,7 +183,7 @@ def change_of(task: DesignTask, link: str, body: Payload) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class LinkCost:
-    """Least and greatest relative change of a cost by a point mass on a link, and their positions (3,) in m."""
+    """Least and greatest relative change, and their positions (3,) in m."""
 
     link: str
     least: float

@@ -260,19 +260,19 @@ ISOTROPIC_TENSOR = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
 
 def ball_moment(mass: float, density: float) -> float:
-    """Moment of inertia of a solid ball about its center in kg m^2."""
+    """Moment of inertia of a ball about its center in kg m^2."""
     return float(0.4 * mass * (3.0 * mass / (4.0 * np.pi * density)) ** (2.0 / 3.0))
 
 
 def ball_tens(masses: ArrayLike, places: ArrayLike, density: float = np.inf) -> Array:
-    """Ten inertial parameters (..., 10) in SI units of solid balls."""
+    """Ten inertial parameters (..., 10) of balls."""
     m, x = np.asarray(masses, dtype=np.float64), np.asarray(places, dtype=np.float64)
     own = 0.4 * m * (3.0 * m / (4.0 * np.pi * density)) ** (2.0 / 3.0)
     return np.asarray(m[..., None] * _per_mass(x) + own[..., None] * ISOTROPIC_TENSOR)
 
 
 def ball_tens_slopes(masses: Array, places: Array, density: float) -> Array:
-    """Derivatives (..., 10, 4) of balls' ten inertial parameters by mass and three coordinates."""
+    """Their derivatives (..., 10, 4) by mass and position."""
     own = (2.0 / 3.0) * (3.0 * masses / (4.0 * np.pi * density)) ** (2.0 / 3.0)
     with_mass = _per_mass(places) + own[..., None] * ISOTROPIC_TENSOR
     slopes = [with_mass]

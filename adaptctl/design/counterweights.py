@@ -1,4 +1,4 @@
-"""Counterweights: balls of steel on links that make an arm's motion cheaper, found within bounds."""
+"""Optimal counterweights."""
 
 from __future__ import annotations
 
@@ -72,10 +72,10 @@ class Counterweight:
 @dataclass(frozen=True, eq=False)
 class Counterweights:
     """
-    Counterweights that make a cost of the motion least, and this cost with and without them.
+    Counterweights that minimise a cost of the motion, and this cost with and without them.
 
-    `optimal_counterweights` makes it. Nothing is checked at construction; properties raise `InputError` for unknown
-    links and objectives, `RankError` where "components" needs a rank that cannot be certified.
+    Made by `optimal_counterweights`. Properties raise `InputError` for unknown links and objectives, `RankError` where
+    "components" needs a rank that cannot be certified.
 
     Parameters
     ----------
@@ -122,12 +122,12 @@ class Counterweights:
 
     @cached_property
     def balanced_task(self) -> DesignTask:
-        """Task with the same states, of the mechanism with the counterweights."""
+        """Task of the mechanism with the counterweights."""
         return self.task.with_parameters(self.parameters)
 
     @property
     def cost_before(self) -> float:
-        """Cost without counterweights: J for "energy", kg m^2 for "coupling", a number without unit otherwise."""
+        """Cost without counterweights: J for "energy", kg m^2 for "coupling", else no unit."""
         return _cost(self.task, self.objective, self.percent)
 
     @property
@@ -137,12 +137,12 @@ class Counterweights:
 
     @property
     def relative_reduction(self) -> float:
-        """Fraction by which the counterweights reduce the cost."""
+        """Relative reduction of the cost."""
         return 1.0 - self.cost_after / self.cost_before if self.cost_before > 0.0 else 0.0
 
     @property
     def inconsistent(self) -> tuple[str, ...]:
-        """Names of the links that with counterweights are no rigid bodies (and were none without)."""
+        """Links that are physically inconsistent with counterweights, as without."""
         names, tens = self.task.mechanism.description.body_names, self.parameters
         pairs = ((name, tens[10 * i : 10 * i + 10]) for i, name in enumerate(names))
         return tuple(name for name, ten in pairs if not is_physically_consistent(ten))
@@ -190,8 +190,8 @@ def optimal_counterweights(
 
     Notes
     -----
-    A trust-region search within bounds starts from the ten best of 4096 sampled designs (a Sobol sequence) and from the
-    design without counterweights: an optimum between the samples can be missed. Consistent links stay consistent.
+    A trust-region search starts from the ten best of 4096 sampled designs (a Sobol sequence) and from no
+    counterweights; it may miss an optimum between samples. Consistent links stay consistent.
 
     Examples
     --------
@@ -221,7 +221,7 @@ def optimal_counterweights(
 
 
 class _Search:
-    """Residuals M (D + change) over designs z (4 L,) in the unit cube: a link's mass, then its position."""
+    """Residuals M (D + change) over designs z (4 L,) in the unit cube."""
 
     def __init__(self, task: DesignTask, within: tuple[MountingBounds, ...], objective: str, density: float) -> None:
         M = task.matrix(objective)
@@ -239,20 +239,20 @@ class _Search:
         return each[..., 0] * self.masses, self.lower + each[..., 1:] * self.width
 
     def residuals(self, z: Array) -> Array:
-        """M (D + change) (..., n) of designs (..., 4 L)."""
+        """Residuals (..., n) of designs (..., 4 L)."""
         self.evaluations += int(np.prod(z.shape[:-1]))
         tens = ball_tens(*self.physical(z), self.density)
         return self.fixed + np.einsum("...li,lni->...n", tens, self.shares)
 
     def slopes(self, z: Array) -> Array:
-        """Slopes (n, 4 L) of the residuals of one design (4 L,)."""
+        """Derivatives (n, 4 L) of the residuals of one design."""
         each = ball_tens_slopes(*self.physical(z), self.density)
         each[..., 0] *= self.masses[:, None]
         each[..., 1:] *= self.width[:, None, :]
         return np.concatenate(list(self.shares @ each), axis=-1)
 
     def least(self, kept: int | None, seed: int, designs: Array | None = None) -> Array:
-        """The design of least residuals."""
+        """Design of least residuals."""
         from scipy.optimize import least_squares
 
         def share(z: Array) -> Array:
@@ -268,7 +268,7 @@ class _Search:
         return np.asarray(min(found, key=lambda result: result.cost).x, dtype=np.float64)
 
     def fewest(self, percent: float, seed: int) -> Array:
-        """The design with the fewest components: one less at a time, for as long as the error allows."""
+        """Design with the fewest components within an error."""
         drawn = self.drawn(seed)
         counts = component_counts(self.residuals(drawn), percent)
         best = drawn[int(np.argmin(counts))]
@@ -282,7 +282,7 @@ class _Search:
         return self.least(count, seed, np.vstack([best, drawn]))
 
     def drawn(self, seed: int) -> Array:
-        """Designs (DRAWN + 1, 4 L) spread evenly over the cube, and the one without counterweights first."""
+        """Sampled designs (DRAWN + 1, 4 L), without counterweights first."""
         from scipy.stats import qmc
 
         size = 4 * len(self.masses)
@@ -291,7 +291,6 @@ class _Search:
 
 
 def _beyond(residuals: Array, kept: int | None) -> Array:
-    """The residuals themselves, or as shares of all of them those beyond the `kept` largest."""
     if kept is None:
         return residuals
     smallest = np.sort(np.abs(residuals), axis=-1)[..., : residuals.shape[-1] - kept]

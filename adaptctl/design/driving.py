@@ -1,4 +1,4 @@
-"""Closed-loop runs of an arm as described and with its counterweights."""
+"""Closed-loop runs with and without counterweights."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MAX_POSITION_ERROR = 1.0
 
 
 class Demand(NamedTuple):
-    """Tracking errors, torque, work and duration of a closed-loop run; `stopped` where an error passed 1 rad (m)."""
+    """Errors, torque, work and duration of a run; `stopped` at an error of 1 rad (m)."""
 
     rms_error: float
     final_rms_error: float | None
@@ -36,7 +36,7 @@ class Demand(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DrivenArm:
-    """Closed-loop run of an arm, as described or with counterweights: its demand, and every sample of it."""
+    """Closed-loop run with its demand and samples."""
 
     name: str
     label: str
@@ -56,7 +56,7 @@ def driven(
     seed: int = 0,
     progress: Callable[[float], object] = lambda share: None,
 ) -> tuple[DrivenArm, ...]:
-    """Run an arm with and without counterweights, adapting all parameters, few components, and none."""
+    """Runs with and without counterweights that adapt all parameters, few components, and none."""
     mechanism, whole = study.task.mechanism, study.task.space.rank
     if len(mechanism.parameter_names) != mechanism.num_energy_parameters:
         raise InputError(f"{mechanism.name} has friction, which has no energy components: use an arm without friction")
@@ -77,7 +77,6 @@ def driven(
 
 
 def _laws(task: DesignTask, tuning: Tuning, count: int) -> Iterator[tuple[str, str, SlotineLi]]:
-    """Controllers with the same gains: adapting all, adapting few components, holding the true few."""
     model, reduction = ReducedModel(task.mechanism, task.basis), reduce(task.space, task.parameters, components=count)
     directions = task.space.basis[:, list(reduction.order)[:count]]
     gains, given = tuning.gains, (tuning.control_period, tuning.workspace, tuning.torque_limits)

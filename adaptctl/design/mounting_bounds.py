@@ -1,4 +1,4 @@
-"""Bounds on links where mass may be."""
+"""Bounds of mass on links."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Arm colored by the cost of a mass, in a rerun recording and as a figure."""
+"""Pictures of an arm colored by cost."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ AVERAGING_TIME = 0.25
 
 
 def scale_of_costs() -> Colormap:
-    """Color map of relative changes of cost: blue, light grey in its middle, orange to red."""
+    """Color map of relative changes of cost."""
     from matplotlib.colors import LinearSegmentedColormap
 
     steps = [(0.0, run_color(0)), (0.5, BODY), (0.75, run_color(1)), (1.0, Color(160, 24, 24))]
@@ -48,7 +48,7 @@ def scale_of_costs() -> Colormap:
 
 
 class Spots(NamedTuple):
-    """Positions on an arm, radii of the balls drawn there, and relative changes of cost by a point mass."""
+    """Positions, ball radii, and relative changes of cost."""
 
     link: Array
     place: Array
@@ -57,7 +57,7 @@ class Spots(NamedTuple):
 
 
 def spots(costs: CostMap, parts: Skeleton) -> Spots:
-    """Positions along all shapes of an arm with the relative changes of cost by the mass of `costs`."""
+    """Positions along an arm with their changes of cost."""
     rows = []
     names = costs.task.mechanism.description.body_names
     for shape in parts.shapes:
@@ -72,7 +72,7 @@ def spots(costs: CostMap, parts: Skeleton) -> Spots:
 
 
 def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
-    """Color scale for relative changes of cost, with 0 in its middle."""
+    """Color scale with 0 in its middle."""
     from matplotlib.colors import TwoSlopeNorm
 
     low = min(*(cost.least for cost in study.links), float(change.min()), 0.0)
@@ -82,14 +82,14 @@ def norm(study: DesignStudy, change: Array) -> TwoSlopeNorm:
 
 
 def colors(change: Array, scale: TwoSlopeNorm) -> NDArray[np.uint8]:
-    """Colors (n, 4), red, green, blue and opacity, of n relative changes of cost."""
+    """Colors (n, 4) of relative changes."""
     return np.asarray(scale_of_costs()(scale(change), bytes=True), dtype=np.uint8)
 
 
 def record(
     study: DesignStudy, runs: Sequence[DrivenArm], shown: Report, path: Path, figures: Mapping[str, Path]
 ) -> None:
-    """Write the recording of a design study for the rerun viewer, whole or not at all."""
+    """Write the rerun recording of a design study, whole or not at all."""
     import rerun.blueprint as rrb
 
     from adaptctl.recording import views
@@ -139,7 +139,7 @@ def _curves(runs: Sequence[DrivenArm]) -> Iterator[Curves]:
 
 
 def _moved(study: DesignStudy, runs: Sequence[DrivenArm]) -> tuple[Array, Array]:
-    """Times (T,) and positions (T, r) of the last run, or of joints swinging about home where none was run."""
+    """Times (T,) and positions (T, r) of the last run, or of swinging joints."""
     if runs:
         every = thinned(len(runs[-1].time), MAX_FRAMES)
         return runs[-1].time[every], runs[-1].p[every]
@@ -177,7 +177,7 @@ def _log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleto
 
 
 def arm_figure(study: DesignStudy, parts: Skeleton, p: Array) -> Figure:
-    """Figure of an arm from the side and from above, colored by the change of energy by a mass."""
+    """Figure of an arm from the side and from above."""
     found = spots(study.map, parts)
     world, scale = _in_world(study.task.mechanism, p, found.link, found.place), norm(study, found.change)
     figure = sheet(4.4)

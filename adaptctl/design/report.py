@@ -51,12 +51,12 @@ def write_study(
     runs: Sequence[DrivenArm] = (),
     progress: Progress = silent,
 ) -> None:
-    """Write the files of a design study into a folder, all or none."""
+    """Write the files of a design study, all or none."""
     shown.write(folder, content, name="design.json", record=partial(record, study, runs, shown), progress=progress)
 
 
 def report(study: DesignStudy, detail: AddedMass | None = None, runs: Sequence[DrivenArm] = ()) -> Report:
-    """Report of a design study, with a body at one position and closed-loop runs where given."""
+    """Report of a design study."""
     return Report(
         experiment="design",
         title=f"{study.task.mechanism.name}: effect of added masses",
@@ -103,7 +103,7 @@ def _facts(study: DesignStudy) -> Iterator[Fact]:
 
 
 def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
-    """Costs of a mechanism's motion as pairs of a label and a number with its unit."""
+    """Pairs of a cost's label and its text."""
     of = costs(task, percent)
     yield "base parameters", f"{of['rank']}"
     yield "nonzero base parameters", f"{of['nonzero_parameters']}"
@@ -116,7 +116,7 @@ def quantities(task: DesignTask, percent: float) -> Iterator[tuple[str, str]]:
 
 
 def change(share: float) -> str:
-    """Relative change as a percentage with its sign: 0.125 is "+12.5 %"."""
+    """Percentage with a sign: 0.125 is "+12.5 %"."""
     return f"{100.0 * share:+.3g} %".replace("-", "−")
 
 
@@ -210,7 +210,6 @@ def _runs(runs: Sequence[DrivenArm]) -> Table:
 
 
 def _late(found: Demand, scale: float = 1.0, unit: str = "") -> str:
-    """The error of the last two seconds."""
     if found.stopped:
         return f"stopped at {found.duration:.3g} s"
     return "–" if found.final_rms_error is None else f"{scale * found.final_rms_error:.3g}{unit}"
@@ -255,7 +254,7 @@ def _components_figure(study: DesignStudy) -> Figure:
 
 
 def as_builtins(study: DesignStudy, detail: AddedMass | None = None, runs: Sequence[DrivenArm] = ()) -> dict[str, Any]:
-    """Results of a design study in JSON's types and SI units."""
+    """Design study in JSON's types and SI units."""
     task, mechanism = study.task, study.task.mechanism
     content: dict[str, Any] = {
         "schema": SCHEMA,
@@ -282,7 +281,7 @@ def as_builtins(study: DesignStudy, detail: AddedMass | None = None, runs: Seque
 
 
 def costs(task: DesignTask, percent: float) -> dict[str, Any]:
-    """Costs of a mechanism's motion in JSON's types and SI units, torques without friction."""
+    """Costs in JSON's types and SI units, without friction."""
     return {
         "rank": task.basis.rank,
         "nonzero_parameters": len(task.nonzero_parameters()),

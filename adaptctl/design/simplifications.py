@@ -1,4 +1,4 @@
-"""Parameters that a design can do without."""
+"""Design changes that remove parameters."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Simplification:
     """
     Change of a design after which fewer inertial parameters are enough for the torques.
 
-    `simplifications` makes it. Nothing is checked at construction.
+    Made by `simplifications`.
 
     Parameters
     ----------
@@ -85,12 +85,12 @@ class Simplification:
 
     @property
     def rank(self) -> int:
-        """Number of inertial parameters that are enough after the change."""
+        """Number of parameters after the change."""
         return len(self.columns)
 
     @property
     def eliminated(self) -> tuple[str, ...]:
-        """Names of the fundamental parameters that are not needed after the change."""
+        """Fundamental parameters that the change removes."""
         left = {self.basis.parameter_names[j] for j in self.columns}
         return tuple(name for name in self.basis.names if name not in left)
 
@@ -110,12 +110,12 @@ class Simplification:
 
     @cached_property
     def before(self) -> tuple[str, ...]:
-        """Regrouping equations that the change alters, before it, coefficients in SI units."""
+        """Regrouping equations before the change, in SI units."""
         return tuple(equation for equation in self.basis.equations() if equation not in self._left)
 
     @cached_property
     def after(self) -> tuple[str, ...]:
-        """Regrouping equations that the change alters, after it: first those that become zero."""
+        """Regrouping equations after the change, in SI units."""
         own = set(self.basis.equations())
         return (*(f"{name}* = 0" for name in self.zero), *(equation for equation in self._left if equation not in own))
 
@@ -125,7 +125,7 @@ class Simplification:
 
 
 def operations_saved(task: DesignTask, removal: Simplification) -> int:
-    """Floating-point operations that an adaptive controller saves in each control period after a change."""
+    """Floating-point operations that a controller saves in each control period."""
     mechanism = task.mechanism
     friction = range(mechanism.num_energy_parameters, len(mechanism.parameter_names))
     before, after = (equation_costs(mechanism, (*c, *friction)).tick for c in (task.basis.columns, removal.columns))
@@ -161,8 +161,8 @@ def simplifications(
 
     Notes
     -----
-    Balls are tried on a grid of 13 positions along each edge, for parameters that contribute more than 1e-6 of the
-    energy. Where links have symmetries already, one change more takes all of these at once.
+    Balls are tried on a grid of 13 positions along each edge, for parameters above 1e-6 of the energy. One more change
+    uses all existing symmetries at once.
 
     Examples
     --------
@@ -185,7 +185,7 @@ def simplifications(
 
 
 def by_symmetry(task: DesignTask, known: Sequence[str], link: str = "") -> Simplification | None:
-    """Simplification by which `known` parameters are zero."""
+    """Simplification with `known` parameters zero."""
     basis = task.basis
     wrong = [name for name in known if name not in basis.parameter_names]
     if wrong:
@@ -216,7 +216,7 @@ def _of_link(task: DesignTask, places: MountingBounds, density: float) -> Iterat
 
 
 def _by_mass(task: DesignTask, places: MountingBounds, density: float, row: int) -> Iterator[Simplification]:
-    """Balance and relocation that make the row's fundamental parameter zero, where the bounds allow it."""
+    """Balance and relocation that make a parameter zero."""
     first = 10 * task.link(places.link)
     share = task.basis.regrouping[row, first : first + 10]
     if not np.any(share):
@@ -233,7 +233,7 @@ def _by_mass(task: DesignTask, places: MountingBounds, density: float, row: int)
 def _least_mass(
     share: Array, wanted: float, taken: float, places: MountingBounds, density: float
 ) -> tuple[float, Array] | None:
-    """Least mass, at the best position of a grid, whose ball changes the row's parameter as wanted."""
+    """Least mass that changes a parameter as wanted."""
     from scipy.optimize import brentq
 
     grid = places.grid(GRID_POINTS)
@@ -258,7 +258,7 @@ def _without(basis: FundamentalBasis, way: Way, link: str, row: int, mass: float
 
 
 def _independent_columns(K: Array, basis: FundamentalBasis) -> tuple[int, ...]:
-    """Columns of K (k, P) that span all of them, ascending: those of the basis first."""
+    """Independent columns of K (k, P), those of the basis first."""
     scaled = K * basis.scales / basis.scales[list(basis.columns), None]
     own = set(basis.columns)
     others = [j for j in range(K.shape[1]) if j not in own]

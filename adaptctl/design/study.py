@@ -33,8 +33,8 @@ class DesignStudy:
     """
     Results of a design study: added masses, counterweights and removable parameters.
 
-    `design_study` makes it. Nothing is checked at construction. Properties raise `InputError` for a task with constant
-    energy, `RankError` where the rank cannot be certified.
+    Made by `design_study`. Properties raise `InputError` for a task with constant energy, `RankError` where the rank
+    cannot be certified.
 
     Parameters
     ----------
@@ -72,24 +72,24 @@ class DesignStudy:
 
     @cached_property
     def map(self) -> CostMap:
-        """Relative changes of the energy by a point with the body's mass at any position."""
+        """Map of the energy for a point with the body's mass."""
         return cost_map(self.task, self.body.mass)
 
     @cached_property
     def links(self) -> tuple[LinkCost, ...]:
-        """Cheapest and dearest position on every link for a point with the body's mass."""
+        """Cheapest and dearest position on every link."""
         return tuple(self.map.over(places) for places in self.within)
 
     @cached_property
     def added(self) -> tuple[AddedMass, ...]:
-        """Effects of the body on each link of `within` alone, its center of mass at the link's."""
+        """Effects of the body at each link's center of mass."""
         centers = (self.task.center_of_mass(places.link) for places in self.within)
         pairs = zip(self.within, centers, strict=True)
         return tuple(added_mass(self.task, p.link, self.body, x, percent=self.percent) for p, x in pairs)
 
     @cached_property
     def bodies(self) -> dict[str, dict[str, float]]:
-        """Relative changes of the energy by gripper, camera and motor, by body and link."""
+        """Relative changes of the energy by gripper, camera and motor."""
         task, links = self.task, [places.link for places in self.within]
         return {
             name: {link: added_mass(task, link, body(), task.center_of_mass(link)).energy_change for link in links}
@@ -98,7 +98,7 @@ class DesignStudy:
 
     @cached_property
     def recommended(self) -> tuple[tuple[Simplification, int], ...]:
-        """Pairs of a design change and the floating-point operations that it saves, the best ones."""
+        """Pairs of a design change and the floating-point operations it saves."""
         lightest: dict[tuple[tuple[str, ...], bool], Simplification] = {}
         for removal in self.simplifications:
             lightest.setdefault((removal.eliminated, removal.kind == "symmetry"), removal)
@@ -174,7 +174,7 @@ def design_study(
 
 
 def named_body(body: Payload | str | float) -> Payload:
-    """Body by its name or mass, or the given payload itself."""
+    """Body from its name or mass."""
     if isinstance(body, str):
         if body not in CATALOGUE:
             raise NotFoundError(f"unknown body {body!r}; bodies: {', '.join(CATALOGUE)}, or a mass in kg")

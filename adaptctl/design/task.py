@@ -1,4 +1,4 @@
-"""Motion that a design is judged by."""
+"""States for design studies."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ MIN_ENERGY_SHARE = 1e-6
 @dataclass(frozen=True, eq=False)
 class DesignTask:
     """
-    States in motion that a mechanism's design is judged by.
+    States for which a mechanism's design is evaluated.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ class DesignTask:
 
     @cached_property
     def space(self) -> EssentialSpace:
-        """Essential space, with singular values of the task's energies about their mean."""
+        """Essential space of the task's energies."""
         return replace(essential_space(self.mechanism), states=self.origin, energies=partial(np.asarray, self._energy))
 
     @cached_property
@@ -197,13 +197,13 @@ class DesignTask:
 
     @cached_property
     def parameters(self) -> Array:
-        """The mechanism's own inertial parameters (P,) in SI units: ten for each link, then rotor inertias."""
+        """Inertial parameters (P,) in SI units, rotor inertias last."""
         own = self.mechanism.inertial_parameters[: self.mechanism.num_energy_parameters]
         return frozen_array(own, own.shape, "parameters")
 
     @cached_property
     def torque_limits(self) -> Array:
-        """Torque limits (r,) in N m (N): the joints' own, or four times the largest torque of random states."""
+        """Torque limits (r,) in N m (N), or four times the largest torque of random states."""
         return frozen(finite_torque_limits(self.mechanism))
 
     def validate_energy(self, parameters: ArrayLike | None = None) -> None:
@@ -475,7 +475,7 @@ class DesignTask:
         return D
 
     def _applied(self, matrix: Array, parameters: ArrayLike | None) -> Array:
-        """M D (..., n). Raises `NonFiniteError` where its square is too large for numbers."""
+        """M D (..., n). Raises `NonFiniteError` for overflow."""
         with np.errstate(over="ignore", invalid="ignore"):
             values = np.asarray(matrix @ self._given(parameters))
             if not np.isfinite(np.sum(np.square(values))):
@@ -515,7 +515,7 @@ class DesignTask:
 
 
 def component_counts(weights: Array, percent: float) -> Array:
-    """Least numbers (...) of essential components with `weights` (..., k) in J within an energy error."""
+    """Least numbers (...) of components within an energy error."""
     percent = real_number(percent, "percent")
     if not 0.0 <= percent < np.inf:
         raise InputError(f"percent: expected a percentage of at least 0, got {percent}")

@@ -1,4 +1,4 @@
-"""The paper's arms and what its tables ask of each: random draws, torques along a sinusoid, orders, bases."""
+"""The paper's arms and what its tables need of each."""
 
 from __future__ import annotations
 
@@ -28,29 +28,29 @@ from adaptctl.identifiability import (
 FROM, TO, FASTEST = "position from [rad]", "position to [rad]", "velocity to [rad/s]"
 ENERGY = "energy error [%]"
 NAMES = {"I_x": "I_xx", "I_y": "I_yy", "I_z": "I_zz"}
-"""The paper's moments of inertia; its other names are ours."""
+"""The paper's names of moments of inertia."""
 PRODUCTS = ("I_xy", "I_xz", "I_yz")
-"""In the paper +integral xy dm, here the tensor's own entries."""
+"""In the paper +integral xy dm, here the tensor's entries."""
 THRESHOLD = float(np.sqrt(np.finfo(np.float64).eps))
-"""The paper's, of singular values as a share of the largest: the square root of the machine precision."""
+"""The paper's bound of singular values over the largest."""
 ROUND_OFF = 1e-15
-"""(N m)^2 or percent: what is left when every component is kept stays below"""
+"""(N m)^2 or percent, with every component"""
 CLOSE_TORQUE_ERRORS = (0.05, 0.01, 0.001)
-"""Root mean square torque errors, over the torque's own, that may be called very close; the first one judges."""
+"""RMS torque errors, relative, that may be called very close; the first one judges."""
 
 
 def index(row: str, link: str) -> int:
-    """Index among a mechanism's parameters of an entry of the paper's tables."""
+    """Index of an entry of the tables among a mechanism's parameters."""
     return 10 * (whole_count(int(link), "link", 1) - 1) + PARAMETERS.index(NAMES.get(row, row))
 
 
 def sign(row: str) -> float:
-    """Sign from the paper's convention to this package's: -1 for products of inertia."""
+    """Sign from the paper's convention: -1 for products of inertia."""
     return -1.0 if row in PRODUCTS else 1.0
 
 
 def parameters(table: Printed, half_units: bool = False) -> Array:
-    """Parameters (10 N,) of a printed table in this package's order and signs."""
+    """Parameters (10 N,) of a table, in this package's order and signs."""
     out = np.zeros(10 * len(table.columns))
     for row, link, text in table.entries():
         if text != BLANK:
@@ -60,12 +60,12 @@ def parameters(table: Printed, half_units: bool = False) -> Array:
 
 
 def paper_rank(singular_values: Array) -> Array:
-    """Rank of matrices by the paper's rule (section 3.1)."""
+    """Rank by the paper's rule (section 3.1)."""
     return np.count_nonzero(singular_values > THRESHOLD * singular_values[..., :1], axis=-1)
 
 
 class StatedMotion(NamedTuple):
-    """Motion of an arm along a sinusoid with its torque regressors."""
+    """Sinusoidal motion with its torque regressors."""
 
     time: Array
     p: Array
@@ -74,7 +74,7 @@ class StatedMotion(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """Arm of a study, a `mechanism`, with what follows from it, computed when first asked for."""
+    """Arm of a study, computed on first use."""
 
     study: Study
     mechanism: Mechanism
@@ -83,17 +83,17 @@ class Arm:
 
     @cached_property
     def space(self) -> EssentialSpace:
-        """Essential space of the arm. Raises `RankError` where its rank cannot be certified."""
+        """Essential space. Raises `RankError` where its rank cannot be certified."""
         return essential_space(self.mechanism)
 
     @property
     def parameters(self) -> Array:
-        """Inertial parameters D (P,) of the arm, SI units."""
+        """Inertial parameters D (P,), SI units."""
         return self.mechanism.inertial_parameters
 
     @cached_property
     def box(self) -> Array:
-        """Least and greatest u (rad) and fastest velocities (rad/s) from the printed table, (3, r)."""
+        """Least and greatest u (rad), and fastest velocities (rad/s), from the table, (3, r)."""
         rows = self.study.paper.items[self.bounds].rows
         return np.array([[float(x) for x in rows[label].split() if x != BLANK] for label in (FROM, TO, FASTEST)])
 
@@ -113,7 +113,7 @@ class Arm:
 
     @cached_property
     def motion(self) -> StatedMotion:
-        """Motion over one period of the study's sinusoid, all coordinates in phase."""
+        """One period of the study's sinusoid, all coordinates in phase."""
         rate, (lower, upper, _) = 2.0 * np.pi * self.study.frequency, self.box
         time = np.linspace(0.0, 1.0 / self.study.frequency, self.study.motion_samples)
         sine, cosine = np.sin(rate * time)[:, None], np.cos(rate * time)[:, None]
@@ -124,7 +124,7 @@ class Arm:
 
     @cached_property
     def differences(self) -> Array:
-        """Energy differences H (seeds, samples - 1, P), J per SI unit, of a draw a seed."""
+        """Energy differences H (seeds, samples - 1, P), J per SI unit."""
         s = self.study
         generators = map(np.random.default_rng, range(s.seed, s.seed + s.seeds))
         p, v = map(np.stack, zip(*(self.states(one, s.samples, s.velocity_scale) for one in generators), strict=True))
@@ -132,12 +132,12 @@ class Arm:
 
     @cached_property
     def singular_values(self) -> Array:
-        """Singular values (seeds, P) of the draws' energy differences, J per SI unit."""
+        """Singular values (seeds, P) of the energy differences."""
         return np.asarray(np.linalg.svd(self.differences, compute_uv=False))
 
     @cached_property
     def reductions(self) -> tuple[Reduction, ...]:
-        """Reductions to essential components in descending order of energy, one for each seed."""
+        """Reductions to essential components by energy, one per seed."""
         _, values, right = np.linalg.svd(self.differences @ self.space.basis, full_matrices=False)
         energies = values[..., None] * (right @ self.space.basis.T)
         drawn = (replace(self.space, energies=partial(np.asarray, own), states="a draw") for own in energies)
@@ -145,17 +145,17 @@ class Arm:
 
     @cached_property
     def percent_errors(self) -> Array:
-        """Energy errors (seeds, k + 1) in % with the first 0 to k components (equation 23 of the paper)."""
+        """Energy errors (seeds, k + 1) in % with the first 0 to k components (equation 23)."""
         return np.stack([reduction.percent_errors for reduction in self.reductions])
 
     @cached_property
     def weights(self) -> Array:
-        """Sizes |beta_j| (seeds, k) of the components, J, in descending order (equation 19 of the paper)."""
+        """Sizes |beta_j| (seeds, k) of the components, J, descending (equation 19)."""
         return np.abs(np.stack([reduction.weights for reduction in self.reductions]))
 
     @cached_property
     def torque_errors(self) -> Array:
-        """Mean square torque errors (seeds, k + 1, r), (N m)^2, along the motion with the first 0 to k components."""
+        """Mean square torque errors (seeds, k + 1, r), (N m)^2, with the first 0 to k components."""
         Y = self.motion.Y
         parts = np.stack([reduction.components for reduction in self.reductions])
         missing = np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]
@@ -168,23 +168,23 @@ class Arm:
 
     @cached_property
     def basis(self) -> FundamentalBasis:
-        """Fundamental basis in the printed order of removal, with exact right angles."""
+        """Fundamental basis in the printed order, with exact right angles."""
         return fundamental_basis(self.space, self.order)
 
     @property
     def order(self) -> Priority:
-        """Order in which parameters are removed, from the printed table."""
+        """Order of removal, from the table."""
         entries = sorted(self.study.paper.items[self.priority].entries(), key=lambda entry: int(entry[2]))
         return Priority(tuple(self.mechanism.parameter_names[index(row, link)] for row, link, _ in entries))
 
     @property
     def places(self) -> Entry:
-        """Place, from 1, of each parameter in the default order of removal."""
+        """Place, from 1, in the default order of removal."""
         order = list(Priority.default(self.mechanism).indices(self.mechanism.parameter_names))
         return lambda row, link: float(order.index(index(row, link)) + 1)
 
     def limit(self, row: str, column: str) -> float:
-        """Limit of the built-in arm, rad or rad/s, in a `row` and `column` of Table 1 or 9."""
+        """Limit of the built-in arm, rad or rad/s, in Table 1 or 9."""
         end, loops = "upper" if " to " in row else "lower", self.mechanism.description.loops
         if column == "p2 - p3" and loops:
             return float(getattr(loops.conditions[0], end))
@@ -194,14 +194,14 @@ class Arm:
         return float(getattr(own, end))
 
     def error(self, row: str, column: str) -> Array | RoundOff:
-        """Energy and mean square torque errors of the draws in an entry of Table 3 or 10."""
+        """Errors of the draws in an entry of Table 3 or 10."""
         s = int(column)
         energy, joint = row == ENERGY, 0 if row == ENERGY else int(row.removeprefix("joint")) - 1
         own = self.percent_errors[:, s] if energy else self.torque_errors[:, s, joint]
         return RoundOff(float(np.median(own)), ROUND_OFF) if s == self.space.rank else own
 
     def fewest(self, enough: int) -> tuple[str, float]:
-        """Medians of the fewest components that keep torque errors small, in words."""
+        """Median of the fewest components with small torque errors."""
         squares = np.mean((self.motion.Y @ self.parameters) ** 2, axis=0)
         needed = []
         for share in CLOSE_TORQUE_ERRORS:
@@ -214,13 +214,13 @@ class Arm:
         return ", ".join(said), float(np.mean(needed[0] >= enough))
 
     def rank_share(self, claim: str) -> float:
-        """Share of the draws on which the paper's threshold finds the rank that its `claim` prints."""
+        """Share of the draws with the rank that its `claim` prints."""
         return float(np.mean(paper_rank(self.singular_values) == self.study.said(claim)))
 
 
 @dataclass(frozen=True)
 class Study:
-    """Settings of a replication and the arms that follow from them."""
+    """Settings of a replication, and its arms."""
 
     paper: Paper
     seed: int
@@ -233,7 +233,7 @@ class Study:
 
     @cached_property
     def puma(self) -> Arm:
-        """PUMA 560 of the paper. Gives a `PhysicalConsistencyWarning`, since no rigid bodies have its parameters."""
+        """PUMA 560 of the paper. Gives a `PhysicalConsistencyWarning`."""
         return Arm(self, load("puma560"), "table1", "table4")
 
     @cached_property
@@ -248,7 +248,7 @@ class Study:
 
     @cached_property
     def nearly_parallel(self) -> Arm:
-        """Semi-direct-drive arm whose opposite sides are equal but for `unequal`."""
+        """Semi-direct-drive arm, opposite sides equal but for `unequal`."""
         return Arm(self, near_parallelogram(self.unequal))
 
     @cached_property
@@ -258,18 +258,18 @@ class Study:
 
     @property
     def drawn(self) -> Mapping[str, Arm]:
-        """Arms of which random draws were computed so far, by name."""
+        """Arms whose draws were computed so far."""
         cases = {"puma560": "puma", "semi_direct_drive": "five_bar", "nearly_parallelogram": "nearly_parallel"}
         found = {label: self.__dict__[key] for label, key in cases.items() if key in self.__dict__}
         return {label: arm for label, arm in found.items() if "reductions" in arm.__dict__}
 
     def said(self, claim: str) -> int:
-        """Number in question in a `claim` of the paper."""
+        """Number in a `claim` of the paper."""
         return int(self.paper.claims[claim].numbers)
 
     @property
     def numbers(self) -> dict[str, object]:
-        """Settings by name, for the words that say what was chosen."""
+        """Settings by name."""
         is_rms = abs(self.velocity_scale - 3**0.5) < 1e-3
         return vars(self) | {
             "unequal": percent(self.unequal),
@@ -278,7 +278,7 @@ class Study:
 
 
 def near_parallelogram(share: float) -> Mechanism:
-    """Parallelogram arm whose link 4 is longer than the opposite side, link 2, by the fraction `share`."""
+    """Parallelogram arm with link 4 longer than link 2 by the fraction `share`."""
     description = load("semi_direct_drive_parallelogram").description
     links = list(description.links)
     near = links[4].parent_to_joint

@@ -1,4 +1,4 @@
-"""Section 5.3 of the paper in closed loop: a serial arm against one with a loop, on one path in space."""
+"""Section 5.3: a serial arm and one with a loop on one path."""
 
 from __future__ import annotations
 
@@ -44,18 +44,18 @@ NOTE = (
 
 @dataclass(frozen=True)
 class ArmOnPath(TaskSpaceTracking):
-    """Experiment of one arm of the two on a path."""
+    """Experiment of one arm on a path."""
 
     name: ClassVar[str] = "serial-versus-graph"
     title: ClassVar[str] = "{robot}: tip path in space"
 
     @property
     def purpose(self) -> str:
-        """Paragraph of text for the report that states the question."""
+        """Question of the experiment."""
         return PURPOSE
 
     def environment(self, mechanism: Mechanism) -> Any:
-        """Gymnasium tracking environment of a `mechanism`, whose tip starts off the path."""
+        """Tracking environment, its tip off the path at first."""
         tip, reference = self.tip(mechanism), self.reference(mechanism)
         first = reference(0.0).p
         return self.tracking(mechanism, reference, initial_error=tip.joints(tip.at(first) + START_OFF, first) - first)
@@ -80,7 +80,7 @@ Compared = Mapping[ArmWithTip, Comparison]
 
 
 def side_by_side(seed: int, duration: float, period: float, progress: Progress) -> Result:
-    """Result of both arms on the path for a `duration` (s), one after the other, with a control `period` (s)."""
+    """Result of both arms, of a `duration` (s), with a control `period` (s)."""
     found, complete = dict[ArmWithTip, Comparison](), False
     try:
         for arm in ARMS:
@@ -117,7 +117,7 @@ def _told(progress: Progress, arm: str, what: str, share: float) -> None:
 
 
 def _summary(arm: ArmWithTip, comparison: Comparison) -> dict[str, Any]:
-    """Summary of an arm's runs, with numbers of joints and operations."""
+    """Summary of an arm's runs."""
     mechanism, columns = comparison.mechanism, comparison.basis.columns
     loops, costs = mechanism.description.loops, {"reduced": equation_costs(mechanism, columns)}
     costs["full"] = equation_costs(mechanism)
@@ -133,7 +133,7 @@ def _summary(arm: ArmWithTip, comparison: Comparison) -> dict[str, Any]:
 
 
 def _answers(arm: dict[str, Any]) -> dict[str, str]:
-    """Answers to what a person asks of an `arm`, whose summary is given, by the questions."""
+    """Answers by question."""
     errors = {name: f"{number(finding['value'])} mm" for name, finding in arm["findings"].items()}
     rise = arm["lyapunov_max_increase"]
     return {
@@ -157,7 +157,7 @@ def _answers(arm: dict[str, Any]) -> dict[str, str]:
 
 
 def _flops(arm: dict[str, Any], run: str) -> int:
-    """Operations of a tick of a run, 0 where they were not counted."""
+    """Operations per control step, 0 where not counted."""
     return ((arm["runs"].get(run) or {}).get("tick") or {}).get("flops") or 0
 
 

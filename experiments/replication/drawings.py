@@ -1,4 +1,4 @@
-"""Figures of the replication: the paper's errors over numbers of components, with all seeds, and its torques."""
+"""Figures of the replication."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from adaptctl.recording.drawing import Drawing, run_color, sheet
 
 BANDS = "Line: median of the seeds; bands: from the 5th to the 95th percentile, and all; crosses: printed"
 PANELS = 3
-"""in a row"""
+"""panels per row"""
 
 
 def bands(
@@ -44,7 +44,7 @@ def bands(
 
 
 def torques(name: str, arm: Arm, joint: int, curves: Mapping[str, Array]) -> Drawing:
-    """Drawing of Figure 4 or 6: torques of a joint along a motion."""
+    """Drawing of Figure 4 or 6."""
 
     def draw() -> Figure:
         figure = sheet(3.6)

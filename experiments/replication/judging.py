@@ -1,4 +1,4 @@
-"""The paper as data, paper.toml, digits and all, and the comparisons that judge what it prints."""
+"""The paper as data (paper.toml), and judgement of its entries."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 BLANK, MARK = ".", "x"
 ROUNDING_UNITS = 0.5 + 1e-9
-"""units of the last digit that a rounded number may be off, halves being rounded themselves"""
+"""units of the last digit; halves are rounded themselves"""
 
 
 class Outturn(Enum):
@@ -58,12 +58,12 @@ class Printed(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
                 raise ValueError(f"row {label!r} has {len(row.split())} entries, expected {len(self.columns)}")
 
     def entries(self) -> Iterator[tuple[str, str, str]]:
-        """Iterator over entries, row by row: the row's label, the column's label and the text, "." for a blank."""
+        """Entries by row: labels of row and column, and text, "." for a blank."""
         for label, row in self.rows.items():
             yield from ((label, column, text) for column, text in zip(self.columns, row.split(), strict=True))
 
     def values(self, *labels: str) -> Array:
-        """Numbers (rows, columns) of the rows with these `labels`, without any of all rows."""
+        """Numbers (rows, columns) of the rows with these `labels`."""
         return np.array([[float(text) for text in self.rows[label].split()] for label in labels or self.rows])
 
 
@@ -81,7 +81,7 @@ class Saying(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class Paper(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Contents of the paper that can be computed again."""
+    """Contents of the paper."""
 
     schema: Literal["adaptctl/paper/1"]
     meanings: dict[Outturn, str]
@@ -91,7 +91,7 @@ class Paper(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 @cache
 def printed() -> Paper:
-    """Contents of the paper, from paper.toml, read once."""
+    """Contents of paper.toml, read once."""
     with as_file(files("adaptctl.experiments.replication") / "paper.toml") as path:
         return read_toml(path, Paper)
 
@@ -107,7 +107,7 @@ class Number:
 
     @classmethod
     def of(cls, text: str) -> Number:
-        """Number for a printed `text`, such as "4.4E+04". Raises `InputError` for a text that is no number."""
+        """Number from a text such as "4.4E+04". Raises `InputError` for others."""
         mantissa, _, exponent = text.upper().partition("E")
         decimals = len(mantissa.partition(".")[2])
         significant = len(mantissa.lstrip("+-").replace(".", "").lstrip("0")) or 1
@@ -118,13 +118,13 @@ class Number:
             raise InputError(f"{text!r} is not a printed number") from error
 
     def digits_met(self, computed: float) -> int:
-        """Count of printed digits with which a computed value agrees."""
+        """Number of printed digits that agree."""
         off = abs(computed - self.value) / self.unit
         lost = 0 if off <= ROUNDING_UNITS else math.ceil(math.log10(2.0 * off) - 1e-12)
         return max(self.digits - lost, 0)
 
     def styled(self, computed: float) -> str:
-        """Text of a `computed` number with this one's decimals and exponent; no minus sign where it rounds to zero."""
+        """Text of a `computed` number with this one's decimals; no minus sign on zero."""
         mantissa, exponent, _ = self.text.upper().partition("E")
         rounded = f"{computed:.{len(mantissa.partition('.')[2])}{'E' if exponent else 'f'}}"
         return rounded.lstrip("-") if float(rounded) == 0.0 else rounded
@@ -132,7 +132,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Check:
-    """Comparison of one printed entry with what is computed."""
+    """Comparison of a printed entry."""
 
     row: str
     column: str
@@ -146,17 +146,17 @@ class Check:
 
     @property
     def is_mark(self) -> bool:
-        """True for a cross or a blank in a table of parameters that are kept, which is no number."""
+        """True for a cross or a blank."""
         return self.printed in (MARK, "")
 
     @property
     def exact(self) -> bool:
-        """True if the entry is reproduced with every printed digit."""
+        """True if every printed digit agrees."""
         return self.verdict is Outturn.REPRODUCED and self.digits == self.of_digits
 
 
 class RoundOff(NamedTuple):
-    """Computed value of what is zero in exact arithmetic, and its bound."""
+    """Value of what is zero in exact arithmetic, and its bound."""
 
     value: float
     bound: float
@@ -171,7 +171,7 @@ Holds: TypeAlias = bool | float | tuple[bool, float]
 
 
 def check(table: Printed, row: str, column: str, text: str, computed: Computed) -> Check:
-    """Comparison of a printed text with a bool, values of random draws, or a value of the paper's own data."""
+    """Comparison with a bool, values of random draws, or a value of the paper's data."""
     unlike = Outturn.ERRATUM if column in table.errata.get(row, ()) else Outturn.NOT_REPRODUCED
     if isinstance(computed, bool):
         marks = (MARK if text == MARK else "", MARK if computed else "")
@@ -192,7 +192,7 @@ def check(table: Printed, row: str, column: str, text: str, computed: Computed) 
 
 
 def checked(table: Printed, entry: Entry) -> tuple[Check, ...]:
-    """Comparisons of all entries of a `table` with what `entry(row, column)` gives; blanks only where crosses stand."""
+    """Comparisons of all entries with `entry(row, column)`."""
     marked = any(text == MARK for _, _, text in table.entries())
     entries = (one for one in table.entries() if marked or one[2] != BLANK)
     return tuple(check(table, *one, entry(*one[:2])) for one in entries)
@@ -210,7 +210,7 @@ class Claim(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """Evidence for a verdict: a `sentence`, and the `values` of the numbers in it, with all their digits."""
+    """A `sentence`, and the `values` of its numbers."""
 
     sentence: str
     values: tuple[float, ...]
@@ -218,7 +218,7 @@ class Evidence(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Computation:
-    """Computed values of an item, for its entries, claims and words."""
+    """Computed values of an item."""
 
     numbers: Mapping[str, Any] = field(default_factory=dict)
     entry: Entry | None = None
@@ -244,7 +244,7 @@ class Item:
 
 
 def judged_item(name: str, paper: Paper, found: Computation, numbers: Mapping[str, Any]) -> Item:
-    """Judged item: entries and claims of the paper against what was found."""
+    """Item with its judged entries and claims."""
     said = paper.items[name]
     checks, known = checked(said, found.entry) if found.entry else (), {**numbers, **found.numbers}
     claims = tuple(_claim(paper.claims[key], found.claims[key], known) for key in said.claims)
@@ -269,7 +269,7 @@ def _claim(saying: Saying, found: Holds, numbers: Mapping[str, Any]) -> Claim:
 
 
 class _Digits(float):
-    """Number whose format, behind a colon in braces, is a count of digits: 3 where there is none."""
+    """Number whose format is a count of digits: 3 by default."""
 
     def __format__(self, digits: str) -> str:
         return number(float(self), int(digits or 3))
@@ -282,12 +282,12 @@ def _evidence(text: str, numbers: Mapping[str, Any]) -> Evidence:
 
 
 def inside(checks: Sequence[Check]) -> int:
-    """Count of checks whose printed number lies among the values of the draws."""
+    """Number of checks within the values of the draws."""
     return sum(one.verdict is Outturn.IN_SHAPE for one in checks)
 
 
 def judged(checks: Sequence[Check], claims: Sequence[Claim] = ()) -> Outturn:
-    """Verdict on an item from its checks and claims."""
+    """Verdict on an item."""
     verdicts = [check.verdict for check in checks if check.verdict is not Outturn.GIVEN]
     if Outturn.NOT_REPRODUCED in verdicts or (claims and all(c.verdict is Outturn.NOT_REPRODUCED for c in claims)):
         return Outturn.NOT_REPRODUCED
@@ -297,5 +297,5 @@ def judged(checks: Sequence[Check], claims: Sequence[Claim] = ()) -> Outturn:
 
 
 def percent(share: float) -> str:
-    """Text of a fraction in percent with three significant digits, "0.5 %" for 0.005."""
+    """Percentage with three significant digits, "0.5 %" for 0.005."""
     return f"{100.0 * share:.3g}\N{NO-BREAK SPACE}%"

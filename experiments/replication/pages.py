@@ -1,4 +1,4 @@
-"""Replication as it is shown: outcome, summary, report and table of draws."""
+"""Outcome, summary, report and table of draws."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Replication:
 
     @property
     def marks(self) -> Mapping[str, int]:
-        """Counts by verdict of all crosses and blanks, which Tables 5 and 12 have."""
+        """Counts by verdict of crosses and blanks (Tables 5 and 12)."""
         return counts(check for item in self.items for check in item.checks if check.is_mark)
 
     def named(self, verdict: Outturn) -> list[str]:
@@ -66,11 +66,11 @@ class Replication:
 
     @property
     def result(self) -> Result:
-        """Result as the command line shows it; no controller runs, so its verdict is empty."""
+        """Result for the command line."""
         return Result(self.complete, headline(self), tuple(facts(self)), Verdict(), self.write)
 
     def write(self, folder: Path, progress: Progress) -> Path:
-        """Folder with summary, draws, figures, recording and report, all or none."""
+        """Folder with all files, all or none."""
         tables = {TRACE: partial(write_draws, study=self.study)}
         return report(self).write(folder, summary(self), tables=tables, progress=progress)
 
@@ -93,7 +93,7 @@ def counts(checks: Iterable[Check]) -> dict[str, int]:
 
 
 def headline(replication: Replication) -> str:
-    """Outcome in a few sentences: how many printed numbers come out, and which items are wrong or not reproduced."""
+    """Outcome in a few sentences."""
     n = replication.numbers
     computable, depending = n["reproduced"] + n["errata"], n["in_shape"] + n["not_reproduced"]
     wrong, missing = (", ".join(replication.named(one)) for one in (Outturn.ERRATUM, Outturn.NOT_REPRODUCED))
@@ -111,7 +111,7 @@ def headline(replication: Replication) -> str:
 
 
 def facts(replication: Replication) -> Iterator[Fact]:
-    """Iterator over what a person asks first, with answers: counts, draws, and the time taken."""
+    """Facts: counts, draws, and the time taken."""
     n, m = replication.numbers, replication.marks
     wrong, missing = (len(replication.named(one)) for one in (Outturn.ERRATUM, Outturn.NOT_REPRODUCED))
     yield Fact("Printed numbers", f"{n['printed']}, {n['given']} of them inputs")
@@ -123,7 +123,7 @@ def facts(replication: Replication) -> Iterator[Fact]:
 
 
 def summary(replication: Replication) -> dict[str, Any]:
-    """Summary in JSON's types: counts, and every printed entry beside the computed one with its verdict."""
+    """Summary in JSON's types."""
     return {
         "schema": "adaptctl/replication/1",
         "complete": replication.complete,
@@ -150,7 +150,7 @@ def _item(item: Item) -> dict[str, Any]:
 
 
 def report(replication: Replication) -> Report:
-    """Report: an overview, a section for every item with its entries, figures, claims and evidence, and settings."""
+    """Report: overview, a section per item, settings."""
     study = replication.study
     rows = [(_label(item), _badge(item.verdict), item.summary) for item in replication.items]
     meanings = [(_badge(verdict), study.paper.meanings[verdict]) for verdict in Outturn]
@@ -177,7 +177,7 @@ def report(replication: Replication) -> Report:
 
 
 def _label(item: Item) -> str:
-    """Name as a sentence has it, such as "Table 7" or "Section 5.3"."""
+    """Name such as "Table 7" or "Section 5.3"."""
     return re.sub(r"(?<=[a-z])(?=\d)", " ", item.name).capitalize()
 
 
@@ -186,7 +186,7 @@ def _badge(verdict: Outturn) -> Cell:
 
 
 def parts(item: Item) -> Iterator[Part]:
-    """Iterator over what the section of an `item` holds: its entries as in the paper, figures, claims, evidence."""
+    """Parts of an `item`: entries, figures, claims, evidence."""
     yield item.title
     yield item.summary
     if item.checks:

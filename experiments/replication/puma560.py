@@ -1,4 +1,4 @@
-"""Numbers behind the paper's tables and figures of the PUMA 560, in its order; `judging` compares, paper.toml says."""
+"""Computations of the PUMA 560's tables and figures."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ from adaptctl.identifiability.sampling import random_states
 from adaptctl.recording.drawing import Drawing
 
 ROUNDED_RANK_TOLERANCE = 1e-8
-"""A tolerance that takes what a rounded right angle leaves for independence."""
+"""Tolerance at which rounded right angles leave rank."""
 QUARTERS = {
     "3.1416/2": 3.1416 / 2,
     "3.14159/2": 3.14159 / 2,
     "3.141593/2": 3.141593 / 2,
     "single precision": float(np.float32(np.pi / 2)),
 }
-"""Right angles (rad) as programs and calculators round them."""
+"""Right angles (rad), rounded."""
 QUARTER = "3.14159/2"
-"""The rounded right angle whose vector stands beside Table 8, and that tilts the base under Table 10."""
+"""Rounded right angle of Tables 8 and 10."""
 TWIST_RIGHT_ANGLES = (-1, 0, 1, -1, 1, 0)
 """The PUMA's twists, in right angles."""
 NULL_COMBINATIONS = ("I_y1 - I_x3 - I_z3", "I_x3 + I_y3 - I_x4 - I_z4", "I_x4 + I_y4 + I_y5 - I_z5 - I_x6 - I_y6")
-"""Made of parameters that Table 5 keeps; with exact right angles they change no torque."""
+"""Combinations of Table 5 that change no torque with exact right angles."""
 SLOPE, REAL = 0.5, np.array([3.0, 2.5])
 """c and D_R of the example of Figure 1."""
 
@@ -191,7 +191,7 @@ def figure4(study: Study) -> Computation:
 
 
 def torque_figure(arm: Arm, name: str, joint: int, counts: tuple[int, ...]) -> Computation:
-    """Figure 4 or 6, called `name`: a joint's torque with fewer components, which fall in error to round-off."""
+    """Figure 4 or 6: a joint's torque with fewer components."""
     Y = arm.motion.Y[:, joint - 1]
     actual = Y @ arm.parameters
     torques = {s: Y @ arm.reductions[0].parameters(s) for s in counts}
@@ -236,7 +236,7 @@ def table5(study: Study) -> Computation:
 
 
 def rounded_set(mechanism: Mechanism, quarter: float, priority: Priority) -> tuple[tuple[int, ...], float, Array]:
-    """Set that theorem 4.1 keeps with a rounded pi/2 in all twists of the PUMA 560."""
+    """Set of theorem 4.1 with a rounded pi/2 in all twists."""
     links = tuple(
         replace(link, joint_to_link=Pose(rotation_about((1, 0, 0), n * quarter), link.joint_to_link.translation))
         for link, n in zip(mechanism.links, TWIST_RIGHT_ANGLES, strict=True)
@@ -258,7 +258,7 @@ def combination(text: str, links: int = 6) -> Array:
 
 
 def torque_share(arm: Arm, text: str) -> float:
-    """Largest torque of a combination of parameters over that of its terms: round-off where it has none."""
+    """Largest torque of a combination over that of its terms."""
     vector = combination(text)
     p, v, a = np.random.default_rng(0).normal(size=(3, 500, arm.mechanism.dof))
     Y = arm.mechanism.torque_regressor(p, v, a)
@@ -290,7 +290,7 @@ def table7(study: Study) -> Computation:
 
 
 def excess(space: EssentialSpace, real: Printed, essential: Printed, free: Array) -> float:
-    """Least excess of differences over rounding, by a linear program: at most 1 where rounding explains all."""
+    """Least excess of differences over rounding, by a linear program: at most 1 if rounding explains all."""
     tolerance = parameters(essential, half_units=True)
     slack = np.where(free, parameters(real, half_units=True), 0.0)
     project = space.basis @ space.basis.T / tolerance[:, None]
@@ -307,7 +307,7 @@ def excess(space: EssentialSpace, real: Printed, essential: Printed, free: Array
 
 
 def table8(study: Study) -> Computation:
-    """Table 8: values of the PUMA's independent parameters, with pi/2 rounded as the paper seems to have done."""
+    """Table 8: values of the PUMA's independent parameters, with a rounded pi/2."""
     arm, vector = study.puma, parameters(study.paper.items["table8"])
     D, Y, essential = arm.parameters, arm.motion.Y, parameters(study.paper.items["table7"])
     torque = Y @ D

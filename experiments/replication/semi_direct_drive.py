@@ -1,4 +1,4 @@
-"""Numbers behind the paper's tables of the semi-direct-drive arm and its comparisons, in its order."""
+"""Computations of the semi-direct-drive arm's tables."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def table9(study: Study) -> Computation:
 
 
 def table10(study: Study) -> Computation:
-    """Table 10: the semi-direct-drive arm's errors by the number of components, on one that was chosen to fit."""
+    """Table 10: the semi-direct-drive arm's errors by the number of components."""
     arm, table, generic = study.nearly_parallel, study.paper.items["table10"], study.five_bar
     fewest, share = arm.fewest(study.said("arm_torque"))
     lie, others = inside(checked(table, arm.error)), inside(checked(table, generic.error))
@@ -63,7 +63,7 @@ def table10(study: Study) -> Computation:
 
 
 def with_base_tilt(mechanism: Mechanism, quarter: float) -> Mechanism:
-    """Copy of a semi-direct-drive arm whose first frame is turned about x by minus `quarter` (rad), not pi/2."""
+    """Copy of the arm, its first frame turned about x by minus `quarter` (rad)."""
     first = mechanism.links[0]
     base = replace(first, parent_to_joint=Pose(rotation_about((1, 0, 0), -quarter), first.parent_to_joint.translation))
     return Mechanism(replace(mechanism.description, links=(base, *mechanism.links[1:])))
@@ -115,7 +115,7 @@ def table13(study: Study) -> Computation:
 
 
 def undifferenced(arm: Arm) -> int:
-    """Rank of the energies of an `arm` that are not subtracted from each other."""
+    """Rank of an `arm`'s energies without differences."""
     states = random_states(arm.mechanism, 4 * len(arm.parameters), np.random.default_rng(0))
     return NumericalRank.from_singular_values(singular_values(energies(arm.mechanism, states) * arm.space.scales)).rank
 
@@ -210,12 +210,12 @@ class Decoupling:
         return tuple(found)
 
     def of_parameters(self) -> Array:
-        """Coefficients (m, P) of the relations among all parameters, SI units."""
+        """Coefficients (m, P) of the relations, SI units."""
         return self.relations @ self.basis.regrouping
 
 
 def left_under(arm: Arm, relations: int) -> int:
-    """Rank of an `arm` that is left under random independent `relations` among its essential parameters."""
+    """Rank of an `arm` under random independent `relations`."""
     random = np.random.default_rng(0).normal(size=(relations, arm.space.rank))
     free = arm.space.basis @ np.linalg.svd(random)[2][relations:].T
     states = arm.states(np.random.default_rng(1), 2 * arm.space.rank, 1.0)
