@@ -272,7 +272,7 @@ def ball_tens(masses: ArrayLike, places: ArrayLike, density: float = np.inf) -> 
 
 
 def ball_tens_slopes(masses: Array, places: Array, density: float) -> Array:
-    """Their derivatives (..., 10, 4) by mass and position."""
+    """Derivatives (..., 10, 4) of these by mass and position."""
     own = (2.0 / 3.0) * (3.0 * masses / (4.0 * np.pi * density)) ** (2.0 / 3.0)
     with_mass = _per_mass(places) + own[..., None] * ISOTROPIC_TENSOR
     slopes = [with_mass]
