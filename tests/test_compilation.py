@@ -89,6 +89,31 @@ def test_folding_loses_the_sign_of_zero_and_an_undefined_factor_of_zero() -> Non
     np.testing.assert_array_equal(kernel([math.nan]), [math.nan, 0.0, 0.0])
 
 
+QUOTIENTS: tuple[Callable[[Any, Any], Any], ...] = (
+    lambda x, y: x / y,
+    lambda x, y: x / 1.0,
+    lambda x, y: x / -1.0,
+    lambda x, y: x / -4.0,
+    lambda x, y: -x / 4.0,
+    lambda x, y: -x / y,
+    lambda x, y: x / -y,
+    lambda x, y: -x / -y,
+    lambda x, y: (x - y) / -y,
+    lambda x, y: -3.0 * x / y,
+    lambda x, y: 1.0 / y,
+    lambda x, y: 2.0 / -y,
+    lambda x, y: -2.0 / -y,
+    lambda x, y: 0.0 / y,
+)
+
+
+@pytest.mark.parametrize(("x", "y"), [(3.0, 0.75), (-1.5, 2.0), (0.25, -8.0), (-5.0, -0.1)])
+def test_quotients_whose_signs_are_moved_are_those_of_floats(x: float, y: float) -> None:
+    """What is negated above or below the line, and constants of either sign: exactly, for a sign is no rounding."""
+    kernel = compile_function(lambda x, y: Column(f(x[0], y[0]) for f in QUOTIENTS), {"x": 1, "y": 1})
+    np.testing.assert_array_equal(kernel([x], [y]), [f(x, y) for f in QUOTIENTS])
+
+
 @given(trees, triples)
 @settings(max_examples=25, deadline=None)
 def test_random_equations_agree_with_floats_and_arrays(tree: Tree, x: tuple[float, float, float]) -> None:

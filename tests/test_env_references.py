@@ -14,6 +14,7 @@ from random_trees import random_tree
 from robot_files import urdf
 
 from adaptctl.control.gains.gains import finite_torque_limits
+from adaptctl.description import Limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv, random_sinusoids
 from adaptctl.errors import InputError
@@ -70,6 +71,45 @@ def test_random_references_use_four_fifths_of_narrow_limits_at_most(measured: Me
         v = np.array([path.v for path in paths])
         assert np.abs(v).max() <= 0.8 * 0.05
         assert np.abs(v).max() > 0.4 * 0.05
+
+
+def with_limits(mechanism: Mechanism, **limits: float) -> Mechanism:
+    """A mechanism all of whose joints have these limits, and no others."""
+    own = Limits(**limits)
+    links = tuple(replace(link, joint=replace(link.joint, limits=own)) for link in mechanism.description.links)
+    return Mechanism(replace(mechanism.description, links=links))
+
+
+@pytest.mark.parametrize(
+    ("limits", "lower", "upper"),
+    [
+        ({}, -1.0, 1.0),
+        ({"lower": 0.5}, 0.5, 2.5),
+        ({"upper": 0.5}, -1.5, 0.5),
+        ({"lower": -0.2, "upper": 4.0}, -0.2, 4.0),
+        ({"lower": -1e4, "upper": 1e4}, -1.0, 1.0),
+    ],
+    ids=["none", "lower", "upper", "both", "turns without end"],
+)
+def test_random_references_are_drawn_from_the_whole_of_what_is_stated(
+    measured: Mechanism, limits: dict[str, float], lower: float, upper: float
+) -> None:
+    """0.1 to 0.25 Hz, amplitudes from half to the whole of 0.5 rad or of two fifths of the range, faded in over 2 s,
+    about any centre from which four fifths of the range are kept."""
+    mechanism = with_limits(measured, **limits)
+    drawn = [random_sinusoids(mechanism, np.random.default_rng(seed)) for seed in range(100)]
+    reach = 0.4 * (upper - lower)
+    most = min(0.5, reach)
+    away = reach - 0.5 * most
+    for values, low, high in (
+        ([one.frequency[0] for one in drawn], 0.1, 0.25),
+        ([one.amplitude[0] for one in drawn], 0.5 * most, most),
+        ([one.center - 0.5 * (lower + upper) for one in drawn], -away, away),
+    ):
+        near = 0.1 * (high - low)
+        assert low - 1e-12 <= np.min(values) <= low + near
+        assert high - near <= np.max(values) <= high + 1e-12
+    assert {one.start_time for one in drawn} == {2.0}
 
 
 def test_torques_without_limits_get_generous_ones(measured: Mechanism) -> None:

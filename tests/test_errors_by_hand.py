@@ -10,7 +10,9 @@ from comparisons import comparison
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
-from adaptctl.recording import Comparison, Failure, judged
+from adaptctl.recording import Comparison, Failure, Leading, judged
+from adaptctl.recording.judgement import facts
+from adaptctl.recording.result import answers
 from adaptctl.simulation import Rollout
 
 SHOWN = comparison(load("puma560_measured"), samples=60)
@@ -60,3 +62,71 @@ def test_time_at_a_limit_is_in_seconds_whichever_samples_are_kept(every: int, li
     assert (Failure.SATURATED in faults) is fails
     if fails:
         assert f"for {limited:.1f} of 6.0 s" in faults[Failure.SATURATED]
+
+
+STILL = np.zeros(60)
+"""Six seconds of samples 0.1 s apart"""
+
+
+@pytest.mark.parametrize(
+    ("sample", "size", "fails"), [(40, 1.0, True), (59, -1.0, True), (40, 0.99, False), (39, 5.0, False)]
+)
+def test_divergence_is_an_error_of_1_rad_in_the_last_two_seconds(sample: int, size: float, fails: bool) -> None:
+    error = STILL.copy()
+    error[sample] = size
+    faults = [fault.failure for fault in judged(shown(run_of(1, 0.1, 60, error, STILL))).faults]
+    assert (Failure.DIVERGED in faults) is fails
+
+
+@pytest.mark.parametrize(("ratio", "fails"), [(0.89, False), (0.91, True), (1.05, True)])
+def test_what_learning_left_is_below_nine_tenths_of_what_was_there_without(ratio: float, fails: bool) -> None:
+    """In the last two seconds; the first four are better without."""
+    learnt, off = (np.where(np.arange(60) < 40, early, late) for early, late in ((0.5, ratio * 0.1), (0.01, 0.1)))
+    what = shown(run_of(1, 0.1, 60, learnt, STILL))
+    without = replace(SHOWN.runs[1], rollout=run_of(1, 0.1, 60, off, STILL))
+    faults = [fault.failure for fault in judged(replace(what, runs=(*what.runs, without))).faults]
+    assert faults == ([Failure.NO_BETTER] if fails else [])
+
+
+@pytest.mark.parametrize(
+    ("applied", "clipped", "limited"),
+    [([0.0, 1.0], 0.0, 1), ([0.0, -1.0], 0.0, 1), ([1.0 - 1e-6, 0.0], 0.0, 0), ([0.2, 0.3], 1.0, 2)],
+)
+def test_limited_samples_are_those_at_the_limit_of_either_sign_or_clipped(
+    applied: list[float], clipped: float, limited: int
+) -> None:
+    run = run_of(1, 0.1, 2, np.zeros(2), np.array(applied))
+    what = shown(replace(run, clipped=np.full(2, clipped)))
+    assert what.limited_steps(what.subject) == limited
+
+
+def test_peak_torques_are_parts_of_each_joints_own_limit() -> None:
+    what = shown(run_of(1, 0.1, 3, np.zeros(3), np.array([0.5, -3.0, 1.0])))
+    np.testing.assert_allclose(what.peak_torque_shares, 3.0 / what.torque_limits, rtol=1e-15)
+    assert answers(facts(what))["Peak torque"] == "300 % of the limit"
+
+
+def test_errors_of_joints_that_turn_and_of_those_that_slide_are_told_apart() -> None:
+    """3 and 4 rad, 5 m: roots of mean squares, each over its own joints."""
+    what = shown(run_of(1, 0.1, 60, STILL, STILL))
+    what.subject.rollout.p[:, :3] = [3.0, 4.0, 5.0]
+    run = what.subject
+    for joints, expected in (([0, 1], np.sqrt(12.5)), ([2], 5.0), (slice(0, 3), np.sqrt(50 / 3)), (slice(3, 6), 0.0)):
+        assert run.rms_error(joints=joints) == pytest.approx(expected, rel=1e-14)
+        assert run.first_rms_error_of(joints) == pytest.approx(expected, rel=1e-14)
+        assert run.final_rms_error_of(joints) == pytest.approx(expected, rel=1e-14)
+
+
+def test_leading_errors_are_of_the_last_two_seconds() -> None:
+    errors = np.where(np.arange(60) < 40, 7.0, np.where(np.arange(60) < 50, 3.0, -4.0))
+    what = shown(run_of(1, 0.1, 60, STILL, STILL))
+    leading = Leading("distance", "mm", {"adaptive": errors})
+    assert leading.final_rms(what.subject) == pytest.approx(np.sqrt(12.5), rel=1e-14)
+    short = shown(run_of(1, 0.1, 19, np.zeros(19), np.zeros(19))).subject
+    assert Leading("distance", "mm", {"adaptive": errors[:19]}).final_rms(short) is None
+
+
+def test_a_run_of_two_seconds_in_half_a_second_is_four_times_as_fast_as_time() -> None:
+    run = run_of(2, 0.1, 10, np.zeros(10), np.zeros(10))
+    assert replace(SHOWN.subject, rollout=replace(run, wall_time=0.5)).realtime_factor == pytest.approx(4.0)
+    assert replace(SHOWN.subject, rollout=replace(run, wall_time=0.0)).realtime_factor is None

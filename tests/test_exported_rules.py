@@ -14,7 +14,7 @@ from golden.capture import arms
 
 import adaptctl
 from adaptctl.codegen.gain_rules import gain_rules
-from adaptctl.codegen.interface import Interface, short_names
+from adaptctl.codegen.interface import Interface, short_names, status_bits, status_of
 from adaptctl.control import Controller, PDGravity, ReferencePoint, Sinusoids, SlotineLi
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import GainError
@@ -100,6 +100,22 @@ def test_gains_that_the_code_accepts_are_gains_that_the_law_accepts(arm: str, la
         controller.tuned({name: rule.most})
         with pytest.raises(GainError):
             controller.tuned({name: 1.3 * np.asarray(rule.most)})
+
+
+def test_each_flag_of_a_state_is_a_bit_of_its_own_beside_those_of_faults() -> None:
+    law = arms()["two"]["guarded"]
+    interface = Interface(law)
+    bits = {bit.name.lower(): bit.value for bit in status_bits(interface)}
+    assert sorted(bits.values()) == [1 << k for k in range(3 + len(interface.flags))]
+    state = law.init([0.1, 0.2], [0.0, 0.0])
+    assert status_of(interface, state) == 0
+    for name in interface.flags:
+        marked = state._replace(flags=state.flags._replace(**{name: np.ones(1)}))
+        assert status_of(interface, marked) == bits[name] >= 8
+    every = state._replace(flags=type(state.flags)(*(np.ones(1) for _ in state.flags)))
+    assert status_of(interface, every) == sum(bits[name] for name in interface.flags)
+    unguarded = arms()["two"]["gradient"]
+    assert status_of(Interface(unguarded), unguarded.init([0.1, 0.2], [0.0, 0.0])) == 0
 
 
 class Held(NamedTuple):

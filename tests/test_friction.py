@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -23,6 +27,7 @@ from tests.robot_files import urdf
 PERIOD = 1e-3
 RUBBING = Drive(viscous=3.0, coulomb=5.0)
 FIVE_BAR = load("semi_direct_drive")
+TWO_LINK = Path(__file__).parent.parent / "docs" / "examples" / "two_link.toml"
 
 
 def rows(matrix: list[list[float]]) -> Array:
@@ -147,3 +152,31 @@ def test_drives_and_the_effect_have_the_same_curve(v: float) -> None:
     np.testing.assert_allclose((with_them - without)[2], expected, rtol=1e-9, atol=1e-12)
     slower = Friction(stribeck=0.7, speed=0.05).torque(column(np.array([v]))).of[0]
     assert slower == pytest.approx(0.7 / (1.0 + (v / 0.05) ** 2) * sign, rel=1e-14)
+
+
+CURVES: dict[str, Callable[[float], float]] = {
+    "viscous": lambda v: v,
+    "coulomb": lambda v: v / math.hypot(v, 0.01),
+    "stribeck": lambda v: v / math.hypot(v, 0.01) / (1.0 + (v / 0.1) ** 2),
+    "square_root": lambda v: v / math.hypot(v, 0.01) ** 0.5,
+    "offset": lambda v: 1.0,
+}
+"""Torque per unit of each parameter at a speed in rad/s: sign(v) is v/sqrt(v^2 + 0.01^2), |v| the root itself."""
+
+
+@pytest.mark.parametrize("kind", CURVES)
+@pytest.mark.parametrize("v", [-0.7, -0.02, 0.0, 0.005, 0.1, 4.0])
+def test_each_parameter_of_a_drive_has_its_own_curve(kind: str, v: float) -> None:
+    """And what damps is the torque over the speed, the curve's secant, but for an offset, which damps nothing."""
+    plain = load(TWO_LINK).with_drives(Drive())
+    rubbing = plain.with_drives(Drive(**{kind: 1.7}))
+    still, moving = np.zeros(2), np.array([0.0, v])
+    torque = rubbing.inverse_dynamics(still, moving, still) - plain.inverse_dynamics(still, moving, still)
+    at_rest = 0.0 if kind != "offset" else 1.7
+    np.testing.assert_allclose(torque, [at_rest, 1.7 * CURVES[kind](v)], rtol=1e-12, atol=1e-12)
+    B = rows(rubbing.equations.damping(column(still), column(moving), column(rubbing.inertial_parameters)))
+    if kind == "offset":
+        assert not B.any()
+    else:
+        secant = CURVES[kind](v or 1e-12) / (v or 1e-12)
+        assert B[1, 1] == pytest.approx(1.7 * secant, rel=1e-12)

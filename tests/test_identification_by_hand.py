@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy import constants
 from synthetic_logs import known
 
 from adaptctl.arrays import Array
+from adaptctl.description import Limits
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
 from adaptctl.identification import Validation
-from adaptctl.identification.columns import JointLog
-from adaptctl.identification.drives_file import Units
-from adaptctl.identification.preparation import prepare
+from adaptctl.identification.columns import JointLog, joint_log
+from adaptctl.identification.drives_file import Drives, MotorEntry, Units
+from adaptctl.identification.least_squares import halves
+from adaptctl.identification.log_files import table
+from adaptctl.identification.preparation import PreparedLog, prepare
 from adaptctl.identification.torque_constants import _solved
 from adaptctl.identification.uncertainty import uncertainty
 
@@ -57,6 +65,141 @@ def test_a_revolution_is_a_whole_turn_at_which_ever_unit() -> None:
     assert turns.velocity == pytest.approx(turns.position / 60.0, rel=1e-15)
     assert math.cos(turns.position) == pytest.approx(1.0, abs=1e-15)
     assert math.cos(0.5 * turns.position) == pytest.approx(-1.0, abs=1e-15)
+
+
+def test_halves_of_a_log_share_torques_that_are_smoothed_and_see_the_motion_by_other_samples() -> None:
+    """Torques by 1-2-1 over four: a line stays, and what changes sign with each sample, of which half the rate has
+    none, is gone. One half has the even samples, the other the mean of the odd ones beside them."""
+    time = np.arange(101) / RATE
+    line, by_turns = 3.0 + 2.0 * time, np.where(np.arange(101) % 2 == 0, 1.0, -1.0)
+    p = np.random.default_rng(0).normal(size=(101, 1))
+    log = PreparedLog("some.csv", RATE, time, p, np.stack([line, by_turns], axis=-1), np.arange(101) > 50)
+    own, other = halves(log)
+    even = np.searchsorted(time, own.time)
+    np.testing.assert_array_equal(even, np.arange(2, 2 + 2 * len(even), 2))
+    assert 48 <= len(even) <= 50
+    for half in (own, other):
+        assert half.rate == 0.5 * RATE
+        np.testing.assert_array_equal(half.time, time[even])
+        np.testing.assert_array_equal(half.moving, even > 50)
+        np.testing.assert_allclose(half.torque, np.stack([line[even], np.zeros(len(even))], axis=-1), atol=1e-14)
+    np.testing.assert_array_equal(own.position, p[even])
+    np.testing.assert_allclose(other.position, 0.5 * (p[even - 1] + p[even + 1]), rtol=1e-14)
+
+
+UNITS = {
+    "time": {"s": 1.0, "ms": constants.milli, "us": constants.micro, "ns": constants.nano},
+    "position": {"rad": 1.0, "deg": constants.degree, "rev": 2.0 * constants.pi, "m": 1.0, "mm": constants.milli},
+    "velocity": {
+        "rad/s": 1.0,
+        "deg/s": constants.degree,
+        "rpm": 2.0 * constants.pi / constants.minute,
+        "m/s": 1.0,
+        "mm/s": constants.milli,
+    },
+    "torque": {"N m": 1.0, "Nm": 1.0, "mN m": constants.milli, "mNm": constants.milli, "N": 1.0},
+}
+"""All units that a log may have, in SI units by SciPy's constants."""
+
+
+@pytest.mark.parametrize(("what", "unit"), [(what, unit) for what, units in UNITS.items() for unit in units])
+def test_columns_are_taken_to_si_units_by_their_own_factors(what: str, unit: str) -> None:
+    """Through a motor that turns 50 times as fast as its joint: its other columns stay as they are."""
+    given = {"time": "s", "position": "rad", "velocity": "rad/s", "torque": "N m"} | {what: unit}
+    rng, count = np.random.default_rng(1), 120
+    found = dict(zip(("position", "velocity", "torque"), rng.normal(size=(3, count)), strict=True))
+    found["time"] = np.cumsum(rng.uniform(0.5, 1.5, count))
+    motor = MotorEntry(name="m", position="position", torque="torque", velocity="velocity")
+    drives = Drives(("j",), np.array([[50.0]]), np.array([0.3]), (motor,), "time", Units.checked(**given))
+    log = joint_log(table("some.csv", found.items()), drives)
+    assert log.velocity is not None
+    si = {name: values * (UNITS[name][unit] if name == what else 1.0) for name, values in found.items()}
+    np.testing.assert_allclose(log.time, si["time"], rtol=1e-14)
+    np.testing.assert_allclose(log.position[:, 0], si["position"] / 50.0 + 0.3, rtol=1e-14)
+    np.testing.assert_allclose(log.velocity[:, 0], si["velocity"] / 50.0, rtol=1e-14)
+    np.testing.assert_allclose(log.torque[:, 0], si["torque"] * 50.0, rtol=1e-14)
+
+
+def limited(**limits: float) -> Mechanism:
+    """A chain all of whose joints have these limits, and no others."""
+    chain = known(0).guess
+    own = Limits(**limits)
+    links = tuple(replace(link, joint=replace(link.joint, limits=own)) for link in chain.description.links)
+    return Mechanism(replace(chain.description, links=links))
+
+
+def swinging(amplitude: float = 1.0, torque: float = 1.0, jitter: float = 0.0, rate: float = RATE) -> JointLog:
+    """Eight seconds of a sine of 1 rad/s about zero, its torques, and stamps that go to and fro by a share."""
+    time = np.arange(round(8.0 * RATE)) / rate
+    stamps = time + jitter / rate * np.where(np.arange(len(time)) % 2 == 0, 0.0, 1.0)
+    log = log_of(stamps, amplitude * np.sin(time))
+    return replace(log, torque=torque * np.tile(np.cos(time)[:, None], 3))
+
+
+@pytest.mark.parametrize(
+    ("limits", "log", "what"),
+    [
+        ({"velocity": 1.0}, lambda share: swinging(3.0 * share), "moves at"),
+        ({"lower": -1.0}, lambda share: swinging(1.25 * share), "moves from"),
+        ({"upper": 1.0}, lambda share: swinging(1.25 * share), "moves from"),
+        ({"effort": 4.0}, lambda share: swinging(torque=12.0 * share), "has a torque"),
+        ({}, lambda share: swinging(rate=1e5 * share), "the sampling rate"),
+        ({}, lambda share: swinging(rate=20.0 / share), "the sampling rate"),
+    ],
+    ids=["speed", "lower", "upper", "effort", "fast", "slow"],
+)
+def test_logs_pass_up_to_what_is_stated_of_the_robots_limits_and_of_rates(
+    limits: dict[str, float], log: Callable[[float], JointLog], what: str
+) -> None:
+    """Three times speeds and torques, a quarter of a rad beyond a range, 20 Hz and 100 kHz."""
+    arm, skip = limited(**limits), ("velocities",)
+    prepare(log(0.98), arm, skip)
+    with pytest.raises(InputError, match=what):
+        prepare(log(1.02), arm, skip)
+
+
+@pytest.mark.parametrize(("ratio", "passes"), [(0.92, True), (1.08, True), (0.88, False), (1.12, False)])
+def test_velocities_may_be_a_tenth_off(ratio: float, passes: bool) -> None:
+    log = swinging()
+    log = replace(log, velocity=ratio * np.tile(np.cos(log.time)[:, None], 3))
+    if passes:
+        prepare(log, limited())
+    else:
+        with pytest.raises(InputError, match="logged velocities"):
+            prepare(log, limited())
+
+
+@pytest.mark.parametrize(("jitter", "even"), [(0.008, True), (0.015, False)])
+def test_stamps_a_hundredth_of_a_period_off_are_even(jitter: float, even: bool) -> None:
+    log = swinging(jitter=jitter)
+    (piece,), _ = prepare(log, limited())
+    assert np.array_equal(piece.time, log.time) is even
+    steps = np.diff(piece.time)
+    assert bool(np.ptp(steps) < 1e-9 / RATE) is not even
+    assert steps.mean() == pytest.approx(1.0 / RATE, rel=1e-3)
+
+
+@pytest.mark.parametrize(("samples", "pieces"), [(49, 1), (50, 2)])
+def test_fifty_samples_between_gaps_are_a_piece(samples: int, pieces: int) -> None:
+    time = np.concatenate([np.arange(300), 400 + np.arange(samples)]) / RATE
+    found, _ = prepare(log_of(time, np.sin(5.0 * time)), limited())
+    assert [len(piece.time) for piece in found] == [300, samples][:pieces]
+
+
+@pytest.mark.parametrize(("share", "moves"), [(2.0, True), (0.5, False)])
+@pytest.mark.parametrize("greatest", [1.0, 0.01])
+def test_an_arm_slower_than_a_hundredth_of_its_speed_or_a_milliradian_rests(
+    greatest: float, share: float, moves: bool
+) -> None:
+    """Two seconds at a steady speed, then three at twice or half the least that counts: a hundredth of 1 rad/s, and a
+    milliradian per second after 0.01 rad/s."""
+    time = np.arange(0.0, 5.0, 1.0 / RATE)
+    slow = share * max(0.01 * greatest, 1e-3)
+    log = log_of(time, greatest * np.minimum(time, 2.0) + slow * np.maximum(time - 2.0, 0.0))
+    (piece,), _ = prepare(log, limited())
+    assert bool(piece.moving[time > 2.5].all()) is moves
+    assert bool(piece.moving[time > 2.5].any()) is moves
+    assert piece.moving[time < 1.9].all()
 
 
 def mean_of(blocks: list[Array], prior: float, precision: float, weight: float = 1.0) -> tuple[Any, Any]:
