@@ -1,4 +1,4 @@
-"""Entry point of the command, which ends in one line when interrupted."""
+"""Entry point of the command."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def run() -> NoReturn:
 
 
 def _exit_at_once() -> NoReturn:
-    """Exit with the code of an interruption, once packages have closed."""
+    """Exit with the code of an interruption."""
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
@@ -45,7 +45,7 @@ def _exit_at_once() -> NoReturn:
 
 
 def _main() -> Callable[[], int]:
-    """Command line, which needs packages that a robot's computer may not have."""
+    """Command line, imported at need."""
     from adaptctl.errors import MissingExtraError
     from adaptctl.optional_packages import needed
 

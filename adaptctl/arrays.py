@@ -1,4 +1,4 @@
-"""Checks of arrays and numbers from outside, and gathering of scalars into arrays."""
+"""Checked arrays and numbers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class HasName(Protocol):
 
     @property
     def name(self) -> str:
-        """Name of the object, a text for error messages."""
+        """Name for error messages."""
 
 
 Named = TypeVar("Named", bound=HasName)
@@ -34,7 +34,7 @@ def frozen(array: Array) -> Array:
 
 
 def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
-    """Read-only float64 copy of `values`, of the given `shape`."""
+    """Read-only float64 copy of the given `shape`."""
     array = numbers(values, what, f"of shape {shape}").copy()
     if array.shape != shape:
         raise InputError(f"{what}: expected shape {shape}, got {array.shape}")
@@ -44,7 +44,7 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
 
 
 def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
-    """Values as a float64 array, not copied if they are one."""
+    """Values as a float64 array, copied only if needed."""
     try:
         if getattr(getattr(values, "dtype", None), "kind", "") in ("c", "m", "M"):
             raise TypeError("complex numbers and durations have no place here")
@@ -54,7 +54,7 @@ def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
 
 
 def checked(values: ArrayLike, size: int, what: str) -> Array:
-    """Values as a float64 array (..., size) of finite numbers."""
+    """Finite numbers as a float64 array (..., size)."""
     array = numbers(values, what, f"of shape (..., {size})")
     if array.ndim == 0 or array.shape[-1] != size:
         raise InputError(f"{what}: expected shape (..., {size}), got {array.shape}")
@@ -65,12 +65,12 @@ def checked(values: ArrayLike, size: int, what: str) -> Array:
 
 
 def vectors(values: ArrayLike, size: int, what: str) -> Array:
-    """Values as a float64 array (..., size) of finite numbers."""
+    """Finite numbers as a float64 array (..., size)."""
     return checked(np.atleast_1d(numbers(values, what)), size, what)
 
 
 def writable(out: Array, shape: tuple[int, ...], what: str) -> Array:
-    """Array `out` itself, into which a result of the given `shape` can be written."""
+    """`out` itself, checked for results of a `shape`."""
     if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != np.float64 or not out.flags.writeable:
         kind = f"{out.dtype} of shape {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
         raise InputError(f"{what}: out: expected an array of float64 to write to, of shape {shape}, got {kind}")
@@ -78,7 +78,7 @@ def writable(out: Array, shape: tuple[int, ...], what: str) -> Array:
 
 
 def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
-    """Read-only float64 array (dof,) of one number for each of `dof` joints."""
+    """Read-only float64 array (dof,), one number per joint."""
     array = numbers(values, what)
     if np.asarray(values).dtype == np.bool_:
         raise InputError(f"{what}: expected numbers, got {values!r}")
@@ -92,7 +92,7 @@ def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
 
 
 def positive_per_joint(values: ArrayLike, dof: int, what: str, *, infinite: bool = False) -> Array:
-    """Positive numbers (dof,), one for each joint, as a read-only array."""
+    """Read-only positive numbers (dof,), one per joint."""
     each = per_joint(values, dof, what)
     if not np.all((each > 0.0) & (infinite | np.isfinite(each))):
         raise InputError(f"{what}: expected positive numbers, got {each.tolist()}")
@@ -100,7 +100,7 @@ def positive_per_joint(values: ArrayLike, dof: int, what: str, *, infinite: bool
 
 
 def positive_numbers(values: ArrayLike, what: str) -> Array:
-    """Positive finite numbers, one or n, as a read-only array (n,)."""
+    """Read-only positive finite numbers (n,), from one or n."""
     return positive_per_joint(values, numbers(values, what).size, what)
 
 
@@ -125,14 +125,14 @@ def real_number(value: object, what: str) -> float:
 
 
 def whole_number(value: object, what: str, least: int, most: int) -> int:
-    """Whole number from `least` to `most` as an int."""
+    """Integer from `least` to `most`."""
     if _is_whole(value) and least <= value <= most:
         return int(value)
     raise InputError(f"{what}: expected a whole number from {least} to {most}, got {printable(repr(value))}")
 
 
 def whole_count(value: object, what: str, least: int = 0) -> int:
-    """Whole number of at least `least` as an int."""
+    """Integer of at least `least`."""
     if _is_whole(value) and value >= least:
         return int(value)
     raise InputError(f"{what}: expected a whole number of at least {least}, got {printable(repr(value))}")
@@ -151,7 +151,7 @@ def _is_number(value: object) -> TypeGuard[int | float | np.integer[Any] | np.fl
 
 
 def finite_results(method: Callable[Concatenate[Named, Given], Array]) -> Callable[Concatenate[Named, Given], Array]:
-    """Method that raises `NonFiniteError` where its result is not finite."""
+    """Method decorator: `NonFiniteError` for results not finite."""
 
     @wraps(method)
     def required(self: Named, /, *args: Given.args, **kwargs: Given.kwargs) -> Array:
@@ -178,7 +178,7 @@ def same_samples(**arrays: Array) -> tuple[int, ...]:
 
 
 def stacked(entries: Sequence[Any], samples: tuple[int, ...]) -> Array:
-    """Float64 array (*samples, n) of n scalars, `entries`, gathered along a new last axis."""
+    """Float64 array (*samples, n) of n scalars."""
     out = np.empty((*samples, len(entries)))
     for i, entry in enumerate(entries):
         out[..., i] = entry
@@ -186,7 +186,7 @@ def stacked(entries: Sequence[Any], samples: tuple[int, ...]) -> Array:
 
 
 def stacked_rows(rows: Sequence[Iterable[Any]], samples: tuple[int, ...]) -> Array:
-    """Float64 array (*samples, m, n) of m rows of n scalars each."""
+    """Float64 array (*samples, m, n) of m rows."""
     given = [list(row) for row in rows]
     widths = [len(row) for row in given]
     if len(set(widths)) > 1:

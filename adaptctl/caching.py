@@ -1,4 +1,4 @@
-"""Properties computed once and left out of copies and pickles."""
+"""Cached properties, left out of copies and pickles."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ State = tuple[dict[str, Any], tuple[Path, ...]]
 
 
 def sent_as_made(owner: type[Owner]) -> type[Owner]:
-    """Class decorator: instances are copied and pickled as made."""
+    """Class decorator for copies and pickles without caches."""
     if issubclass(owner, tuple):
         setattr(owner, "__reduce__", _record)  # noqa: B010  # a class of any kind
     elif "__getstate__" not in vars(owner):
@@ -30,7 +30,7 @@ def sent_as_made(owner: type[Owner]) -> type[Owner]:
 
 
 class cached_property(functools.cached_property[Value]):  # noqa: N801  # stands for functools' own
-    """Property computed once, left out of copies and pickles, without a lock."""
+    """Property computed once, without a lock."""
 
     def __set_name__(self, owner: type[Any], name: str) -> None:
         super().__set_name__(owner, name)
@@ -71,7 +71,7 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 def replaced_by(name: str) -> Callable[[Method], Method]:
-    """Decorator that sends a method's calls to the instance's property `name`."""
+    """Decorator: calls go to the instance's property `name`."""
 
     def replaced(method: Method) -> Method:
         stands: Any = _Replaced(method, name)
@@ -81,7 +81,7 @@ def replaced_by(name: str) -> Callable[[Method], Method]:
 
 
 def without_caches(instance: object) -> State:
-    """State of an object, `instance`, for copying and pickling."""
+    """State of `instance` for copies and pickles."""
     kind = type(instance)
     caches = cached_property, _Replaced
     kept = {k: v for k, v in vars(instance).items() if not isinstance(inspect.getattr_static(kind, k, None), caches)}
@@ -89,7 +89,7 @@ def without_caches(instance: object) -> State:
 
 
 def restored(instance: object, state: State) -> None:
-    """Set the attributes of an object from a state as `without_caches` returns it."""
+    """Restore a state of `without_caches`."""
     kept, paths = state
     vars(instance).update(_protected(kept, paths))
 

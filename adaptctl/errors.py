@@ -1,16 +1,16 @@
-"""Exceptions and warnings, with messages that a person can act on."""
+"""Exceptions and warnings."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 MAX_MESSAGE_CHARACTERS = 2_000
-"""Characters of an error's message; what is cut is a name that somebody made long."""
+"""characters of a message"""
 
 
 class AdaptctlError(Exception):
     """
-    Base class of the errors that this package raises on purpose.
+    Base class of this package's errors.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class AdaptctlError(Exception):
 
 
 def printable(text: str, most: int = 80) -> str:
-    """Text with control characters written out and its middle cut above `most` characters."""
+    """Text without control characters, cut above `most` characters."""
     if len(text) > 2 * most:
         text = text[:most] + text[len(text) - most :]  # what lies between is cut below, and need not be written out
     text = "".join(c if c.isprintable() or c in " \n" else c.encode("unicode_escape").decode() for c in text)
@@ -42,7 +42,7 @@ def printable(text: str, most: int = 80) -> str:
 
 
 def validate_kind(given: object, kind: type, what: str, made: str) -> None:
-    """Raise `InputError` unless `given` is an object of the class `kind`."""
+    """Raise `InputError` unless `given` is of class `kind`."""
     if not isinstance(given, kind):
         raise InputError(f"{what}: expected a {kind.__name__}, {made}, got {printable(repr(given))}")
 
@@ -65,7 +65,7 @@ class InputError(AdaptctlError, ValueError):
 
 class FileError(InputError):
     """
-    Error of a file or folder that cannot be used.
+    Error of an unusable file or folder.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class VerdictError(InputError):
 
 class RankError(AdaptctlError):
     """
-    Error of a rank, the number of identifiable inertial parameters, that cannot be certified.
+    Error of a rank that cannot be certified.
 
     Parameters
     ----------
@@ -127,19 +127,19 @@ class RankError(AdaptctlError):
 
 
 class GainError(InputError):
-    """Error of feedback gains that are too large for the control period."""
+    """Error of gains too large for the control period."""
 
 
 class PhysicalConsistencyWarning(UserWarning):
-    """Warning of inertias that no rigid body can have."""
+    """Warning of inertias without a rigid body."""
 
 
 class StabilityWarning(UserWarning):
-    """Warning that an adaptive loop may oscillate as its estimates change."""
+    """Warning of estimates that may destabilise an adaptive loop."""
 
 
 class ReferenceWarning(UserWarning):
-    """Warning of a reference motion that an arm cannot follow as stated."""
+    """Warning of a reference that an arm cannot follow."""
 
 
 class TraceError(AdaptctlError, TypeError):
@@ -147,11 +147,11 @@ class TraceError(AdaptctlError, TypeError):
 
 
 class NotCompiledWarning(UserWarning):
-    """Warning that a simulation runs in Python instead of native code."""
+    """Warning of a simulation in Python instead of native code."""
 
 
 class SimplificationWarning(UserWarning):
-    """Warning that a part of a robot's file is left out or simplified."""
+    """Warning of an omitted or simplified part of a robot file."""
 
 
 class LoopError(InputError):
@@ -163,19 +163,19 @@ class SingularityError(AdaptctlError):
 
 
 class MissingExtraError(AdaptctlError, ImportError):
-    """Error of a function that needs packages which are not installed."""
+    """Error of missing optional packages."""
 
 
 class LostSamplesWarning(UserWarning):
-    """Warning of a `RunLogger` that has not kept all samples."""
+    """Warning of samples missing from a `RunLogger`."""
 
 
 class LiveViewWarning(UserWarning):
-    """Warning that a live view cannot be shown or has ended."""
+    """Warning of a live view that failed."""
 
 
 def suggested_name(name: str, known: Iterable[str], least: float = 0.6) -> str:
-    """Hint with the nearest known name, such as " (did you mean 'puma560'?)", or ""."""
+    """Hint such as " (did you mean 'puma560'?)", or ""."""
     from difflib import get_close_matches  # here, since only errors need it
 
     from adaptctl.renamed import new_name

@@ -1,4 +1,4 @@
-"""Files written whole or not at all, and read with errors that name the element."""
+"""Atomic writing and checked reading of files."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ import numpy as np
 from adaptctl.errors import FileError, printable
 
 MAX_BYTES = 16 * 2**20
-"""Files above this size are not read: nothing of ours comes near it."""
+"""size above which files are not read"""
 MAX_TOML_BYTES = 2**20
-"""Likewise of TOML files, which people write and which take longest to read."""
+"""size above which TOML files are not read"""
 MAX_KEY_PARTS = 16
-"""Parts that a key of a TOML file may have: time and memory go with their square."""
+"""parts of a TOML key; reading time is quadratic in them"""
 RENAMED_PAGE = "docs/renamed.md"
-"""Page that lists former names, and what changed in the schemas of files."""
+"""page of former names and file schemas"""
 MAX_MAGNITUDE = 1e30
-"""Magnitude of the numbers that TOML files may hold: products of five of them are doubles still."""
+"""magnitude of numbers in TOML files, so that products of five are finite"""
 
 _HERE = re.sub(r"\W", "_", os.uname().nodename)[:40]
 _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
@@ -39,7 +39,7 @@ Content = TypeVar("Content")
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """Context that gives a temporary path beside `path` to write a file to."""
+    """Context with a temporary path that replaces `path` at success."""
     target = validate_place(path)
     remove_stale_temporaries(target.parent, target.name)
     beside = name_beside(target)
@@ -58,7 +58,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def validate_place(path: str | Path, overwrite: bool = True) -> Path:
-    """Real path, symbolic links followed, of the file at `path` to be written."""
+    """Resolved path of a file to write, checked."""
     target = real_place(path)
     if not target.parent.is_dir():
         raise FileError(f"{path}: the folder {target.parent} does not exist; create it or choose another place")
@@ -74,7 +74,7 @@ def validate_place(path: str | Path, overwrite: bool = True) -> Path:
 
 
 def real_place(path: str | Path) -> Path:
-    """Real path of what is to be written at `path`, symbolic links followed."""
+    """Resolved path of a file or folder to write."""
     target = Path(os.path.realpath(path))
     if Path(path).is_symlink() and not target.is_relative_to(os.path.realpath(Path(path).parent)):
         raise FileError(f"{path}: is a link to {target}, outside its folder; give that path itself")
@@ -87,7 +87,7 @@ def name_beside(target: Path) -> Path:
 
 
 def remove_stale_temporaries(folder: Path, name: str) -> list[Path]:
-    """Delete temporaries of ended processes; return those still in use."""
+    """Delete temporaries of ended processes; return others."""
     stem, suffix = Path(name).stem, Path(name).suffix
     pattern = re.compile(rf"\.{re.escape(stem)}\.[\w-]+-\d+-[0-9a-f]{{8}}{re.escape(suffix)}")
     alive: list[Path] = []
@@ -105,7 +105,7 @@ def remove_stale_temporaries(folder: Path, name: str) -> list[Path]:
 
 
 def is_stale_temporary(name: str) -> bool:
-    """True for a temporary file's name of an ended process of this computer."""
+    """True for temporaries of ended processes here."""
     owner = re.search(rf"\.{re.escape(_HERE)}-(\d+)-[0-9a-f]{{8}}(?:\.\w+)?$", name)
     if owner is None:
         return False
@@ -119,18 +119,18 @@ def is_stale_temporary(name: str) -> bool:
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
-    """Write a file whole or not at all."""
+    """Write a file atomically."""
     with replacing(path) as beside:
         beside.write_bytes(data)
 
 
 def write_text(path: str | Path, data: str) -> None:
-    """Write a text in UTF-8, whole or not at all."""
+    """Write UTF-8 text atomically."""
     write_bytes(path, data.encode())
 
 
 def write_json(path: str | Path, value: object) -> None:
-    """Write a value as indented JSON, whole or not at all."""
+    """Write indented JSON atomically."""
     try:
         plain = msgspec.to_builtins(value, str_keys=True, enc_hook=_plain)
     except TypeError as error:
@@ -140,17 +140,17 @@ def write_json(path: str | Path, value: object) -> None:
 
 
 def finite_or_none(value: float | None) -> float | None:
-    """Number as JSON can hold it, which has neither NaN nor infinity."""
+    """Number for JSON, None if not finite."""
     return float(value) if value is not None and math.isfinite(value) else None
 
 
 def toml_string(text: str) -> str:
-    """Basic string of TOML that is read as the text."""
+    """TOML basic string of a text."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def hashed(content: Any) -> str:
-    """SHA-256 hash of content in JSON's types, whatever the order of keys."""
+    """SHA-256 hash of JSON content, independent of key order."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
@@ -170,12 +170,12 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
 
 
 def read_text(path: str | Path, limit: int = MAX_BYTES) -> str:
-    """Text of the file at `path`, in UTF-8, without a byte order mark."""
+    """Text of a UTF-8 file, without byte order mark."""
     return decoded(path, read_bytes(path, limit))
 
 
 def decoded(path: str | Path, data: bytes) -> str:
-    """Text of a file's bytes in UTF-8, without a byte order mark."""
+    """Text of UTF-8 bytes, without byte order mark."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -183,7 +183,7 @@ def decoded(path: str | Path, data: bytes) -> str:
 
 
 def read_json(path: str | Path, kind: type[Content], limit: int = MAX_BYTES) -> Content:
-    """Contents of a JSON file as an object of `kind`, such as a dataclass."""
+    """Contents of a JSON file as a `kind`."""
     text = read_text(path, limit)
     try:
         plain = json.loads(text, object_pairs_hook=_unrepeated)
@@ -193,7 +193,7 @@ def read_json(path: str | Path, kind: type[Content], limit: int = MAX_BYTES) -> 
 
 
 def read_toml(path: str | Path, kind: type[Content]) -> Content:
-    """Contents of a TOML file as an object of `kind`."""
+    """Contents of a TOML file as a `kind`."""
     text = read_text(path, MAX_TOML_BYTES)
     if found := _LONG_KEY.search(text):
         line = text.count("\n", 0, found.start()) + 1
@@ -211,14 +211,14 @@ def read_toml(path: str | Path, kind: type[Content]) -> Content:
 
 
 def with_line(message: str, text: str) -> str:
-    """Error message with the line of the element that it names."""
+    """Error message with the line of its element."""
     element = re.search(r"\$((?:\.[\w-]+|\[\d+\])+)", message)
     line = toml_line(text, element.group(1)) if element else 0
     return f"{message} (line {line})" if line else message
 
 
 def toml_line(text: str, element: str) -> int:
-    """Line in a TOML text where an element begins; 0 where not found."""
+    """Line of an element in a TOML text, or 0."""
     table = re.match(r"\.([\w-]+)(?:\[(\d+)\])?(?:\.([\w-]+))?", element)
     if table is None:
         return 0
@@ -259,7 +259,7 @@ def _validate_finite(path: str | Path, content: object, largest: float = math.in
 
 
 def _unrepeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Refuse equal keys, of which JSON keeps the last."""
+    """Object of pairs, refusing equal keys."""
     content = dict(pairs)
     if len(content) < len(pairs):
         keys = [key for key, _ in pairs]
@@ -268,7 +268,7 @@ def _unrepeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def earlier_schema(told: str, expected: str) -> str:
-    """Hint at the page of renamed names where a schema is `told` of another number than the one `expected`."""
+    """Hint at renamed names if a schema number differs from `expected`."""
     kind, _, number = expected.rpartition("/")
     return f". {RENAMED_PAGE} tells what {kind}/{number} renames" if re.search(rf"{kind}/\d+", told) else ""
 
@@ -305,7 +305,7 @@ def _plain(value: Any) -> Any:
 
 
 def flush(path: Path) -> None:
-    """Write the file or folder at `path` through to the disk (fsync)."""
+    """Write a file or folder to disk (fsync)."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -314,6 +314,6 @@ def flush(path: Path) -> None:
 
 
 def reason(error: Exception) -> str:
-    """Text of an `error` as a part of a sentence."""
+    """Text of an `error` within a sentence."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return text[:1].lower() + text[1:]

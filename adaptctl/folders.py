@@ -1,4 +1,4 @@
-"""Folders of results, written beside their place and swapped in when done."""
+"""Atomically replaced result folders."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from adaptctl.errors import FileError
 from adaptctl.files import flush, is_stale_temporary, name_beside, real_place, reason, remove_stale_temporaries
 
 RESULT_SUFFIXES = (".rrd", ".json", ".parquet", ".html", ".png", ".toml", ".csv", ".urdf", ".yaml")
-"""Suffixes of what a run leaves in its folder and in the folder of its figures: the next run replaces all of it."""
+"""suffixes of a run's files, which the next run replaces"""
 FIGURES = "figures"
 RUN_FILES = ("summary.json", "forecast.json", "recording.rrd")
-"""Files by which a run's folder is known: in a folder without any of them nothing is replaced."""
+"""files that mark a run's folder; without any of them nothing is replaced"""
 AT_FDCWD, RENAME_EXCHANGE = -100, 2
-"""Linux's renameat2: where paths begin, and to let two of them change places at one stroke."""
+"""arguments of Linux's renameat2"""
 
 
 @contextmanager
 def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
-    """Context manager that yields an empty temporary folder beside `path` to write to."""
+    """Context with a temporary folder that replaces `path` at success."""
     target = real_place(path)
     _validate_place(path, target, overwrite)
     _validate_alone(path, target)
@@ -43,7 +43,7 @@ def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path
 
 
 def made_folder(path: Path) -> Path:
-    """Make a folder and those above it, and return its path."""
+    """Create a folder with parents; return its path."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -69,7 +69,7 @@ def _validate_place(path: str | Path, target: Path, overwrite: bool) -> None:
 
 
 def _of_no_run(folder: Path) -> list[str]:
-    """Names in a folder that a run would replace and no run has written."""
+    """Names that a run would replace, but did not write."""
     if any((folder / mark).is_file() for mark in RUN_FILES) or any(
         is_stale_temporary(e.name) for e in folder.iterdir()
     ):
@@ -82,7 +82,7 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _validate_alone(path: str | Path, target: Path) -> None:
-    """Clear away what killed runs left, and refuse where another one is at work."""
+    """Remove remains of killed runs, refuse beside a live one."""
     for folder in (target.parent, target):
         if not folder.is_dir():
             continue
@@ -91,7 +91,7 @@ def _validate_alone(path: str | Path, target: Path) -> None:
 
 
 def _staged(path: str | Path, target: Path) -> Path:
-    """Empty folder beside the target; within it, where the target cannot be moved."""
+    """Empty folder beside the target, or within it if immovable."""
     fixed = target == Path.cwd() or target.is_mount() or not os.access(target.parent, os.W_OK)
     beside = name_beside(target / target.name if fixed and target.is_dir() else target)
     try:
@@ -118,7 +118,7 @@ def _swap(path: str | Path, beside: Path, target: Path, overwrite: bool) -> None
 
 
 def _exchange(beside: Path, target: Path) -> None:
-    """Exchange two folders, at one stroke where Linux can."""
+    """Exchange two folders, atomically on Linux."""
     if sys.platform == "linux":
         done = ctypes.CDLL(None, use_errno=True).renameat2
         if done(AT_FDCWD, os.fsencode(beside), AT_FDCWD, os.fsencode(target), RENAME_EXCHANGE) == 0:
@@ -130,7 +130,7 @@ def _exchange(beside: Path, target: Path) -> None:
 
 
 def _keep_others(old: Path, target: Path) -> None:
-    """Move what no run has written into the new folder."""
+    """Move entries of no run into the new folder."""
     for entry in _files(old):
         place = target / entry.relative_to(old)
         if not _is_result(entry, old) and not place.exists():
@@ -139,7 +139,7 @@ def _keep_others(old: Path, target: Path) -> None:
 
 
 def _is_result(entry: Path, folder: Path) -> bool:
-    """True where a run in this folder may have left this entry."""
+    """True if a run may have written this entry."""
     *above, _ = parts = entry.relative_to(folder).parts
     regular = entry.is_symlink() or entry.is_file()
     return regular and (
@@ -148,7 +148,7 @@ def _is_result(entry: Path, folder: Path) -> bool:
 
 
 def _move_in(beside: Path, target: Path) -> None:
-    """Move file by file, the summary last: half a result does not look complete."""
+    """Move file by file, the summary last."""
     new = sorted(_files(beside), key=lambda entry: entry.name == "summary.json")
     old = [entry for entry in _files(target) if not entry.is_relative_to(beside) and _is_result(entry, target)]
     for entry in sorted(old, key=lambda entry: entry.name != "summary.json"):

@@ -1,20 +1,20 @@
-"""Small pieces of HTML for notebooks: a title and a table, escaped."""
+"""HTML for notebooks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
 MAX_TABLE_ROWS = 60
-"""rows that are shown at most"""
+"""rows shown"""
 
 
 def titled(title: str, text: str = "") -> str:
-    """The HTML of a paragraph: `title` in bold, then `text`, by default empty."""
+    """HTML paragraph of a bold title and a text."""
     return f"<p><b>{_escaped(title)}</b> {_escaped(text)}</p>"
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """HTML of a table with column headings and rows; all texts are escaped."""
+    """HTML table, all texts escaped."""
     given = list(rows)
     head = "".join(f"<th>{_escaped(text)}</th>" if text else "<td></td>" for text in heads)
     body = "".join(f"<tr>{''.join(f'<td>{_escaped(str(x))}</td>' for x in row)}</tr>" for row in given[:MAX_TABLE_ROWS])

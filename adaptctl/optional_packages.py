@@ -1,4 +1,4 @@
-"""Packages that only some of the work asks for, named where they are missing."""
+"""Optional packages."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ DISTRIBUTIONS = {
     "rosbags": "'adaptctl[logs]'",
     "stable_baselines3": "'adaptctl[rl]'",
 }
-"""Names for pip of the packages that are imported by another name, or come with an extra."""
+"""pip names of packages with another import name, or their extras"""
 OF_RESULTS = ("jinja2", "matplotlib", "pyarrow", "rerun")
-"""What the folder of a run is written by: its report, figures, tables and recording."""
+"""packages for result folders"""
 
 
 @contextmanager
 def needed(what: str) -> Iterator[None]:
-    """Context or decorator in which a missing package raises `MissingExtraError`."""
+    """Context or decorator that raises `MissingExtraError` for missing packages."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -47,14 +47,14 @@ def needed(what: str) -> Iterator[None]:
 
 
 def validate_for_results() -> None:
-    """Raise `ModuleNotFoundError` where a package for result folders is missing."""
+    """Raise `ModuleNotFoundError` without the packages for result folders."""
     for name in OF_RESULTS:
         if find_spec(name) is None:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 
 def viewer_program() -> str | None:
-    """Path of the viewer program of the package rerun-sdk, which shows recorded runs."""
+    """Path of rerun-sdk's viewer program."""
     import shutil
 
     return shutil.which("rerun", path=str(Path(sys.executable).parent)) or shutil.which("rerun")
@@ -64,7 +64,7 @@ _OFFER = re.compile(r"^from (?P<home>[\w.]+) import (?:(?P<name>\w+) as (?P=name
 
 
 def homes(stub: Path) -> dict[str, str]:
-    """Modules of the names in a package's stub file, by name."""
+    """Modules of the names in a stub file."""
     offered: dict[str, str] = {}
     for offer in _OFFER.finditer(stub.read_text(encoding="utf-8")):
         if offer["name"]:
@@ -75,7 +75,7 @@ def homes(stub: Path) -> dict[str, str]:
 
 
 def imported_lazily(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
-    """`__all__`, `__getattr__` and `__dir__` of a package that imports at first use."""
+    """`__all__`, `__getattr__` and `__dir__` of a lazy package."""
     home_of = homes(Path(str(modules[package].__file__)).with_suffix(".pyi"))
 
     def found(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Former names of settings, flags and arguments, with their new names."""
+"""Former and new names of settings."""
 
 from collections.abc import Mapping
 
@@ -69,5 +69,5 @@ RENAMED: Mapping[str, tuple[str, ...]] = {
 
 
 def new_name(former: str, known: Mapping[str, object] | set[str] | frozenset[str]) -> str | None:
-    """One of the `known` names that replaces a `former` one; None where none does."""
+    """New name, among `known`, of a `former` one, or None."""
     return next((name for name in RENAMED.get(former, ()) if name in known), None)

@@ -1,7 +1,4 @@
-"""Export of a controller to the robot: as C that needs nothing else, or as WebAssembly.
-
-Both are written from the graph of the law that Python runs (`adaptctl.compilation`); neither needs a compiler here.
-"""
+"""Export of controllers as C or WebAssembly."""
 
 from adaptctl.optional_packages import imported_lazily
 

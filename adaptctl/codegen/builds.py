@@ -1,4 +1,4 @@
-"""Builds of exported C by the compilers that are here, each run on the ticks recorded from Python."""
+"""Builds and tests of exported C."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ COMPILERS = {
 }
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 TIMEOUT = 300.0
-"""s for a compiler, or for what it made"""
+"""s"""
 TORQUE_MESSAGE = re.compile(r"torques within (\S+) of (\S+) N m")
 
 
 class Build(NamedTuple):
-    """Outcome of building exported code with a compiler and running its test."""
+    """Outcome of a compiler's build and its test."""
 
     compiler: str
     passed: bool
@@ -36,7 +36,7 @@ class Build(NamedTuple):
 
 
 def found_compilers() -> dict[str, str]:
-    """C compilers found on this computer and their versions."""
+    """C compilers found and their versions."""
     found: dict[str, str] = {}
     for name, command in COMPILERS.items():
         if shutil.which(command[0]) is not None:
@@ -47,7 +47,7 @@ def found_compilers() -> dict[str, str]:
 
 
 def builds(done: Exported) -> tuple[Build, ...]:
-    """Builds of an exported controller by each compiler found, in a temporary folder."""
+    """Builds by each compiler found, in a temporary folder."""
     return tuple(_built(done, compiler) for compiler in found_compilers())
 
 

@@ -1,4 +1,4 @@
-"""Straight-line C: the statements that compute expressions."""
+"""C statements of expressions."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ class CNumber:
 
     @property
     def size(self) -> int:
-        """Size of one number in bytes: 8 for double, 4 for float."""
+        """Size in bytes, 8 or 4."""
         return 8 if self.kind == "double" else 4
 
     @property
     def suffix(self) -> str:
-        """Ending of C's constants and of the names of math.h's functions: "f" for float, empty for double."""
+        """Suffix of constants and math.h functions, "f" for float."""
         return "" if self.kind == "double" else "f"
 
     def rounded(self, x: float) -> float:
-        """Number that stands for `x`: itself for double, the nearest float, clipped to its range."""
+        """`x` rounded to this kind and clipped to its range."""
         return x if self.kind == "double" else single(x)
 
     def constant(self, x: float) -> str:
@@ -61,7 +61,7 @@ class CNumber:
 
 
 MAX_INLINE_LENGTH = 90
-"""Characters of what is written in place of a name, where it is used once."""
+"""characters of an inlined expression"""
 
 LIBRARY = {Op.SQRT: "sqrt", Op.ROUND: "rint", Op.ABSOLUTE: "fabs"}
 INFIX = {Op.ADD: "+", Op.SUBTRACT: "-", Op.MULTIPLY: "*", Op.DIVIDE: "/", Op.LESS: "<", Op.LESS_EQUAL: "<="}
@@ -73,7 +73,7 @@ Given = Callable[[int, int], str]
 
 
 class CStatements:
-    """Writer of the C statements of a routine or a piece of it."""
+    """Writer of C statements."""
 
     def __init__(
         self, prefix: str, number: CNumber, piece: Piece, symbols: Mapping[Routine, str], given: Given
@@ -87,7 +87,7 @@ class CStatements:
         self._turned: set[int] = set()
 
     def compute(self, x: Expression, *, named: bool) -> None:
-        """Append the statements that compute an expression, unless it is stored already."""
+        """Append the statements of an expression not yet stored."""
         if x.op is Op.CALL:
             self._call(x)
             return
@@ -154,7 +154,7 @@ class CStatements:
         self.lines.append(f"{self._symbols[routine]}({', '.join(names)});")
 
     def _array(self, name: str, size: int, values: Sequence[str] = ()) -> str:
-        """The name of an array of numbers that is declared here; C has none of length 0."""
+        """Name of an array declared here, of length 1 at least."""
         if size == 0:
             return "NULL"
         self.arrays += size
@@ -163,7 +163,7 @@ class CStatements:
         return name
 
     def _place(self, x: Expression) -> str | None:
-        """C's text of an expression that is in memory already; None for others."""
+        """C text of a stored expression, or None."""
         if x.index in self._found:
             return f"passed[{self._found[x.index]}]"
         if x.op is Op.INPUT:
@@ -174,7 +174,7 @@ class CStatements:
 
 
 def most_alive(expressions: Sequence[Expression], outputs: Iterable[Expression | float]) -> int:
-    """Greatest number of intermediate values that are live at one time, about the size of the stack."""
+    """Greatest number of simultaneously live intermediate values."""
     last = {y.index: k for k, x in enumerate(expressions) for y in x.operands if isinstance(y, Expression)}
     own = {x.index for x in expressions if x.op not in (Op.INPUT, Op.CALL)}
     kept = {x.index for x in outputs if isinstance(x, Expression)}

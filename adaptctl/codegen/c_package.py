@@ -1,4 +1,4 @@
-"""The texts of a C package: a controller, its tests, and how to build and use it."""
+"""Texts of a C package."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from adaptctl.version import __version__
 
 SPDX = "BSD-3-Clause"
 TOLERANCE: Mapping[Kind, float] = {"double": 1e-11, "float": 1e-3}
-"""of vectors, in parts of the largest torque: what fusing products and sums, or single precision, may make of them"""
+"""of test vectors, relative to the largest torque, for fused operations or single precision"""
 
 
 class CPackage:
-    """C package of a controller: its files, sizes, rules of gains and version."""
+    """C package of a controller."""
 
     def __init__(self, interface: Interface, name: str, kind: Kind) -> None:
         self.interface, self.name, self.kind = interface, name, kind
@@ -68,7 +68,7 @@ class CPackage:
 
     @cached_property
     def functions(self) -> str:
-        """C functions of the law and of the initial internal state."""
+        """C functions of the law and the initial state."""
         name, start = self.name, self.start
         law = self.program.source(self.interface.law, self._law_signature())
         texts, self.stack = [law.text], law.stack
@@ -85,7 +85,7 @@ class CPackage:
 
     @cached_property
     def hash(self) -> str:
-        """First 16 digits of a SHA-256 of functions, state and status bits."""
+        """First 16 digits of a SHA-256 of functions, state and flags."""
         starts = [field.name + str(field.dimensions) + self._array(field.values) for field in self.memory]
         text = "\n".join([self.functions, *starts, str(self.interface.flags), str(self.start.configurations)])
         return hashlib.sha256(text.encode()).hexdigest()[:16].upper()
@@ -97,7 +97,7 @@ class CPackage:
 
     @property
     def state_bytes(self) -> int:
-        """Size in bytes of the controller's state in C, which the caller keeps for each arm."""
+        """Size in bytes of one arm's state in C."""
         numbers = max(sum(field.size for field in self.memory), 1)
         return 16 + -(-2 * numbers * self.number.size // 8) * 8
 
@@ -143,7 +143,7 @@ class CPackage:
         }
 
     def filled(self, template: str, **more: Any) -> str:
-        """Text of a template filled with this controller's functions, names and numbers."""
+        """Text of a template filled for this controller."""
         return filled(template, **self._content, **more)
 
     def _walk(self) -> dict[str, Any] | None:
@@ -164,7 +164,7 @@ class CPackage:
         }
 
     def _law_signature(self) -> Signature:
-        """The law's function: numbers have the names of the structures they are in."""
+        """Signature of the law on the C structures."""
         name, restrict = self.name, f"{self.name.upper()}_RESTRICT"
         fields, gains = self.interface.memory, _gain_places(self.interface.all_gains)
         parameters = (
@@ -224,7 +224,7 @@ class _Mark(NamedTuple):
 
 
 def title(interface: Interface) -> str:
-    """Title of exported code, such as "SlotineLi, guarded for puma560, every 0.001 s"."""
+    """Title such as "SlotineLi, guarded for puma560, every 0.001 s"."""
     law = type(interface.innermost).__name__ + (", with safety limits" if interface.guarded else "")
     arm = interface.mechanism.name if interface.mechanism else f"{interface.controller.dof} joints"
     printable = "".join(c if c.isprintable() and c not in "*/\\" else " " for c in arm)
@@ -253,12 +253,12 @@ def _comment(label: str) -> str:
 
 
 def _gain_places(fields: Iterable[Field]) -> list[str]:
-    """The text of each number of the law's column of gains."""
+    """C texts of the law's gains."""
     return [field.place(k) for field in fields for k in range(field.size)]
 
 
 def readme(package: CPackage) -> str:
-    """The README, in Markdown, of an exported C `package`: how to build, use and check its code."""
+    """README, in Markdown, of an exported C `package`."""
     return package.filled(
         "README.md",
         flops=package.interface.law.operations.flops,

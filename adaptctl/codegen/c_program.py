@@ -1,4 +1,4 @@
-"""A traced routine as C functions: its own, those of the routines it calls, and of its pieces where it is long."""
+"""C functions of traced routines."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from adaptctl.compilation.routine import Routine, numbered
 
 Numbered = tuple[int, int]
 Before = Callable[[int, int], Numbered | None]
-"""The argument's number that a result's number takes the place of, if it does of any."""
+"""number of an argument that a result replaces, if any"""
 
 
 class ConditionalStore:
-    """Results of a piece of a routine that a condition can put back to an earlier value."""
+    """Results that a condition may reset to earlier values."""
 
     def __init__(self, routine: Routine, piece: Piece, before: Before) -> None:
         uses = Counter(y for x in routine.body for y in x.operands if isinstance(y, Expression))
@@ -36,7 +36,7 @@ class ConditionalStore:
         self.piece = Piece(left, piece.kept, piece.found)
 
     def stored(self, x: Expression | float) -> Expression | float:
-        """Value to store at first: of a choice the new one, over which the earlier may be copied."""
+        """Value to store first, the new one of a choice."""
         if isinstance(x, Expression) and x in self._choices:
             kept: Expression | float = x.operands[2]
             return kept
@@ -51,19 +51,19 @@ def _puts_back(x: Expression, given: Numbered) -> bool:
 
 
 RETURN_ADDRESSES = 128
-"""Bytes of a call's frame besides numbers, about."""
+"""bytes of a call's frame besides numbers, about"""
 
 Place = Callable[[int, int], str]
 """Text of where a result's number goes."""
 
 
 def _nothing(_part: int, _k: int) -> None:
-    """No result takes an argument's place."""
+    """No replaced argument."""
 
 
 @dataclass(frozen=True)
 class Signature:
-    """Signature of a C function: name, parameters, and texts of arguments and results."""
+    """Signature of a C function, with texts of arguments and results."""
 
     name: str
     parameters: tuple[str, ...]
@@ -73,13 +73,13 @@ class Signature:
 
     @property
     def arguments(self) -> tuple[str, ...]:
-        """The names of the parameters, the last word of each one's declaration, in order."""
+        """Names of the parameters, in order."""
         return tuple(re.findall(r"\w+$", text)[0] for text in self.parameters)
 
 
 @dataclass(frozen=True)
 class CSource:
-    """Text of C functions, and about how many bytes of stack the last takes."""
+    """Text of C functions, and approximate stack bytes."""
 
     text: str
     stack: int
@@ -118,7 +118,7 @@ class CProgram:
         return text
 
     def _functions(self, routine: Routine, signature: Signature) -> tuple[str, int]:
-        """A routine's function and its stack; where it has several pieces, it calls one after the other."""
+        """Functions of a routine and its pieces, and their stack."""
         self.operations |= {x.op for x in routine.body}
         parts = pieces(routine.body)
         if len(parts) == 1:
@@ -161,7 +161,7 @@ class CProgram:
 
 
 def helpers(prefix: str, operations: set[Op]) -> str:
-    """C functions of the smaller and the larger of two numbers, where they are used."""
+    """C functions of minimum and maximum, where used."""
     texts = []
     for op, sign in ((Op.MINIMUM, "<"), (Op.MAXIMUM, ">")):
         if op in operations:
@@ -180,7 +180,7 @@ def _function(signature: Signature, lines: list[str], used: set[str]) -> str:
 
 
 def _runs(back: list[tuple[tuple[int, int], tuple[int, int]]], signature: Signature) -> Iterator[tuple[str, str, int]]:
-    """Numbers side by side: where they go, where they come from, and how many they are."""
+    """Contiguous copies: target, source and count."""
     for _, run in groupby(enumerate(back), lambda pair: (pair[1][0][0], pair[1][0][1] - pair[0])):
         pairs = [pair for _, pair in run]
         to, of = pairs[0]
@@ -188,7 +188,7 @@ def _runs(back: list[tuple[tuple[int, int], tuple[int, int]]], signature: Signat
 
 
 def _callees(routine: Routine) -> list[Routine]:
-    """All that a routine calls, at any depth, what is called before what calls it."""
+    """All routines called at any depth, callees first."""
     found: dict[Routine, None] = {}
 
     def visit(outer: Routine) -> None:

@@ -1,4 +1,4 @@
-"""The long run that vouches for a controller before it leaves: ten minutes on its own arm."""
+"""Simulated check of a controller before export."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from adaptctl.simulation.simulate import EpisodeRun, Stretch
 
 TICKS = 100
 AMPLITUDE, INITIAL_ERROR = 0.1, 0.02
-"""rad or m: how far the default reference moves, and how far from it the arm is"""
+"""rad or m, of the default reference and the arm's distance from it"""
 MIN_FREQUENCY, FREQUENCY_STEP = 0.2, 0.06
-"""Hz: the first joint's frequency, and what each other has more"""
+"""Hz, of the first joint, and increment per joint"""
 LIMIT_MARGIN = 0.15
-"""rad or m between the default reference's centre and the joints' limits"""
+"""rad or m between the reference's centre and joint limits"""
 
 
 @dataclass(frozen=True)
 class RecordedTick:
-    """Arguments and results of a control step, recorded in Python for a test of exported code."""
+    """Arguments and results of a control step, for a test of exported code."""
 
     p: Array
     v: Array
@@ -42,7 +42,7 @@ class RecordedTick:
 
 
 def default_reference(interface: Interface) -> Reference:
-    """Reference of the check unless one is given: sinusoids of 0.1 rad or m (0.05 m in a task space)."""
+    """Sinusoids of 0.1 rad or m (0.05 m in a task space)."""
     law, size = interface.innermost, interface.controller.reference_size
     center, amplitude = centre(interface), AMPLITUDE
     if isinstance(law, TaskSpaceSlotineLi) and not law.reference_in_joints:
@@ -54,7 +54,7 @@ def default_reference(interface: Interface) -> Reference:
 
 
 def centre(interface: Interface) -> Array:
-    """Center (r,) of the motion in the check: home, or as near to it as the limits allow."""
+    """Center (r,) of the motion: home, or near it within the limits."""
     home, mechanism = np.asarray(interface.controller.neutral_configuration, dtype=np.float64), interface.mechanism
     if mechanism is None or mechanism.description.loops is not None:
         return home
@@ -64,7 +64,7 @@ def centre(interface: Interface) -> Array:
 
 
 def record(interface: Interface, reference: Reference, ticks: int = TICKS) -> tuple[list[RecordedTick], Any]:
-    """Arguments and results of control steps in Python, and the state after them."""
+    """Control steps recorded in Python, and the final state."""
     controller, rows = interface.controller, []
     time = np.asarray(interface.control_period * np.arange(ticks), dtype=np.float64)
     p, v = _motion(interface, reference, time)
@@ -78,7 +78,7 @@ def record(interface: Interface, reference: Reference, ticks: int = TICKS) -> tu
 
 
 def first_torque(interface: Interface, tick: RecordedTick, held: Array) -> Array:
-    """Torque (r,) of the controller where a tick is its first and another torque was applied before."""
+    """Torque (r,) of a first tick after the torque `held`."""
     law: Any = interface.controller
     state = law.init(tick.p, np.zeros(law.dof), torque=held)
     torque: Array = law.step(state, tick.p, tick.v, tick.reference)[0]
@@ -86,7 +86,7 @@ def first_torque(interface: Interface, tick: RecordedTick, held: Array) -> Array
 
 
 def _motion(interface: Interface, reference: Reference, time: Array) -> tuple[Array, Array]:
-    """Positions and velocities (T, r): along the reference where it is one of joints, a little off."""
+    """Positions and velocities (T, r) near the reference."""
     r = interface.controller.dof
     rate = np.asarray(2.0 * np.pi * (3.0 + np.arange(r)), dtype=np.float64)
     off, slope = (
@@ -102,18 +102,18 @@ def _motion(interface: Interface, reference: Reference, time: Array) -> tuple[Ar
 DURATION = 600.0
 """s"""
 SMALL_ERROR, LEARNED_SHARE = 5e-3, 1.0 / 3.0
-"""rad or m, and share of the first error: a last error above both was not learned away"""
+"""rad or m, and fraction of the first error; a last error above both fails"""
 FAILURES = {
     "stopped": "the safety limits stop the arm after {:g} s: use smaller gains, or wider limits",
     "ringing": "a joint oscillates after {:g} s: use smaller gains or a shorter period",
 }
-"""What guards may flag in a period, and what it means"""
+"""flags that fail the check, and their meanings"""
 
 
 def check_closed_loop(
     interface: Interface, reference: Reference, duration: float = DURATION, anyway: bool = False
 ) -> dict[str, Any]:
-    """Outcome of a simulation of the controller on its mechanism, in JSON's types."""
+    """Outcome of a closed-loop simulation, in JSON's types."""
     mechanism, controller = interface.mechanism, interface.controller
     if mechanism is None or len(mechanism.links) > MAX_COMPILED_LINKS:
         raise InputError("check: the controller has no mechanism to simulate; export it without the check")
@@ -152,7 +152,6 @@ def stated(reference: Reference) -> dict[str, Any]:
 
 
 def _episode(plant: Plant, interface: Interface, reference: Reference, steps: int) -> Episode:
-    """The episode that is run: from rest on the reference, to its end."""
     point = np.asarray(reference(0.0).p, dtype=np.float64)
     p = point if interface.follows_joints else np.asarray(interface.controller.neutral_configuration)
     state, parameters = plant.init(p, np.zeros(plant.dof)), plant.mechanism.inertial_parameters
@@ -160,7 +159,7 @@ def _episode(plant: Plant, interface: Interface, reference: Reference, steps: in
 
 
 def _squares(plant: Plant, stretch: Stretch) -> Array:
-    """The mean squares (n,) of the position errors in a stretch, rad^2 (m^2)."""
+    """Mean squares (n,) of the position errors."""
     error = plant.positions(stretch.sample.q) - stretch.reference.p[:-1]
     return np.asarray((error**2).mean(axis=1))
 
@@ -170,7 +169,7 @@ def _unjudged(q: Array, v: Array, point: ReferencePoint, torque: Array) -> tuple
 
 
 def _sound(run: EpisodeRun) -> tuple[Stretch | None, str | None]:
-    """The next stretch of a run, None if it is not finite; and what is wrong, with the time of it, in words."""
+    """Next chunk, None if not finite; reason and time of a failure."""
     try:
         stretch = run.advance()
     except NonFiniteError:
@@ -186,7 +185,7 @@ def _sound(run: EpisodeRun) -> tuple[Stretch | None, str | None]:
 
 
 def _unlearned(interface: Interface, started: float, ended: float) -> str | None:
-    """Words on a law that adapts and whose error (rad or m) did not become small; else None."""
+    """Reason why an adaptive law's last error is too large, or None."""
     if getattr(interface.innermost, "adaptation_law", None) is None or ended <= max(
         SMALL_ERROR, LEARNED_SHARE * started
     ):

@@ -1,4 +1,4 @@
-"""`adaptctl.export`: a controller as a folder that needs no Python."""
+"""Export of a controller to a folder."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from adaptctl.version import __version__
 Language: TypeAlias = Literal["c", "wasm"]
 SCHEMA = "adaptctl/export/2"
 MAX_STACK_BYTES = 16 * 1024
-"""bytes, about, that a tick may take unless more is asked for"""
+"""approximate stack bytes of a tick by default"""
 _WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long register
 restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool class
@@ -246,7 +246,7 @@ def _bytes(content: str | bytes) -> bytes:
 
 
 def _absent(directory: str | Path) -> Path:
-    """The absolute path. Raises `FileError` for what is no path, and where something is."""
+    """Absolute path, else `FileError`, also if it exists."""
     try:
         target = Path(os.path.realpath(directory))
         occupied = target.exists()
@@ -259,7 +259,7 @@ def _absent(directory: str | Path) -> Path:
 
 
 def _required(reference: Reference, interface: Interface) -> Reference:
-    """The reference. Raises `InputError` where it is no function of times, or of another number of coordinates."""
+    """Checked reference, else `InputError`."""
     if not callable(reference):
         raise InputError(f"reference: expected a function of time, got {printable(repr(reference))}")
     sampled(reference, np.array([0.0, interface.control_period]), interface.controller.reference_size)
@@ -272,7 +272,7 @@ def _validate_choice(what: str, value: object, known: tuple[str, ...]) -> None:
 
 
 def _name(interface: Interface, name: str | None) -> str:
-    """The name that was given, or one made of the mechanism's. Raises `InputError` for no C identifier."""
+    """Given or default name, else `InputError`."""
     if name is None:
         own = interface.mechanism.name if interface.mechanism else "controller"
         name = re.sub(r"[^a-z0-9_]", "_", own.lower()).strip("_")[:MAX_NAME_LENGTH]

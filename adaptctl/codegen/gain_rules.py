@@ -1,4 +1,4 @@
-"""Rules for gains, found by asking the law itself, for code that checks them where Python is not."""
+"""Rules for gains in exported code."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from adaptctl.control import Controller, SafetyFilter, SlotineLi, Workspace, sam
 from adaptctl.errors import AdaptctlError, GainError
 
 LARGEST_FACTOR = 1e4
-"""A gain that may be this many times as large is taken to have no bound."""
+"""of a gain, beyond which it has no bound"""
 HALVINGS = 6
 BOUND_SHRINKING = 0.9
-"""What is left of a bound that one position allows and another does not."""
+"""of a bound that another position refuses"""
 
 
 @dataclass(frozen=True)
 class GainRule:
-    """Rule for one of a controller's gains, an array, that exported code applies to check new values without Python."""
+    """Rule by which exported code checks a gain (an array)."""
 
     field: Field
     positive: bool = False
@@ -32,7 +32,7 @@ class GainRule:
 
 
 def gain_rules(controller: Controller[Any], fields: tuple[Field, ...]) -> tuple[GainRule, ...]:
-    """Rules that a controller's gains must satisfy, in the gains' order."""
+    """Rules for a controller's gains, in order."""
     return tuple(_rule(controller, field) for field in fields)
 
 
@@ -69,7 +69,7 @@ def _carried(controller: Controller[Any], name: str, values: Array) -> bool:
 
 
 def _most(controller: Controller[Any], name: str, values: Array) -> Array | None:
-    """The greatest gains that the period carries, all as many times as large; None where it does not ask."""
+    """Greatest multiples of gains that the control period allows, or None."""
     narrow = _at_its_worst(controller)
     if not np.isfinite(values).all():
         return None
@@ -87,7 +87,7 @@ def _most(controller: Controller[Any], name: str, values: Array) -> Array | None
 
 
 def _at_its_worst(controller: Controller[Any]) -> Controller[Any]:
-    """The same controller with a workspace of one position: where its damping makes the greatest sampling ratio."""
+    """Controller whose workspace is the position of its greatest sampling ratio."""
     if isinstance(controller, SafetyFilter):
         return replace(controller, inner=_at_its_worst(controller.inner))
     if not isinstance(controller, SlotineLi):

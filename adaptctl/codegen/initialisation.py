@@ -1,4 +1,4 @@
-"""The memory before the first tick, as code: what begins alike everywhere, and what begins with the arm's position."""
+"""Initial state of exported code."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 
 PROBE_DISTANCE = 0.02
-"""rad or m from home, where it is seen what depends on positions"""
+"""rad or m from home"""
 
 
 @dataclass(frozen=True)
 class Walk:
-    """Routines by which exported code closes kinematic loops in small steps from the home configuration."""
+    """Routines that close kinematic loops in small steps from home."""
 
     step: Routine
     regular: Routine
-    """q (n,) -> 1 where loops are closed and away from singularities beyond doubt, else 0"""
+    """q (n,) to 1 where loops are certainly closed and regular, else 0"""
     home: Array
     primary: tuple[int, ...]
     looped: tuple[int, ...]
@@ -34,7 +34,7 @@ class Walk:
 
 @dataclass(frozen=True)
 class Start:
-    """Rules by which exported code makes the initial internal state."""
+    """Rules for the initial internal state."""
 
     configurations: tuple[int, ...]
     computed: tuple[int, ...]
@@ -43,7 +43,7 @@ class Start:
 
 
 def start_of(interface: Interface, open_by: float) -> Start:
-    """The `Start`, rules for making the initial internal state, of the controller of an `interface`."""
+    """`Start` of the controller of an `interface`."""
     law, mechanism = interface.controller, interface.mechanism
     p = law.neutral_configuration + PROBE_DISTANCE * np.linspace(0.5, 1.0, law.dof)
     aside = interface.memory_of(law.initial_state(p, np.zeros(law.dof)))

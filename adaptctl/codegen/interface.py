@@ -1,4 +1,4 @@
-"""Interface of exported code: a controller's arguments, memory and results, by name."""
+"""Interface of exported code."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ARGUMENTS = ("p", "v", *(f"reference.{part}" for part in ReferencePoint._fields)
 
 @dataclass(frozen=True)
 class Field:
-    """Field of a controller's exported code, a named array of numbers of its internal state or gains."""
+    """Named array of a controller's internal state or gains."""
 
     name: str
     values: Array
@@ -34,12 +34,12 @@ class Field:
 
     @property
     def size(self) -> int:
-        """Number of scalars in the field, the product of its axes' lengths."""
+        """Number of scalars in the field."""
         return int(self.values.size)
 
     @property
     def dimensions(self) -> str:
-        """The C text of the field's shape, such as "[3][2]"; empty for a single number."""
+        """C text of the shape, such as "[3][2]"."""
         return "".join(f"[{n}]" for n in self.values.shape)
 
     def place(self, k: int) -> str:
@@ -48,16 +48,16 @@ class Field:
         return self.name + "".join(f"[{int(i)}]" for i in where)
 
     def label(self, k: int) -> str:
-        """Name of the number k of the field, such as a joint's; empty without names."""
+        """Name of the number k, such as a joint's, or ""."""
         return self.labels[k % len(self.labels)] if self.labels else ""
 
 
 WRAPPED_PATH = "inner."
-"""Part of a path that leads from a wrapper, such as a safety filter, to what it wraps."""
+"""part of a path from a wrapper to its inner controller"""
 
 
 class Brake(NamedTuple):
-    """Torque that replaces one that the law cannot give: -damping v within the limits."""
+    """Replacement torque -damping v within the limits."""
 
     damping: Array
     limit: Array
@@ -65,7 +65,7 @@ class Brake(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Interface:
-    """Interface of a controller in exported code: arguments, results, state, gains and the traced law."""
+    """Arguments, results, state, gains and traced law of exported code."""
 
     controller: Controller[Any]
 
@@ -81,7 +81,7 @@ class Interface:
 
     @cached_property
     def innermost(self) -> Controller[Any]:
-        """The controller itself, or, where it is `SafetyFilter` (behind guards), the one within all guards."""
+        """Controller without any `SafetyFilter`."""
         law: Any = self.controller
         while isinstance(law, SafetyFilter):
             law = law.inner
@@ -108,7 +108,7 @@ class Interface:
 
     @cached_property
     def mechanism(self) -> Mechanism | None:
-        """Mechanism that the controller drives, None where not known."""
+        """Mechanism of the controller, or None."""
         return self.model.mechanism if self.model else getattr(self.innermost, "mechanism", None)
 
     @cached_property
@@ -120,7 +120,7 @@ class Interface:
 
     @property
     def follows_joints(self) -> bool:
-        """True if the reference is of the r joints, not of another space."""
+        """True if the reference is of the r joints."""
         law = self.innermost
         if isinstance(law, TaskSpaceSlotineLi):
             return law.reference_in_joints
@@ -128,7 +128,7 @@ class Interface:
 
     @cached_property
     def control_period(self) -> float:
-        """Control period in s, 0.001 where the law does not depend on it."""
+        """Control period in s, by default 0.001."""
         return float(
             getattr(self.controller, "control_period", None) or getattr(self.innermost, "control_period", None) or 1e-3
         )
@@ -167,7 +167,7 @@ class Interface:
 
     @cached_property
     def all_gains(self) -> tuple[Field, ...]:
-        """All gains of the controller, a `Field` each, with their values, in SI units."""
+        """All gains as `Field`s with values, SI units."""
         return tuple(field for field, _ in self._gain_fields())
 
     @cached_property
@@ -180,7 +180,7 @@ class Interface:
         return [np.asarray(x, dtype=np.float64) for x in leaves(state)]
 
     def names_of_constants(self) -> dict[float, str]:
-        """Names of the parameters that are constants in the law, by their magnitudes."""
+        """Names of the law's constant parameters, by magnitude."""
         values = getattr(self.innermost, "parameters", None)
         if self.mechanism is None or isinstance(values, Column) or values is None:
             return {}
@@ -208,7 +208,7 @@ class Interface:
             first += field.size
 
     def _labels(self, name: str, size: int) -> tuple[str, ...]:
-        """Names of numbers by their count: parameters or joints; tree joints where there are loops."""
+        """Names of numbers by their count."""
         if self.model is not None and size == len(self.model.names) and "q" not in name.split("_"):
             return tuple(self.model.names)
         if size == len(self.joints):
@@ -219,7 +219,7 @@ class Interface:
 
 
 def short_names(paths: list[str]) -> list[str]:
-    """Names in C of dotted paths; those of a wrapped law begin with `law_` where they clash."""
+    """C names of dotted paths, with `law_` where inner ones clash."""
     short = [path.replace(WRAPPED_PATH, "").replace(".", "_") for path in paths]
     names: list[str] = []
     for path, name in zip(paths, short, strict=True):
@@ -229,7 +229,7 @@ def short_names(paths: list[str]) -> list[str]:
 
 
 def validate_controller(controller: object) -> None:
-    """Raise `InputError` unless it is a controller whose step is that of its law."""
+    """Raise `InputError` unless its `step` is that of its law."""
     if not isinstance(controller, Controller):
         raise InputError(f"controller: expected a Controller, got {type(controller).__name__}")
     if type(controller).step is not Controller.step:
@@ -266,6 +266,6 @@ def status_bits(interface: Interface) -> tuple[StatusBit, ...]:
 
 
 def status_of(interface: Interface, state: Any) -> int:
-    """Status of a control step as far as guards decide it."""
+    """Status of a control step by its guards."""
     bits = status_bits(interface)[len(FAULTS) :]
     return sum(bit.value for bit, flag in zip(bits, guards(state), strict=True) if flag[0] > 0.5)

@@ -1,4 +1,4 @@
-"""A closed loop as WebAssembly for a page: the law, the arm and its reference of one experiment, running live."""
+"""Closed loops as WebAssembly for web pages."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from adaptctl.simulation.period import PlantState
 MAX_MODULE_BYTES = 60_000
 """bytes of a module in a page"""
 MAX_PAYLOAD_SHARE = 0.25
-"""of the arm's mass, the payload that a slider goes up to"""
+"""of the arm's mass, for the payload slider"""
 MAX_LAW_FLOPS = 3000
-"""flops of a law, above which its loop is not traced at all"""
+"""above which a loop is not traced"""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class LiveLoop:
 def live_arm(
     plant: Plant, controller: Controller[Any], reference: Reference, started: PlantState, parameters: Array
 ) -> LiveArm | str:
-    """WebAssembly module of a closed loop for a web page; or the reason why there is none."""
+    """WebAssembly module of a closed loop, or why there is none."""
     if reason := _obstacle(plant, controller, reference):
         return reason
     loop = LiveLoop(plant, controller.fixed(), reference)  # type: ignore[arg-type]  # _obstacle saw that these are Sinusoids
@@ -168,7 +168,7 @@ def _groups(controller: Controller[Any]) -> Iterator[dict[str, Any]]:
 
 
 def _load(plant: Plant, parameters: Array) -> list[float]:
-    """Change of the parameters (P,) by a kilogram in the origin of the last body; empty where they are related."""
+    """Change of parameters (P,) by 1 kg in the last body's origin."""
     description = plant.mechanism.description
     if len(parameters) < len(description.inertial_parameters):
         return []

@@ -1,4 +1,4 @@
-"""WebAssembly modules straight from graphs: no compiler, no linker, one memory."""
+"""WebAssembly modules of graphs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TYPES, FUNCTIONS, MEMORIES, EXPORTS, CODE = 1, 3, 5, 7, 10
 GET, SET = b"\x20", b"\x21"
 CALL, SELECT, END = b"\x10", b"\x1b", b"\x0b"
 ZERO = b"\x41\x00"
-"""The address to which offsets are added."""
+"""base address of offsets"""
 
 
 def unsigned(n: int) -> bytes:
@@ -38,7 +38,7 @@ def unsigned(n: int) -> bytes:
 
 
 def vector(items: Sequence[bytes]) -> bytes:
-    """The bytes of WebAssembly's encoding of a vector: the number of `items`, then these, each encoded already."""
+    """Encoding of a vector of encoded `items`."""
     return unsigned(len(items)) + b"".join(items)
 
 
@@ -60,7 +60,7 @@ def body(locals_: Sequence[bytes], code: bytes) -> bytes:
 
 
 def constant(x: float) -> bytes:
-    """The bytes of the WebAssembly instruction that puts the float `x`, of 64 bits, on the stack. Nothing is raised."""
+    """Instruction that pushes the 64-bit float `x`."""
     return b"\x44" + struct.pack("<d", x)
 
 
@@ -83,7 +83,7 @@ TRUTHS, ANGLES = (Op.LESS, Op.LESS_EQUAL), {Op.SIN: 0, Op.COS: 1}
 
 
 class WasmPlaces(NamedTuple):
-    """Function that others call: its number, and the addresses of its arguments and results."""
+    """Number of a function, and addresses of arguments and results."""
 
     number: int
     inputs: Sequence[int]
@@ -131,7 +131,7 @@ class WasmCode:
         return self._text[x.index] if isinstance(x, Expression) else constant(x)
 
     def keep(self, text: bytes, kind: bytes) -> bytes:
-        """Store a pushed value in a new local variable; the instruction that pushes it is returned."""
+        """Store a pushed value in a local variable; return its read instruction."""
         number = self.new(kind)
         self.code += text + SET + unsigned(number)
         return GET + unsigned(number)
@@ -150,7 +150,7 @@ class WasmCode:
         return b"".join(operands) + (BINARY | UNARY)[x.op]
 
     def _sine(self, angle: Expression, sincos: Callable[[], int]) -> int:
-        """The first of the two variables that hold an angle's sine and cosine."""
+        """First of two variables with an angle's sine and cosine."""
         if angle.index not in self._turned:
             sine, cosine = self.new(F64), self.new(F64)
             call = CALL + unsigned(sincos()) + SET + unsigned(cosine) + SET + unsigned(sine)
@@ -160,7 +160,7 @@ class WasmCode:
 
 
 FIRST = 64
-"""Bytes at the beginning of memory that nothing uses."""
+"""unused bytes at the start of memory"""
 
 
 class WasmModule:
@@ -175,7 +175,7 @@ class WasmModule:
         self._turning: int | None = None
 
     def export(self, name: str, routine: Routine) -> WasmPlaces:
-        """Add a function of a routine; the addresses of its arguments and results are returned."""
+        """Add a routine's function; return its addresses."""
         called = self._function(routine)
         self._exports[name] = called.number
         return called
@@ -228,7 +228,7 @@ class WasmModule:
         return len(self._functions) - 1
 
     def _sincos(self) -> int:
-        """The function from an angle to its sine and cosine, NaN where it is too far: the operations of native code."""
+        """Function to sine and cosine with native code's operations, NaN beyond its range."""
         if self._turning is None:
             routine = trace(lambda x: DOUBLE.reduced(x[0]), {"x": 1})
             angle = GET + b"\x00"

@@ -1,4 +1,4 @@
-"""A controller as a WebAssembly module with a class of JavaScript around it."""
+"""WebAssembly packages with a JavaScript class."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from adaptctl.version import __version__
 
 
 def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str, str | bytes], dict[str, Any]]:
-    """Files of a WebAssembly package by name, and their entries in the manifest."""
+    """Files by name, and their manifest entries."""
     if scalar != "double":
         raise InputError("scalar: WebAssembly supports only double; use the language c for float")
     module, start = WasmModule(), start_of(interface, MAX_LOST_GAP)
@@ -64,7 +64,7 @@ def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str,
 
 
 def _numbers(places: Any) -> list[int]:
-    """Places as numbers of 8 bytes, which is how JavaScript's Float64Array counts."""
+    """Places in units of 8 bytes, for a Float64Array."""
     return [at // 8 for at in places]
 
 

@@ -1,4 +1,4 @@
-"""Numbers of any kind, and the vectors, matrices and columns made of them."""
+"""Scalars of any kind, and vectors of them."""
 
 from adaptctl.scalars.column import ZERO, Column, Mat, Vec, column, cross, dot, each, product, spread
 from adaptctl.scalars.dual import Dual

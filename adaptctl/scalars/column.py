@@ -1,4 +1,4 @@
-"""Joint space and parameter space: columns of n scalars."""
+"""Columns of n scalars."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from adaptctl.scalars.scalar import Scalar
 
 class Vec:
     """
-    Vector (3,) of scalars of one kind, in the coordinates of one frame.
+    Vector (3,) of scalars in one frame.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def cross(a: Vec, b: Vec) -> Vec:
 
 class Mat:
     """
-    Matrix (3, 3) of scalars of one kind, given by its rows.
+    Matrix (3, 3) of scalars, given by its rows.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ class Mat:
 
     @property
     def T(self) -> Mat:
-        """Transpose (3, 3) of this matrix, rows and columns exchanged."""
+        """Transpose (3, 3)."""
         a, b, c = self.x, self.y, self.z
         return Mat(Vec(a.x, b.x, c.x), Vec(a.y, b.y, c.y), Vec(a.z, b.z, c.z))
 
@@ -200,7 +200,7 @@ ZERO = Vec(0.0, 0.0, 0.0)
 
 class Column:
     """
-    Vector (n,) of scalars of one kind, for equations that run on floats, arrays and symbolic scalars alike.
+    Vector (n,) of scalars of one kind, for equations.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ class Column:
     Notes
     -----
     ``+``, ``-`` and ``*`` are elementwise, ``@`` is the inner product, and a scalar may be a factor on either side.
-    Columns of different lengths raise ``ValueError``.
+    Different lengths raise ``ValueError``.
 
     Examples
     --------
@@ -287,7 +287,7 @@ def combined(columns: Sequence[Column], weights: Column) -> Column:
 
 def column(array: Any) -> Column:
     """
-    Make a column of the entries along an array's last axis.
+    Make a column of an array's last axis.
 
     Parameters
     ----------
@@ -323,7 +323,7 @@ def column(array: Any) -> Column:
 
 def each(values: Any, n: int) -> Column:
     """
-    Make a column of n entries from one value or n values.
+    Make a column of one value or n values.
 
     Parameters
     ----------

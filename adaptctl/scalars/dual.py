@@ -1,4 +1,4 @@
-"""Dual numbers: a value and its derivative along one direction, exact to round-off."""
+"""Dual numbers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from adaptctl.scalars.scalar import (
 
 class Dual(np.lib.mixins.NDArrayOperatorsMixin):
     r"""
-    Dual number: a value with its derivative along one direction, exact to round-off.
+    Dual number: a value with its derivative along one direction.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Dual(np.lib.mixins.NDArrayOperatorsMixin):
 
     Notes
     -----
-    The number is :math:`value + slope\,\epsilon` with :math:`\epsilon^2 = 0`. Comparisons compare values alone.
+    :math:`value + slope\,\epsilon` with :math:`\epsilon^2 = 0`. Comparisons use values alone.
 
     Examples
     --------

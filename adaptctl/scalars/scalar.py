@@ -1,4 +1,4 @@
-"""Scalars: the operations that equations may use, on numbers of any kind."""
+"""Operations of equations over scalars of any kind."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import numpy as np
 
 class Scalar(Protocol):
     """
-    Scalar of any kind in equations: a float, an array of samples, a dual number or a symbolic scalar.
+    Scalar of any kind: float, array of samples, dual number or symbolic scalar.
 
     Notes
     -----
-    All kinds support +, -, *, / with numbers on either side, and the sign -x.
+    All kinds support +, -, *, / with numbers on either side.
 
     Examples
     --------
@@ -40,7 +40,7 @@ MAX_EXPONENT = 709.782712893384
 """ln of the largest double"""
 
 Condition: TypeAlias = Any
-"""The outcome of comparing scalars: a bool, an array of bools, a node. Only `where` may branch on it."""
+"""comparison of scalars; only `where` may branch on it"""
 
 
 def sin(x: Any) -> Any:
@@ -237,7 +237,7 @@ def atan2(y: Any, x: Any) -> Any:
 
 def nearest_whole(x: Any) -> Any:
     """
-    Round to the nearest whole number, halves to the even one.
+    Round to the nearest integer, halves to even.
 
     Parameters
     ----------
@@ -260,7 +260,7 @@ def nearest_whole(x: Any) -> Any:
 
 def angle(sine: Any, cosine: Any, near: Any) -> Any:
     """
-    Return the angle of a known sine and cosine that is nearest to another.
+    Return the angle nearest to another, with known sine and cosine.
 
     Parameters
     ----------
@@ -364,7 +364,7 @@ def maximum(x: Any, y: Any) -> Any:
 
 def where(condition: Condition, yes: Any, no: Any) -> Any:
     """
-    Choose one of two values by a condition: the only branch that equations over scalars may have.
+    Choose one of two values, the only branch in equations.
 
     Parameters
     ----------
@@ -425,11 +425,11 @@ def clip(x: Any, lower: Any, upper: Any) -> Any:
 
 
 _SHIFT = 1.5 * 2.0**52
-"""With this added, a number has no bits for less than 1, so that the sum is the nearest whole number's."""
+"""adding it rounds a number to the nearest integer"""
 _LN2 = (6.93147180369123816490e-01, 1.90821492927058770002e-10)
-"""ln 2 is their sum; the first has 33 bits."""
+"""sum is ln 2; the first has 33 bits"""
 _HALVINGS = (512, 512, 256, 128, 64, 32, 16, 8, 4, 2, 1)
-"""Powers of two of which some make any exponent of a double, subnormal ones included."""
+"""powers of two that compose any double's exponent"""
 
 _EXP = (
     1.66666666666666019037e-01, -2.77777777770155933842e-03, 6.61375632143793436117e-05, -1.65339022054652515390e-06,
@@ -452,7 +452,7 @@ _ATAN_BELOW = (
 
 
 def exponential(x: Any) -> Any:
-    """Exponential e^x by arithmetic and comparisons alone, which compile to SIMD instructions."""
+    """Exponential by arithmetic and comparisons alone, for SIMD."""
     x = clip(x, -746.0, 710.0)
     k = (x * (1.0 / math.log(2.0)) + _SHIFT) - _SHIFT
     r = (x - k * _LN2[0]) - k * _LN2[1]
@@ -466,7 +466,7 @@ def exponential(x: Any) -> Any:
 
 
 def logarithm(x: Any) -> Any:
-    """Natural logarithm by arithmetic and comparisons alone, which compile to SIMD instructions."""
+    """Natural logarithm for SIMD."""
     m, k = x, 0.0 * x
     for bit in _HALVINGS:
         small, large = m < 2.0 ** (1 - bit), m >= 2.0**bit
@@ -483,7 +483,7 @@ def logarithm(x: Any) -> Any:
 
 
 def hyperbolic_tangent(x: Any) -> Any:
-    """Hyperbolic tangent by arithmetic and comparisons alone, which compile to SIMD instructions."""
+    """Hyperbolic tangent for SIMD."""
     near = clip(x, -0.625, 0.625)
     z = near * near
     close = near + near * z * (polynomial(_TANH, z) / polynomial(_TANH_BELOW, z))
@@ -492,7 +492,7 @@ def hyperbolic_tangent(x: Any) -> Any:
 
 
 def arc_tangent(y: Any, x: Any) -> Any:
-    """Angle of the point (x, y) by arithmetic and comparisons alone, for SIMD instructions."""
+    """Angle of the point (x, y), for SIMD."""
     high, low = maximum(absolute(x), absolute(y)), minimum(absolute(x), absolute(y))
     upper = low > math.tan(math.pi / 8.0) * high
     t = where(upper, low - high, low) / where(upper, low + high, where(high > 0.0, high, 1.0))
@@ -504,5 +504,5 @@ def arc_tangent(y: Any, x: Any) -> Any:
 
 
 def polynomial(coefficients: Sequence[float], z: Any) -> Any:
-    """Polynomial c_0 + c_1 z + c_2 z^2 + ... by Horner's scheme."""
+    """Polynomial c_0 + c_1 z + ... by Horner's scheme."""
     return reduce(lambda higher, c: c + z * higher, reversed(coefficients))

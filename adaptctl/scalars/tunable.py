@@ -1,4 +1,4 @@
-"""Settings whose numbers may change: what differs in them alone shares native code."""
+"""Settings with tunable numbers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from adaptctl.scalars.column import Column
 
 class Structure:
     """
-    Part of an object that its native code depends on: its class and all values that are not tunable.
+    Part of an object that its native code depends on.
 
     Parameters
     ----------
@@ -54,11 +54,11 @@ class Structure:
 
 class Keyed:
     """
-    Base class of frozen dataclasses whose values are all compiled into native code.
+    Base class of frozen dataclasses compiled by value.
 
     Notes
     -----
-    Objects of equal `structure` (class and field values) share native code.
+    Objects of equal `structure` (class and values) share native code.
 
     Examples
     --------
@@ -73,7 +73,7 @@ class Keyed:
 
     @cached_property
     def structure(self) -> Structure:
-        """Structure of this object, a `Structure` to be compared and hashed."""
+        """`Structure` of this object."""
         return Structure(self, _fields_key(self))
 
 
@@ -83,8 +83,8 @@ class Tunable:
 
     Notes
     -----
-    A class names its tunable attributes in the property `tunable`: numbers, arrays (n,) or (m, n), or None. Its
-    equations read them with `column` and `each`. A subclass must name them anew.
+    The property `tunable` names these attributes: numbers, arrays (n,) or (m, n), or None. Equations read them with
+    `column` and `each`. A subclass must name them anew.
 
     Examples
     --------
@@ -104,12 +104,11 @@ class Tunable:
 
     @property
     def tunable(self) -> tuple[str, ...]:
-        """Names of the attributes that hold tunable numbers; empty unless a class overrides it."""
+        """Names of the tunable attributes, by default none."""
         return ()
 
     sparse: ClassVar[tuple[str, ...]] = ()
-    """Those of the tunable arrays (n,) whose zeros are compiled in, so that their terms are never computed; a subclass
-    inherits it."""
+    """Those arrays (n,) whose zeros are compiled in; inherited."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -118,12 +117,12 @@ class Tunable:
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """Attributes of the settings that are `Tunable` themselves, by name."""
+        """Attributes that are `Tunable` themselves, by name."""
         return {name: value for name, value in self._settings() if isinstance(value, Tunable)}
 
     @cached_property
     def numbers(self) -> dict[str, Array]:
-        """Tunable numbers by name, those of parts as in ``adaptation.gain``; None left out."""
+        """Tunable numbers by name, such as ``adaptation.gain``."""
         given = {name: getattr(self, name) for name in self.tunable}
         own = {name: np.asarray(value, dtype=np.float64) for name, value in given.items() if value is not None}
         parts = self.tunable_parts.items()
@@ -131,12 +130,12 @@ class Tunable:
 
     @cached_property
     def packed(self) -> Array:
-        """All g tunable numbers (g,) in the order of `numbers`, matrices row by row."""
+        """Tunable numbers (g,) in the order of `numbers`."""
         return np.concatenate([np.zeros(0), *(array.ravel() for array in self.numbers.values())])
 
     def substituted(self, packed: Column) -> Self:
         """
-        Return a copy whose tunable numbers are scalars of any kind.
+        Return a copy with scalars of any kind.
 
         Parameters
         ----------
@@ -157,7 +156,7 @@ class Tunable:
 
     def unpacked(self, packed: Column) -> dict[str, Any]:
         """
-        Return tunable numbers of a column by name.
+        Return tunable numbers by name.
 
         Parameters
         ----------
@@ -182,7 +181,7 @@ class Tunable:
 
     def having(self, numbers: Mapping[str, Any]) -> Self:
         """
-        Return a copy with other tunable numbers, unchecked.
+        Return a copy with other numbers, unchecked.
 
         Parameters
         ----------
@@ -217,7 +216,7 @@ class Tunable:
 
     def fixed(self) -> Self:
         """
-        Return a copy with the arrays named in `sparse` compiled in.
+        Return a copy with `sparse` arrays compiled in.
 
         Returns
         -------
@@ -232,7 +231,7 @@ class Tunable:
 
     def tuned(self, numbers: Mapping[str, ArrayLike]) -> Self:
         """
-        Return a copy with other tunable numbers, checked by the constructor.
+        Return a copy with other numbers, checked.
 
         Parameters
         ----------
@@ -267,7 +266,7 @@ class Tunable:
 
     @cached_property
     def structure(self) -> Structure:
-        """Structure of these settings, a `Structure` to be compared and hashed."""
+        """`Structure` of these settings."""
         parts = self.tunable_parts
         shapes = tuple((name, array.shape, self._zeros(name, array)) for name, array in self.numbers.items())
         fixed = [(name, value) for name, value in self._settings() if name not in parts]
@@ -285,7 +284,7 @@ class Tunable:
 
 
 class _Same:
-    """Object that is equal to itself only."""
+    """Object equal to itself only."""
 
     __slots__ = ("of",)
 
@@ -300,7 +299,7 @@ class _Same:
 
 
 def _key(value: Any) -> Hashable:
-    """Key of a setting: its value, or the object itself where values cannot be compared."""
+    """Value of a setting, or the object itself if not comparable."""
     if isinstance(value, Tunable | Keyed):
         return value.structure
     if isinstance(value, np.ndarray):
