@@ -66,18 +66,18 @@ class AdaptiveState(NamedTuple):
 
     @property
     def logged_state(self) -> Any:
-        """Part of the law's state that is stored in a run's samples."""
+        """Part of the law's state stored in samples."""
         return self.law_state.logged_state
 
 
 class AdaptiveController(Controller[AdaptiveState]):
     """
-    Base class of controllers that combine a control law with any adaptation law.
+    Base class of controllers with any adaptation law.
 
     Notes
     -----
-    A subclass is a frozen dataclass with these fields and `law`, calls `self._settle()` at construction, and says in
-    `_motion_size` how many numbers of a motion its state keeps.
+    A subclass is a frozen dataclass with these fields and `law`, calls `self._settle()` at construction, and returns in
+    `_motion_size` the length of its regressor's state.
 
     Examples
     --------
@@ -110,14 +110,14 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @cached_property
     def adaptation_law(self) -> AdaptationLaw[Any] | None:
-        """Adaptation law, `Gradient` for a gain, None without adaptation."""
+        """Adaptation law, or None."""
         if self.adaptation is None or isinstance(self.adaptation, AdaptationLaw):
             return self.adaptation
         return Gradient(self.adaptation)
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """Adaptation law under the key "adaptation"."""
+        """Adaptation law as "adaptation"."""
         return {} if self.adaptation_law is None else {"adaptation": self.adaptation_law}
 
     @property
@@ -127,7 +127,7 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @property
     def neutral_configuration(self) -> Array:
-        """Positions (r,) of the home configuration, rad (m)."""
+        """Home positions (r,), rad (m)."""
         return self.model.mechanism.neutral_configuration
 
     def initial_state(self, p: Array, v: Array) -> AdaptiveState:
@@ -178,7 +178,7 @@ class AdaptiveController(Controller[AdaptiveState]):
         object.__setattr__(self, "torque_limits", torque_limits(self.model.mechanism, self.torque_limits))
 
     def _limited(self, torque: Column) -> tuple[Column, Column]:
-        """Limited torque (r,), and the time to learn from it, 0 if limited."""
+        """Limited torque (r,), and learning time, 0 if limited."""
         kept, length = [], self.control_period
         for x, limit in zip(torque, np.asarray(self.torque_limits).tolist(), strict=True):
             bounded = clip(x, -limit, limit) if np.isfinite(limit) else x
@@ -201,7 +201,7 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True):
 
 def save_estimate(path: str | Path, model: ReducedModel, estimate: ArrayLike) -> None:
     """
-    Write an estimate to a JSON file, by names of parameters.
+    Write an estimate to a JSON file, by parameter name.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ from adaptctl.scalars import Column, column
 @dataclass(frozen=True, eq=False)
 class AdaptiveComputedTorque(AdaptiveController):
     r"""
-    Computed torque that adapts its parameters, from measured accelerations.
+    Computed torque that adapts from measured accelerations.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class AdaptiveComputedTorque(AdaptiveController):
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
         """
-        Compute the torque and learn from the period that has passed.
+        Compute the torque and the next state.
 
         Parameters
         ----------
@@ -134,7 +134,6 @@ class AdaptiveComputedTorque(AdaptiveController):
 
     @property
     def _motion_size(self) -> int:
-        """Number r of last velocities, for accelerations."""
         return self.dof
 
     def _validate_bandwidth(self) -> None:

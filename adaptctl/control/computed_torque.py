@@ -18,7 +18,7 @@ from adaptctl.scalars import Column, column
 
 
 class BranchState(NamedTuple):
-    """Last configuration (n,), from which kinematic loops are followed."""
+    """Last configuration (n,) of kinematic loops."""
 
     q: Any
 
@@ -47,7 +47,7 @@ class ModelBased(Controller[BranchState]):
 
     @property
     def neutral_configuration(self) -> Array:
-        """Positions (r,) of the home configuration, rad (m)."""
+        """Home positions (r,), rad (m)."""
         return self.mechanism.neutral_configuration
 
     def initial_state(self, p: Array, v: Array) -> BranchState:
@@ -148,7 +148,7 @@ class ComputedTorque(ModelBased):
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
         """
-        Compute the inverse dynamics of the acceleration that reduces the error.
+        Compute the inverse dynamics of the corrective acceleration.
 
         Parameters
         ----------
@@ -258,7 +258,7 @@ class PDGravity(ModelBased):
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
         """
-        Compute the gravity torque minus a spring's and a damper's.
+        Compute gravity, spring and damper torques.
 
         Parameters
         ----------

@@ -59,7 +59,7 @@ class ReferencePoint(NamedTuple):
 
 class Reference(Protocol):
     """
-    Protocol of a reference trajectory: a function from times to a `ReferencePoint`.
+    Protocol of a reference: function from times to a `ReferencePoint`.
 
     Parameters
     ----------
@@ -97,13 +97,13 @@ GAINS, MEMORY = "gains", "memory"  # columns of a law's gains, and of its state 
 
 class Controller(Tunable, ABC, Generic[Memory]):
     """
-    Base class of control laws, called once in every control period for one or many arms.
+    Base class of control laws, for one or many arms.
 
     Notes
     -----
     A subclass is a frozen dataclass. Its `law` is compiled to native code, up to 100 joints; attributes named in
-    `tunable` are arguments of that code. `finite` says which numbers `step` requires to be finite: "results", True for
-    arguments too, False for none.
+    `tunable` are its arguments. `finite` says which numbers `step` requires to be finite: "results", True for arguments
+    too, False for none.
 
     Examples
     --------
@@ -144,7 +144,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def neutral_configuration(self) -> Array:
-        """Home positions (r,), rad (m), at which the law is compiled."""
+        """Home positions (r,), rad (m), for compilation."""
         return np.zeros(self.dof)
 
     @property
@@ -155,7 +155,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
     @abstractmethod
     def initial_state(self, p: Array, v: Array) -> Memory:
         """
-        Return the law's internal state, which `init` checks.
+        Return the internal state for `init`.
 
         Parameters
         ----------
@@ -230,7 +230,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     def reset(self, state: Memory, arms: ArrayLike, p: ArrayLike, v: ArrayLike) -> Memory:
         """
-        Return the state of many arms with some of them reset.
+        Return the state with some arms reset.
 
         Parameters
         ----------
@@ -274,7 +274,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
     @replaced_by("_step_one")
     def step(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
         """
-        Compute the torque for one control period, and the internal state after it.
+        Compute torque and internal state for one control period.
 
         Parameters
         ----------
@@ -310,7 +310,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         self, gains: Array, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint
     ) -> tuple[Array, Memory]:
         """
-        Compute the torques of many arms, each with tunable gains of its own.
+        Compute the torques of arms with different tunable gains.
 
         Parameters
         ----------
@@ -347,7 +347,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     def compile(self, many: bool = False) -> Self:
         """
-        Compile the law to native code now, not at the first step.
+        Compile the law now, not at the first step.
 
         Parameters
         ----------
@@ -376,11 +376,9 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @cached_property
     def _step_one(self) -> Callable[..., tuple[Array, Memory]]:
-        """Step of one arm; `_step_any` for unusual arguments."""
         return self._native(self._step_any) if self._has_native else self._step_any
 
     def _step_any(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
-        """Step on anything like arrays."""
         if numbers(p, f"{type(self).__name__}: p").ndim > 1:
             return self._step_many(state, p, v, reference)
         given = Given(type(self).__name__, self._given_sizes).arrays((p, v, *reference))
@@ -389,7 +387,6 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @cached_property
     def _step_usual(self) -> Callable[..., tuple[Array, Memory]]:
-        """Step of one arm on usual arrays."""
         if self._has_native:
             return self._native(lambda state, *given: self._blame(*given))
 
@@ -407,7 +404,6 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return isinstance(self._tick, Kernel) and has_builtins()
 
     def _native(self, instead: Callable[..., Any]) -> Callable[..., Any]:
-        """Native step of one arm, with a fallback."""
         kernel: Any = self._tick
         otherwise: Callable[..., Any] = kernel.with_fallback(instead, self._kind, ReferencePoint, *self._bound)
         return otherwise
@@ -434,7 +430,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def kernel(self) -> Kernel | None:
-        """Native code, which also counts operations; None above 100 joints."""
+        """Native code of the law; None above 100 joints."""
         return self._tick if isinstance(self._tick, Kernel) else None
 
     @property
@@ -451,7 +447,6 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def _step_many(
         self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint, gains: Array | None = None
     ) -> tuple[Array, Memory]:
-        """Step of arms (...)."""
         arms = np.shape(p)[:-1]
         columns = rows_of_arms((p, v, *reference), self._given_sizes, arms)
         columns[MEMORY] = self._array_of(state, arms).reshape(prod(arms), self._sizes[MEMORY])
@@ -502,7 +497,6 @@ class Controller(Tunable, ABC, Generic[Memory]):
         return packed_state(self._blank)
 
     def _packed_equation(self) -> Callable[..., tuple[Column, Column]]:
-        """Law whose state is one column."""
         equation, sizes = self._equation(), self._memory_sizes
 
         def packed(**columns: Column) -> tuple[Column, Column]:
@@ -519,7 +513,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def _form(self) -> Form:
-        """Calling convention of one arm's step; the gains are bound to it."""
+        """Calling convention of one arm's step with its gains."""
         reference = (Place(3, 0), Place(3, 1), Place(3, 2))
         gains = (Place(None),) * len(self.gain_sizes)
         return Form((Place(1), Place(2), *reference, Place(0, 0), *gains), {0: 1, 3: 3}, {1: 0})

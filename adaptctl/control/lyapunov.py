@@ -13,7 +13,7 @@ from adaptctl.errors import InputError
 
 
 class TrackedRun(Protocol):
-    """Run with positions, velocities, and the reference's, (T, r)."""
+    """Run with motion and reference."""
 
     @property
     def p(self) -> Array:
@@ -37,7 +37,7 @@ class TrackedRun(Protocol):
 
 
 class SampledRun(TrackedRun, Protocol):
-    """Run with the reference's accelerations and the control period."""
+    """Run with accelerations and control period."""
 
     @property
     def reference_a(self) -> Array:
@@ -60,7 +60,7 @@ class LearningRun(TrackedRun, Protocol):
 
 
 def has_sliding_variable(controller: object) -> bool:
-    """Return True if the sliding variable depends on errors alone."""
+    """Return True if s depends on errors alone."""
     own = SlotineLi.reference_velocity
     return isinstance(controller, SlotineLi) and type(controller).reference_velocity is own
 
@@ -101,7 +101,7 @@ def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
 
 def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> Array:
     r"""
-    Compute the Slotine and Li's Lyapunov function.
+    Compute Slotine and Li's Lyapunov function.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Internal states of control laws as arrays."""
+"""Internal states as arrays."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from adaptctl.scalars import Column
 
 
 def checked_step(law: Any, *given: Any) -> Any:
-    """Result of `law.law`. Raises `TraceError` for NumPy functions of columns."""
+    """Result of `law.law`, else `TraceError`."""
     try:
         return law.law(*given)
     except TypeError as error:
@@ -30,7 +30,7 @@ def checked_step(law: Any, *given: Any) -> Any:
 
 
 def validate_step(law: Any, returned: Any) -> tuple[Column, Any]:
-    """Torque and state. Raises `InputError` for other types or sizes."""
+    """Checked torque and state, else `InputError`."""
     what = f"{type(law).__name__}.law: expected it to return the torque, a Column of {law.dof}, and the next state"
     if not isinstance(returned, tuple) or len(returned) != 2:
         raise InputError(f"{what}, got {type(returned).__name__}")
@@ -100,7 +100,7 @@ class PackedState(tuple[Any, ...]):
 
     @classmethod
     def _of(cls, array: Array) -> Any:
-        """State in this array. (No part's name begins with "_".)"""
+        """State in this array."""
         return tuple.__new__(cls, (array,))
 
     def __new__(cls, *parts: Any) -> Any:
@@ -167,7 +167,7 @@ def _view(part: Any, place: slice) -> Callable[[Array], Any]:
 
 
 def rows_of_arms(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tuple[int, ...]) -> dict[str, Array]:
-    """Arrays (N, n) or (n,) by name. Raises `InputError` for another shape."""
+    """Arrays (N, n) or (n,) by name, checked."""
     columns = {}
     for (name, size), given in zip(sizes.items(), values, strict=True):
         array = _for_arms(numbers(given, name), size, arms, name)
@@ -176,7 +176,7 @@ def rows_of_arms(values: Iterable[ArrayLike], sizes: Mapping[str, int], arms: tu
 
 
 def row_each(array: Array, arms: tuple[int, ...], name: str) -> Array:
-    """Array (..., n) of each arm. Raises `InputError` for another shape."""
+    """Array (..., n) of each arm, checked."""
     size = array.shape[-1]
     array = _for_arms(array, size, arms, name)
     return array if array.shape[:-1] == arms else np.broadcast_to(array, (*arms, size))

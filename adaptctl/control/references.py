@@ -24,7 +24,7 @@ SPLINE_DEGREE = 5
 
 
 def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """Minimum-jerk step (Flash and Hogan 1985) and its two derivatives."""
+    """Minimum-jerk step and its two derivatives."""
     u = clip(u, 0.0, 1.0)
     rest = 1.0 - u
     slope = u * rest
@@ -179,7 +179,7 @@ class Sinusoids:
 
     def at(self, t: float) -> ReferencePoint:
         """
-        Return the reference point at one time, in microseconds.
+        Return the reference point at one time, fast.
 
         Parameters
         ----------
@@ -212,7 +212,7 @@ class Sinusoids:
 @dataclass(frozen=True, eq=False)
 class Spline:
     """
-    Reference trajectory through samples: a spline of degree 5, at rest before and after.
+    Reference trajectory by a spline of degree 5 through samples.
 
     Parameters
     ----------
@@ -266,7 +266,7 @@ class Spline:
 
     def at(self, t: float) -> ReferencePoint:
         """
-        Return the reference point at one time, in microseconds.
+        Return the reference point at one time, fast.
 
         Parameters
         ----------
@@ -314,7 +314,7 @@ class Spline:
 @dataclass(frozen=True, eq=False)
 class MinimumJerk:
     """
-    Reference trajectory of minimum-jerk motions between waypoints, at rest in each.
+    Reference trajectory of minimum-jerk motions between waypoints.
 
     Parameters
     ----------
@@ -372,7 +372,7 @@ class MinimumJerk:
 
     def at(self, t: float) -> ReferencePoint:
         """
-        Return the reference point at one time, in microseconds.
+        Return the reference point at one time, fast.
 
         Parameters
         ----------
@@ -401,7 +401,7 @@ class MinimumJerk:
 @dataclass(frozen=True, eq=False)
 class StoppedReference:
     """
-    Reference trajectory that follows another one and comes to rest along its path.
+    Reference trajectory that comes to rest along another's path.
 
     Parameters
     ----------
@@ -469,7 +469,7 @@ class StoppedReference:
 @dataclass(frozen=True, eq=False)
 class FadeIn:
     """
-    Reference trajectory that begins at rest at the arm's position and joins another one.
+    Reference trajectory from rest at the arm's position to another one.
 
     Parameters
     ----------
@@ -487,7 +487,7 @@ class FadeIn:
 
     Notes
     -----
-    No position is beyond both; a quintic fade adds at most 1.875/duration times their distance to the speed.
+    No position is beyond both; the fade adds at most 1.875/duration times their distance to the speed.
 
     Examples
     --------
@@ -528,7 +528,7 @@ class FadeIn:
 
     def at(self, t: float) -> ReferencePoint:
         """
-        Return the reference point at one time, in microseconds.
+        Return the reference point at one time, fast.
 
         Parameters
         ----------

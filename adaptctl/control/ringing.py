@@ -114,7 +114,7 @@ MIN_PERIODS = 25  # in a row, so that a single jump is no ringing
 
 
 class Ringing(NamedTuple):
-    """Moving averages of s times the last s and of its square, the last s, and counts of periods."""
+    """Moving averages of s times last s and squares, last s, counts."""
 
     lag_product: Any
     power: Any

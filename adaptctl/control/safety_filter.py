@@ -27,7 +27,7 @@ Parts = TypeVar("Parts", bound=tuple[Any, ...])
 
 class SafetyFlags(NamedTuple):
     """
-    Flags (1,), 1 or 0, of what the filter did in a control period.
+    Flags (1,), 1 or 0, of the filter in a control period.
 
     Parameters
     ----------
@@ -89,14 +89,14 @@ class SafetyFilterState(NamedTuple):
 
     @property
     def logged_state(self) -> Any:
-        """Part of the law's state that is stored in a run's samples."""
+        """Part of the law's state stored in samples."""
         return self.inner.logged_state
 
 
 @dataclass(frozen=True, eq=False)
 class SafetyFilter(Controller[SafetyFilterState]):
     """
-    Controller with limited torques and estimates that brakes the arm in an emergency.
+    Controller with limited torques and estimates, and an emergency brake.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ class SafetyFilter(Controller[SafetyFilterState]):
 
     def initial_state(self, p: Array, v: Array) -> SafetyFilterState:
         """
-        Return the wrapped controller's initial state with zero torque and flags.
+        Return the wrapped initial state with zero torque and flags.
 
         Parameters
         ----------
@@ -262,7 +262,7 @@ class SafetyFilter(Controller[SafetyFilterState]):
         self, p: Column, v: Column, reference: ReferencePoint, memory: SafetyFilterState
     ) -> tuple[Column, SafetyFilterState]:
         """
-        Compute the limited torque, with 0 for numbers that are not finite.
+        Compute the limited torque, 0 where not finite.
 
         Parameters
         ----------
@@ -324,7 +324,7 @@ class SafetyFilter(Controller[SafetyFilterState]):
         return Column(clip(x, last - step, last + step) for x, last, step in pairs)
 
     def _bounded(self, after: Any) -> tuple[Any, Any]:
-        """State within the bounds, and 1 if it was outside."""
+        """State within bounds, and 1 if it was outside."""
         if self.estimate_bounds is None:
             return after, 0.0
         estimate = Column(map(clip, after.estimate, *map(column, self.estimate_bounds)))
@@ -371,7 +371,7 @@ def _finite(x: Scalar) -> Condition:
 
 
 def _finite_or_zero(part: Column) -> Column:
-    """Numbers with 0 for those that are not finite."""
+    """Numbers, 0 where not finite."""
     clean = Column(where(_finite(x), x, 0.0) for x in part)
     if isinstance(part, ClosedPositions):
         return ClosedPositions(clean, _finite_or_zero(part.configuration), part.equations)
@@ -379,7 +379,7 @@ def _finite_or_zero(part: Column) -> Column:
 
 
 def _all_finite(columns: Iterable[Column]) -> Condition:
-    """Condition that all are finite, by a sum in pairs, which is faster."""
+    """Condition that all are finite, by pairwise sums."""
     rest: list[Any] = [x for part in columns for x in part]
     while len(rest) > 1:
         rest = [sum(rest[k + 1 : k + 2], rest[k]) for k in range(0, len(rest), 2)]
@@ -419,7 +419,7 @@ def _holding(memory: Parts, torque: Array) -> Parts:
 
 
 def _without_learning(condition: Condition, memory: Parts) -> Parts:
-    """State with no time to learn from, where the condition holds."""
+    """State with no learning time under a condition."""
     parts = []
     for name, part in zip(getattr(memory, "_fields", range(len(memory))), memory, strict=True):
         if isinstance(part, tuple):

@@ -23,7 +23,7 @@ from adaptctl.scalars import Column, column
 
 
 class ReferenceVelocity(NamedTuple):
-    """Reference velocity (r,), rad/s (m/s), its derivative, and further state."""
+    """Reference velocity (r,), its derivative, and further state."""
 
     v_r: Column
     a_r: Column
@@ -112,7 +112,7 @@ class SlotineLi(AdaptiveController):
         self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> tuple[Column, AdaptiveState]:
         """
-        Compute the torque and learn from the period that has passed.
+        Compute the torque and the next state.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class SlotineLi(AdaptiveController):
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
         """
-        Compute the reference velocity as the desired velocity minus bandwidth times error.
+        Compute the desired velocity minus bandwidth times error.
 
         Parameters
         ----------
@@ -197,7 +197,7 @@ class SlotineLi(AdaptiveController):
 
     @property
     def _velocity_feedback(self) -> Array:
-        """Gain (r,), 1/s, from velocities to the reference acceleration."""
+        """Gain (r,), 1/s, of velocities in the reference acceleration."""
         return self.bandwidth
 
     @property
@@ -206,12 +206,11 @@ class SlotineLi(AdaptiveController):
 
     @property
     def _coordinates(self) -> int:
-        """Number of coordinates with a bandwidth."""
         return self.dof
 
 
 class Integral(NamedTuple):
-    """Integral (r,) of the error, rad s (m s), and the last error (r,)."""
+    """Integral (r,) of the error, rad s (m s), and the last error."""
 
     integral: Any
     error: Any
@@ -257,8 +256,7 @@ class PassivityIntegral(SlotineLi):
     -----
     .. math:: v_r=v_d-2\Lambda e-\Lambda^2\int e\,dt,\quad s=v-v_r.
 
-    At rest, without adaptation, a constant disturbance leaves no position error [1]_. With adaptation it makes the
-    estimate drift, unless a leak or `Projection` bounds it.
+    At rest, without adaptation, a constant disturbance leaves no position error [1]_.
 
     References
     ----------
@@ -277,7 +275,7 @@ class PassivityIntegral(SlotineLi):
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
         """
-        Compute the reference velocity with the integral of the error by the trapezium rule.
+        Compute the reference velocity with the error's integral.
 
         Parameters
         ----------

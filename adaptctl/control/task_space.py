@@ -139,14 +139,14 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     @property
     def reference_size(self) -> int:
-        """Number d of axes, or r for references in joints."""
+        """Number d of axes, or r."""
         return self.dof if self.reference_in_joints else len(self.axes)
 
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
         """
-        Compute the reference velocity that moves the point along its path.
+        Compute the reference velocity along the point's path.
 
         Parameters
         ----------
@@ -171,7 +171,7 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     def point(self, q: Column) -> tuple[Column, list[Column]]:
         """
-        Compute the point's coordinates and Jacobian, over scalars.
+        Compute the point's coordinates and Jacobian.
 
         Parameters
         ----------
@@ -194,7 +194,7 @@ class TaskSpaceSlotineLi(SlotineLi):
         return Goal(self.model.mechanism.configuration(p)) if self.reference_in_joints else NoMemory()
 
     def _goal(self, reference: ReferencePoint, memory: AdaptiveState) -> tuple[Column, Column, Any]:
-        """Desired coordinates and velocities (d,) as dual numbers, and the state."""
+        """Desired coordinates and velocities (d,), and the state."""
         if not self.reference_in_joints:
             return _moving(reference.p, reference.v), _moving(reference.v, reference.a), NoMemory()
         equations = self.model.mechanism.equations

@@ -44,7 +44,7 @@ class TorqueFilter:
     control_period: float
 
     def start(self, model: ReducedModel, q: Array | Column, v: Array | Column) -> Filtered:
-        """State from which filtered regressor and torques begin at zero."""
+        """Initial state, with zero output."""
         momentum, forces = momentum_terms(model.mechanism.equations, column(q), column(v), model.columns)
         kept: list[Any] = []
         for row, change, places in zip(momentum, forces, momentum_columns(model), strict=True):
@@ -71,7 +71,6 @@ class TorqueFilter:
 
     @property
     def _keep(self) -> Any:
-        """Weight of the last state."""
         return decayed(self.cutoff * self.control_period)[0]
 
     @property
@@ -86,7 +85,7 @@ class TorqueFilter:
 
 
 def decayed(x: Any) -> tuple[Any, Any]:
-    """exp(-x) and (1 - exp(-x))/x, 0 < x <= 1, by a Pade approximant at x/4, doubled twice."""
+    """exp(-x) and (1 - exp(-x))/x, 0 < x <= 1, by a Pade approximant."""
     y = 0.25 * x
     square = y * y
     odd = 15120.0 + square * (420.0 + square)
@@ -170,7 +169,6 @@ class Composite(Descent[Filtered]):
     .. math:: \dot{\hat\beta}=-\Gamma\bigl(Y^\top s+W^\top R(W\hat\beta-F[\tau])\bigr),
 
     with filtered torques and their regressor W. Errors converge to zero, estimates under persistent excitation [1]_.
-    Unmodelled friction or delay is learned as inertia.
 
     References
     ----------
@@ -195,7 +193,7 @@ class Composite(Descent[Filtered]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Raise `InputError` if the law does not fit model and period.
+        Check the law against model and period.
 
         Parameters
         ----------
@@ -244,7 +242,7 @@ class Composite(Descent[Filtered]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Filtered) -> tuple[Column, Filtered]:
         """
-        Take a gradient step, and an implicit step for the prediction error.
+        Take a gradient step and an implicit prediction step.
 
         Parameters
         ----------
@@ -276,7 +274,6 @@ def residual(rows: list[Column], estimate: Column, torque: Column) -> Column:
 
 
 def _products(rows: list[Column], loaded: list[Column], firm: Column) -> list[list[Scalar]]:
-    """Matrix W Gamma W' + (R T_c)^-1 (r, r)."""
     r = len(rows)
     lower = [[rows[i] @ loaded[j] for j in range(i + 1)] for i in range(r)]
     for i in range(r):

@@ -77,7 +77,7 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         P^{-1}=\Gamma^{-1}+Q.
 
     Q and z accumulate :math:`W^\top RW` and :math:`W^\top RF[\tau]`, and forget by direction [2]_. The estimate
-    converges along all that was ever excited [1]_.
+    converges along all past excitation [1]_.
 
     References
     ----------
@@ -116,7 +116,7 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Raise `InputError` if the law does not fit model and period.
+        Check the law against model and period.
 
         Parameters
         ----------
@@ -143,7 +143,7 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
     ) -> LearningMemory:
         """
-        Return no information, and torque filters with zero output.
+        Return zero information and zero torque filters.
 
         Parameters
         ----------
@@ -175,7 +175,7 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: LearningMemory
     ) -> tuple[Column, LearningMemory]:
         """
-        Forget and learn one joint's equation after the other, then descend.
+        Forget and learn each joint's equation, then descend.
 
         Parameters
         ----------
@@ -214,7 +214,7 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         return estimate - scale * step, LearningMemory(information, known, Column((learned,)), filtered)
 
     def _retained(self, power: Scalar, period: Period) -> Scalar:
-        """Part of the memory that remains at this power (W) of the error."""
+        """Part of the memory kept at this error power (W)."""
         excess = maximum(power / self.reset_power - 1.0, 0.0)
         return 1.0 / (1.0 + (self.forgetting * period.dt) * excess)
 

@@ -109,7 +109,7 @@ class ConcurrentLearning(Descent[Stack]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Raise `InputError` if the law does not fit model and period.
+        Check the law against model and period.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class ConcurrentLearning(Descent[Stack]):
 
     def initial_state(self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float) -> Stack:
         """
-        Return an empty stack, and torque filters with zero output.
+        Return an empty stack and zero torque filters.
 
         Parameters
         ----------
@@ -215,7 +215,7 @@ def _rows_of(model: ReducedModel, sample: Column, weights: Column) -> Iterator[t
 
 
 def _with_sample(stack: Column, sample: Column, new: Any) -> Column:
-    """Stack with a new sample in place of the oldest."""
+    """Stack with the oldest sample replaced."""
     before = Column((*sample, *stack.of[: len(stack) - len(sample)]))
     return Column(where(new > 0.0, x, y) for x, y in zip(before, stack, strict=True))
 

@@ -69,7 +69,7 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
     Notes
     -----
     The lift D moves by `Natural` [1]_ along :math:`K^\top(Y^\top s+W^\top R(W\hat\beta-F[\tau]))`, K the regrouping
-    matrix. The mass matrix of the estimate KD is always positive definite; D itself need not converge.
+    matrix. The mass matrix of KD is always positive definite.
 
     References
     ----------
@@ -101,7 +101,7 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Raise `InputError` if the law does not fit model, initial estimate and period.
+        Check the law against model, initial estimate and period.
 
         Parameters
         ----------
@@ -132,7 +132,7 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
     ) -> ConsistentState:
         """
-        Return the initial lift, and torque filters with zero output if torques are predicted.
+        Return the initial lift and zero torque filters.
 
         Parameters
         ----------

@@ -29,7 +29,7 @@ class Descent(AdaptationLaw[Memory]):
         object.__setattr__(self, "gain", checked_gain(self.gain))
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
-        """Raise `InputError` if the gain has another size."""
+        """Check the gain's size."""
         validate_size(self.gain, model, "adaptation gain")
 
     @property
@@ -58,7 +58,7 @@ class Descent(AdaptationLaw[Memory]):
 
 
 def checked_gain(gain: ArrayLike) -> Array:
-    """Read-only gain. Raises `InputError` unless positive definite."""
+    """Read-only positive definite gain, else `InputError`."""
     array = numbers(gain, "adaptation gain")
     k = array.shape[:1]
     array = frozen_array(array, (*k, *k) if array.ndim == 2 else k, "adaptation gain")
@@ -84,7 +84,7 @@ def validate_size(values: Array, model: ReducedModel, what: str) -> None:
 
 
 def _is_positive_definite(matrix: Array) -> bool:
-    """True if positive definite to round-off, whatever the units."""
+    """True if positive definite to round-off."""
     symmetric = np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-12 * np.abs(matrix).max(initial=0.0))
     return bool(symmetric and np.all(np.diagonal(matrix) > 0.0) and scaled_eigenvalues(matrix)[0] > 0.0)
 
@@ -117,7 +117,7 @@ class Gradient(Descent[NoMemory]):
 
     The tracking error converges to zero [1]_. Sampled at a constant mass matrix, the backward rule is stable for
     :math:`a+h<2`, :math:`a=T_c\lambda_{\max}(K^{-1}Y\Gamma Y^\top)`, :math:`h=T_c\lambda_{\max}(M^{-1}K)`; see
-    docs/discrete_adaptation.md. Under disturbance without excitation the estimate drifts.
+    docs/discrete_adaptation.md.
 
     References
     ----------
@@ -196,7 +196,7 @@ class DeadZone(Descent[NoMemory]):
     -----
     .. math:: \dot{\hat\beta}=-\Gamma Y^\top s\quad\text{where}\quad\sum_i(s_i/w_i)^2>1.
 
-    Disturbances within the zone cause no drift [1]_; tracking is no better than the zone.
+    Disturbances within the zone cause no drift [1]_.
 
     References
     ----------
@@ -250,7 +250,7 @@ class DeadZone(Descent[NoMemory]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Raise `InputError` if gain or width does not fit the model.
+        Check gain and width against the model.
 
         Parameters
         ----------
@@ -271,7 +271,7 @@ class DeadZone(Descent[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """
-        Take a gradient step by the trapezium rule outside the zone.
+        Take a trapezoidal gradient step outside the zone.
 
         Parameters
         ----------
@@ -338,8 +338,7 @@ class SigmaModification(_Leaking):
     -----
     .. math:: \dot{\hat\beta}=-\Gamma Y^\top s-\sigma(\hat\beta-\beta_0).
 
-    Error and estimate stay bounded under bounded disturbances [1]_, but the tracking error does not converge to zero
-    unless the prior is true.
+    Error and estimate stay bounded under bounded disturbances [1]_.
 
     References
     ----------
@@ -356,7 +355,7 @@ class SigmaModification(_Leaking):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """
-        Take a gradient step and an implicit step of the leak.
+        Take a gradient step and an implicit leak.
 
         Parameters
         ----------
@@ -400,7 +399,7 @@ class EModification(_Leaking):
     -----
     .. math:: \dot{\hat\beta}=-\Gamma Y^\top s-\nu\|s\|(\hat\beta-\beta_0).
 
-    As `SigmaModification`, but the leak stops with s; the bound is looser [1]_.
+    As `SigmaModification`, but the leak stops with s [1]_.
 
     References
     ----------
@@ -417,7 +416,7 @@ class EModification(_Leaking):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """
-        Take a gradient step and an implicit step of the leak.
+        Take a gradient step and an implicit leak.
 
         Parameters
         ----------

@@ -22,7 +22,7 @@ class NoMemory(NamedTuple):
 
 class Period(NamedTuple):
     """
-    Data of one control period, from which an adaptation law learns.
+    Data of one control period for an adaptation law.
 
     Parameters
     ----------
@@ -73,18 +73,18 @@ class Period(NamedTuple):
 
     @property
     def integral(self) -> Column:
-        """Integral (r,) of the sliding variable, rad (m), or 0."""
+        """Integral (r,) of the sliding variable, or 0."""
         return (0.5 * self.dt) * (self.s_prev + self.s)
 
 
 class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     """
-    Base class of adaptation laws, which move the estimate of k parameters in every control period.
+    Base class of adaptation laws, which update k estimates in every period.
 
     Notes
     -----
     A subclass is a frozen dataclass. `law` is compiled to native code, with attributes named in `tunable` as arguments.
-    `needs_double` is True if single precision spoils the state.
+    `needs_double` excludes single precision.
 
     Examples
     --------
@@ -140,7 +140,7 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
 
     def initial_state(self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float) -> Memory:
         """
-        Return the internal state before the first control period, empty unless overridden.
+        Return the initial internal state, empty unless overridden.
 
         Parameters
         ----------

@@ -45,7 +45,7 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Raise `InputError` if the law does not fit model and period.
+        Check the law against model and period.
 
         Parameters
         ----------
@@ -66,12 +66,12 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
 
     @property
     def _scale(self) -> Column:
-        """Root (k,) of the initial gain, the unit of errors."""
+        """Root (k,) of the initial gain."""
         return Column(map(sqrt, column(self.gain)))
 
 
 def first_triangle(k: int) -> Array:
-    """Upper triangle of the identity, row by row."""
+    """Upper triangle of the identity."""
     return np.eye(k)[np.triu_indices(k)]
 
 
@@ -110,7 +110,7 @@ def _starts(k: int) -> list[int]:
 
 
 class CovarianceMemory(NamedTuple):
-    """Covariance in units of the initial gain, torque filters."""
+    """Covariance in units of the initial gain, and filters."""
 
     covariance: Any
     filtered: Filtered
@@ -119,7 +119,7 @@ class CovarianceMemory(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     r"""
-    Least squares with one forgetting rate, which keeps the gain bounded.
+    Least squares with one forgetting rate and a bounded gain.
 
     Parameters
     ----------
@@ -149,8 +149,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         \dot{\hat\beta}=-P\bigl(Y^\top s+W^\top R(W\hat\beta-F[\tau])\bigr),\quad \dot P=\lambda P-PW^\top RWP,\quad
         \lambda=\lambda_0\bigl(1-\operatorname{tr}(\Gamma^{-1}P)/(k\,\text{bound})\bigr).
 
-    Errors converge as with `Composite` [1]_. Forgetting stops if some direction is hardly excited: use `CushionedFloor`
-    for parameters that change.
+    Errors converge as with `Composite` [1]_. Use `CushionedFloor` for parameters that change.
 
     References
     ----------
@@ -178,7 +177,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Raise `InputError` if the law does not fit model and period.
+        Check the law against model and period.
 
         Parameters
         ----------
@@ -205,7 +204,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
     ) -> CovarianceMemory:
         """
-        Return the initial gain as covariance, and torque filters with zero output.
+        Return the initial covariance and zero torque filters.
 
         Parameters
         ----------
@@ -236,7 +235,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: CovarianceMemory
     ) -> tuple[Column, CovarianceMemory]:
         """
-        Take a gradient step and an implicit step for each joint, then forget.
+        Take a gradient step and implicit prediction steps, then forget.
 
         Parameters
         ----------
@@ -291,7 +290,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
 
 
 def _update(covariance: Column, row: Column, miss: Scalar, firm: Scalar, share: Scalar) -> tuple[Column, Column]:
-    """Step (k,) for one equation, and the next covariance; none for a share of 0."""
+    """Step (k,) for one equation, and the next covariance."""
     k = len(row)
     gain = symmetric_product(covariance, row)
     weight = share * (1.0 / (row @ gain + firm))
@@ -305,7 +304,7 @@ _updated = outlined(_update)
 
 
 class InformationMemory(NamedTuple):
-    """Information in units of the initial gain's inverse, torque filters."""
+    """Information in units of the initial gain's inverse, and filters."""
 
     information: Any
     filtered: Filtered
@@ -364,7 +363,7 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
     ) -> InformationMemory:
         """
-        Return the information of the initial gain, and torque filters with zero output.
+        Return the initial information and zero torque filters.
 
         Parameters
         ----------
@@ -395,7 +394,7 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: InformationMemory
     ) -> tuple[Column, InformationMemory]:
         """
-        Forget and learn information implicitly, then descend by the new covariance.
+        Forget and learn information, then descend.
 
         Parameters
         ----------

@@ -42,8 +42,8 @@ class Natural(AdaptationLaw[NoMemory]):
     Notes
     -----
     Every pseudo-inertia P follows the gradient :math:`\dot P=-\gamma PLP` in the affine-invariant metric, L its part of
-    :math:`Y^\top s`, and stays positive definite [1]_. The tracking error converges as with `Gradient`. The gain on a
-    mass grows with its square: start links from a plausible load.
+    :math:`Y^\top s`, and stays positive definite [1]_. The gain on a mass grows with its square: start links from a
+    plausible load.
 
     References
     ----------
@@ -68,7 +68,7 @@ class Natural(AdaptationLaw[NoMemory]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Raise `InputError` if the law does not fit model and initial estimate.
+        Check the law against model and initial estimate.
 
         Parameters
         ----------
@@ -98,7 +98,7 @@ class Natural(AdaptationLaw[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """
-        Move every pseudo-inertia and drive parameter along a geodesic.
+        Move pseudo-inertias and drive parameters along geodesics.
 
         Parameters
         ----------
@@ -173,7 +173,7 @@ class Natural(AdaptationLaw[NoMemory]):
 
 
 def checked_rate(rate: ArrayLike) -> Array:
-    """Read-only rate. Raises `InputError` unless positive, () or (m,)."""
+    """Read-only positive rate, () or (m,), else `InputError`."""
     array = numbers(rate, "natural adaptation: gain").copy()
     if array.ndim > 1 or not (np.isfinite(array).all() and np.all(array > 0.0)):
         raise InputError(f"natural adaptation: gain: expected positive numbers in 1/J, got {array.tolist()}")
@@ -181,7 +181,7 @@ def checked_rate(rate: ArrayLike) -> Array:
 
 
 def validate_rates(rate: ArrayLike, model: ReducedModel) -> None:
-    """Raise `InputError` unless the number of rates fits."""
+    """Raise `InputError` for another number of rates."""
     bodies, count = _bodies_and_rates(model)
     if np.shape(rate) not in ((), (count,)):
         raise InputError(
@@ -202,7 +202,7 @@ def validate_whole_links(model: ReducedModel, law: str) -> None:
 
 
 def validate_consistent(model: ReducedModel, parameters: Array, law: str, what: str) -> None:
-    """Raise `InputError` unless parameters are physically consistent."""
+    """Raise `InputError` unless physically consistent."""
     mechanism = model.mechanism
     links = [mechanism.links[i] for i in mechanism.description.bodies]
     for i, link in enumerate(links):
@@ -255,7 +255,7 @@ def raised_slope(parameters: Column, slope: Column, bodies: int) -> Column:
 
 
 def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:
-    """Ten parameters after one step, by their change, so that round-off does not accumulate."""
+    """Ten parameters after one step, by their change against round-off."""
     root = cholesky(pseudo(ten))
     X = matrix_product(transposed(root), matrix_product(slope_matrix(slope), root))
     less = _decay_less_one(X)
@@ -267,7 +267,7 @@ def moved_body(ten: Sequence[Scalar], slope: Sequence[Scalar]) -> list[Any]:
 
 
 def _decay_less_one(X: Matrix) -> Matrix:
-    """exp(-X/2) - 1 by a Pade approximant, X at most `MAX_STEP`."""
+    """exp(-X/2) - 1 by a Pade approximant."""
     square = matrix_product(X, X)
     share = MAX_STEP / maximum(sqrt(square[0][0] + square[1][1] + square[2][2] + square[3][3]), MAX_STEP)
     Y, squares = 0.5 * share, share * share / 48.0

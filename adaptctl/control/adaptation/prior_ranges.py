@@ -21,7 +21,7 @@ def parameter_sampling_ratios(
     model: ReducedModel, bandwidth: ArrayLike, control_period: float, workspace: Workspace | None = None
 ) -> Array:
     r"""
-    Compute how much an error of each parameter adds to the sampling ratio.
+    Compute each parameter error's addition to the sampling ratio.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def estimate_sampling_ratio(
     kinetic: float = 0.0,
 ) -> float:
     r"""
-    Compute an upper bound of what estimate errors can add to the sampling ratio.
+    Bound what estimate errors can add to the sampling ratio.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def estimate_sampling_ratio(
 
         H=\sqrt{2V_0\,u^\top|\Gamma|u},\quad V_0=\text{kinetic}+\tfrac12\text{prior}^\top|\Gamma^{-1}|\text{prior},
 
-    u those of `parameter_sampling_ratios`. The Lyapunov function never exceeds its initial value :math:`V_0`.
+    with u of `parameter_sampling_ratios`, as the Lyapunov function never exceeds :math:`V_0`.
 
     Examples
     --------
@@ -142,7 +142,7 @@ def estimate_sampling_ratio(
 
 
 def _largest_distance(gamma: Array, bound: Array) -> float:
-    """Bound of error' Gamma^-1 error, exact for a diagonal gain."""
+    """Bound of error' Gamma^-1 error."""
     return float(bound @ np.abs(np.linalg.inv(gamma)) @ bound)
 
 

@@ -20,7 +20,7 @@ from adaptctl.scalars import Column, Scalar, clip, column
 @dataclass(frozen=True, eq=False)
 class Projection(AdaptationLaw[Memory]):
     """
-    Another adaptation law, its estimate clipped to bounds after each control period.
+    Another adaptation law, with its estimate clipped to bounds.
 
     Parameters
     ----------
@@ -36,8 +36,7 @@ class Projection(AdaptationLaw[Memory]):
 
     Notes
     -----
-    With the truth within the bounds, the law's guarantee holds [1]_. Bounds do not make the mass matrix positive
-    definite.
+    With the true values within the bounds, the law's guarantee holds [1]_.
 
     References
     ----------
@@ -75,7 +74,7 @@ class Projection(AdaptationLaw[Memory]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Raise `InputError` if law, bounds and initial estimate do not fit the model.
+        Check law, bounds and initial estimate against the model.
 
         Parameters
         ----------
@@ -103,7 +102,7 @@ class Projection(AdaptationLaw[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """True: construction refuses other laws."""
+        """Always True."""
         return True
 
     def initial_state(self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float) -> Memory:
@@ -131,7 +130,7 @@ class Projection(AdaptationLaw[Memory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
         """
-        Take a step of the wrapped law and clip the estimate.
+        Step the wrapped law and clip the estimate.
 
         Parameters
         ----------
@@ -173,7 +172,7 @@ class Projection(AdaptationLaw[Memory]):
 
 def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
     """
-    Return bounds of a model's parameters from those of some names.
+    Return bounds of all parameters from some by name.
 
     Parameters
     ----------

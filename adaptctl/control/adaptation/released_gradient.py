@@ -27,7 +27,7 @@ class Normaliser(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class ReleasedGradient(Descent[Normaliser]):
     r"""
-    Gradient adaptation with a normaliser, stable in discrete time for every gain.
+    Gradient adaptation with a normaliser, stable in discrete time.
 
     Parameters
     ----------
@@ -50,8 +50,8 @@ class ReleasedGradient(Descent[Normaliser]):
         \hat\beta_{j+1}=\hat\beta_j-(T_c/n_j)\Gamma Y_j^\top s_{j+1},\quad
         n_j=\max(1,\text{share}\,T_c\operatorname{tr}(K^{-1}Y_j\Gamma Y_j^\top),n_{j-1}/(1+\text{release}\,T_c)).
 
-    `certified` makes settings for which the Lyapunov function never rises at a constant mass matrix; see
-    docs/discrete_adaptation.md. The defaults are not covered by this theorem.
+    With settings of `certified`, not the defaults, the Lyapunov function never rises at a constant mass matrix; see
+    docs/discrete_adaptation.md.
 
     Examples
     --------

@@ -37,7 +37,7 @@ class Subspace(AdaptationLaw[NoMemory]):
     -----
     .. math:: \dot{\hat\beta}=-W\operatorname{diag}(g)W^\top Y^\top s.
 
-    Errors beyond the span act as a disturbance. Essential parameters [1]_ are such directions.
+    Essential parameters [1]_ are such directions.
 
     References
     ----------
@@ -69,7 +69,7 @@ class Subspace(AdaptationLaw[NoMemory]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Raise `InputError` if the directions do not fit the model.
+        Check the directions against the model.
 
         Parameters
         ----------

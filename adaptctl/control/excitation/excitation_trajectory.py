@@ -1,4 +1,4 @@
-"""Excitation trajectories within an arm's limits."""
+"""Excitation trajectories."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TORQUE_PENALTY = 30.0  # on the squared excess, against the logarithm of the con
 @dataclass(frozen=True, eq=False)
 class ExcitationTrajectory:
     """
-    Optimised exciting reference, and what it is compared with.
+    Optimised exciting reference and its comparison.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ class FourierSearch:
         return center + used * y, used * rate, used * bend
 
     def reference(self, x: Array, factor: float = 1.0) -> Sinusoids:
-        """Sinusoids of a vector, within limits of positions and speeds."""
+        """Sinusoids of a vector, within position and speed limits."""
         sine, cosine = self._coefficients(x)
         y, rate, _ = self._swing(sine, cosine)
         used, center = self._fitted(x, y, rate, factor)
@@ -176,12 +176,12 @@ class FourierSearch:
         return self._share(self._along(x, factor))
 
     def cost(self, x: Array) -> float:
-        """Logarithm of the condition, plus a penalty of torques."""
+        """Logarithm of the condition plus torque penalty."""
         condition, share = self.judged(x)
         return float(np.log(condition) + TORQUE_PENALTY * max(0.0, share - 1.0) ** 2)
 
     def within(self, x: Array) -> tuple[Sinusoids, float, float]:
-        """Reference within the torque limits, its condition and torque share."""
+        """Reference within torque limits, condition and torque share."""
         factor = 1.0
         if self.torque_share(x, 1.0) > 1.0:
             if self.torque_share(x, 0.0) > 1.0:
@@ -197,7 +197,7 @@ class FourierSearch:
         return self.reference(x, factor), *self.judged(x, factor)
 
     def _coefficients(self, x: Array) -> tuple[Array, Array]:
-        """Sines and cosines (h, r); higher harmonics begin smaller."""
+        """Sines and cosines (h, r)."""
         sine, cosine = x[: -2 * self.dof].reshape(2, self.harmonics, self.dof) / self._order
         return sine, cosine
 
@@ -314,21 +314,17 @@ def excitation_trajectory(
 
 
 class _Best:
-    """Best vector so far."""
-
     def __init__(self, search: FourierSearch, x: Array, most: int, progress: Callable[[float], object] | None) -> None:
         self.search, self.x, self.lowest = search, x, search.cost(x)
         self.iterations, self._most, self._progress = 0, most, progress
 
     def cost(self, x: Array) -> float:
-        """Cost of a vector."""
         value = self.search.cost(x)
         if value < self.lowest:
             self.x, self.lowest = x.copy(), value
         return value
 
     def iterated(self, x: Array) -> None:
-        """Count an iteration."""
         self.iterations += 1
         if self._progress is not None:
             self._progress(min(1.0, self.iterations / self._most))

@@ -40,7 +40,7 @@ class Excitation:
     Notes
     -----
     Gram matrices are integrals of the squared scaled regressor. A motion is persistently exciting if their smallest
-    eigenvalue stays above a positive bound [1]_.
+    eigenvalue has a positive bound [1]_.
 
     References
     ----------
@@ -132,7 +132,7 @@ def persistent_excitation(
 
 
 def _triangular(rows: Array) -> Array:
-    """Triangular factors (n, k, k) of (n, m, k), by parts of 2k rows."""
+    """Triangular factors (n, k, k) of (n, m, k)."""
     n, _, k = rows.shape
     while rows.shape[1] > k:
         parts = -(-rows.shape[1] // (2 * k))
@@ -152,7 +152,7 @@ def scaled_regressor(
 
 
 def regressor_of(model: ReducedModel) -> Callable[[Array, Array, Array, Array], Array]:
-    """Function from p, v, v_r, a_r (T, r) to the regressor, native up to 100 links."""
+    """Regressor function of p, v, v_r, a_r (T, r)."""
     mechanism, r = model.mechanism, model.mechanism.dof
     if len(mechanism.links) > MAX_COMPILED_LINKS:
         return model.slotine_li_regressor

@@ -272,7 +272,7 @@ class ErrorFeedback:
 
     @property
     def cascaded(self) -> tuple[float, float]:
-        """Decay rates, 1/s, slower first. Raises `InputError` for complex poles."""
+        """Decay rates, 1/s, slower first, else `InputError`."""
         squared = 1.0 - 1.0 / self.damping_ratio**2
         if not self.is_cascade:
             raise InputError(
@@ -323,12 +323,11 @@ def _is_conjugate(poles: NDArray[np.complex128]) -> bool:
 
 
 def _held_double_integrator() -> tuple[Any, Any]:
-    """A and B in periods, so that numbers are near 1."""
+    """A and B in units of periods."""
     return np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[0.5], [1.0]])
 
 
 def _delay(delay: int, control_period: float) -> control.StateSpace:
-    """Delay as a system."""
     import control
 
     A = np.eye(delay, k=-1)
@@ -430,6 +429,6 @@ def _lag(value: complex) -> float:
 
 
 def _crossings(function: Callable[[float], float], angles: Array, values: Array) -> list[float]:
-    """Angles at which a function changes its sign."""
+    """Angles at which a function changes sign."""
     places = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
     return [float(brentq(function, angles[k], angles[k + 1], xtol=1e-15, rtol=1e-14)) for k in places]

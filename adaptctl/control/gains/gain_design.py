@@ -166,7 +166,7 @@ class GainDesign:
         cls, mechanism: Mechanism, poles: Sequence[complex], *, control_period: float = 1e-3, delay: int = 0
     ) -> GainDesign:
         """
-        Design the feedback by two poles, the same for every joint.
+        Design the feedback by two poles of every joint.
 
         Parameters
         ----------
@@ -237,7 +237,7 @@ class GainDesign:
 
     @property
     def gains(self) -> Gains:
-        """Gains of Slotine and Li's law. Raises `InputError` for complex poles."""
+        """Gains of Slotine and Li's law, else `InputError`."""
         if self.given is not None:
             return self.given
         rates = np.array([feedback.cascaded for feedback in self.feedback])
@@ -245,7 +245,7 @@ class GainDesign:
 
     @property
     def is_well_damped(self) -> bool:
-        """True if `gains` exists: all poles count as real."""
+        """True if `gains` exists."""
         return self.given is not None or all(feedback.is_cascade for feedback in self.feedback)
 
     @property

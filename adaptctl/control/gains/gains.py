@@ -104,7 +104,7 @@ def sampled_gain(
     mechanism: Mechanism, damping: ArrayLike, control_period: float, workspace: Workspace | None = None
 ) -> float:
     """
-    Compute the largest eigenvalue of the damping over the inertia, times the control period.
+    Compute the control period times the largest eigenvalue of damping over inertia.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ TORQUE_MARGIN = 4.0  # of the limit over the largest torque in these states
 
 
 def torque_limits(mechanism: Mechanism, given: ArrayLike | None = None, *, finite: bool = False) -> Array:
-    """Torque limits (r,), given or the mechanism's own."""
+    """Torque limits (r,), by default the mechanism's."""
     if given is None:
         given = finite_torque_limits(mechanism) if finite else mechanism.effort_limits
     return positive_per_joint(given, mechanism.dof, "torque_limits", infinite=True)

@@ -88,8 +88,8 @@ def sampling_ratio(
     -----
     .. math:: T_c\lambda_{\max}(M^{-1}(K+\hat M\Lambda)).
 
-    Velocities with a held torque are multiplied by one minus this matrix in every period. Viscous friction B replaces M
-    by :math:`M(X/2)\coth(X/2)`, :math:`X=T_cM^{-1}B`.
+    A held torque multiplies velocities by one minus this matrix in every period. Viscous friction B replaces M by
+    :math:`M(X/2)\coth(X/2)`, :math:`X=T_cM^{-1}B`.
 
     Examples
     --------
@@ -137,7 +137,7 @@ def _of_proportion(mechanism: Mechanism, workspace: Workspace | None, damping: t
 
 
 def _stored(mechanism: Mechanism, workspace: Workspace | None, *settings: Any) -> SamplingRatio:
-    """Sampling ratio, stored for later processes without a workspace."""
+    """Sampling ratio, cached on disk."""
     if workspace is not None:
         return _found(workspace, *settings)
     inputs = [mechanism.description.sha256, *settings]
@@ -199,7 +199,7 @@ def _feedback(
     control_period: float,
     estimate: Array | None,
 ) -> Array:
-    """T_c M^-1 (K + M^ Lambda), infinite where M is not positive definite."""
+    """T_c M^-1 (K + M^ Lambda), infinite without positive definite M."""
     own = M if estimate is None else mass_matrix_of(mechanism, p, estimate)
     definite = np.asarray(scaled_eigenvalues(M) > MIN_EIGENVALUE)[..., :1, None]
     M = np.where(definite, M, np.eye(mechanism.dof))
@@ -219,7 +219,7 @@ def _ratios_of(feedback: Array) -> Array:
 
 
 def sampled_inertia(mechanism: Mechanism, p: Array, M: Array, control_period: float) -> Array:
-    """Inertia (..., r, r) under a held torque, more than M with viscous friction."""
+    """Inertia (..., r, r) under a held torque."""
     columns, D = _viscous(mechanism)
     if not np.any(D):
         return M
@@ -259,7 +259,7 @@ def worst_conditioned_configuration(
     mechanism: Mechanism, parameters: ArrayLike, workspace: Workspace | None = None
 ) -> Worst:
     """
-    Find where a mass matrix is closest to losing positive definiteness.
+    Find where a mass matrix is least positive definite.
 
     Parameters
     ----------
@@ -310,7 +310,7 @@ def validate_sampling_ratio(
     bandwidth: ArrayLike = 0.0,
     workspace: Workspace | None = None,
 ) -> None:
-    """Raise `GainError` if the sampling ratio exceeds 1.5; less than accepted gains need no search."""
+    """Raise `GainError` if the sampling ratio exceeds 1.5."""
     K, L = per_joint(damping, mechanism.dof, "damping"), per_joint(bandwidth, mechanism.dof, "bandwidth")
     accepted = _accepted(mechanism, workspace, control_period)
     if np.all(K > 0.0) and np.all(L >= 0.0) and any(np.all(more >= K) and np.all(top >= L) for more, top in accepted):
@@ -356,7 +356,7 @@ def _lightest_joint(mechanism: Mechanism, p: Array) -> int:
 
 
 def _missing_inertia(mechanism: Mechanism, p: Array) -> str:
-    """Phrase for what a joint moves, and the remedy."""
+    """Phrase on a joint's inertia and the remedy."""
     links, inertia = mechanism.description.inconsistent_links, np.diagonal(mechanism.mass_matrix(p))
     if links and np.abs(inertia).min() > MIN_EIGENVALUE * np.abs(inertia).max():
         return f"inconsistent links: give {', '.join(links)} physically consistent parameters"

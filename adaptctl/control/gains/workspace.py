@@ -23,7 +23,7 @@ MIN_START_DISTANCE = 0.2  # of some joint's range, between two starts
 
 
 def sampled_configurations(mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Array:
-    """Random positions (S, r) within the limits, where loops close."""
+    """Random positions (S, r) where loops close."""
     p = np.random.default_rng(seed).uniform(*position_range(mechanism), (samples, mechanism.dof))
     p = p[reachable(mechanism, p)]
     if not len(p):
@@ -70,7 +70,7 @@ class Worst(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Workspace:
     """
-    Joint positions for which gains are checked: samples, and a box about each.
+    Joint positions for which gains are checked: samples with boxes.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class Workspace:
     @classmethod
     def within_limits(cls, mechanism: Mechanism, samples: int = 200, seed: int = 0) -> Workspace:
         """
-        Return all positions within the joints' limits, in random samples.
+        Return random positions within the joints' limits.
 
         Parameters
         ----------
@@ -206,7 +206,7 @@ class Workspace:
         return Worst(float(best[worst]), frozen(p[worst].copy()))
 
     def _starts(self, order: NDArray[np.intp]) -> NDArray[np.intp]:
-        """First of an order of samples that are apart, as far as possible."""
+        """First samples of an order that are apart."""
         most = SEARCH_STARTS if self.mechanism.continuation is None else SEARCH_STARTS_WITH_LOOPS
         scale = np.maximum(np.ptp(self.samples, axis=0), 1e-12)
         chosen, near = [order[0]], list[np.intp]()
@@ -218,7 +218,7 @@ class Workspace:
         return np.array((chosen + near)[:most])
 
     def _values(self, value: Callable[[Array], Array], p: Array) -> Array:
-        """Values, minus infinity where loops do not close."""
+        """Values, minus infinity without closed loops."""
         reached = np.full(len(p), -np.inf)
         allowed = reachable(self.mechanism, p)
         reached[allowed] = value(p[allowed])
