@@ -29,7 +29,7 @@ def sent_as_made(owner: type[Owner]) -> type[Owner]:
     return owner
 
 
-class cached_property(functools.cached_property[Value]):  # noqa: N801  # stands for functools' own
+class cached_property(functools.cached_property[Value]):  # noqa: N801  # named like functools' own
     """Property computed once, without a lock."""
 
     def __set_name__(self, owner: type[Any], name: str) -> None:
@@ -74,8 +74,8 @@ def replaced_by(name: str) -> Callable[[Method], Method]:
     """Decorator: calls go to the instance's property `name`."""
 
     def replaced(method: Method) -> Method:
-        stands: Any = _Replaced(method, name)
-        return cast(Method, stands)
+        substitute: Any = _Replaced(method, name)
+        return cast(Method, substitute)
 
     return replaced
 
@@ -96,8 +96,8 @@ def restored(instance: object, state: State) -> None:
 
 def _read_only(content: Mapping[Any, Any]) -> tuple[Path, ...]:
     within = {(k, i): part for k, v in content.items() if type(v) is tuple for i, part in enumerate(v)}
-    stands: dict[Path, Any] = {(k,): v for k, v in content.items()} | within
-    return tuple(path for path, v in stands.items() if isinstance(v, np.ndarray) and not v.flags.writeable)
+    values: dict[Path, Any] = {(k,): v for k, v in content.items()} | within
+    return tuple(path for path, v in values.items() if isinstance(v, np.ndarray) and not v.flags.writeable)
 
 
 def _protected(content: Content, paths: tuple[Path, ...]) -> Content:

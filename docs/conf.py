@@ -1,4 +1,4 @@
-"""Sphinx configuration: `make docs` builds what stands here, offline, and takes every warning as an error."""
+"""Sphinx configuration: `make docs` builds the pages of this folder, offline, and takes every warning as an error."""
 
 import re
 import sys
@@ -87,5 +87,5 @@ def _for_every_reader(app: Any, page: str, template: str, context: dict[str, Any
 
 
 def _plain_aliases(app: Any, kind: str, name: str, what: Any, options: Any, *signature: str | None) -> Any:
-    """Sphinx writes aliases that stand in a union by their representation."""
+    """Sphinx writes aliases in a union by their representation."""
     return tuple(re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", part) if part else part for part in signature)

@@ -84,17 +84,17 @@ def two_arms(robot: str) -> Mechanism:
         raise InputError(
             f"robot: {robot} has {len(arm.links)} links, but two arms need an arm with six links and no loops"
         )
-    stands = {
+    mounts = {
         "left": Pose.identity(),
         "right": Pose(rotation_about((0, 0, 1), np.pi), np.array([BASE_DISTANCE, 0.0, 0.0])),
     }
-    joints = {side: [f"{side}.{link.joint.name}" for link in arm.links] for side in stands}
+    joints = {side: [f"{side}.{link.joint.name}" for link in arm.links] for side in mounts}
     reference = dict(zip(joints["left"] + joints["right"], LEFT + RIGHT, strict=True))
-    left, right = (f"{side}.{arm.links[-1].name}" for side in stands)
+    left, right = (f"{side}.{arm.links[-1].name}" for side in mounts)
     grip = Pose(rotation_about((1, 0, 0), np.pi), np.array([0.0, 0.0, ROD_LENGTH]))
     rod = Closure("rod", left, right, grip, Pose.identity(), ClosureKind.WELD)
     loops = Loops(tuple(joints["left"]), (rod,), reference=reference)
-    return Mechanism(joined("two_arms", {side: (arm, stand) for side, stand in stands.items()}, loops))
+    return Mechanism(joined("two_arms", {side: (arm, mount) for side, mount in mounts.items()}, loops))
 
 
 def _slopes(mechanism: Mechanism) -> Array:

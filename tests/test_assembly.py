@@ -185,10 +185,10 @@ def test_names_that_do_not_exist() -> None:
     loops = four_bar.loops
     assert loops is not None
     for wrong, message in (
-        ({"primary": ("motor",)}, "primary: there is no joint 'motor'; there are coupler, crank, rocker"),
-        ({"closures": (Closure("x", "rod", None),)}, "x: there is no link 'rod'; there are coupler, crank, rocker"),
-        ({"couplings": (Coupling("x", "rod", "crank"),)}, "x: there is no joint 'rod'; there are coupler, crank"),
-        ({"reference": {"rod": 1.0}}, "reference: there is no joint 'rod'; there are coupler, crank, rocker"),
+        ({"primary": ("motor",)}, "primary: unknown joint 'motor'; joints: coupler, crank, rocker"),
+        ({"closures": (Closure("x", "rod", None),)}, "x: unknown link 'rod'; links: coupler, crank, rocker"),
+        ({"couplings": (Coupling("x", "rod", "crank"),)}, "x: unknown joint 'rod'; joints: coupler, crank"),
+        ({"reference": {"rod": 1.0}}, "reference: unknown joint 'rod'; joints: coupler, crank, rocker"),
     ):
         with pytest.raises(NotFoundError, match=message):
             replace(four_bar, loops=replace(loops, **wrong))
@@ -196,10 +196,10 @@ def test_names_that_do_not_exist() -> None:
 
 def test_what_loops_cannot_say() -> None:
     for make, message in (
-        (lambda: Loops(()), "loops: at least one joint must be primary"),
+        (lambda: Loops(()), "loops: primary: expected at least one joint"),
         (lambda: Loops(("a", "a")), "loops: primary joint 'a' is given more than once"),
-        (lambda: Closure("x", "a", "a"), r"closure 'x': a link cannot be closed onto itself \(a\)"),
-        (lambda: Closure("x", None, None), r"closure 'x': a link cannot be closed onto itself \(ground\)"),
+        (lambda: Closure("x", "a", "a"), r"closure 'x': expected two different links, got a twice"),
+        (lambda: Closure("x", None, None), r"closure 'x': expected two different links, got the ground twice"),
         (lambda: Coupling("x", "a", "a"), "coupling 'x': joint 'a' cannot follow itself"),
         (
             lambda: Coupling("x", "a", "b", 0.0),
@@ -207,10 +207,10 @@ def test_what_loops_cannot_say() -> None:
         ),
         (lambda: Coupling("x", "a", "b", math.nan), "coupling 'x': expected a finite ratio other than zero"),
         (lambda: Coupling("x", "a", "b", 1.0, math.inf), "and a finite offset, got 1.0 and inf"),
-        (lambda: Loops(("b",), couplings=(Coupling("x", "b", "a"),)), "joint 'b' follows another, so it cannot be pri"),
+        (lambda: Loops(("b",), couplings=(Coupling("x", "b", "a"),)), "joint 'b' is a follower and cannot be primary"),
         (
             lambda: Loops(("a",), couplings=(Coupling("x", "b", "a"), Coupling("y", "c", "b"))),
-            "coupling 'y': joint 'c' follows 'b', which itself follows another joint: let both follow the first",
+            "coupling 'y': joint 'c' follows 'b', which follows another joint itself: couple both joints to that one",
         ),
         (
             lambda: Loops(("a",), couplings=(Coupling("x", "b", "a"), Coupling("y", "b", "a"))),
@@ -222,10 +222,10 @@ def test_what_loops_cannot_say() -> None:
             lambda: Loops(("a",), conditions=(Condition("x", {"b": 1.0}),)),
             "condition 'x': joint 'b' is not primary",
         ),
-        (lambda: Loops(("a", "b")), "loops: expected closures or couplings; a mechanism without either is a tree"),
+        (lambda: Loops(("a", "b")), "loops: expected at least one closure or coupling; give loops=None for a tree"),
         (
             lambda: Loops(("a",), conditions=(Condition("x", {"a": 1.0}),)),
-            "loops: expected closures or couplings; a mechanism without either is a tree",
+            "loops: expected at least one closure or coupling; give loops=None for a tree",
         ),
     ):
         with pytest.raises(InputError, match=message):

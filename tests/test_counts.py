@@ -75,7 +75,7 @@ def test_threads_beyond_the_members_change_nothing(stepper: Stepper) -> None:
 
 def test_memory_that_is_no_room_is_refused(stepper: Stepper) -> None:
     wrong: Any = 3
-    with pytest.raises(InputError, match="expected a `room` that this ensemble made"):
+    with pytest.raises(InputError, match="record: room: expected an array made by this ensemble"):
         stepper.ensemble(3).record_into(wrong, 0, 1, PUSH)
 
 

@@ -342,7 +342,7 @@ def test_a_map_into_given_memory() -> None:
         "float32": np.empty((7, 2, 3), dtype=np.float32),
         "float64 to write to, of shape": np.empty((6, 2, 3)),
         "contiguous": np.empty((7, 2, 6))[..., ::2],
-        "each of 1 results": [memory, memory],
+        "one array per result": [memory, memory],
     }
     for says, out in wrong.items():
         with pytest.raises(InputError, match=says):

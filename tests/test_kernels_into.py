@@ -119,7 +119,7 @@ def test_what_is_no_room_is_refused(kernel: Kernel, out: Any) -> None:
 def test_a_missing_argument_is_refused(kernel: Kernel) -> None:
     with pytest.raises(InputError, match="expected 2 arguments"):
         kernel.into(np.empty((2, N)), numbers()[0])
-    with pytest.raises(InputError, match="expected an array for each of 1 results"):
+    with pytest.raises(InputError, match=r"out: expected one array per result \(1\)"):
         kernel.into()
 
 

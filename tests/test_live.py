@@ -191,7 +191,7 @@ def test_a_mechanism_that_no_file_can_say_is_refused_before_a_process_is_started
     first, *others = arm.description.links
     turning = replace(first.joint, kind=JointKind.CONTINUOUS, limits=Limits(-1.0, 1.0))
     links = (replace(first, joint=turning), *others)
-    with pytest.raises(InputError, match=r"is continuous, and position limits of -1\.0 to 1\.0 cannot"):
+    with pytest.raises(InputError, match=r"is continuous, but has position limits from -1\.0 to 1\.0"):
         adaptctl.Live(adaptctl.Mechanism(replace(arm.description, links=links)), str(tmp_path / "live.rrd"))
     assert list(tmp_path.iterdir()) == []
 

@@ -239,7 +239,7 @@ def test_the_ros_node_sends_efforts_while_it_hears_of_the_joints(two_link: adapt
     node = module.Tracking([joint.name for joint in two_link.primary_joints], law, reference)
     assert node.efforts(0.0) is None
     names = [joint.name for joint in two_link.primary_joints][::-1]
-    node.heard(10.0, ["gripper", *names], [9.0, 0.2, 0.1], [9.0, 0.0, 0.5])
+    node.receive(10.0, ["gripper", *names], [9.0, 0.2, 0.1], [9.0, 0.0, 0.5])
     p, zero = np.array([0.1, 0.2]), np.zeros(2)
     expected, _ = law.step(law.init(p, zero), p, [0.5, 0.0], ReferencePoint(p, zero, zero))
     np.testing.assert_allclose(node.efforts(10.0), expected, rtol=1e-12)
@@ -265,10 +265,10 @@ def test_the_ros_node_passes_over_others_messages(other: str) -> None:
             return self
 
     node = example("ros2_node").Tracking(["joint1", "joint2"], Law(), None)
-    node.heard(0.0, *OTHERS[other])
+    node.receive(0.0, *OTHERS[other])
     assert node.efforts(0.0) is None
-    node.heard(1.0, ("joint2", "joint1"), (0.2, 0.1), (0.0, 0.0))
-    node.heard(2.0, *OTHERS[other])
+    node.receive(1.0, ("joint2", "joint1"), (0.2, 0.1), (0.0, 0.0))
+    node.receive(2.0, *OTHERS[other])
     assert node.measured[0] == 1.0
     assert node.efforts(2.0) is None
 
@@ -279,7 +279,7 @@ def test_the_ros_node_holds_the_arm_from_the_first_effort_and_leads_it_in(two_li
     node = module.Tracking([joint.name for joint in two_link.primary_joints], controller, reference)
     arm = FakeArm(two_link, reference.at(0.0).p + 1.0, module.PERIOD)
     for k in range(3000):
-        node.heard(k * module.PERIOD, node.joints[::-1], arm.getActualQ()[::-1], arm.getActualQd()[::-1])
+        node.receive(k * module.PERIOD, node.joints[::-1], arm.getActualQ()[::-1], arm.getActualQd()[::-1])
         arm.moved(node.efforts(k * module.PERIOD))
         assert np.abs(arm.state.v).max() < 1.0
         assert np.abs(arm.state.p - node.followed.at((k + 1) * module.PERIOD).p).max() < 1e-3

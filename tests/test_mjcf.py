@@ -149,7 +149,9 @@ def test_names_kinds_limits_and_drives(tmp_path: Path) -> None:
     actuators = (
         '<actuator><motor joint="j1" gear="-2" ctrlrange="-5 4"/><position joint="j2" forcerange="-3 3"/></actuator>'
     )
-    with pytest.warns(SimplificationWarning, match=r"actuators that are no torques.*'actuator 1' \(a position servo\)"):
+    with pytest.warns(
+        SimplificationWarning, match=r"actuators without torque input .*'actuator 1' \(a position servo\)"
+    ):
         robot = reading(tmp_path, mjcf(world, actuators))
     one, two = (link.joint for link in robot.links)
     assert (robot.name, robot.source) == ("some", "MJCF file robot.xml")
@@ -205,14 +207,14 @@ def test_a_file_is_read_by_its_suffix_and_its_rank_found(tmp_path: Path) -> None
 
 def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     for text, message in (
-        (mjcf(chain('stiffness="3"')), r"robot\.xml: springs of joints are left out: j1"),
+        (mjcf(chain('stiffness="3"')), r"robot\.xml: joint springs are ignored: j1"),
         (
             mjcf(chain().replace('name="b"', 'name="b" gravcomp="1"')),
-            r"robot\.xml: gravity compensation is left out: b",
+            r"robot\.xml: gravity compensation is ignored: b",
         ),
         (
             mjcf(chain(), '<tendon><fixed name="t"><joint joint="j1" coef="1"/></fixed></tendon>'),
-            r"robot\.xml: tendons are left out: fixed 't'",
+            r"robot\.xml: tendons are ignored: fixed 't'",
         ),
     ):
         with pytest.warns(SimplificationWarning, match=message):

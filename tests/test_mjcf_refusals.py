@@ -22,19 +22,19 @@ EQUAL = CLOSED["connect"]
     [
         ("", r"not well-formed XML \(no element found"),
         (ONE.replace("</mujoco>", ""), r"not well-formed XML \(no element found"),
-        (LAUGHS + ONE, "a <!DOCTYPE .* has no place here, and entities are refused"),
+        (LAUGHS + ONE, "<!DOCTYPE ...> and entities are not supported"),
         (ONE.replace('"some"', '"&b;"'), r"not well-formed XML \(undefined entity"),
         (ONE.replace("mujoco", "robot"), "the root element must be <mujoco>, got <robot>"),
         (ONE.replace("<worldbody>", '<include file="x.xml"/><worldbody>'), "<include> of 'x.xml': .*no such file"),
-        (ONE.replace("worldbody", "wordbody"), "<wordbody> is not read; sections that are: compiler, option"),
-        ("<mujoco/>", "no joint turns or slides: expected a hinge or a slide"),
-        (mjcf(f'<body name="a">{BODY}</body>'), "no joint turns or slides: expected a hinge or a slide"),
+        (ONE.replace("worldbody", "wordbody"), "<wordbody> is not supported; supported: compiler, option"),
+        ("<mujoco/>", "no moving joint: expected a hinge or a slide"),
+        (mjcf(f'<body name="a">{BODY}</body>'), "no moving joint: expected a hinge or a slide"),
         (mjcf("<joint/>"), "<joint>: MuJoCo: World body cannot have joints"),
         (
             mjcf(chain() + chain().replace('"a"', '"z"').replace('"b"', '"y"').replace('"j', '"k')),
-            "2 root bodies move, 'a', 'z': each is a mechanism of its own; name .* root='a'",
+            "2 root bodies move, 'a', 'z', each a separate mechanism: select one, .* root='a'",
         ),
-        (mjcf(chain('type="ball"')), "body 'a' has a ball joint, 'j1': only hinges and slides are understood"),
+        (mjcf(chain('type="ball"')), "body 'a' has a ball joint, 'j1': only hinges and slides are supported"),
         (mjcf(chain('type="screw"')), "joint 'j1': MuJoCo: invalid keyword: 'screw'"),
         (mjcf(chain('axsi="x"')), "joint 'j1': MuJoCo: unrecognized attribute: 'axsi'"),
         (mjcf(chain().replace('"0 1 0"', '"0 0 0"')), "joint 'j1': MuJoCo: axis too small in joint"),
@@ -49,7 +49,7 @@ EQUAL = CLOSED["connect"]
             mjcf(chain('armature="-1"')),
             r"joint 'j1': rotor_inertia: expected a finite number of at least 0 and at most 1e.20, got -1\.0",
         ),
-        (mjcf(chain('damping="1 2"')), "joint 'j1': damping: only the first coefficient is understood"),
+        (mjcf(chain('damping="1 2"')), "joint 'j1': damping: only the first coefficient is supported"),
         (mjcf(chain().replace('"j2"', '"j1"')), "joint 'j1': MuJoCo: repeated name 'j1' in joint"),
         (mjcf(chain().replace('"b"', '"a"')), "body 'a': MuJoCo: repeated name 'a' in body"),
         (mjcf(chain().replace('"b"', '"world"')), "body 'world': MuJoCo: repeated name 'world' in body"),
@@ -67,8 +67,14 @@ EQUAL = CLOSED["connect"]
             mjcf(chain().replace('quat="1 2 3 4"', 'quat="1 2 3"')),
             "body 'b': quat of <body>: expected 4 finite numbers",
         ),
-        (mjcf(chain(more="<composite/>")), "body 'a': <composite> is not read; what is: body, frame, replicate, joint"),
-        (mjcf(chain(more='<attach model="x" prefix="y"/>')), "body 'a': <attach> is not read; what is: body, frame"),
+        (
+            mjcf(chain(more="<composite/>")),
+            "body 'a': <composite> is not supported; supported: body, frame, replicate, joint",
+        ),
+        (
+            mjcf(chain(more='<attach model="x" prefix="y"/>')),
+            "body 'a': <attach> is not supported; supported: body, frame",
+        ),
         (
             mjcf(chain(inertia1="<inertial mass='1' diaginertia='1 1 1'/>")),
             "<inertial>: MuJoCo: required attribute missing: 'pos'",
@@ -85,11 +91,11 @@ EQUAL = CLOSED["connect"]
         (mjcf(chain(inertia1=BODY + BODY)), "body 'a': MuJoCo: unique element 'inertial' found 2 times"),
         (
             mjcf(chain(inertia1=f'<frame pos="1 0 0">{BODY}</frame>')),
-            "<frame>: <inertial> is not read; what is: body, frame",
+            "<frame>: <inertial> is not supported; supported: body, frame",
         ),
         (
             mjcf(chain(inertia1='<geom name="g" type="mesh" mesh="m"/>')),
-            "geom 'g': there is no mesh 'm', of which the inertia is to be",
+            "geom 'g': unknown mesh 'm', which its inertia depends on",
         ),
         (mjcf(chain(inertia1="<geom/>")), "<geom>: MuJoCo: size 0 must be positive in geom"),
         (
@@ -117,11 +123,20 @@ EQUAL = CLOSED["connect"]
             mjcf(chain(), before='<compiler eulerseq="xyw"/>'),
             "<compiler>: eulerseq: expected three of x, y, z, X, Y, Z",
         ),
-        (mjcf(chain(), before='<compiler coordinate="global"/>'), "<compiler>: coordinate: only local coordinates"),
+        (
+            mjcf(chain(), before='<compiler coordinate="global"/>'),
+            "<compiler>: coordinate: expected 'local', as in MuJoCo",
+        ),
         (mjcf(chain(), before='<option gravity="0 0 -1e18"/>'), "some: gravity: expected at most 1e.09"),
-        (mjcf(chain(), before='<compiler settotalmass="1"/>'), "<compiler>: settotalmass: masses are not scaled"),
-        (mjcf(chain(), before='<compiler boundmass="1"/>'), "<compiler>: boundmass: masses are not bounded"),
-        (mjcf(chain(), before='<compiler balanceinertia="true"/>'), "<compiler>: balanceinertia: inertias are not"),
+        (
+            mjcf(chain(), before='<compiler settotalmass="1"/>'),
+            "<compiler>: settotalmass: not supported: scale the masses",
+        ),
+        (
+            mjcf(chain(), before='<compiler boundmass="1"/>'),
+            "<compiler>: boundmass: not supported: write the final masses",
+        ),
+        (mjcf(chain(), before='<compiler balanceinertia="true"/>'), "<compiler>: balanceinertia: not supported: write"),
         (
             mjcf(chain(), before='<option gravity="0 0"/>'),
             "<option>: MuJoCo: attribute 'gravity' does not have",
@@ -138,20 +153,23 @@ EQUAL = CLOSED["connect"]
         ),
         (
             linkage('<weld body1="rod" body2="pad"/>'),
-            "equality 'weld1': both ends are on one rigid body, rod: remove it",
+            "equality 'weld1': both ends are on the same rigid body, rod: remove it",
         ),
-        (linkage('<weld body1="base"/>'), "equality 'weld1': both ends are on one rigid body, the world: remove it"),
+        (
+            linkage('<weld body1="base"/>'),
+            "equality 'weld1': both ends are on the same rigid body, the world: remove it",
+        ),
         (
             linkage('<tendon name="t" tendon1="x"/>'),
-            "equality 't': <tendon> is not read; equalities that are read: con",
+            "equality 't': <tendon> is not supported; supported: con",
         ),
         (
             linkage('<glue body1="rod"/>'),
-            "equality 'glue1': <glue> is unknown; equalities that are read: connect, weld, j",
+            "equality 'glue1': <glue> is unknown; supported: connect, weld, j",
         ),
         (
             linkage('<joint joint1="rod"/>'),
-            "equality 'joint1': holds joint 'rod' still: leave the joint out, or name joi",
+            "equality 'joint1': fixes joint 'rod': remove the joint, or give joi",
         ),
         (
             linkage('<joint joint1="rod" joint2="rad"/>'),
@@ -160,15 +178,15 @@ EQUAL = CLOSED["connect"]
         (linkage('<joint joint1="rod" joint2="rod"/>'), "<joint>: MuJoCo: element 'rod' is repeated in equality"),
         (
             linkage('<joint joint1="rod" joint2="crank" polycoef="0 1 2"/>'),
-            "equality 'joint1': polycoef: only a linear relation is understood",
+            "equality 'joint1': polycoef: expected a linear relation",
         ),
         (
             linkage('<joint joint1="rod" joint2="crank"/><joint joint1="rocker" joint2="rod"/>'),
-            "coupling 'joint2': joint 'rocker' follows 'rod', which itself follows another joint",
+            "coupling 'joint2': joint 'rocker' follows 'rod', which follows another joint itself",
         ),
         (
             linkage(EQUAL, actuator=""),
-            "loops need primary joints, and no actuator drives a joint: .*, among crank, rod, roc",
+            "loops need primary joints, but no actuator drives a joint: .* among crank, rod, roc",
         ),
         (
             linkage(EQUAL, actuator=MOTOR.replace("crank", "handle")),

@@ -156,7 +156,7 @@ def test_links_do_not_lead_includes_out_of_the_folder(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     (tmp_path / "secret.xml").write_text("<mujoco/>")
     (tmp_path / "in" / "part.xml").symlink_to(tmp_path / "secret.xml")
-    with pytest.raises(FileError, match=r"'part\.xml' is outside the folder of the file"):
+    with pytest.raises(FileError, match=r"'part\.xml' is outside the file's folder"):
         reading(tmp_path / "in", mjcf(chain(), before='<include file="part.xml"/>'))
 
 
@@ -207,13 +207,13 @@ def test_meshes_that_no_inertia_needs_need_not_be_there(tmp_path: Path, geom: st
 @pytest.mark.parametrize(
     ("mesh", "message"),
     [
-        ('name="m" file="none.stl"', "mesh 'm': there is no file '.*none.stl'"),
-        ('name="m" file="../wedge.obj"', "mesh 'm': .* is outside the folder of the file"),
-        ('name="m" file="/etc/passwd"', "mesh 'm': .* is outside the folder of the file"),
+        ('name="m" file="none.stl"', "mesh 'm': no such file: '.*none.stl'"),
+        ('name="m" file="../wedge.obj"', "mesh 'm': .* is outside the file's folder"),
+        ('name="m" file="/etc/passwd"', "mesh 'm': .* is outside the file's folder"),
         ('name="m" file="robot.xml"', "mesh 'm': MuJoCo: "),
-        ('name="m" file="pipe.stl"', "mesh 'm': there is no file '.*pipe.stl'"),
-        ('name="m" file="bad.stl"', "mesh 'm': MuJoCo: |does not work out the inertia"),
-        ('name="other" file="none.stl"', "<geom>: there is no mesh 'm'"),
+        ('name="m" file="pipe.stl"', "mesh 'm': no such file: '.*pipe.stl'"),
+        ('name="m" file="bad.stl"', "mesh 'm': MuJoCo: |cannot compute the inertia"),
+        ('name="other" file="none.stl"', "<geom>: unknown mesh 'm'"),
     ],
 )
 def test_meshes_that_cannot_be_read(tmp_path: Path, mesh: str, message: str) -> None:

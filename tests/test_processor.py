@@ -51,7 +51,7 @@ def test_what_a_level_takes_away() -> None:
 def test_a_level_that_the_processor_lacks_is_refused() -> None:
     with pytest.raises(InputError, match="this processor, nehalem, lacks avx, avx2, bmi"):
         Processor("nehalem", "+sse2,+sse4.2,-avx,-avx2").limited("avx2")
-    with pytest.raises(InputError, match="this processor, apple-m1, lacks sse2; use 'native', or leave it out"):
+    with pytest.raises(InputError, match="this processor, apple-m1, lacks sse2; use 'native', or unset it"):
         Processor("apple-m1", "+neon").limited("sse2")
 
 

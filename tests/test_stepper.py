@@ -308,11 +308,11 @@ def nothing(q: Column) -> tuple[Column]:
 BAD_STEPS: dict[str, tuple[Callable[..., Any], str]] = {
     "no tuple": (
         lambda q, v: q,
-        r"<lambda>: expected a tuple as result that begins with the new state: q \(2\), v \(1\)",
+        r"<lambda>: expected a tuple as result, starting with the new state: q \(2\), v \(1\)",
     ),
-    "too few": (lambda q, v: (q,), "begins with the new state"),
-    "wrong length": (lambda q, v: (q, q), "begins with the new state"),
-    "scalar": (lambda q, v: (q, v[0]), "begins with the new state"),
+    "too few": (lambda q, v: (q,), "starting with the new state"),
+    "wrong length": (lambda q, v: (q, q), "starting with the new state"),
+    "scalar": (lambda q, v: (q, v[0]), "starting with the new state"),
 }
 
 
@@ -329,7 +329,7 @@ def test_a_step_must_not_branch_on_its_state() -> None:
 
 
 def test_names_and_lanes_are_checked() -> None:
-    with pytest.raises(InputError, match="different names"):
+    with pytest.raises(InputError, match="distinct names"):
         compile_step(nothing, state={"q": 1}, constants={"q": 1})
     with pytest.raises(InputError, match=r"lanes: expected 1, 2, 4 or 8, .*got 3"):
         compile_step(nothing, state={"q": 1}, lanes=3)
@@ -365,7 +365,7 @@ def test_memory_that_is_no_room_of_the_ensemble_is_refused(stepper: Stepper) -> 
         *(stepper.ensemble(n).allocate_outputs(2) for n in (2, 40)),
         LaneArray({"0": 1}, 3, three.allocate_outputs(2).lanes, (2,)),
     ):
-        with pytest.raises(InputError, match="expected a `room` that this ensemble made"):
+        with pytest.raises(InputError, match="record: room: expected an array made by this ensemble"):
             three.record_into(room, 0, 2, signals)
     with pytest.raises(InputError, match="expected steps from 0 to 2, got 1 to 3"):
         three.record_into(three.allocate_outputs(2), 1, 2, signals)
@@ -373,9 +373,9 @@ def test_memory_that_is_no_room_of_the_ensemble_is_refused(stepper: Stepper) -> 
 
 def test_wrong_columns_are_refused(stepper: Stepper) -> None:
     state = stepper.ensemble(3).state
-    with pytest.raises(InputError, match="'p': there is no such column; there are q, v"):
+    with pytest.raises(InputError, match="unknown column 'p'; columns: q, v"):
         state["p"] = 1.0
-    with pytest.raises(InputError, match="'p': there is no such column"):
+    with pytest.raises(InputError, match="unknown column 'p'"):
         _ = state["p"]
     with pytest.raises(InputError, match=r"'q': expected real numbers that broadcast to shape \(3, 2\)"):
         state["q"] = np.zeros((3, 3))
@@ -401,7 +401,7 @@ def test_signals_in_place_are_those_that_are_passed(stepper: Stepper) -> None:
 
 def test_signals_of_another_form_or_of_too_few_steps_are_refused(stepper: Stepper) -> None:
     three = stepper.ensemble(3)
-    with pytest.raises(InputError, match="`signals`: expected steps from 0 to 2, got 1 to 3"):
+    with pytest.raises(InputError, match="record: signals: expected steps from 0 to 2, got 1 to 3"):
         three.record_into(three.allocate_outputs(3), 1, 2, three.signals(2))
-    with pytest.raises(InputError, match="expected `signals` that this ensemble made"):
+    with pytest.raises(InputError, match="record: signals: expected an array made by this ensemble"):
         three.record_into(three.allocate_outputs(3), 0, 2, stepper.ensemble(2).signals(2))

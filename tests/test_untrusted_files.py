@@ -155,7 +155,7 @@ def test_a_basis_file_beyond_its_size_is_refused(tmp_path: Path) -> None:
 def test_degrees_where_radians_are_meant_are_warned_of(text: str, what: str, tmp_path: Path) -> None:
     path = tmp_path / ("a.urdf" if text.startswith("<") else "a.toml")
     path.write_text(text)
-    with pytest.warns(SimplificationWarning, match=f"these look like degrees: {what}"):
+    with pytest.warns(SimplificationWarning, match=f"look like degrees: {what}"):
         load(path)
 
 
@@ -163,7 +163,7 @@ def test_a_link_without_mass_that_carries_none_is_warned_of_and_cannot_be_simula
     """Its dynamics say nothing of how it accelerates; its kinematics, and what its base needs, are as good as ever."""
     inertial = URDF[URDF.rindex("<inertial>") : URDF.rindex("</inertial>") + len("</inertial>")]
     (tmp_path / "a.urdf").write_text(URDF.replace(inertial, ""))
-    with pytest.warns(SimplificationWarning, match="links move without mass .*: tool"):
+    with pytest.warns(SimplificationWarning, match="moving links without mass .*: tool"):
         arm = load(tmp_path / "a.urdf")
     assert np.isfinite(arm.inverse_dynamics([0.1, 0.1], [1.0, 1.0], [1.0, 1.0])).all()
     for samples in ((), (3,)):

@@ -81,7 +81,7 @@ def test_a_priority_is_a_list_of_names(wrong: Any) -> None:
 
 def test_primary_joints_are_a_list_of_names() -> None:
     closure = Closure("c", "a", "b", Pose.identity(), Pose.identity())
-    with pytest.raises(InputError, match="loops: primary: expected names of joints, got the text 'abc'"):
+    with pytest.raises(InputError, match="loops: primary: expected a sequence of joint names, got 'abc'"):
         Loops("abc", (closure,))  # type: ignore[arg-type]
 
 
@@ -93,7 +93,7 @@ def test_a_shaft_turns_with_pairs_of_names_and_ratios(wrong: Any) -> None:
 
 @pytest.mark.parametrize("wrong", [3.0, None, [1.0, 2.0], [None, None], "ab"])
 def test_drives_are_drives(wrong: Any) -> None:
-    with pytest.raises(InputError, match="two_link: drives: expected Drives, got"):
+    with pytest.raises(InputError, match="two_link: drives: expected Drive objects, got"):
         arm().with_drives(wrong)
 
 

@@ -1,4 +1,4 @@
-"""Compilation of equations over scalars to native code. Knows nothing of robots."""
+"""Native compilation of equations over scalars."""
 
 from adaptctl.optional_packages import imported_lazily
 

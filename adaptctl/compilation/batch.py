@@ -12,8 +12,7 @@ from adaptctl.compilation.routine import Routine
 ENTRY = "batch"
 
 MIN_STREAMED_BYTES = 4 * 2**20
-"""Size, in bytes, of a result array (4 MiB) from which on native code writes it by non-temporal stores, past the
-caches, provided that its rows begin and end on cache lines."""
+"""Size in bytes of a result array from which it is written by non-temporal stores, if aligned to cache lines."""
 
 NativeBatch = ctypes.CFUNCTYPE(ctypes.c_bool, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
 """ENTRY takes the number of samples and three tables: addresses of the arguments' rows, the doubles from row to row of
@@ -21,7 +20,7 @@ each, and addresses of the results' rows."""
 
 
 def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, bool]) -> str:
-    """LLVM IR of the function `batch`, which evaluates a routine at many samples."""
+    """LLVM IR of `batch`, which evaluates a routine at many samples."""
     inputs = {f"in{k}": n for k, n in enumerate(routine.inputs)}
     outputs = {f"out{k}": math.prod(shape) for k, shape in enumerate(routine.layout.shapes)}
     both = inputs | outputs

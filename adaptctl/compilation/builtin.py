@@ -1,4 +1,4 @@
-"""Routines as built-in functions of Python, which read and make NumPy's arrays directly."""
+"""Built-in functions of Python that read and create NumPy arrays."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from adaptctl.compilation.native import NativeCode, define
 from adaptctl.compilation.routine import Routine
 
 Finite: TypeAlias = bool | Literal["results"]
-"""Check for NaN and infinity: nowhere, everywhere, or in what is computed."""
+"""Check for NaN and infinity: nowhere, everywhere, or in results."""
 
 _ENTRY = "call"
 _FASTCALL = 0x80  # METH_FASTCALL: an array of arguments and their number
@@ -26,14 +26,14 @@ _PYTHON = ("PyObject_Vectorcall", "PyTuple_New", "PyType_GenericAlloc", "PyFloat
 
 
 class Place(NamedTuple):
-    """Source of one column (vector) that a built-in function passes to native code."""
+    """Source of one column of a built-in function."""
 
     argument: int | None
     item: int | None = None
 
 
 class Form(NamedTuple):
-    """Calling convention of a built-in function of Python around native code."""
+    """Calling convention of a built-in function."""
 
     places: tuple[Place, ...]
     tuples: Mapping[int, int] = MappingProxyType({})
@@ -41,7 +41,7 @@ class Form(NamedTuple):
 
     @classmethod
     def plain(cls, count: int) -> Form:
-        """Calling convention of a function of `count` arrays, one for each column."""
+        """Calling convention of `count` arrays, one per column."""
         return cls(tuple(Place(k) for k in range(count)))
 
     @property
@@ -51,16 +51,16 @@ class Form(NamedTuple):
 
     @property
     def types(self) -> dict[int, int]:
-        """Index of each tuple argument's type among the objects that the built-in function keeps."""
+        """Index of each tuple argument's type among the function's objects."""
         return {argument: 1 + k for k, argument in enumerate(self.tuples)}
 
     def bound(self, column: int) -> int:
-        """Index of a column's bound array among the objects that the function keeps."""
+        """Index of a column's bound array among the function's objects."""
         return 1 + len(self.tuples) + sum(place.argument is None for place in self.places[:column])
 
     @property
     def spares(self) -> int:
-        """Index of the first spare result array among the objects that the function keeps."""
+        """Index of the first spare result array among the function's objects."""
         return self.bound(len(self.places))
 
 
@@ -94,7 +94,7 @@ class _Definition(ctypes.Structure):
 
 @functools.cache
 def has_builtins() -> bool:
-    """True for CPython with tuples and arrays laid out as native code reads them."""
+    """True for CPython with the expected layout of tuples and arrays."""
     if sys.implementation.name != "cpython" or object.__basicsize__ != _Array.data.offset:
         return False
     if sys.byteorder != "little" or np.ndarray.__weakrefoffset__ != _Array.weak_references.offset:
@@ -119,7 +119,7 @@ def has_builtins() -> bool:
 def builtin(
     code: NativeCode, name: str, instead: Callable[..., Any], *bound: Any, results: int = 0
 ) -> Callable[..., Any]:
-    """Built-in function that runs native code, and calls `instead` on unusual arguments."""
+    """Built-in function that runs native code, or `instead` on unusual arguments."""
     definition = _Definition(name.encode(), code.address(_ENTRY), _FASTCALL, None)
     kept = (instead, *bound, *[None] * (2 * results), code, definition)
     new = _api("PyCFunction_NewEx", ctypes.py_object, ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p)
@@ -131,7 +131,7 @@ def _api(name: str, *types: Any) -> Callable[..., Any]:
 
 
 def builtin_source(routine: Routine, symbol: str, *, finite: Finite, form: Form) -> str:
-    """LLVM IR of a built-in function that runs a routine on arrays."""
+    """LLVM IR of a built-in function of a routine."""
     shapes, inputs = dict(enumerate(routine.layout.shapes)), dict(enumerate(routine.inputs))
     arrays, numbers = ([k for k, shape in shapes.items() if bool(shape) is wanted] for wanted in (True, False))
     sizes = {f"%in{k}": n for k, n in inputs.items()} | {f"%out{k}": math.prod(shape) for k, shape in shapes.items()}

@@ -16,9 +16,7 @@ _INTRINSICS = {Op.SQRT: "sqrt", Op.ROUND: "rint", Op.ABSOLUTE: "fabs", Op.MINIMU
 
 
 RELOAD_DISTANCE = 40
-"""Expressions without a use of a value after which it is loaded again, where it is in memory: kept, it would take a
-register that others need, or be written to the stack a second time. (Measured from 20 to 200: 8 % of a step of many
-arms, little between 30 and 80.)"""
+"""Expressions without use of a value after which it is loaded again instead of kept in a register."""
 
 
 MIN_CLEARED_ZEROS = 64
@@ -53,7 +51,7 @@ class FunctionBody:
         return [*self._text.memory, *self._text.lines]
 
     def compute(self, expression: Expression) -> None:
-        """Append the instructions that compute an `expression`, whose operands have been computed before."""
+        """Append the instructions of an `expression`, after its operands'."""
         self._now += 1
         if expression.index in self._turns:
             self._sines.turn(self._turns[expression.index])
@@ -114,7 +112,6 @@ class FunctionBody:
         return x.index in self._latest or self._place(x) is not None
 
     def _is_cheap(self, x: Expression) -> bool:
-        """True for a sum of values in memory, which is as cheap to compute again as to keep."""
         homes = (not isinstance(y, Expression) or self._place(y) or y.index in self._stored for y in x.operands)
         return self._lanes.count > 1 and x.op in (Op.ADD, Op.SUBTRACT, Op.NEGATE) and all(homes)
 

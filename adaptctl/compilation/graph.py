@@ -1,4 +1,4 @@
-"""Graph of expressions in which equal ones are one object (hash consing; Ershov 1958)."""
+"""Expression graph with shared equal expressions (hash consing; Ershov 1958)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SCALARS = ("adaptctl.compilation.", "adaptctl.scalars.", "numpy.")
 
 
 def untraceable(why: str) -> TraceError:
-    """Error, a `TraceError` to be raised, for what a traced function cannot do."""
+    """`TraceError` for an operation that cannot be traced."""
     from traceback import walk_stack  # here, since only errors need it
 
     traced = takewhile(lambda at: _module(at) != _TRACER, walk_stack(sys._getframe(1)))
@@ -38,7 +38,7 @@ E = TypeVar("E", bound="Expression")
 
 class Op(StrEnum):
     """
-    Kind of operation in the expression graph of a traced function, by symbol or name.
+    Operation in an expression graph.
 
     Examples
     --------
@@ -68,7 +68,7 @@ class Op(StrEnum):
 
 
 class Expression:
-    """Node of an expression graph, which records what a function computes of symbolic scalars."""
+    """Node of an expression graph."""
 
     __slots__ = ("detail", "graph", "index", "op", "operands")
 
@@ -80,7 +80,7 @@ class Expression:
 
 
 class Graph:
-    """Expression graph of one trace, in which equal expressions are one object."""
+    """Expression graph of one trace."""
 
     def __init__(self, routines: dict[Any, Any] | None = None, passed: int | None = None) -> None:
         self._expressions: dict[Any, Expression] = {}
@@ -89,7 +89,7 @@ class Graph:
         self.passed, self.turned = passed, list[Expression]()
 
     def make(self, kind: type[E], op: Op, *operands: Any, detail: Any = None) -> E:
-        """Expression of an operation on operands, an earlier one where there is one."""
+        """Expression of an operation, shared with an equal one."""
         key = (op, operands, detail)
         found = self._expressions.get(key)
         if found is None:
@@ -98,7 +98,7 @@ class Graph:
         return cast(E, found)
 
     def known_sine(self, angle: Expression) -> tuple[Any, Any] | None:
-        """Sine and cosine of an angle where they are known, else None."""
+        """Known sine and cosine of an angle, else None."""
         if angle not in self.sines and self.passed is not None and self._is_argument(angle):
             first = 2 * len(self.turned)
             self.turned.append(angle)
@@ -110,7 +110,7 @@ class Graph:
         return x.op is Op.INPUT and x.detail[0] != self.passed
 
     def validate_own(self, values: Iterable[Any]) -> None:
-        """Raise `TraceError` where one of the `values` is an expression of another graph."""
+        """Raise `TraceError` if a value is of another graph."""
         for x in values:
             if isinstance(x, Expression) and x.graph is not self:
                 raise untraceable("a value of another trace was used: pass it to the function as an argument")
@@ -189,7 +189,7 @@ def divide(x: Any, y: Any) -> Any:
 
 
 def absolute(x: Any) -> Any:
-    """Absolute value `|x|`, as an expression; `x` itself where it is an absolute value."""
+    """Absolute value `|x|`, as an expression."""
     if _does(x, Op.NEGATE):
         return absolute(x.operands[0])
     return x if _does(x, Op.ABSOLUTE) else _make(Op.ABSOLUTE, x)
@@ -206,7 +206,7 @@ def maximum(x: Any, y: Any) -> Any:
 
 
 def unary(op: Op) -> Callable[[Any], Any]:
-    """Function that makes the expression of an operation with one operand, never simplified."""
+    """Function for an operation with one operand."""
     return lambda x: _make(op, x)
 
 

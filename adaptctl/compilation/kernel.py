@@ -168,7 +168,7 @@ class Kernel:
         """
         outs, arguments = given[: len(self.outputs)], given[len(self.outputs) :]
         if len(outs) < len(self.outputs):
-            raise InputError(f"{self.name}: out: expected an array for each of {len(self.outputs)} results")
+            raise InputError(f"{self.name}: out: expected one array per result ({len(self.outputs)})")
         for out, shape in zip(outs, self.outputs, strict=True):
             writable(out, shape, self.name)
         results = self.call(*arguments)
@@ -186,7 +186,6 @@ class Kernel:
         return self._single
 
     def _routine(self) -> Routine:
-        """Traced equation, not kept, since its graph is many times as large as code."""
         routine, self._latest = self._latest or self._traced(), None
         return routine
 
@@ -237,7 +236,7 @@ class Kernel:
 
     def _taking(self, given: Sequence[Array], shapes: Sequence[tuple[int, ...]]) -> list[Array]:
         if len(given) != len(shapes):
-            raise InputError(f"{self.name}: out: expected an array for each of {len(shapes)} results")
+            raise InputError(f"{self.name}: out: expected one array per result ({len(shapes)})")
         for out, shape in zip(given, shapes, strict=True):
             if not writable(out, shape, self.name).flags.c_contiguous:
                 raise InputError(f"{self.name}: out: expected a contiguous array")
@@ -245,7 +244,7 @@ class Kernel:
 
     def with_fallback(self, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
         """
-        Return a fast function that calls another one for unusual arguments.
+        Return a fast function with a fallback for unusual arguments.
 
         Parameters
         ----------
@@ -313,13 +312,13 @@ class Kernel:
 
 
 class Given(NamedTuple):
-    """Check of what a kernel (compiled function of vectors) is called with."""
+    """Check of a kernel's arguments."""
 
     kernel: str
     columns: Mapping[str, int]
 
     def arrays(self, arguments: Sequence[ArrayLike], sample_axes: int = 0) -> list[Array]:
-        """The `arguments`, array-likes, as C-contiguous float64 arrays (n,) in a list."""
+        """The arguments as C-contiguous float64 arrays (n,)."""
         if len(arguments) != len(self.columns):
             expected = f"{len(self.columns)} arguments ({', '.join(self.columns)})"
             raise InputError(f"{self.kernel}: expected {expected}, got {len(arguments)}")
@@ -351,7 +350,6 @@ class Given(NamedTuple):
 
 
 def _address(array: NDArray[Any]) -> int:
-    """Address of an array's numbers, by its buffer where it can, in a third of the time."""
     if not (array.flags.carray and array.size):
         return array.ctypes.data
     buffer: Any = array
@@ -371,14 +369,14 @@ def _in_rows(array: Array, sample_axes: int) -> bool:
 
 
 MAX_COMPILED_LINKS = 100
-"""Links up to which equations are compiled. LLVM takes 6 s for the mass matrix of a chain of so many."""
+"""Links up to which equations are compiled: LLVM takes 6 s for a mass matrix."""
 
 
 Equation = Callable[..., tuple[Any, ...]]
 
 
 class OnFloats:
-    """Function of vectors in Python, called as a `Kernel` is."""
+    """Function of vectors in Python, called like a `Kernel`."""
 
     def __init__(
         self, function: Equation, arguments: Mapping[str, int], *, name: str = "", finite: Finite = False
@@ -387,7 +385,7 @@ class OnFloats:
         self._function, self._given, self._finite = function, Given(name, self.arguments), finite
 
     def __call__(self, *arguments: ArrayLike) -> tuple[Any, ...]:
-        """Function's results at array-likes of shape (n,), n each argument's length, by position."""
+        """Result at array-likes (n,) by position."""
         arrays = self._given.arrays(arguments)
         columns = {name: Column(array.tolist()) for name, array in zip(self.arguments, arrays, strict=True)}
         results = tuple(_plain(result) for result in self._function(**columns))
@@ -398,7 +396,7 @@ class OnFloats:
 
     @property
     def call(self) -> OnFloats:
-        """Object itself, a function of array-likes (n,), n each argument's length, by position."""
+        """Function of array-likes (n,), as in a `Kernel`."""
         return self
 
 
@@ -415,7 +413,7 @@ def native_or_floats(
     finite: Finite = False,
     form: Form | None = None,
 ) -> Kernel | OnFloats:
-    """Compiled function for mechanisms of up to 100 links, else the function in Python."""
+    """Compiled function up to 100 links, else the function in Python."""
     if links > MAX_COMPILED_LINKS:
         return OnFloats(function, arguments, name=name, finite=finite)
     return compile_function(function, arguments, name=name, finite=finite, form=form)

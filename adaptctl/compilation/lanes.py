@@ -37,17 +37,17 @@ class Lanes:
 
     @property
     def size(self) -> int:
-        """Size of one number in bytes: 8 in double precision, 4 in single."""
+        """Bytes of one number."""
         return 8 if self.precision == "double" else 4
 
     @property
     def dtype(self) -> np.dtype[np.floating]:
-        """NumPy type of the numbers: float64 in double precision, float32 in single."""
+        """NumPy type of the numbers."""
         return np.dtype(f"f{self.size}")
 
     @cached_property
     def scalar(self) -> str:
-        """The LLVM type of one number: "double", or "float" in single precision."""
+        """LLVM type of one number."""
         return "double" if self.precision == "double" else "float"
 
     @cached_property
@@ -67,13 +67,13 @@ class Lanes:
 
     @cached_property
     def suffix(self) -> str:
-        """Ending of the names of LLVM's intrinsic functions for these lanes, such as "v4f64"."""
+        """Suffix of LLVM's intrinsic functions, such as "v4f64"."""
         bits = f"f{8 * self.size}"
         return bits if self.count == 1 else f"v{self.count}{bits}"
 
     @property
     def alignment(self) -> int:
-        """Alignment in memory, bytes, of the numbers in all SIMD lanes: their size together."""
+        """Alignment in bytes of the numbers in all lanes."""
         return self.size * self.count
 
     @cached_property
@@ -82,7 +82,7 @@ class Lanes:
         return "nounwind" if self.count == 1 else f'nounwind "stackrealign" alignstack({self.alignment})'
 
     def constant(self, x: float) -> str:
-        """LLVM text of a float in every lane, as the digits of its bits."""
+        """LLVM text of a float in every lane."""
         digits = f"0x{struct.pack('>d', self.rounded(x)).hex()}"  # of a double in either precision
         return digits if self.count == 1 else "<" + ", ".join([f"{self.scalar} {digits}"] * self.count) + ">"
 
@@ -95,7 +95,7 @@ class Lanes:
         return str(k) if self.count == 1 else "<" + ", ".join([f"{self._whole} {k}"] * self.count) + ">"
 
     def filled(self, name: str, **values: object) -> str:
-        """Text of a template with the lanes' types and further `values`."""
+        """Template filled with the lanes' types and `values`."""
         types = ("scalar", "value", "integer", "condition", "suffix", "count", "alignment", "attributes")
         template = Template(Path(__file__).with_name(f"{name}.ll").read_text(encoding="utf-8"))
         return template.substitute({of: getattr(self, of) for of in types}, **values)
@@ -224,7 +224,7 @@ class LaneArray:
             If there are several members or lanes, or the name is unknown.
         """
         if self.members != 1 or self.lanes != 1:
-            raise InputError(f"view: expected one member in one lane, got {self.members} in {self.lanes}")
+            raise InputError(f"view: expected one member and one lane, got {self.members} and {self.lanes}")
         column: Array = self.blocks[..., 0, self._place(name), 0]
         return column
 
@@ -275,7 +275,7 @@ class LaneArray:
 
     def _place(self, name: str) -> slice:
         if name not in self._places:
-            raise InputError(f"{name!r}: there is no such column; there are {', '.join(self._places) or 'none'}")
+            raise InputError(f"unknown column {name!r}; columns: {', '.join(self._places) or 'none'}")
         return self._places[name]
 
     def _rows(self, name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
@@ -318,18 +318,18 @@ class Instructions:
         self.lines.append(line)
 
     def reserve(self, name: str, size: int) -> str:
-        """Append the instruction that sets aside memory for `size` values in every lane."""
+        """Append the instruction that reserves memory for `size` values."""
         self.memory.append(f"{name} = alloca [{size} x {self.lanes.value}], align {max(self.lanes.alignment, 64)}")
         return name
 
     def load(self, name: str, pointer: str, k: int) -> str:
-        """Append instructions that load a value in every lane into a register."""
+        """Append instructions that load a value in every lane."""
         self.add(f"{name}.at = getelementptr {self.lanes.value}, ptr {pointer}, i64 {k}")
         self.add(f"{name} = load {self.lanes.value}, ptr {name}.at, align {self.lanes.size}")
         return name
 
     def broadcast(self, name: str, pointer: str, k: int) -> str:
-        """Append instructions that load one number into every lane of a register."""
+        """Append instructions that load one number into every lane."""
         value, scalar, n = self.lanes.value, self.lanes.scalar, self.lanes.count
         self.add(f"{name}.at = getelementptr {scalar}, ptr {pointer}, i64 {k}")
         self.add(f"{name}.one = load {scalar}, ptr {name}.at, align {self.lanes.size}")
@@ -338,10 +338,10 @@ class Instructions:
         return name
 
     def store(self, pointer: str, k: int, value: str) -> None:
-        """Append instructions that write a value in every lane into memory."""
+        """Append instructions that store a value in every lane."""
         self.add(f"{pointer}.{k} = getelementptr {self.lanes.value}, ptr {pointer}, i64 {k}")
         self.add(f"store {self.lanes.value} {value}, ptr {pointer}.{k}, align {self.lanes.size}")
 
     def clear(self, pointer: str, size: int) -> None:
-        """Append the instruction that writes zeros into memory at a `pointer`, a register's name."""
+        """Append the instruction that clears memory at a `pointer`."""
         self.add(f"call void @llvm.memset.p0.i64(ptr {pointer}, i8 0, i64 {size * self.lanes.alignment}, i1 false)")

@@ -1,4 +1,4 @@
-"""LLVM IR for a traced routine: straight-line code over numbers side by side."""
+"""LLVM IR of a traced routine."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from adaptctl.compilation.routine import NONE, Invariants, Routine, numbered, tr
 from adaptctl.compilation.sine import MAX_SINE_STEP, sine_for
 
 PROLOGUE_SUFFIX = ".before"
-"""After a step's name, the name of what runs before all steps."""
+"""suffix of the name of a step's prologue"""
 
 
 def program(routine: Routine, lanes: Lanes, same: Invariants = NONE, uniform: Container[int] = ()) -> tuple[str, str]:
-    """LLVM IR of a routine and all that it calls, and its function's name."""
+    """LLVM IR of a routine and its calls, and its function's name."""
     symbols = _symbols(routine)
     parts = {r: pieces(r.body) for r in symbols}
     functions = [_function(r, parts[r], symbols, lanes) for r in symbols if r is not routine]
@@ -131,7 +131,7 @@ _TRUTHS = (Op.LESS, Op.LESS_EQUAL)
 
 
 class Piece(NamedTuple):
-    """Piece of a long routine, compiled as a function of its own."""
+    """Part of a long routine, compiled as a function."""
 
     expressions: Sequence[Expression]
     kept: dict[int, int]
@@ -139,7 +139,7 @@ class Piece(NamedTuple):
 
 
 def pieces(body: Sequence[Expression], given: Container[int] = ()) -> list[Piece]:
-    """Pieces in which a routine's expressions are compiled, in order."""
+    """Parts of a routine's expressions, in order."""
     whole, *others = _parts(body)
     if not others:
         return [Piece(whole, {}, {})]

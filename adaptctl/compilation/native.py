@@ -1,4 +1,4 @@
-"""Machine code in memory from LLVM IR, kept for other processes."""
+"""Machine code from LLVM IR, cached for other processes."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from adaptctl.compilation.object_cache import ObjectCache, cache_folder
 from adaptctl.errors import InputError
 
 _WIDEST = {"avx512f": 8, "avx": 4, "sse2": 2, "neon": 2}
-"""Number of doubles in a register, by the instructions that use it; the first that the processor has counts."""
+"""doubles per register by instruction set; the first available counts"""
 
 _AVX2 = ("sse2", "avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
 _AVX512 = (*_AVX2, "avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
 _LEVELS = {"sse2": ("x86-64", ("sse2",)), "avx2": ("x86-64-v3", _AVX2), "avx512": ("x86-64-v4", _AVX512)}
-"""The levels of the x86-64 ABI that vectors differ by: LLVM's name for each, and what a processor must have."""
+"""Levels of the x86-64 ABI: LLVM's names and required features."""
 
 
 class Processor(NamedTuple):
@@ -34,12 +34,12 @@ class Processor(NamedTuple):
 
     @classmethod
     def host(cls) -> Processor:
-        """This machine's processor, limited to a level where ADAPTCTL_PROCESSOR is "sse2", "avx2" or "avx512"."""
+        """This machine's processor, limited by ADAPTCTL_PROCESSOR ("sse2", "avx2" or "avx512")."""
         level = os.environ.get("ADAPTCTL_PROCESSOR", "")
         return _whole() if level in ("", "native") else _whole().limited(level)
 
     def limited(self, level: str) -> Processor:
-        """This processor with the instruction sets of a `level` alone, "sse2", "avx2" or "avx512"."""
+        """This processor with the instruction sets of a `level`."""
         if level not in _LEVELS:
             known = ", ".join(("native", *_LEVELS))
             raise InputError(f"ADAPTCTL_PROCESSOR: expected one of {known}, got {level!r}")
@@ -47,7 +47,7 @@ class Processor(NamedTuple):
         missing = [feature for feature in needed if f"+{feature}" not in self.features.split(",")]
         if missing:
             lacks = f"this processor, {self.name}, lacks {', '.join(missing)}"
-            raise InputError(f"ADAPTCTL_PROCESSOR: {level!r} cannot be used: {lacks}; use 'native', or leave it out")
+            raise InputError(f"ADAPTCTL_PROCESSOR: {level!r} cannot be used: {lacks}; use 'native', or unset it")
         return Processor(name, ",".join(f"+{feature}" for feature in needed))
 
     @property
@@ -57,11 +57,11 @@ class Processor(NamedTuple):
         return next((lanes for feature, lanes in _WIDEST.items() if f"+{feature}" in has), 1)
 
     def lanes_of(self, precision: Precision) -> int:
-        """Number of floating-point numbers of a `precision` that one SIMD instruction works on."""
+        """Numbers of a `precision` per SIMD register."""
         return self.lanes if precision == "double" or self.lanes == 1 else 2 * self.lanes
 
     def machine(self) -> llvm.TargetMachine:
-        """New LLVM target machine for this processor, for code that runs in this process."""
+        """New LLVM target machine for this processor."""
         target = llvm.Target.from_default_triple()
         return target.create_target_machine(cpu=self.name, features=self.features, opt=2, jit=True)
 
@@ -76,7 +76,7 @@ _RECIPE = 3
 
 
 class NativeCode:
-    """Machine code in memory, which stays as long as the object lives."""
+    """Machine code in memory, freed with the object."""
 
     def __init__(self, data: bytes, machine: llvm.TargetMachine) -> None:
         self.engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
@@ -99,7 +99,7 @@ def load(text: str, processor: Processor | None = None) -> NativeCode:
 
 
 def define(addresses: Mapping[str, int]) -> None:
-    """Register addresses under names that native code loaded later refers to."""
+    """Register addresses for native code loaded later."""
     with _compiler():
         for name, address in addresses.items():
             llvm.add_symbol(name, address)

@@ -1,4 +1,4 @@
-"""Symbolic scalars, which record what an equation does with them."""
+"""Symbolic scalars."""
 
 from __future__ import annotations
 
@@ -27,8 +27,6 @@ from adaptctl.scalars.scalar import arc_tangent, exponential, hyperbolic_tangent
 
 
 class _Traced(Expression):
-    """Traced value, which refuses to give away what it does not have yet."""
-
     __slots__ = ()
     __hash__ = Expression.__hash__
 
@@ -37,16 +35,17 @@ class _Traced(Expression):
 
     def __bool__(self) -> bool:
         raise untraceable(
-            "a traced value cannot steer an `if`, `while`, `and`, `or`, `min` or `max`: use where, minimum or maximum"
+            "a traced value cannot be branched on (`if`, `while`, `and`, `or`, `min`, `max`): use where, minimum or "
+            "maximum"
         )
 
     def __float__(self) -> float:
         raise untraceable(
-            "a traced value is no float: use sin, exp, sqrt, ... of adaptctl.scalars or numpy, not of math"
+            "a traced value cannot become a float: use sin, exp, sqrt, ... of adaptctl.scalars or numpy instead of math"
         )
 
     def __index__(self) -> int:
-        raise untraceable("a traced value is no whole number: it can count nothing, but choose, with where")
+        raise untraceable("a traced value cannot be an index or a count: use where to select")
 
     __int__ = __index__
 
@@ -88,7 +87,7 @@ _less, _less_equal = _comparison(Op.LESS), _comparison(Op.LESS_EQUAL)
 
 
 class Node(_Traced):
-    """Symbolic scalar in a function that is run once to record what it computes."""
+    """Symbolic scalar of a traced function."""
 
     __slots__ = ()
 
@@ -100,7 +99,7 @@ class Node(_Traced):
     __le__, __ge__ = _operator(_less_equal), _operator(_less_equal, reflected=True)
 
     def __pow__(self, _exponent: object) -> NoReturn:
-        raise untraceable("a traced value has no powers: multiply, or use sqrt")
+        raise untraceable("a traced value cannot be raised to a power: multiply, or use sqrt")
 
     def __neg__(self) -> Any:
         return negate(self)
@@ -109,13 +108,15 @@ class Node(_Traced):
         return absolute(self)
 
     def with_sine(self, sine: Value, cosine: Value) -> Node:
-        """This angle, its sine and cosine noted so that they are not computed again."""
+        """This angle, with known sine and cosine."""
         self.graph.sines[self] = sine, cosine
         return self
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         if any(isinstance(x, np.ndarray) and x.ndim for x in inputs):
-            raise untraceable("a traced value cannot meet an array: make the array a Column, Vec or Mat")
+            raise untraceable(
+                "a traced value cannot be combined with an array: convert the array to Column, Vec or Mat"
+            )
         operands = [lift(x) for x in inputs]
         if any(x is None for x in operands) or method != "__call__" or options:
             return NotImplemented
@@ -126,7 +127,7 @@ class Node(_Traced):
 
 
 Value: TypeAlias = Node | float
-"""A scalar under trace: a node, or a float where the value is known."""
+"""Scalar under trace: a node or a known float."""
 
 
 def lift(x: Any) -> Value | None:
@@ -139,7 +140,6 @@ def lift(x: Any) -> Value | None:
 
 
 def _select(condition: Any, yes: Value, no: Value) -> Value:
-    """`yes` where the condition holds, else `no`; comparing with NaN does not hold."""
     if isinstance(condition, bool | np.bool_):
         return yes if condition else no
     if not isinstance(condition, Truth):

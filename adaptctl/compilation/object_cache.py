@@ -1,4 +1,4 @@
-"""Compiled objects kept for other processes in the user's cache folder."""
+"""Disk cache of compiled objects."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ import numpy as np
 from adaptctl.files import hashed
 
 MAX_CACHE_BYTES = 256 * 2**20
-"""Bytes kept at most, and a 64th more for each process that writes: beyond, what was used longest ago goes."""
+"""Largest size in bytes, plus a 64th per writing process; the oldest objects are deleted."""
 
 SUFFIX = ".object"
 
@@ -27,7 +27,7 @@ _MAGIC = b"adaptctl object 1\n"
 _HEAD = len(_MAGIC) + 64
 
 _written: dict[Path, int] = {}
-"""Bytes that this process has kept in a folder since it last looked how full that is."""
+"""Bytes written to a folder since its size was last checked."""
 
 log = logging.getLogger(__name__)
 
@@ -42,7 +42,7 @@ def cache_folder() -> Path | None:
             return Path(chosen).expanduser()
         return (caches if caches.is_absolute() else Path.home() / ".cache") / "adaptctl"
     except RuntimeError as error:
-        log.info("no compiled objects are kept: %s", error)
+        log.info("compiled objects are not cached: %s", error)
         return None
 
 
@@ -53,21 +53,21 @@ class ObjectCache(NamedTuple):
     limit: int = MAX_CACHE_BYTES
 
     def get(self, key: bytes) -> bytes | None:
-        """Bytes kept under a key; None where missing, damaged or another user's."""
+        """Bytes of a key; None if missing, damaged or another user's."""
         try:
             _validate_own(self.folder.stat())
             content = _read(self._path(key))
         except OSError as error:
-            log.info("compiled anew: %s", error)
+            log.info("recompiling: %s", error)
             return None
         data = content[_HEAD:]
         if content[:_HEAD] != _head(key, data):
-            log.info("compiled anew: %s is damaged", self._path(key))
+            log.info("recompiling: %s is damaged", self._path(key))
             return None
         return data
 
     def put(self, key: bytes, data: bytes) -> None:
-        """Keep bytes under a key; delete what was used longest ago when full."""
+        """Store bytes under a key; delete the least recently used when full."""
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             _validate_own(self.folder.stat())
@@ -75,7 +75,7 @@ class ObjectCache(NamedTuple):
             if self._may_be_full(_HEAD + len(data)):
                 self._shrink()
         except OSError as error:
-            log.info("not kept: %s", error)
+            log.info("not cached: %s", error)
 
     def _path(self, key: bytes) -> Path:
         return self.folder / f"{key.hex()}{SUFFIX}"
@@ -105,7 +105,7 @@ def _head(key: bytes, data: bytes) -> bytes:
 
 def _validate_own(status: os.stat_result) -> None:
     if status.st_uid != os.geteuid() or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        raise PermissionError("others can write to the cache of compiled objects")
+        raise PermissionError("the cache of compiled objects is writable by other users")
 
 
 def _read(path: Path) -> bytes:
@@ -128,17 +128,17 @@ def _write(path: Path, content: bytes) -> None:
 
 
 MAX_RESULTS_IN_PROCESS = 16
-"""Results that one process keeps: those of its first searches, and not a hundred thousand of a sweep."""
+"""Results that one process caches."""
 
 _CHOOSING = ("OPENBLAS_", "MKL_", "OMP_NUM_THREADS", "ADAPTCTL_PROCESSOR")
-"""Beginnings of the names of environment variables that choose between code paths."""
+"""Prefixes of environment variables that choose code paths."""
 
 Result = TypeVar("Result")
 _left = iter(range(MAX_RESULTS_IN_PROCESS))
 
 
 def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Result]) -> Result:
-    """Result of `compute()`, or that of equal inputs, source code, hardware and settings."""
+    """Result of `compute()`, cached by inputs, source code, hardware and settings."""
     folder, source = cache_folder(), source_state()
     if folder is None or not source:
         return compute()
@@ -154,7 +154,7 @@ def kept(what: str, inputs: object, kind: type[Result], compute: Callable[[], Re
 
 
 def arithmetic() -> list[str]:
-    """Texts that name what decides the last bits of results."""
+    """Texts that identify what decides results' last bits."""
     chosen = sorted(f"{name}={value}" for name, value in os.environ.items() if name.startswith(_CHOOSING))
     return [*_here(), *chosen]
 
@@ -170,7 +170,7 @@ def _here() -> tuple[str, ...]:
 
 @functools.cache
 def source_state() -> str:
-    """SHA-256 hash of paths, sizes and times of the library's source files."""
+    """SHA-256 hash of the source files' paths, sizes and times."""
     found = sorted(source_files(str(Path(__file__).parent.parent)))
     return hashed(found) if found else ""
 

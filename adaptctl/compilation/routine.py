@@ -21,7 +21,7 @@ Shape = tuple[int, ...]
 
 
 class Layout(NamedTuple):
-    """Layout of a function's result or arguments, whose scalars are all in one sequence."""
+    """Layout of a function's result or arguments."""
 
     container: type[tuple[Any, ...]] | None
     shapes: tuple[Shape, ...]
@@ -33,27 +33,27 @@ class Layout(NamedTuple):
 
     @property
     def places(self) -> tuple[slice, ...]:
-        """Slices, one for each part (scalar, vector or matrix) of this layout in order."""
+        """Slices of the layout's parts (scalar, vector or matrix), in order."""
         return tuple(slice(end - size, end) for size, end in zip(self.sizes, accumulate(self.sizes), strict=True))
 
     @property
     def contain(self) -> Callable[[Iterator[Any]], Any]:
-        """Function that puts parts into this layout's tuple, or returns the first."""
+        """Function that puts parts into the layout's tuple."""
         return next if self.container is None else getattr(self.container, "_make", tuple)
 
     def restored(self, scalars: Sequence[Any]) -> Any:
-        """Value of this layout, made of the sequence of all its scalars."""
+        """Value of this layout from its scalars."""
         parts = (scalars[place] for place in self.places)
         return self.contain(_restored(part, shape) for part, shape in zip(parts, self.shapes, strict=True))
 
 
 def numbered(sizes: Iterable[int]) -> list[tuple[int, int]]:
-    """Pairs (index of the part, index within it) of parts of these sizes."""
+    """Pairs (part, index within it) for parts of these sizes."""
     return [(part, k) for part, size in enumerate(sizes) for k in range(size)]
 
 
 def flatten(value: Any) -> tuple[Layout, list[Any]]:
-    """Layout of a value, and the list of all its scalars in order."""
+    """Layout of a value, and its scalars in order."""
     container = type(value) if isinstance(value, tuple) else None
     parts = [_flat(part) for part in (value if isinstance(value, tuple) else (value,))]
     return Layout(container, tuple(shape for shape, _ in parts)), [x for _, scalars in parts for x in scalars]
@@ -140,22 +140,22 @@ class Routine:
 
     @cached_property
     def body(self) -> list[Expression]:
-        """Expressions that the outputs need, operands before what uses them."""
+        """Expressions of the outputs, operands first."""
         return reachable(self.outputs)
 
     @cached_property
     def read(self) -> frozenset[tuple[int, int]]:
-        """Scalars of the arguments that the routine reads, as pairs."""
+        """Scalars of the arguments in use, as pairs."""
         return frozenset(x.detail for x in self.body if x.op is Op.INPUT)
 
     @property
     def calls(self) -> list[Routine]:
-        """Routines (traced functions) that this routine calls, one entry for each call, in order."""
+        """Routines that this routine calls, in order."""
         return [x.detail for x in self.body if x.op is Op.CALL]
 
     @cached_property
     def operations(self) -> Operations:
-        """Scalar operations of one evaluation by kind, called routines included."""
+        """Scalar operations by kind, with called routines."""
         total = Operations(x.op for x in self.body if x.op not in _FREE)
         for routine in self.calls:
             total.update(routine.operations)
@@ -164,7 +164,7 @@ class Routine:
 
 def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: str = "") -> Routine:
     """
-    Record what a function computes, as a graph of expressions.
+    Record a function as a graph of expressions.
 
     Parameters
     ----------
@@ -241,7 +241,6 @@ def outlined(function: F) -> F:
 
 
 def _shared(function: Callable[..., Any], layout: Layout, values: Sequence[Any], graph: Graph) -> Routine:
-    """Body for a pattern of nodes and constants, traced at its first use."""
     key = function, layout, tuple(None if isinstance(x, Node) else x for x in values)
     if key not in graph.routines:
         rest = iter(values)
@@ -256,7 +255,6 @@ def _shared(function: Callable[..., Any], layout: Layout, values: Sequence[Any],
 
 
 def _results(routine: Routine, nodes: Sequence[Node]) -> list[Value]:
-    """Outputs of a call; those that depend on no argument are known already."""
     graph, of = nodes[0].graph, (sine, cosine)
     pairs = [(f, nodes[place]) for place in routine.sines for f in of]
     passed = len(routine.inputs) - 1
@@ -307,7 +305,7 @@ class Invariants(NamedTuple):
 
     @classmethod
     def of(cls, routine: Routine, held: Collection[int]) -> Invariants:
-        """Loop invariants of a step's routine with constant arguments of indices `held`."""
+        """Loop invariants of a step with constant arguments `held`."""
         same = _same(routine.body, held)
         found = cls(frozenset(x for x in same if x.op is not Op.INPUT), [], {}, {})
         later = [x for x in routine.body if x not in found.computed]
@@ -322,12 +320,12 @@ class Invariants(NamedTuple):
         return found
 
     def before(self, routine: Routine) -> Routine:
-        """Routine that computes once what is the same in all steps."""
+        """Routine of the loop invariants."""
         values: tuple[Any, ...] = tuple(self.stored)
         return Routine(f"{routine.name} before", routine.inputs, values, Layout(None, ((len(values),),)))
 
     def left(self, routine: Routine) -> list[Expression]:
-        """Expressions that are still computed in each step, operands before what uses them."""
+        """Expressions of each step, operands first."""
         results = {x for x in routine.outputs if isinstance(x, Expression)}
         return [x for x in routine.body if x not in self.computed or x in results]
 

@@ -1,4 +1,4 @@
-"""Sine and cosine at once in SIMD lanes, which LLVM lacks; `sines.ll` turns them by whole quarters."""
+"""Sine and cosine in SIMD lanes."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from adaptctl.scalars.scalar import polynomial
 
 
 class Sine(NamedTuple):
-    """Constants from which sine and cosine are computed in one precision."""
+    """Constants of sine and cosine in one precision."""
 
     farthest: float
     """rad; up to here `reduced` holds"""
     shift: float
-    """With this added, a number has no bits for less than 1, so that the sum is the nearest whole number's."""
+    """added to a number, rounds it to a whole number"""
     quarter: tuple[float, float, float]
-    """pi/2 is their sum; the first two have so few bits that k times them is exact, fused or not."""
+    """parts of pi/2, the first two short enough for exact multiples"""
     sine: tuple[float, ...]
     """(sin r - r) / r^3 in powers of r^2"""
     cosine: tuple[float, ...]
@@ -35,7 +35,7 @@ class Sine(NamedTuple):
         return r + r * z * polynomial(self.sine, z), (1.0 - 0.5 * z) + z * z * polynomial(self.cosine, z), shifted
 
     def turned(self, sine: Any, cosine: Any, step: Any) -> tuple[Any, Any]:
-        """Sine and cosine of an angle that is `step` larger than a known one."""
+        """Sine and cosine at a `step` from a known angle."""
         z = step * step
         of_step = step + step * z * polynomial(self.sine[:STEP_COEFFICIENTS], z)
         less = z * (0.5 - z * polynomial(self.cosine[:STEP_COEFFICIENTS], z))  # 1 less the step's cosine
@@ -43,10 +43,10 @@ class Sine(NamedTuple):
 
 
 MAX_SINE_STEP = 2.0**-4
-"""rad; a step in time seldom turns a joint farther"""
+"""rad of a short step"""
 
 STEP_COEFFICIENTS = 3
-"""Coefficients that a step needs, of each polynomial: the next are below 5e-17 there."""
+"""polynomial coefficients for a short step; the next are below 5e-17"""
 
 
 DOUBLE = Sine(
@@ -75,15 +75,15 @@ SINGLE = Sine(
 
 
 def sine_for(precision: Precision) -> Sine:
-    """The `Sine`, the constants for computing sine and cosine, of a `precision`."""
+    """Constants for a `precision`."""
     return DOUBLE if precision == "double" else SINGLE
 
 
 ANGLES = {Op.SIN: 0, Op.COS: 1}
-"""Operations on angles, and which of the pair of sine and cosine they ask for."""
+"""operations on angles, and their index in (sine, cosine)"""
 
 _WIDE = (2, 4, 8)
-"""Numbers of angles put side by side where numbers are not so anyway: one alone leaves most of a register empty."""
+"""Angles computed at once if numbers have one lane."""
 
 
 class SinesAtOnce:
@@ -95,12 +95,12 @@ class SinesAtOnce:
         self._size: dict[str, int] = {}
 
     def place(self, x: Expression) -> tuple[str, int] | None:
-        """Position in memory, a sine or cosine that was computed."""
+        """Memory index of a computed sine or cosine."""
         found = self._pairs.get(x.operands[0]) if x.op in ANGLES else None
         return None if found is None else (found[0], found[1] + ANGLES[x.op])
 
     def turn(self, angles: Sequence[Expression]) -> None:
-        """Append instructions of sines and cosines of angles, but for those written before."""
+        """Append instructions of sines and cosines not yet computed."""
         most, group = _WIDE[-1] if self._text.lanes.count == 1 else len(angles), list[_Turn]()
         for x in (x for x in angles if x not in self._pairs):
             turn = self._turn(x)
@@ -203,8 +203,6 @@ class SinesAtOnce:
 
 
 class _Turn(NamedTuple):
-    """Angle whose sine is asked for, and its short step from a known one."""
-
     angle: Expression
     step: Any = None
     known: Any = None
@@ -215,15 +213,13 @@ class _Turn(NamedTuple):
 
 
 class _Group(NamedTuple):
-    """Angles, or steps from known pairs, whose `pairs` are to be computed."""
-
     pairs: str
     numbers: Sequence[str]
     known: Sequence[tuple[str, int]]
 
 
 def asked_at_once(expressions: Sequence[Expression]) -> dict[int, list[Expression]]:
-    """Groups of angles whose sines and cosines can be computed together."""
+    """Groups of angles that can be computed together."""
     asked = [x.operands[0] for x in expressions if x.op in ANGLES]
     given = [x for x in dict.fromkeys(asked) if x.op is Op.INPUT]
     groups = {expressions[0].index: given} if given else {}

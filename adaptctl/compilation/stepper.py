@@ -1,4 +1,4 @@
-"""Steps taken again and again by many members in one native call."""
+"""Compiled steps of many members."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ steps.
 
 
 class Source(StrEnum):
-    """Source of a step's argument: of each member or shared, constant or new in each step."""
+    """Source of a step's argument."""
 
     STATE = "state"
-    """of each member, replaced in each step by the first results"""
+    """of each member, replaced by the first results"""
     HELD = "held"
     """of each member, the same in all steps"""
     SHARED = "shared"
@@ -47,7 +47,7 @@ class Source(StrEnum):
 
 
 def loop(routine: Routine, symbol: str, lanes: Lanes, columns: Mapping[Source, Sequence[int]], same: int = 0) -> str:
-    """LLVM IR of the function `run`, which takes many steps for many members."""
+    """LLVM IR of `run`, which takes many steps of many members."""
     results, states = routine.layout.sizes, len(columns[Source.STATE])
     count = {str(source): sum(lengths) for source, lengths in columns.items()}
     inputs = {f"%{source}.at": lengths for source, lengths in columns.items()}
@@ -104,7 +104,7 @@ def compile_step(
     precision: Precision = "double",
 ) -> Stepper:
     """
-    Compile a step that is taken again and again for many members, in SIMD lanes.
+    Compile a step of many members in SIMD lanes.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def compile_step(
     columns = {Source.STATE: state, Source.HELD: constants, Source.SHARED: inputs, Source.DRIVEN: per_member_inputs}
     arguments = {name: length for part in columns.values() for name, length in part.items()}
     if len(arguments) < sum(map(len, columns.values())):
-        raise InputError("state, constants, inputs and per_member_inputs: expected different names")
+        raise InputError("state, constants, inputs and per_member_inputs: expected distinct names")
     target = processor or Processor.host()
     several = Lanes(target.lanes_of(precision) if lanes is None else whole_count(lanes, "lanes", 1), precision)
     return Stepper(trace(step, arguments, name=name), columns, several, target)
@@ -203,7 +203,7 @@ class Stepper:
             (n,) for n in state.values()
         ):
             expected = ", ".join(f"{name} ({length})" for name, length in state.items())
-            raise InputError(f"{self.name}: expected a tuple as result that begins with the new state: {expected}")
+            raise InputError(f"{self.name}: expected a tuple as result, starting with the new state: {expected}")
         same = Invariants.of(routine, range(len(state), len(state) + len(columns[Source.HELD])))
         self.operations = Operations(routine.operations)
         self.operations.subtract(x.op for x in same.computed)
@@ -422,17 +422,16 @@ class Ensemble:
             If steps do not fit, or a buffer or signal is not this ensemble's.
         """
         first, steps = whole_count(first, "record: first"), whole_count(steps, "record: steps")
-        _require(room, self._recorded, first, steps, "a `room`")
+        _require(room, self._recorded, first, steps, "room")
         if isinstance(signals, Signals):
             for given, own in zip(signals, self._nothing, strict=True):
-                _require(given, own, first, steps, "`signals`")
+                _require(given, own, first, steps, "signals")
             work = _Work(self, steps, signals, room, room.stride, first, first)
         else:
             work = _Work(self, steps, self._signals(steps, signals), room, room.stride, 0, first)
         self._run(1, work)
 
     def _record(self, steps: int) -> LaneArray:
-        """Memory for all outputs, that of the last run if it fits, since new memory is slow."""
         if len(self._recorded.blocks) != steps:
             self._recorded = self._array(self._outputs, steps)
         return self._recorded
@@ -467,8 +466,6 @@ class Ensemble:
 
 
 class _Work(NamedTuple):
-    """Steps to take, and the memory they read and write, which stays alive."""
-
     ensemble: Ensemble
     steps: int
     signals: Signals
@@ -490,7 +487,7 @@ class _Work(NamedTuple):
 
 def _require(given: LaneArray, own: LaneArray, first: int, steps: int, name: str) -> None:
     if not isinstance(given, LaneArray) or _form(given) != _form(own):
-        raise InputError(f"record: expected {name} that this ensemble made")
+        raise InputError(f"record: {name}: expected an array made by this ensemble")
     if first + steps > len(given.blocks):
         raise InputError(
             f"record: {name}: expected steps from 0 to {len(given.blocks)}, got {first} to {first + steps}"
@@ -502,7 +499,6 @@ def _form(room: LaneArray) -> tuple[Any, ...]:
 
 
 def _wait_for(threads: Sequence[Thread]) -> None:
-    """Wait for threads to end before an interruption is raised, since they still write."""
     interrupt: KeyboardInterrupt | None = None
     for thread in threads:
         while thread.is_alive():

@@ -106,8 +106,8 @@ class Joint:
         axis = frozen_array(self.axis, (3,), f"joint {self.name!r}: axis")
         norm = math.hypot(*axis) if np.abs(axis).max() > 1e100 else float(np.linalg.norm(axis))
         if not 1e-9 <= norm < math.inf:
-            what = "be zero" if norm < 1.0 else f"be longer than numbers go, got {axis.tolist()}"
-            raise InputError(f"joint {self.name!r}: axis must not {what}")
+            what = "other than zero" if norm < 1.0 else f"of finite length, got {axis.tolist()}"
+            raise InputError(f"joint {self.name!r}: axis: expected a vector {what}")
         # Dividing a unit vector by its own rounded norm would spoil exact entries such as 0 and 1.
         unit = axis if abs(norm - 1.0) <= 1e-15 else axis / norm
         object.__setattr__(self, "axis", frozen_array(unit, (3,), "axis"))
@@ -166,7 +166,9 @@ class Link:
         if np.abs(self.inertia).max() > MAX_INERTIAL_PARAMETER:
             raise InputError(f"link {self.name!r}: expected inertial parameters of at most {MAX_INERTIAL_PARAMETER:g}")
         if self.massless and np.any(self.inertia):
-            raise InputError(f"link {self.name!r}: a massless link has no inertia, got {self.inertia.tolist()}")
+            raise InputError(
+                f"link {self.name!r}: inertia: expected zero for a massless link, got {self.inertia.tolist()}"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,16 +226,18 @@ class Description:
                 f"{self.name}: gravity: expected at most {MAX_GRAVITY:g} m/s^2, got {self.gravity.tolist()}"
             )
         if not self.links:
-            raise InputError(f"{self.name}: a mechanism needs at least one movable link")
+            raise InputError(f"{self.name}: links: expected at least one")
         for each in self.links:
-            validate_kind(each, Link, f"{self.name}: links", "as Link(...) is one")
+            validate_kind(each, Link, f"{self.name}: links", "as made by Link(...)")
         _validate_unique([link.name for link in self.links], f"{self.name}: link")
         _validate_unique([link.joint.name for link in self.links], f"{self.name}: joint")
         _validate_depth_first(self.name, self.parents)
         fixed = [("a visual", visual.link) for visual in self.visuals]
         for what, link in fixed + [(f"frame {frame.name!r}", frame.link) for frame in self.frames]:
             if not GROUND <= link < len(self.links):
-                raise InputError(f"{self.name}: {what} is fixed to link {link} of {len(self.links)}")
+                raise InputError(
+                    f"{self.name}: {what}: link: expected an index from -1 to {len(self.links) - 1}, got {link}"
+                )
         self._validate_shafts()
         if self.loops is not None:
             self.loops.validate_known([link.name for link in self.links], self.joint_names)
@@ -427,9 +431,9 @@ class Description:
         several = isinstance(drives, Iterable) and not isinstance(drives, str)
         each: list[Any] = list(drives) if several else [drives] * len(self.links)  # type: ignore[arg-type]  # told by `several`
         if len(each) != len(self.links):
-            raise InputError(f"{self.name}: expected one drive for each of {len(self.links)} joints, got {len(each)}")
+            raise InputError(f"{self.name}: drives: expected one per joint ({len(self.links)}), got {len(each)}")
         if odd := [drive for drive in each if not isinstance(drive, Drive)]:
-            raise InputError(f"{self.name}: drives: expected Drives, got {odd[0]!r}")
+            raise InputError(f"{self.name}: drives: expected Drive objects, got {odd[0]!r}")
         pairs = zip(self.links, each, strict=True)
         links = tuple(replace(link, joint=replace(link.joint, drive=drive)) for link, drive in pairs)
         return replace(self, links=links)
@@ -509,7 +513,9 @@ def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
         pending += [i for i, link in enumerate(given) if link.parent == order[-1]][::-1]
     if len(order) != len(given):
         missing = sorted(set(range(len(given))) - set(order))
-        raise InputError(f"link {given[missing[0]].name!r} does not hang on the ground through its parents")
+        raise InputError(
+            f"link {given[missing[0]].name!r} is not connected to the ground: its parents are unknown or form a cycle"
+        )
     place = {GROUND: GROUND} | {old: new for new, old in enumerate(order)}
     return tuple(replace(given[i], parent=place[given[i].parent]) for i in order)
 
@@ -537,7 +543,7 @@ def _validate_depth_first(name: str, parents: Sequence[int]) -> None:
         while branch and branch[-1] != parent:
             branch.pop()
         if not branch and parent != GROUND:
-            raise InputError(f"{name}: links must be in depth-first order (use depth_first), link {i} is not")
+            raise InputError(f"{name}: link {i} is not in depth-first order: sort the links with depth_first")
         branch.append(i)
 
 

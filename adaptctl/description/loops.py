@@ -72,7 +72,9 @@ class Closure:
 
     def __post_init__(self) -> None:
         if self.first == self.second:
-            raise InputError(f"closure {self.name!r}: a link cannot be closed onto itself ({self.first or 'ground'})")
+            raise InputError(
+                f"closure {self.name!r}: expected two different links, got {self.first or 'the ground'} twice"
+            )
 
 
 @dataclass(frozen=True)
@@ -203,7 +205,7 @@ class Loops:
 
     def __post_init__(self) -> None:
         if isinstance(self.primary, str):
-            raise InputError(f"loops: primary: expected names of joints, got the text {self.primary!r}")
+            raise InputError(f"loops: primary: expected a sequence of joint names, got {self.primary!r}")
         for name in ("primary", "closures", "couplings", "conditions"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         object.__setattr__(self, "reference", MappingProxyType(dict(self.reference)))
@@ -212,27 +214,25 @@ class Loops:
         _validate_unique("follower", [c.follower for c in self.couplings])
         self._validate_plain_couplings()
         if not self.primary:
-            raise InputError("loops: at least one joint must be primary")
+            raise InputError("loops: primary: expected at least one joint")
         _validate_unique("primary joint", self.primary)
         for condition in self.conditions:
             for joint in condition.weights:
                 if joint not in self.primary:
                     raise InputError(f"condition {condition.name!r}: joint {joint!r} is not primary")
         if not self.closures and not self.couplings:
-            raise InputError(
-                "loops: expected closures or couplings; a mechanism without either is a tree, of loops None"
-            )
+            raise InputError("loops: expected at least one closure or coupling; give loops=None for a tree")
 
     def _validate_plain_couplings(self) -> None:
         followers = {c.follower for c in self.couplings}
         for c in self.couplings:
             if c.leader in followers:
                 raise InputError(
-                    f"coupling {c.name!r}: joint {c.follower!r} follows {c.leader!r}, which itself follows another "
-                    "joint: let both follow the first"
+                    f"coupling {c.name!r}: joint {c.follower!r} follows {c.leader!r}, which follows another joint "
+                    "itself: couple both joints to that one"
                 )
             if c.follower in self.primary:
-                raise InputError(f"coupling {c.name!r}: joint {c.follower!r} follows another, so it cannot be primary")
+                raise InputError(f"coupling {c.name!r}: joint {c.follower!r} is a follower and cannot be primary")
 
     def validate_known(self, links: Collection[str], joints: Collection[str]) -> None:
         """
@@ -254,7 +254,7 @@ class Loops:
         for what, named, known in (("link", named_links, links), ("joint", named_joints, joints)):
             for name, where in named.items():
                 if name not in known:
-                    raise NotFoundError(f"{where}: there is no {what} {name!r}; there are {', '.join(sorted(known))}")
+                    raise NotFoundError(f"{where}: unknown {what} {name!r}; {what}s: {', '.join(sorted(known))}")
 
     def plain(self, digits: int | None = None) -> list[object]:
         """

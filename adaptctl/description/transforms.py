@@ -29,31 +29,31 @@ def joined(
 ) -> Description:
     """Description, called `name`, of one mechanism that consists of several trees."""
     if not parts:
-        raise InputError(f"{name}: at least one part is needed")
+        raise InputError(f"{name}: parts: expected at least one")
     common = _gravity(name, parts) if gravity is None else frozen_array(gravity, (3,), f"{name}: gravity")
     links: list[Link] = []
     visuals: list[Visual] = []
     frames: list[NamedFrame] = []
-    for label, (part, stand) in parts.items():
+    for label, (part, mount) in parts.items():
         if part.loops is not None:
-            raise InputError(f"{name}: part {label!r} has loops of its own: join its tree and give all loops together")
-        visuals += [_moved(visual, stand, len(links)) for visual in part.visuals]
-        frames += [_renamed_frame(frame, label, stand, len(links)) for frame in part.frames]
-        links += [_renamed(link, label, stand, len(links)) for link in part.links]
+            raise InputError(f"{name}: part {label!r} has loops: join its tree, and give all loops in `loops`")
+        visuals += [_moved(visual, mount, len(links)) for visual in part.visuals]
+        frames += [_renamed_frame(frame, label, mount, len(links)) for frame in part.frames]
+        links += [_renamed(link, label, mount, len(links)) for link in part.links]
     source = f"joined from {', '.join(parts)}"
     return Description(name, tuple(links), common, source, loops, tuple(visuals), tuple(frames))
 
 
 def _gravity(name: str, parts: Mapping[str, tuple[Description, Pose]]) -> Array:
     first, (leading, _) = next(iter(parts.items()))
-    common, asked = leading.gravity, "give `gravity` in the common one, such as (0, 0, -9.81)"
-    for label, (part, stand) in parts.items():
-        own, turned = part.gravity, stand.rotation @ part.gravity
+    common, asked = leading.gravity, "give `gravity` in the common ground frame, such as (0, 0, -9.81)"
+    for label, (part, mount) in parts.items():
+        own, turned = part.gravity, mount.rotation @ part.gravity
         said = f"{name}: part {label!r} has the gravity {own.tolist()} in its own ground frame"
         if not _alike(own, common):
             raise InputError(f"{said}, part {first!r} {common.tolist()}: {asked}")
         if not _alike(own, turned):
-            raise InputError(f"{said}, {turned.tolist()} in the common one by its pose: {asked}")
+            raise InputError(f"{said}, {turned.tolist()} in the common ground frame: {asked}")
     return common
 
 
@@ -61,14 +61,14 @@ def _alike(one: Array, other: Array) -> bool:
     return bool(np.abs(one - other).max() <= 1e-9 * np.abs(one).max())
 
 
-def _renamed(link: Link, label: str, stand: Pose, above: int) -> Link:
+def _renamed(link: Link, label: str, mount: Pose, above: int) -> Link:
     on_ground = link.parent == GROUND
     return replace(
         link,
         name=f"{label}.{link.name}",
         parent=GROUND if on_ground else link.parent + above,
         joint=_renamed_joint(link.joint, label),
-        parent_to_joint=stand @ link.parent_to_joint if on_ground else link.parent_to_joint,
+        parent_to_joint=mount @ link.parent_to_joint if on_ground else link.parent_to_joint,
     )
 
 
@@ -77,15 +77,15 @@ def _renamed_joint(joint: Joint, label: str) -> Joint:
     return replace(joint, name=f"{label}.{joint.name}", drive=replace(joint.drive, turns_with=others))
 
 
-def _renamed_frame(frame: NamedFrame, label: str, stand: Pose, above: int) -> NamedFrame:
+def _renamed_frame(frame: NamedFrame, label: str, mount: Pose, above: int) -> NamedFrame:
     on_ground = frame.link == GROUND
-    link, pose = (GROUND, stand @ frame.pose) if on_ground else (frame.link + above, frame.pose)
+    link, pose = (GROUND, mount @ frame.pose) if on_ground else (frame.link + above, frame.pose)
     return replace(frame, name=f"{label}.{frame.name}", link=link, pose=pose)
 
 
-def _moved(visual: Visual, stand: Pose, above: int) -> Visual:
+def _moved(visual: Visual, mount: Pose, above: int) -> Visual:
     on_ground = visual.link == GROUND
-    return visual.on(GROUND, stand) if on_ground else replace(visual, link=visual.link + above)
+    return visual.on(GROUND, mount) if on_ground else replace(visual, link=visual.link + above)
 
 
 FLOATING_JOINTS = (

@@ -1,4 +1,4 @@
-"""The equations of a mechanism that can be called with arrays."""
+"""Equations of motion on arrays."""
 
 from __future__ import annotations
 
@@ -24,24 +24,23 @@ if TYPE_CHECKING:
 
 
 COMPILE_AFTER_CALLS, COMPILE_AFTER_STATES = 50, 25_000
-"""Calls and states after which an equation is compiled: until then, with seven links, NumPy has taken about as long as
-LLVM would."""
+"""Calls and states before compilation, which then takes as long as NumPy took until then."""
 
 
 class OnArrays(Protocol):
-    """Protocol of an equation of a mechanism on arrays."""
+    """Protocol of an equation on arrays."""
 
     @property
     def call(self) -> Callable[..., Array]:
-        """Equation as a function of arrays (..., size) in SI units."""
+        """Equation of arrays (..., size) in SI units."""
 
     @property
     def into(self) -> Callable[..., Array]:
-        """Equation that fills and returns its first argument."""
+        """Equation that fills its first argument."""
 
 
 class ArrayEquation:
-    """Equation of a mechanism, such as its inverse dynamics, on NumPy arrays."""
+    """Equation of a mechanism on NumPy arrays."""
 
     __slots__ = (
         "__weakref__",
@@ -74,21 +73,21 @@ class ArrayEquation:
 
     @property
     def name(self) -> str:
-        """Name of the mechanism whose equation this is, which its error messages begin with."""
+        """Name of the mechanism, for messages."""
         return self._name
 
     def is_native(self, states: int) -> bool:
-        """True if the equation runs as native code by now."""
+        """True if the equation runs as native code."""
         return self._kernel is not None or self._compiled(states) is not None
 
     def arrays_of(self, *arguments: ArrayLike) -> tuple[list[Array], tuple[int, ...]]:
-        """Arguments as arrays of floats (..., size), and the common shape of their samples."""
+        """Arguments as float arrays (..., size), and their samples' shape."""
         pairs = zip(self._lengths().items(), arguments, strict=True)
         arrays = {what: checked(values, size, f"{self._name}: {what}") for (what, size), values in pairs}
         return list(arrays.values()), same_samples(**arrays)
 
     def on_rows(self, *arrays: Array) -> Array:
-        """Vectors (k, m) of an equation at k arguments, in native code where it is ready."""
+        """Vectors (k, m) at k arguments, by native code if compiled."""
         if self._kernel is None:
             return self._generally(*arrays)
         first, *rest = arrays
@@ -96,7 +95,7 @@ class ArrayEquation:
         return found
 
     def into(self, out: Array, *arguments: ArrayLike) -> Array:
-        """Array `out`, filled with what a call returns."""
+        """Array `out`, filled with the result."""
         return self._generally(*arguments, out=out)
 
     def _generally(self, *arguments: ArrayLike, out: Array | None = None) -> Array:
@@ -172,11 +171,11 @@ def _rows(array: Array, samples: tuple[int, ...]) -> Array:
 
 
 STATES_AT_ONCE = 64
-"""Number of states whose rows are computed at once."""
+"""states per computation"""
 
 
 class RowByRow:
-    """Regressor evaluated row by row, since the whole matrix would compile too long."""
+    """Regressor computed row by row, as the whole takes long to compile."""
 
     def __init__(
         self, whole: ArrayEquation, powers: ArrayEquation, rows: int, columns: Sequence[int] | None = None
@@ -220,22 +219,21 @@ class RowByRow:
 
 @lru_cache(maxsize=4)
 def unit_rows(n: int) -> Array:
-    """Identity matrix (n, n), read-only: a view of 2n - 1 numbers."""
+    """Identity matrix (n, n), a read-only view."""
     numbers = np.zeros(2 * n - 1)
     numbers[n - 1] = 1.0
     return np.lib.stride_tricks.sliding_window_view(numbers, n)[::-1]
 
 
 MAX_JOINT_LINK_PAIRS = 600
-"""Pairs of a joint and a link that it moves up to which a whole regressor is compiled: those of a chain of 34 links, or
-of most humanoids. LLVM takes 5 s for so many."""
+"""Pairs of a joint and a link it moves, above which a regressor is computed by rows: LLVM takes 5 s for so many."""
 
 REGRESSORS = "torque_regressor", "slotine_li_regressor"
-"""Names of the regressors that are evaluated on some columns alone."""
+"""Regressors that can be limited to some columns."""
 
 
 class ArrayMechanism(Protocol):
-    """Protocol of the members of a `Mechanism` from which `ArrayEquations` are made."""
+    """Protocol of a mechanism for `ArrayEquations`."""
 
     @property
     def description(self) -> Description:
@@ -243,7 +241,7 @@ class ArrayMechanism(Protocol):
 
     @property
     def equations(self) -> Equations:
-        """Mechanism's equations of motion over scalars of any kind."""
+        """Equations of motion over scalars."""
 
     @property
     def name(self) -> str:
@@ -255,17 +253,17 @@ class ArrayMechanism(Protocol):
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters, in the order of their values."""
+        """Names of the P parameters."""
 
     def configuration(self, p: ArrayLike) -> Array:
-        """Closed configuration (..., n) of the tree's joints at positions `p` (..., r)."""
+        """Closed configuration (..., n) at positions `p` (..., r)."""
 
     def validate_mass(self) -> None:
-        """Raise `InputError` where torques do not determine the accelerations."""
+        """Raise `InputError` if torques do not determine the accelerations."""
 
 
 class ArrayEquations:
-    """Equations of motion of one mechanism on NumPy arrays."""
+    """Equations of motion on NumPy arrays."""
 
     def __init__(self, mechanism: ArrayMechanism) -> None:
         self._mechanism = mechanism
@@ -304,7 +302,7 @@ class ArrayEquations:
         compiled: bool = True,
         sizes: Mapping[str, int] | None = None,
     ) -> ArrayEquation:
-        """Equation of this mechanism on arrays, from a `function` of `Column` objects."""
+        """Equation on arrays from a `function` of columns."""
         mechanism = self._mechanism
         configured = None if mechanism.description.loops is None else mechanism.configuration
 
@@ -337,6 +335,5 @@ class ArrayEquations:
         return RowByRow(whole, self._powers, mechanism.dof, columns) if long else whole
 
     def _all_powers(self, q: Column, v: Column, v_r: Column, a_r: Column, s: Column) -> Column:
-        """Y' s, of which each row of Y is that of a unit vector s."""
         equations = self._mechanism.equations
         return equations.motion(q, v, v_r, a_r).regressor_transpose_product(s, range(equations.parameters))

@@ -1,4 +1,4 @@
-"""Equations in the free parameters z of linear constraints D = D0 + N z."""
+"""Equations in the free parameters z of constraints D = D0 + N z."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from adaptctl.scalars import Column, Scalar
 
 
 class ConstrainedMotion(Motion):
-    """Motion at one instant, with regressors in the free parameters."""
+    """Motion with regressors in the free parameters."""
 
     __slots__ = ("equations", "whole")
 
@@ -20,7 +20,7 @@ class ConstrainedMotion(Motion):
         self.equations, self.whole = equations, whole
 
     def torque(self, parameters: Column) -> Column:
-        """Torque (r,) under the reference velocities and accelerations."""
+        """Torque (r,) under the reference motion."""
         return self.whole.torque(self.equations.expanded(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
@@ -44,7 +44,7 @@ class ConstrainedMotion(Motion):
 
 @dataclass(frozen=True)
 class ConstrainedEquations(Equations):
-    """Equations of motion in the free parameters z of D = D0 + N z."""
+    """Equations of motion in the free parameters z."""
 
     whole: Equations
     spread: tuple[tuple[tuple[int, float], ...], ...]
@@ -57,7 +57,7 @@ class ConstrainedEquations(Equations):
 
     @property
     def links(self) -> tuple[Segment, ...]:
-        """Geometry of the tree's n links, parents before children."""
+        """Geometry of the tree's links."""
         return self.whole.links
 
     @property
@@ -67,12 +67,12 @@ class ConstrainedEquations(Equations):
 
     @property
     def has_known_share(self) -> bool:
-        """True where the constraints fix parameters at values other than zero (D0)."""
+        """True if the constraints fix parameters at nonzero values (D0)."""
         return any(self.known)
 
     @property
     def closing_numbers(self) -> object:
-        """Data that closing the loops depends on, to be compared."""
+        """Data that loop closure depends on."""
         return self.whole.closing_numbers
 
     def closed(self, p: Column, guess: Column) -> Column:
@@ -120,7 +120,7 @@ class ConstrainedEquations(Equations):
         return self.whole.damping(q, v, self.expanded(parameters))
 
     def expanded(self, parameters: Column) -> Column:
-        """All parameters D = D0 + N z (P,) from the free ones (Z,)."""
+        """All parameters D (P,) from the free ones (Z,)."""
         terms: list[list[tuple[float, Any]]] = [[(1.0, x)] if x else [] for x in self.known]
         for z, enters in zip(parameters, self.spread, strict=True):
             for place, weight in enters:
@@ -128,7 +128,7 @@ class ConstrainedEquations(Equations):
         return Column(map(_sum, terms))
 
     def needed(self, columns: Sequence[int]) -> list[int]:
-        """Indices of all parameters that some free ones have an effect on, ascending."""
+        """Indices of all parameters that the free ones affect."""
         return sorted({place for column in columns for place, _ in self.spread[column]})
 
     def _gathered(self, entries: Sequence[Scalar]) -> Column:

@@ -1,4 +1,4 @@
-"""A mechanism under linear constraints on its parameters, in those that are left free."""
+"""A mechanism under linear constraints on its parameters."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Parametrisation:
-    """Affine map D = D0 + N z from free parameters z to all parameters D."""
+    """Affine map D = D0 + N z from free parameters to all."""
 
     left: tuple[int, ...]
     matrix: Array
     known: Array
 
     def expanded(self, z: ArrayLike) -> Array:
-        """All parameters D = D0 + N z (P,) from the free ones (Z,)."""
+        """All parameters D (P,) from the free ones (Z,)."""
         return self.known + self.matrix @ frozen_array(z, (len(self.left),), "parameters")
 
     def among(self, names: Sequence[str], others: Sequence[str]) -> Parametrisation:
-        """Map of the same constraints for a mechanism with other drives."""
+        """The same constraints for other drives."""
         taken = [i for i in range(len(names)) if i not in self.left]
         bound = {*taken, *(i for i, column in zip(self.left, self.matrix.T, strict=True) if column[taken].any())}
         if missing := [names[i] for i in sorted(bound) if names[i] not in others]:
@@ -64,7 +64,7 @@ class ConstrainedMechanism(Mechanism):
 
     @cached_property
     def equations(self) -> ConstrainedEquations:
-        """Equations of motion in the free parameters z, over scalars of any kind."""
+        """Equations of motion in the free parameters z."""
         N = self.parametrisation.matrix
         columns = (np.flatnonzero(column) for column in N.T)
         spread = tuple(tuple((int(i), float(N[i, j])) for i in places.tolist()) for j, places in enumerate(columns))
@@ -77,7 +77,7 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def unconstrained(self) -> Mechanism:
-        """Same mechanism, with no linear constraints on its P parameters."""
+        """The mechanism without linear constraints."""
         return self.whole
 
     @property
@@ -87,12 +87,12 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def continuation(self) -> Continuation | None:
-        """Assembly branch of the reference configuration, as without constraints on parameters."""
+        """Assembly branch of the reference configuration."""
         return self.whole.continuation
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the Z free parameters, such as `link3.I_xx`."""
+        """Names of the Z free parameters."""
         return tuple(self.whole.parameter_names[i] for i in self.parametrisation.left)
 
     @cached_property
@@ -103,31 +103,31 @@ class ConstrainedMechanism(Mechanism):
 
     @property
     def num_energy_parameters(self) -> int:
-        """Number of the free parameters that enter the energy."""
+        """Number of free parameters in the energy."""
         return sum(i < self.whole.num_energy_parameters for i in self.parametrisation.left)
 
     @property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of the data that decide which parameters are identifiable."""
+        """SHA-256 hash (hexadecimal) of the data that decide identifiability."""
         N, known = self.parametrisation.matrix, self.parametrisation.known
         numbers = [[round(x, 12) + 0.0 for x in array.ravel().tolist()] for array in (N, known)]
         content = [self.whole.geometry_sha256, list(self.parametrisation.left), numbers]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     def with_parameters(self, parameters: ArrayLike) -> ConstrainedMechanism:
-        """Copy, under the same constraints, with other values (Z,) of the free parameters."""
+        """Copy with other values (Z,) of the free parameters."""
         whole = self.whole.with_parameters(self.parametrisation.expanded(parameters))
         return ConstrainedMechanism(whole, self.parametrisation)
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> ConstrainedMechanism:
-        """Copy of this mechanism, under the same constraints, with other rotors and friction."""
+        """Copy with other drives."""
         whole = self.whole.with_drives(drives)
         return ConstrainedMechanism(
             whole, self.parametrisation.among(self.whole.parameter_names, whole.parameter_names)
         )
 
     def energy(self, p: ArrayLike, v: ArrayLike) -> Array:
-        """Kinetic plus potential energy (...) in J, the constant part of fixed parameters included."""
+        """Total energy (...) in J, with that of fixed parameters."""
         return Mechanism(self.description).energy(p, v)
 
     def constraint_bias_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:

@@ -1,4 +1,4 @@
-"""Costs of a mechanism's equations in native code: floating-point operations."""
+"""Floating-point operations of a mechanism's equations."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from adaptctl.scalars import Column, spread
 
 class EquationCosts(NamedTuple):
     """
-    Floating-point operations of one evaluation of a mechanism's equations, as `equation_costs` counts them.
+    Floating-point operations per evaluation of each equation.
 
     Parameters
     ----------

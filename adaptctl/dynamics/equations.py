@@ -1,4 +1,4 @@
-"""The interface of a mechanism's equations over scalars: what `mechanism.equations` may be asked."""
+"""The interface of equations of motion over scalars."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from adaptctl.scalars import Column, Scalar
 
 
 class MotionMemory(NamedTuple):
-    """Choice of the numbers that a controller remembers of a motion."""
+    """Numbers that a controller stores of a motion."""
 
     kept: tuple[int, ...]
     sources: tuple[float | int, ...]
 
     @classmethod
     def of(cls, numbers: Callable[..., Column], sizes: Mapping[str, int]) -> MotionMemory:
-        """The `MotionMemory` of a mechanism, found by tracing `numbers` once."""
+        """Choice for a mechanism, by tracing `numbers`."""
         kept: list[int] = []
         places: dict[Any, int] = {}
         sources: list[float | int] = []
@@ -33,17 +33,17 @@ class MotionMemory(NamedTuple):
         return cls(tuple(kept), tuple(sources))
 
     def chosen(self, numbers: Column) -> Column:
-        """Numbers to be remembered, of all m `numbers` (m,) of a motion."""
+        """The numbers to store, among all (m,)."""
         return Column(numbers[i] for i in self.kept)
 
     def numbers(self, remembered: Column) -> Column:
-        """All m numbers of a motion, a `Column` (m,), from those `remembered`."""
+        """All numbers (m,) from the stored ones."""
         return Column(x if isinstance(x, float) else remembered[x] for x in self.sources)
 
 
 class Motion(ABC):
     """
-    Motion of a mechanism at one instant, from which torques, regressors and powers follow.
+    Motion at one instant, for torques, regressors and powers.
 
     Abstract; `Equations.motion` makes it, at a configuration q under velocities v and Slotine and Li's reference
     velocities v_r and accelerations a_r. Nothing is checked.
@@ -100,7 +100,7 @@ class Motion(ABC):
     @abstractmethod
     def regressor_transpose_product(self, s: Column, columns: Sequence[int]) -> Column:
         """
-        Compute the powers Y' s of the parameters, without forming the regressor Y.
+        Compute the powers Y' s of the parameters.
 
         Parameters
         ----------
@@ -123,7 +123,7 @@ class Motion(ABC):
     @property
     @abstractmethod
     def numbers(self) -> Column:
-        """Scalars in SI units from which `Equations.remembered` rebuilds this motion."""
+        """Scalars from which `Equations.remembered` rebuilds this motion."""
 
 
 class Equations(ABC):
@@ -155,26 +155,26 @@ class Equations(ABC):
     @property
     @abstractmethod
     def links(self) -> tuple[Segment, ...]:
-        """Geometry of the tree's n links, lengths in m, depth first."""
+        """Geometry of the tree's n links, lengths in m."""
 
     @property
     def joints(self) -> int:
-        """Number n of the tree's joints, one for each link."""
+        """Number n of the tree's joints."""
         return len(self.links)
 
     @property
     @abstractmethod
     def parameters(self) -> int:
-        """Number P of parameters, or of the free ones under linear constraints."""
+        """Number P of parameters, or of free ones."""
 
     @property
     def has_known_share(self) -> bool:
-        """True where linear constraints fix parameters at values other than zero."""
+        """True if constraints fix parameters at nonzero values."""
         return False
 
     @property
     def closing_numbers(self) -> object:
-        """Data that closing the loops depends on, to be compared."""
+        """Data that loop closure depends on."""
         return None
 
     @abstractmethod
@@ -299,7 +299,7 @@ class Equations(ABC):
 
     @cached_property
     def motion_memory(self) -> MotionMemory:
-        """Choice of the numbers that a controller remembers of a motion."""
+        """Numbers that a controller stores of a motion."""
         sizes = {"q": self.joints, "v": self.dof, "v_r": self.dof, "a_r": self.dof}
         return MotionMemory.of(lambda q, v, v_r, a_r: self.motion(q, v, v_r, a_r).numbers, sizes)
 
@@ -457,12 +457,11 @@ class Equations(ABC):
 
 
 def _damped(inertia: Scalar, damping: Scalar, dt: float) -> Scalar:
-    """Sum M + dt b, where there is a b, so that zeros of a tree's matrices stay zeros."""
     return inertia if isinstance(damping, float) and damping == 0.0 else inertia + dt * damping
 
 
 class ClosedPositions(Column):
-    """Primary positions stored with the closed configuration that they determine."""
+    """Primary positions with their closed configuration."""
 
     __slots__ = ("configuration", "equations")
 

@@ -1,4 +1,4 @@
-"""Inverse kinematics: joint positions that bring a point to a place."""
+"""Inverse kinematics of a point."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from adaptctl.errors import InputError, SingularityError
 from adaptctl.scalars import Column, Vec, column
 
 MAX_POINT_STEP = 0.02
-"""m a point is moved between two of Newton's steps: small enough to stay on one branch"""
+"""m between Newton steps, to stay on one branch"""
 MAX_JOINT_STEP = 0.2
-"""rad or m that any joint goes in one of them"""
+"""rad or m that a joint moves per step"""
 FINAL_NEWTON_STEPS = 4
 """Newton's steps at the goal"""
 POSITION_TOLERANCE = 1e-9
@@ -28,7 +28,7 @@ POSITION_TOLERANCE = 1e-9
 @dataclass(frozen=True, eq=False)
 class Tip:
     """
-    Point fixed to a link, such as a tool's tip, for forward and inverse kinematics.
+    Point fixed to a link, such as a tool's tip.
 
     Parameters
     ----------
@@ -137,7 +137,6 @@ class Tip:
         return p
 
     def _step(self, jacobian: Array, way: Array) -> Array:
-        """Newton's step, bounded, since beyond reach it would go anywhere."""
         try:
             step = np.asarray(np.linalg.solve(jacobian, way[..., None])[..., 0], dtype=np.float64)
         except np.linalg.LinAlgError as error:
@@ -158,7 +157,6 @@ class Tip:
             raise InputError(f"{self.mechanism.name}: {self.link} cannot reach {goal} m from its start")
 
     def _moved(self, q: Array) -> tuple[Array, Array]:
-        """Point (..., 3) and its Jacobian (..., 3, r) at configurations (..., n)."""
         equations, joints = self.mechanism.equations, column(q)
         moving = moving_point(equations.links, joints, self._link, Vec(*self.offset.tolist()))
         units = [Column(float(i == j) for j in range(self.mechanism.dof)) for i in range(self.mechanism.dof)]

@@ -1,4 +1,4 @@
-"""The equations of a mechanism with loops, in its primary joints."""
+"""Equations of motion with closed loops."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from adaptctl.dynamics.tree_equations import TreeEquations, TreeMotion
 from adaptctl.scalars import Column, Mat, Scalar, Vec
 
 NEWTON_STEPS = 3
-"""From a configuration at most 0.05 rad away."""
+"""from a configuration at most 0.05 rad away"""
 
 
 class LoopMotion(Motion):
-    """Motion at one instant of a mechanism with closed loops."""
+    """Motion with closed loops at one instant."""
 
     __slots__ = ("following", "tree")
 
@@ -30,7 +30,7 @@ class LoopMotion(Motion):
         self.following, self.tree = following, tree
 
     def torque(self, parameters: Column) -> Column:
-        """Torque (r,) under the reference velocities and accelerations."""
+        """Torque (r,) under the reference motion."""
         return self.following.primary(self.tree.torque(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
@@ -51,7 +51,7 @@ class LoopMotion(Motion):
 
 @dataclass(frozen=True)
 class LoopEquations(Equations):
-    """Equations of motion of a mechanism with closed loops."""
+    """Equations of motion with closed loops."""
 
     tree: TreeEquations
     closing: Closing
@@ -69,7 +69,7 @@ class LoopEquations(Equations):
 
     @property
     def links(self) -> tuple[Segment, ...]:
-        """Geometry of the tree's n links, parents before children."""
+        """Geometry of the tree's links."""
         return self.tree.segments
 
     def closed(self, p: Column, guess: Column) -> Column:
@@ -84,7 +84,7 @@ class LoopEquations(Equations):
 
     @cached_property
     def closing_numbers(self) -> object:
-        """Data that closing the loops depends on, to be compared."""
+        """Data that loop closure depends on."""
         return content((self.tree.segments, self.closing, self.rules))
 
     def projected(self, q: Column) -> Column:
@@ -110,15 +110,15 @@ class LoopEquations(Equations):
         return Column(x - moved[i] if i in moved else x for i, x in enumerate(q))
 
     def residual(self, q: Column) -> Column:
-        """Closure residual (d,) at a configuration (n,); zero where loops are closed."""
+        """Closure residual (d,) at a configuration (n,)."""
         return self.closing.residual(placements(self.tree.segments, q), q)
 
     def posture(self, q: Column) -> Posture:
-        """Placements, factored closure Jacobian and Jacobian of all joints at a closed configuration."""
+        """Placements, factored closure Jacobian and Jacobian of all joints."""
         return Posture(self.closing, placements(self.tree.segments, q))
 
     def dependent_block(self, q: Column) -> list[Column]:
-        """Jacobian (d, d) of the closure residual by the dependent joints, as d columns."""
+        """Jacobian (d, d) of the residual by the dependent joints, by columns."""
         columns = self.closing.jacobian(placements(self.tree.segments, q))
         return [columns[d] for d in self.closing.dependent]
 
@@ -184,7 +184,7 @@ class LoopEquations(Equations):
 
 
 def content(value: Any) -> Any:
-    """Content of a `value`, nested tuples to be compared with those of another."""
+    """Comparable content of a value in nested tuples."""
     if is_dataclass(value) and not isinstance(value, type):
         return type(value), *(content(getattr(value, entry.name)) for entry in fields(value))
     return tuple(map(content, value)) if isinstance(value, tuple | Vec | Mat) else value

@@ -1,4 +1,4 @@
-"""A mechanism: its description and its equations, on arrays."""
+"""A mechanism: its description and equations, on arrays."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class Mechanism:
 
     @cached_property
     def equations(self) -> Equations:
-        """Equations of motion over scalars of any kind; they check nothing."""
+        """Equations of motion over scalars, without checks."""
         if self._looped is None:
             return TreeEquations.of(self.description)
         from adaptctl.dynamics.loops.dyad import rules
@@ -104,7 +104,6 @@ class Mechanism:
 
     @cached_property
     def _looped(self) -> tuple[LoopEquations, Array] | None:
-        """Equations with loops, and the closed reference (n,); None for a tree."""
         loops = self.description.loops
         if loops is None:
             return None
@@ -117,7 +116,7 @@ class Mechanism:
 
     @cached_property
     def continuation(self) -> Continuation | None:
-        """Assembly branch of the reference configuration, which closed loops follow; None for a tree."""
+        """Assembly branch of the reference configuration; None for a tree."""
         if self._looped is None:
             return None
         from adaptctl.dynamics.loops.continuation import Continuation
@@ -126,7 +125,7 @@ class Mechanism:
 
     @property
     def neutral_configuration(self) -> Array:
-        """Positions (r,) of the reference configuration; zeros for a tree."""
+        """Positions (r,) of the reference configuration."""
         loops = self.continuation
         return np.zeros(self.dof) if loops is None else loops.reference[loops.primary]
 
@@ -171,37 +170,37 @@ class Mechanism:
 
     @property
     def name(self) -> str:
-        """Name of the mechanism, as error messages give it."""
+        """Name of the mechanism."""
         return self.description.name
 
     @property
     def dof(self) -> int:
-        """Number r of primary joints: the degrees of freedom."""
+        """Number r of degrees of freedom."""
         return len(self.description.primary)
 
     @property
     def links(self) -> tuple[Link, ...]:
-        """Links of the tree, parents before children, each with the joint that moves it."""
+        """Links of the tree, parents before children."""
         return self.description.links
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters, as in `link3.I_xx` and `joint2.viscous`."""
+        """Names of the P parameters, such as `link3.I_xx`."""
         return self.description.parameter_names
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """Values (P,) of all parameters, SI units, in the order of `parameter_names`."""
+        """Values (P,) of all parameters in SI units."""
         return self.description.inertial_parameters
 
     @property
     def is_plain_tree(self) -> bool:
-        """True without loops, couplings of joints and constraints on parameters."""
+        """True without loops, couplings and constraints."""
         return self.description.loops is None
 
     @property
     def unconstrained(self) -> Mechanism:
-        """Same mechanism without linear constraints on its parameters."""
+        """The mechanism without linear constraints."""
         return self
 
     @property
@@ -211,27 +210,27 @@ class Mechanism:
 
     @property
     def num_energy_parameters(self) -> int:
-        """Number of parameters that enter the energy; they come first, friction last."""
+        """Number of parameters in the energy, which precede friction."""
         return self.description.num_energy_parameters
 
     @property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of the data that decide which parameters are identifiable."""
+        """SHA-256 hash (hexadecimal) of the data that decide identifiability."""
         return self.description.geometry_sha256
 
     @cached_property
     def effort_limits(self) -> Array:
-        """Greatest torques (r,) in N m (N if prismatic); infinite where unknown."""
+        """Greatest torques (r,) in N m (N if prismatic); infinite if unknown."""
         return frozen(np.array([joint.limits.effort for joint in self.primary_joints]))
 
     @property
     def primary_joints(self) -> tuple[Joint, ...]:
-        """Primary (independent) joints, in the order of their positions."""
+        """Primary (independent) joints, in order."""
         return tuple(self.links[i].joint for i in self.description.primary)
 
     def with_parameters(self, parameters: ArrayLike) -> Mechanism:
         """
-        Return a copy with other values of the inertial and friction parameters.
+        Return a copy with other parameter values.
 
         Parameters
         ----------
@@ -259,7 +258,7 @@ class Mechanism:
 
     def column_regressor(self, regressor: str, columns: Sequence[int]) -> OnArrays:
         """
-        Return the equation of a regressor for some of the parameters alone.
+        Return the equation of some columns of a regressor.
 
         Parameters
         ----------
@@ -288,7 +287,7 @@ class Mechanism:
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
         """
-        Return a copy with other rotors and friction.
+        Return a copy with other drives.
 
         Parameters
         ----------
@@ -777,7 +776,7 @@ class Mechanism:
         ------
         InputError
             If there is no joint, a ball or free joint, nonlinear damping or equality, several moving roots without a
-            `body`, or if `body` stands on one that moves.
+            `body`, or if `body` is attached to one that moves.
         NotFoundError
             If `body` is unknown.
         MissingExtraError

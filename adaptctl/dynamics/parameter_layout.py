@@ -1,4 +1,4 @@
-"""Layout of a tree's parameters: the columns of each body and of each drive."""
+"""Parameter columns of bodies and drives."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ParameterLayout(NamedTuple):
 
     @property
     def driven(self) -> int:
-        """Index of the drives' first parameter among all P."""
+        """Index of the drives' first parameter."""
         return 10 * len(self.bodies)
 
     @property
@@ -30,12 +30,12 @@ class ParameterLayout(NamedTuple):
         return self.driven + len(self.drives)
 
     def sorted_out(self, columns: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:
-        """Parameters of some indices, sorted into those of bodies and of drives."""
+        """Parameter indices, sorted into bodies' and drives'."""
         of_bodies = {c: 10 * self.bodies[c // 10] + c % 10 for c in columns if c < self.driven}
         return of_bodies, {c: c - self.driven for c in columns if c >= self.driven}
 
     def tens(self, parameters: Column) -> Column:
-        """Ten inertial parameters of each of the N links (10 N,), link by link."""
+        """Ten inertial parameters of each link (10 N,)."""
         if len(self.bodies) == self.links:
             return Column(parameters.of[: self.driven]) if self.drives else parameters
         tens: list[Scalar] = [0.0] * (10 * self.links)
@@ -44,16 +44,16 @@ class ParameterLayout(NamedTuple):
         return Column(tens)
 
     def owned(self, tens: Column) -> Sequence[Scalar]:
-        """Entries of ten for each link that belong to links with parameters."""
+        """Entries of ten per link, of links with parameters."""
         return [x for i in self.bodies for x in tens.of[10 * i : 10 * i + 10]]
 
     def of_drives(self, parameters: Column) -> Sequence[Scalar]:
-        """Entries of all P `parameters` (P,) that are the drives', SI units."""
+        """Entries of all parameters (P,) that are the drives'."""
         return parameters.of[self.driven :]
 
 
 def required_columns(columns: Sequence[int], known: int, name: str) -> Sequence[int]:
-    """Parameter indices `columns`, unchanged, after a check of each."""
+    """The parameter indices, checked."""
     if not isinstance(columns, Iterable):
         raise InputError(f"{name}: columns: expected whole numbers from 0 to {known - 1}, got {columns!r}")
     for c in columns:

@@ -22,12 +22,11 @@ from adaptctl.dynamics.recursion.segment import Placement, Segment, segments
 from adaptctl.scalars import ZERO, Column, Scalar, Vec
 
 MIN_ARTICULATED_DEPTH = 6.5
-"""Joints between a link and the ground, on average, from which on accelerations are found by articulated bodies: those
-of a chain of 12. In shorter trees the mass matrix costs less, for its entries are one for each of these joints."""
+"""Mean number of joints between link and ground from which articulated bodies are faster, as in a chain of 12."""
 
 
 class TreeMotion(Motion):
-    """Motion of a tree of n links at one instant."""
+    """Motion of a tree at one instant."""
 
     __slots__ = ("drives", "layout", "links", "places")
 
@@ -41,7 +40,7 @@ class TreeMotion(Motion):
         self.layout, self.places, self.links, self.drives = layout, places, links, drives
 
     def torque(self, parameters: Column) -> Column:
-        """Torque (r,) under the reference velocities and accelerations."""
+        """Torque (r,) under the reference motion."""
         total = list(joint_torques(self.places, self.links, self.layout.tens(parameters)))
         shares = zip(self.layout.drives, self.drives, self.layout.of_drives(parameters), strict=True)
         for term, share, value in shares:
@@ -75,7 +74,7 @@ class TreeMotion(Motion):
 
 @dataclass(frozen=True)
 class TreeEquations(Equations):
-    """Equations of motion of a tree of n links."""
+    """Equations of motion of a tree."""
 
     segments: tuple[Segment, ...]
     gravity: Vec
@@ -83,7 +82,7 @@ class TreeEquations(Equations):
 
     @classmethod
     def of(cls, description: Description) -> TreeEquations:
-        """Equations of motion of the tree of a `description`."""
+        """Equations of motion of a description's tree."""
         drives = tuple(
             DriveTerm(description.drive_coupling(joint), kind) for joint, kind in description.drive_parameters
         )
@@ -92,7 +91,7 @@ class TreeEquations(Equations):
 
     @property
     def links(self) -> tuple[Segment, ...]:
-        """Geometry of the tree's n links, parents before children."""
+        """Geometry of the tree's links."""
         return self.segments
 
     @property
@@ -122,7 +121,7 @@ class TreeEquations(Equations):
         return self.energies(energy.energy_regressor(self.segments, p, v, self.gravity), v)
 
     def energies(self, tens: Column, v: Column) -> Column:
-        """Energy regressor (P,) with the drives' parameters, from that of the links' (10 N,)."""
+        """Energy regressor (P,) with drives, from the links' (10 N,)."""
         return Column((*self.layout.owned(tens), *(term.energy(v) for term in self.layout.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
@@ -186,7 +185,6 @@ class TreeEquations(Equations):
 
     @cached_property
     def _is_long(self) -> bool:
-        """True where articulated bodies cost less than the mass matrix."""
         deep = depths(link.parent for link in self.segments)
         coupled = any(len(term.arms) > 1 for term in self.layout.drives if not term.kind.is_friction)
         return sum(deep) >= MIN_ARTICULATED_DEPTH * len(deep) and not coupled

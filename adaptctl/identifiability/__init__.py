@@ -1,4 +1,4 @@
-"""Offline: the inertial parameters that a motion depends on, and smallest sets of them that are enough."""
+"""Identifiable inertial parameters, and minimal sets of them (offline)."""
 
 from adaptctl.optional_packages import imported_lazily
 

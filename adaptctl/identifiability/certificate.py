@@ -71,7 +71,7 @@ class NearRightAngle:
 
 
 def near_right_angles(description: Description, exact: float = RIGHT_ANGLE_TOLERANCE) -> tuple[NearRightAngle, ...]:
-    """Return the angles of successive joint axes (or gravity) that miss a right angle by more than `exact` rad."""
+    """Return the angles of successive joint axes that miss a right angle by more than `exact` rad."""
     meeting = list(meeting_axes(description))
     if not meeting:
         return ()
@@ -92,7 +92,7 @@ def near_right_angles(description: Description, exact: float = RIGHT_ANGLE_TOLER
 @dataclass(frozen=True)
 class ResidualSingularValue:
     """
-    Singular value that a rank counts as zero, though it is above round-off (1e-14 of the largest).
+    Singular value counted as zero, but above round-off (1e-14 of the largest).
 
     Nothing is checked at construction.
 
@@ -183,7 +183,7 @@ class Certificate:
 
     @property
     def rank(self) -> int:
-        """Rank k of the energy differences, certified where `failures` is empty."""
+        """Rank k, certified if `failures` is empty."""
         return self.rank_energy
 
     @property
@@ -210,7 +210,7 @@ class Certificate:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Findings, as texts, that do not refuse the rank: residual singular values and near right angles."""
+        """Findings that do not refuse the rank: residual singular values and near right angles."""
         residual_singular_values = [
             f"beyond the gap, {leftover} is above round-off" for leftover in self.residual_singular_values
         ]
@@ -232,7 +232,6 @@ class Certificate:
 
     @property
     def _other(self) -> tuple[int | None, str]:
-        """The rank that is not found from energies, and where from."""
         if self.rank_geometry is not None:
             return self.rank_geometry, "geometry"
         return self.rank_torque, "torques"

@@ -40,7 +40,7 @@ MIN_PARAMETERS_FOR_TRANSFERS = 100
 
 
 class CertifiedNullSpace(NamedTuple):
-    """Null space of a mechanism's energies with its certificate, the energies behind it and their proof, if any."""
+    """Null space of a mechanism's energies, with its certificate and proof."""
 
     null_space: NullSpace
     certificate: Certificate
@@ -69,7 +69,6 @@ def certified(
 
 
 def _no_tree(mechanism: Mechanism) -> str:
-    """The property that keeps a mechanism from being a tree with ten parameters a link."""
     if mechanism.is_plain_tree:
         return "drives coupled to several joints" if mechanism.description.drive_couplings else ""
     return "constraints on its parameters" if mechanism.description.loops is None else "loops"
@@ -78,7 +77,7 @@ def _no_tree(mechanism: Mechanism) -> str:
 def certified_by_decomposition(
     mechanism: Mechanism, samples: int, seed: int, proof: ExactEnergies | None = None
 ) -> CertifiedNullSpace:
-    """Certified null space by singular value decomposition of the energy differences at random states."""
+    """Certified null space by singular value decomposition of sampled energy differences."""
     generator = np.random.default_rng(seed)
     some, as_many = random_halves(mechanism, samples, generator)
     factor = EnergyFactor.of(energy_blocks(mechanism, some))
@@ -119,7 +118,7 @@ def _torque_rank(mechanism: Mechanism, rows: Array, energies: ScaledRegressor) -
 def certified_by_transfers(
     mechanism: Mechanism, samples: int, seed: int, proof: ExactEnergies | None = None
 ) -> CertifiedNullSpace:
-    """Certified null space of a tree, found joint by joint from geometry and checked against sampled energies."""
+    """Certified null space of a tree, from geometry, checked by sampled energies."""
     from adaptctl.identifiability.tree_null_space import TreeNullSpace, energy_changes, transfer_evidence
 
     found = TreeNullSpace.of(mechanism, seed)
@@ -164,7 +163,7 @@ def _validate_accepted(mechanism: Mechanism, certificate: Certificate, spectrum:
 def residual_singular_values(
     spectrum: Array, vectors: Array, rank: int, names: Sequence[str]
 ) -> tuple[ResidualSingularValue, ...]:
-    """Singular values beyond the rank that are more than round-off, with the parameters that dominate them."""
+    """Singular values beyond the rank above round-off, with their dominant parameters."""
     relative = spectrum / spectrum.max(initial=1e-300)
     beyond = [i for i in range(rank, len(spectrum)) if relative[i] > ROUND_OFF_RATIO]
     return tuple(ResidualSingularValue(float(relative[i]), _dominant(vectors[:, i], names)) for i in beyond)

@@ -1,4 +1,4 @@
-"""Full parameters of rigid bodies that have given fundamental parameters."""
+"""Physically consistent parameters with given base parameters."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ MIN_EIGENVALUE_RATIO = 1e-9
 @dataclass(frozen=True, eq=False)
 class Lift:
     """
-    Full parameters of a mechanism that rigid bodies can have, for given fundamental ones.
+    Physically consistent parameters of a mechanism for given base parameters, in SI units.
 
-    All are in SI units. Nothing is checked at construction.
+    Nothing is checked at construction.
 
     Parameters
     ----------
@@ -67,13 +67,13 @@ class Lift:
 
     @property
     def is_feasible(self) -> bool:
-        """True if rigid bodies have the target: if `distance` is below 1e-6."""
+        """True if consistent parameters have the target: `distance` is below 1e-6."""
         return self.distance < FEASIBLE_DISTANCE
 
 
 def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | None = None) -> Lift:
     r"""
-    Compute the physically consistent parameters nearest to a prior that have given fundamental parameters.
+    Compute the physically consistent parameters closest to a prior that have given base parameters.
 
     Parameters
     ----------
@@ -136,8 +136,6 @@ def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | 
 
 
 class _Bodies:
-    """Unknowns X of each link, whose pseudo-inertia is G X G' with the prior's G G': X is 1 at the prior."""
-
     def __init__(self, model: ReducedModel, prior: Array) -> None:
         self._cp = _solver()
         self._regrouping, self._drives = model.regrouping, prior[_tens(model) :]
@@ -160,7 +158,7 @@ class _Bodies:
         return self._solved(away, [])
 
     def likeliest(self, wanted: Array, within: float | None) -> Array:
-        """Consistent parameters nearest to the prior, of the fundamental ones exactly or to a relative distance."""
+        """Consistent parameters closest to the prior, with given base parameters."""
         cp = self._cp
         away = (self._regrouping @ self._parameters - wanted) / _size(wanted)
         divergence = sum(cp.trace(X) - cp.log_det(X) for X in self._relative)
@@ -169,7 +167,7 @@ class _Bodies:
         return self._solved(divergence, [away == 0 if within is None else cp.norm(away) <= within])
 
     def likeliest_near(self, wanted: Array, nearest: Lift) -> Array:
-        """Consistent parameters nearest to the prior among those almost as near to beta as any are."""
+        """Consistent parameters closest to the prior, almost as close to beta as possible."""
         least = max(nearest.distance, 0.5 * FEASIBLE_DISTANCE)
         for within in (*([None] if nearest.is_feasible else []), *(least * (1.0 + slack) for slack in SLACKS)):
             with suppress(AdaptctlError):
@@ -192,7 +190,6 @@ class _Bodies:
         return np.asarray(self._parameters.value, dtype=np.float64)
 
     def _move_inside(self) -> None:
-        """Move bodies inside the cone, whose edge an interior-point method may leave by its accuracy."""
         for X in self._relative:
             values, vectors = np.linalg.eigh(X.value)
             X.value = (vectors * np.maximum(values, MIN_EIGENVALUE_RATIO * values[-1])) @ vectors.T
@@ -221,7 +218,6 @@ def _tens(model: ReducedModel) -> int:
 
 
 def _roots(model: ReducedModel, prior: Array) -> list[Array]:
-    """Cholesky factor G (4, 4) of each link's pseudo-inertia in the prior."""
     roots: list[Array] = []
     for i, body in enumerate(model.mechanism.description.bodies):
         matrix = pseudo_inertia(prior[10 * i : 10 * i + 10])
@@ -240,6 +236,5 @@ def _roots(model: ReducedModel, prior: Array) -> list[Array]:
 
 
 def _as_ten(root: Array) -> Array:
-    """Matrix (10, 16) that takes X, column by column, to the ten parameters of the pseudo-inertia G X G'."""
     to_ten = np.linalg.pinv(UNIT_PSEUDO_INERTIAS.reshape(10, 16).T)
     return np.asarray(to_ten @ np.kron(root, root))

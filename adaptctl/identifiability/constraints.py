@@ -1,4 +1,4 @@
-"""Constraints on inertial parameters, and mechanisms that keep to them (Sheu and Walker 1991, section 5.3)."""
+"""Linear constraints on inertial parameters (Sheu and Walker 1991, section 5.3)."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _Nested = dict[str, float | dict[str, float]]
 @dataclass(frozen=True, eq=False)
 class Relation:
     """
-    Linear relation among inertial parameters: the sum of weight times parameter equals a value.
+    Linear relation: the sum of weight times parameter equals a value.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ class Constraints:
 
     @property
     def every(self) -> tuple[Relation, ...]:
-        """All constraints as relations: known values with weight 1, then `relations`."""
+        """All constraints as relations."""
         known = (Relation({name: 1.0}, value, f"{name} = {value:g}") for name, value in self.known.items())
         return (*known, *self.relations)
 
@@ -206,7 +206,7 @@ def constrained(
     mechanism: Mechanism, constraints: Constraints, priority: Priority | None = None
 ) -> ConstrainedMechanism:
     """
-    Return a mechanism in the inertial parameters that constraints leave free.
+    Return a mechanism in its free parameters under constraints.
 
     Parameters
     ----------
@@ -253,7 +253,6 @@ def _validate_by_name(given: object, what: str) -> None:
 
 
 def _parametrisation(A: Array, b: Array, scales: Array, order: Sequence[int], mechanism: Mechanism) -> Parametrisation:
-    """The solution of scaled relations A x = b, x = D / scales, for the first independent parameters in the order."""
     P, directions = len(mechanism.parameter_names), np.linalg.qr(A.T)[0]
     gone = removable(directions, order, 1e-3 / np.sqrt(len(order))) if len(A) else ()
     taken = set(gone)
@@ -281,7 +280,6 @@ def _system(relations: Sequence[Relation], names: Sequence[str]) -> tuple[Array,
 
 
 def _independent(relations: Sequence[Relation], A: Array, b: Array) -> list[int]:
-    """Indices of relations that do not follow from those before them. Raises `InputError` for a contradiction."""
     kept: list[int] = []
     for i, row in enumerate(A):
         size = np.linalg.norm(row)

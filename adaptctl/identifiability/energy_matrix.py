@@ -1,4 +1,4 @@
-"""Energy differences and torques at sampled states, and their rank, decided by a gap among singular values."""
+"""Energy differences and torques at sampled states, and their rank."""
 
 from __future__ import annotations
 
@@ -35,26 +35,26 @@ SINGULAR_VALUE_FLOOR = 1e-15
 
 
 def energies(mechanism: Mechanism, states: States) -> Array:
-    """Energy regressor (samples, P): kinetic plus potential energy in J per SI unit of each parameter."""
+    """Energy regressor (samples, P) in J per SI unit of each parameter."""
     return mechanism.energy_regressor(states.p, states.v)[..., : mechanism.num_energy_parameters]
 
 
 def energy_blocks(mechanism: Mechanism, states: Iterable[States]) -> Iterator[Array]:
-    """Energy regressors in blocks of at most max(1024, 4 P) states, or one more."""
+    """Energy regressors in blocks of at most max(1024, 4 P) states."""
     for some in states:
         for part in some.parts(max(BLOCK_STATES, 4 * mechanism.num_energy_parameters)):
             yield energies(mechanism, part)
 
 
 def energy_differences(mechanism: Mechanism, states: States) -> Array:
-    """Energy differences H (samples - 1, P) between successive states (Sheu and Walker 1991, equation 8)."""
+    """Energy differences H (samples - 1, P) of successive states (Sheu and Walker 1991, equation 8)."""
     # Energies themselves hold the potential's constant, which changes no torque: the rank may be one too many.
     return np.diff(energies(mechanism, states), axis=0)
 
 
 @dataclass(frozen=True, eq=False)
 class EnergyFactor:
-    """Triangular factor of energy differences, updated block by block (TSQR: Demmel et al. 2012)."""
+    """Triangular factor of energy differences, by blocks (TSQR: Demmel et al. 2012)."""
 
     triangle: Array
     square_sums: Array
@@ -62,7 +62,7 @@ class EnergyFactor:
 
     @classmethod
     def of(cls, blocks: Iterable[Array], before: EnergyFactor | None = None) -> EnergyFactor:
-        """Factor of energies (m, P) that come in blocks, after those of the factor `before`."""
+        """Factor of blocks of energies (m, P), after those of `before`."""
         factor = before
         for block in blocks:
             factor = cls._started(block) if factor is None else factor.then(block)
@@ -75,14 +75,14 @@ class EnergyFactor:
         return cls(triangle(np.diff(energies, axis=0)), np.square(energies).sum(axis=0), energies[-1:])
 
     def then(self, energies: Array) -> EnergyFactor:
-        """Factor with the energies (m, P) of m more states."""
+        """Factor with the energies (m, P) of more states."""
         rows = np.diff(energies, axis=0, prepend=self.last)
         squares = self.square_sums + np.square(energies).sum(axis=0)
         return EnergyFactor(triangle(np.vstack([self.triangle, rows])), squares, energies[-1:])
 
 
 def torque_rows(mechanism: Mechanism, generator: np.random.Generator) -> Array:
-    """Rows (n, P), at least 2 P, of the torque regressor at random states, forces times the characteristic length."""
+    """Rows (n, P) of the torque regressor at random states, forces times the characteristic length."""
     columns = range(mechanism.num_energy_parameters)
     samples = max(2, -(-2 * len(columns) // mechanism.dof))
     states = random_states(mechanism, samples, generator)
@@ -94,20 +94,20 @@ def torque_rows(mechanism: Mechanism, generator: np.random.Generator) -> Array:
 
 
 def length_scales(parameter_names: Sequence[str], length: float) -> Array:
-    """Scale factors (P,): 1, L and L^2 for masses, first moments and moments of inertia."""
+    """Scale factors (P,): 1, L and L^2 for masses, moments and inertias."""
     powers = np.array([LENGTH_POWERS[name.rsplit(".", 1)[-1]] for name in parameter_names], dtype=np.float64)
     return np.asarray(length**powers)
 
 
 def parameter_units(mechanism: Mechanism, length: float) -> Array:
-    """Units (P,) of the parameters when lengths are counted in `length` (m)."""
+    """Units (P,) of the parameters for lengths in `length` (m)."""
     slides = {f"{k.joint.name}.rotor_inertia" for k in mechanism.links if not k.joint.kind.is_revolute}
     names = mechanism.parameter_names[: mechanism.num_energy_parameters]
     return np.where([name in slides for name in names], 1.0, length_scales(names, length))
 
 
 def column_scales(norms: Array, parameter_names: Sequence[str], length: float) -> Array:
-    """Scales (P,) that make columns comparable: inverse norms, floored at 1e-3 of the largest."""
+    """Scales (P,) of columns: inverse norms, floored at 1e-3 of the largest."""
     sizes = length_scales(parameter_names, length)
     scaled = norms * sizes
     largest = scaled.max(initial=0.0)
@@ -115,7 +115,7 @@ def column_scales(norms: Array, parameter_names: Sequence[str], length: float) -
 
 
 def energy_scales(mechanism: Mechanism, seed: int) -> Array:
-    """Scales (P,) in SI units per J: inverse energies of a unit at 46 random states, floored."""
+    """Scales (P,) in SI units per J: inverse energies at 46 random states, floored."""
     E = energies(mechanism, random_states(mechanism, SCALING_STATES, np.random.default_rng(seed)))
     return column_scales(
         np.linalg.norm(E, axis=0),
@@ -134,7 +134,7 @@ class NumericalRank:
 
     @classmethod
     def from_singular_values(cls, singular_values: ArrayLike) -> NumericalRank:
-        """Rank at the largest gap of descending singular values (n,), floored at 1e-15 of the first."""
+        """Rank at the largest gap of singular values (n,), floored at 1e-15 of the first."""
         values = np.asarray(singular_values, dtype=np.float64)
         if values.max(initial=0.0) <= ZERO_MATRIX_TOLERANCE:
             return cls(0, 1.0 / SINGULAR_VALUE_FLOOR, 1.0)
@@ -146,7 +146,7 @@ class NumericalRank:
 
 @dataclass(frozen=True, eq=False)
 class ScaledRegressor:
-    """Regressor of energies or torques with comparable columns, by its triangular factor."""
+    """Scaled regressor of energies or torques, by its triangular factor."""
 
     scales: Array
     triangle: Array
@@ -158,7 +158,7 @@ class ScaledRegressor:
 
     @classmethod
     def of_torques(cls, mechanism: Mechanism, rows: Array) -> ScaledRegressor:
-        """Scaled regressor of rows (m, P) of the torque regressor."""
+        """Scaled regressor of torque rows (m, P)."""
         return cls._scaled(mechanism, triangle(rows), np.square(rows).sum(axis=0))
 
     @classmethod
@@ -200,7 +200,7 @@ class ScaledRegressor:
 
 @dataclass(frozen=True, eq=False)
 class DecomposedNullSpace:
-    """Null space by singular value decomposition of a scaled regressor."""
+    """Null space by singular value decomposition of a regressor."""
 
     regressor: ScaledRegressor
     scales: Array

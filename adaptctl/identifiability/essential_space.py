@@ -32,7 +32,7 @@ CERTIFIED = ("rank_energy", "rank_doubled", "gap", "relative_smallest", "samples
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Settings of a search for the null space of a mechanism's energies, and its result, computed once."""
+    """Search for the null space of a mechanism's energies, with its result."""
 
     mechanism: Mechanism
     method: Method
@@ -43,7 +43,7 @@ class Search:
 
     @cached_property
     def inputs(self) -> list[str]:
-        """Key (seven texts) under which results are cached: hashes of description and geometry, and the settings."""
+        """Cache key: hashes of description and geometry, and the settings."""
         settings = self.method, self.near_singular, self.prove, self.samples, self.seed
         return [self.mechanism.description.sha256, self.mechanism.geometry_sha256, *map(repr, settings)]
 
@@ -109,22 +109,22 @@ class EssentialSpace:
 
     @property
     def null_space(self) -> NullSpace:
-        """Null space of the energies: its rank, scales, null vectors and regrouping."""
+        """Null space of the energies."""
         return self.search.found.null_space
 
     @property
     def proof(self) -> ExactEnergies | None:
-        """Energies on exact geometry, which give the rank a second time."""
+        """Energies on exact geometry, a second proof of the rank."""
         return self.search.found.proof
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P inertial parameters, all but friction, such as ``link3.I_xx``, in the mechanism's order."""
+        """Names of the P inertial parameters, without friction."""
         return self.mechanism.parameter_names[: self.mechanism.num_energy_parameters]
 
     @property
     def rank(self) -> int:
-        """Rank k: number of independent directions of the inertial parameters that change energies and torques."""
+        """Rank k: number of identifiable directions."""
         return self.certificate.rank
 
     @cached_property
@@ -134,22 +134,22 @@ class EssentialSpace:
 
     @cached_property
     def scaled_null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k) of the parameters divided by `scales`."""
+        """Orthonormal null vectors (P, P-k) of parameters divided by `scales`."""
         return self._null_vectors(self.null_space.null_basis, "scaled null basis")
 
     @cached_property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors V2 (P, P-k) of the parameters in SI units."""
+        """Orthonormal null vectors V2 (P, P-k) in SI units."""
         return self._null_vectors(self._bases[0], "null basis")
 
     @cached_property
     def singular_values(self) -> Array:
-        """Singular values (P,) of the energy differences H, in descending order, in J per SI unit."""
+        """Singular values (P,) of H, descending, in J per SI unit."""
         return frozen_array(singular_values(self._triangle), (len(self.parameter_names),), "singular values")
 
     @cached_property
     def basis(self) -> Array:
-        """Orthonormal right singular vectors V1 (P, k) of the k largest singular values, in their order."""
+        """Right singular vectors V1 (P, k) of the k largest singular values."""
         complement = self._bases[1]
         V1 = complement @ right_vectors(self._triangle @ complement)
         return frozen_array(V1, (len(self.parameter_names), self.rank), "basis")
@@ -161,7 +161,7 @@ class EssentialSpace:
 
     def project(self, parameters: ArrayLike) -> Array:
         """
-        Compute the essential part of inertial parameters, without their part in the null space.
+        Compute inertial parameters without their part in the null space.
 
         Parameters
         ----------
@@ -436,7 +436,7 @@ def reduce(
 
 
 def percent_errors(weights: Array) -> Array:
-    """Return the energy errors (k + 1,) in percent of the first 0, 1, ... k components with descending `weights`."""
+    """Return the energy errors (k + 1,) in percent of the first 0, 1, ... k components by descending `weights`."""
     # Summed from the smallest, so that the last ones keep their digits.
     tails = np.append(np.cumsum(weights[::-1] ** 2)[::-1], 0.0)
     if tails[0] == 0.0:

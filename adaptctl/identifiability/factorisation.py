@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def triangle(matrix: Array) -> Array:
-    """Triangular factor R (n, n) of a tall matrix, whose decomposition takes a tenth of the time."""
+    """Triangular factor R (n, n) of a tall matrix."""
     if matrix.shape[0] <= matrix.shape[1]:
         return matrix
     with one_thread():
@@ -26,21 +26,21 @@ def triangle(matrix: Array) -> Array:
 
 
 def singular_values(matrix: Array) -> Array:
-    """Singular values (n,) of a matrix (m, n) in descending order, zeros at the end where m is below n."""
+    """Singular values (n,) of a matrix (m, n), descending, zeros at the end if m is below n."""
     with one_thread():
         values = np.linalg.svd(triangle(matrix), compute_uv=False)
     return np.pad(values, (0, matrix.shape[1] - len(values)))
 
 
 def right_vectors(matrix: Array) -> Array:
-    """Orthonormal right singular vectors (n, n) of a matrix (m, n), in columns."""
+    """Orthonormal right singular vectors (n, n), in columns."""
     with one_thread():
         return np.asarray(np.linalg.svd(triangle(matrix))[2].T, dtype=np.float64)
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Run NumPy's linear algebra in one thread, in the whole process, until the context ends."""
+    """Context with NumPy's linear algebra in one thread, in the whole process."""
     libraries = _libraries()
     with libraries.turn, libraries.controller.limit(limits=1, user_api="blas"):
         yield

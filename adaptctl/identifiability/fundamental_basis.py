@@ -1,4 +1,4 @@
-"""Fundamental basis: the inertial parameters that are kept, those regrouped onto them, and its file."""
+"""Base parameters, the regrouping of the others, and its file."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ MAX_BYTES, MAX_PARAMETERS = 8 * 2**20, 4_000
 
 
 class Robot(msgspec.Struct, forbid_unknown_fields=True):
-    """Mechanism of a saved basis: its name, and the hash of all data that decide the basis."""
+    """Mechanism of a saved basis: its name, and the hash of its geometry."""
 
     name: str
     geometry_sha256: str
 
 
 class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
-    """Content of a basis file (JSON): names, scales, and the removed parameters' coefficients by kept parameter."""
+    """Content of a basis file (JSON)."""
 
     schema: Literal["adaptctl/fundamental-basis/1"]
     robot: Robot
@@ -58,18 +58,18 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
         return content
 
     def write(self, path: str | Path) -> None:
-        """Write the content to a file, whole or not at all."""
+        """Write the content to a file, atomically."""
         write_json(path, self)
 
     @property
     def columns(self) -> tuple[int, ...]:
-        """Indices (k,) of the kept parameters, in the order of `regrouping`."""
+        """Indices (k,) of the kept parameters."""
         place = {name: i for i, name in enumerate(self.parameters)}
         return tuple(place[name] for name in self.regrouping)
 
     @property
     def matrix(self) -> Array:
-        """Regrouping matrix K (k, P) in SI units, rows in the order of `regrouping`."""
+        """Regrouping matrix K (k, P) in SI units."""
         place = {name: i for i, name in enumerate(self.parameters)}
         K = np.zeros((len(self.regrouping), len(place)))
         for i, (kept, row) in enumerate(self.regrouping.items()):
@@ -79,7 +79,7 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
 
     @staticmethod
     def rows(matrix: Array, columns: tuple[int, ...], names: tuple[str, ...]) -> dict[str, dict[str, float]]:
-        """Return the entry `regrouping` for a matrix K (k, P), without zeros."""
+        """Return the entry `regrouping` for K (k, P), without zeros."""
         pairs = zip(columns, matrix, strict=True)
         return {names[i]: {names[j]: float(row[j]) for j in np.flatnonzero(row) if j != i} for i, row in pairs}
 
@@ -183,18 +183,18 @@ class FundamentalBasis:
 
     @cached_property
     def condition(self) -> float:
-        """Condition number of the removed parameters' rows of the null vectors in SI units."""
+        """Condition number of the removed parameters' rows of the null vectors, SI."""
         return condition(np.delete(self.regrouping, self.columns, axis=1))
 
     @cached_property
     def scaled_condition(self) -> float:
-        """Condition number of the same rows of the null vectors over `scales`, which does not depend on units."""
+        """Unit-free condition number: the same rows over `scales`."""
         scaled = self.regrouping * self.scales / self.scales[list(self.columns), None]
         return condition(np.delete(scaled, self.columns, axis=1))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the k kept parameters, such as ``link2.mc_x``, in the order of the fundamental parameters."""
+        """Names of the k kept parameters, such as ``link2.mc_x``."""
         return tuple(self.parameter_names[j] for j in self.columns)
 
     def fundamental_parameters(self, parameters: ArrayLike) -> Array:
@@ -241,7 +241,7 @@ class FundamentalBasis:
 
     def save(self, path: str | Path) -> None:
         """
-        Write the basis to a JSON file, whole or not at all.
+        Write the basis to a JSON file, atomically.
 
         Parameters
         ----------
@@ -308,7 +308,7 @@ def fundamental_basis(
     space: EssentialSpace, priority: Priority | None = None, *, tolerance: float = TOLERANCE, prove: bool = False
 ) -> FundamentalBasis:
     """
-    Choose the inertial parameters that are kept, and regroup the others onto them.
+    Choose the base parameters, and regroup the others onto them.
 
     Parameters
     ----------
@@ -358,7 +358,7 @@ def fundamental_basis(
 
 
 class Chosen(NamedTuple):
-    """Cached choice of a basis, as lists: kept indices, regrouping (k, P) in SI units, scales (P,)."""
+    """Cached choice of a basis, as lists."""
 
     columns: tuple[int, ...]
     regrouping: list[list[float]]

@@ -47,7 +47,7 @@ def twist_entries(matrices: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class JointFrames:
-    """Joint frames of a tree, lengths in units of its characteristic length."""
+    """Joint frames of a tree, lengths over its characteristic length."""
 
     length: float
     parents: tuple[int, ...]
@@ -86,18 +86,18 @@ def _matrices(poses: list[tuple[Array, Array]], length: float) -> Array:
 
 
 def functionals(matrices: Array) -> Array:
-    """Coefficients (..., 10) of the linear functionals <M, J> of a body's ten parameters, M (..., 4, 4)."""
+    """Coefficients (..., 10) of functionals <M, J> of a body's parameters, M (..., 4, 4)."""
     return matrices.reshape(*matrices.shape[:-2], 16) @ UNIT_PSEUDO_INERTIAS.reshape(10, 16).T
 
 
 def frame_changes(frames: Array) -> Array:
-    """Matrices (..., 10, 10) that map a body's ten parameters in a frame B to those in a frame A."""
+    """Matrices (..., 10, 10) from a body's parameters in frame B to those in A."""
     G = frames[..., None, :, :]
     return _tens(G @ UNIT_PSEUDO_INERTIAS @ G.mT)
 
 
 def frame_change_rates(twists: Array) -> Array:
-    """Rates (..., 10, 10) of a body's ten parameters in a fixed frame as it begins to move by twists."""
+    """Rates (..., 10, 10) of a body's parameters in a fixed frame under twists."""
     moved = twists[..., None, :, :] @ UNIT_PSEUDO_INERTIAS
     return _tens(moved + moved.mT)
 
@@ -107,7 +107,7 @@ def _tens(matrices: Array) -> Array:
 
 
 class LinkParameters(NamedTuple):
-    """Indices (n,) of parameters, and the bodies (11, n) that a unit of each is."""
+    """Indices (n,) of parameters, and unit bodies (11, n)."""
 
     indices: NDArray[np.int64]
     bodies: Array
@@ -115,7 +115,7 @@ class LinkParameters(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class InertialTransfers:
-    """Observable functionals and unobservable bodies at every joint of a tree, and links' own parameters."""
+    """Observable functionals and unobservable bodies at every joint of a tree."""
 
     frames: JointFrames
     own: tuple[LinkParameters, ...]
@@ -129,14 +129,14 @@ class InertialTransfers:
         return self.frames.parents
 
     def passed_to_parent(self, i: int, bodies: Array) -> Array:
-        """Bodies (11, n) on a joint's link, moved to the parent link at joint position zero."""
+        """Bodies (11, n) of a joint's link, in the parent link at position zero."""
         out = np.zeros_like(bodies)
         out[:10] = self.to_parent[i] @ bodies[:10]
         return out
 
     @property
     def nullity(self) -> int:
-        """Number of independent combinations of parameters that change no energy."""
+        """Number of unobservable combinations of parameters."""
         count = 0
         passed: list[list[Array]] = [[] for _ in self.parents]
         for i in reversed(range(len(self.parents))):
@@ -157,7 +157,7 @@ class InertialTransfers:
 
 
 def inertial_transfers(mechanism: Mechanism) -> InertialTransfers:
-    """Inertial transfers of a tree, from its geometry and gravity's direction alone."""
+    """Inertial transfers of a tree, from geometry and gravity's direction."""
     frames = JointFrames.of(mechanism)
     rates = frame_change_rates(twist_matrices(frames.twists))
     across = frame_changes(frames.near)
@@ -177,7 +177,6 @@ def inertial_transfers(mechanism: Mechanism) -> InertialTransfers:
 
 
 def _functionals_at_zero(frames: JointFrames, across: Array, rates: Array) -> Array:
-    """Functionals (N, 17, 10) that energies depend on at q = 0, in each joint's frame: S'S, the <X'S, .>, the f'A."""
     S, near = twist_matrices(frames.twists), frames.near
     units = twist_matrices(np.eye(6))
     carried = twist_entries(np.linalg.inv(near)[:, None] @ units @ near[:, None])  # rows of X turn by it
@@ -190,7 +189,7 @@ def _functionals_at_zero(frames: JointFrames, across: Array, rates: Array) -> Ar
         X, f = spans[parent]
         X, f = _moved(X, carried[i]), _moved(f, across[i])
         if parent == GROUND:
-            f[:, 0] = 0.0  # A mass's potential where the tree stands is constant.
+            f[:, 0] = 0.0  # A mass's potential at the tree's base is constant.
         out[i, 1 : 1 + len(X)] = X @ pairing[i]
         out[i, 7 : 7 + len(f)] = f @ rates[i]
         spans[i] = (_grown(X, frames.twists[i][None], bracket[i]), _grown(f, out[i], rates[i]))
@@ -198,12 +197,10 @@ def _functionals_at_zero(frames: JointFrames, across: Array, rates: Array) -> Ar
 
 
 def _moved(space: Array, matrix: Array) -> Array:
-    """Basis (r, n) of a space after an invertible change of frame."""
     return space if len(space) == len(matrix) else space @ matrix
 
 
 def _grown(space: Array, more: Array, generator: Array) -> Array:
-    """Basis of the least space that holds a space, more rows, and the products of its rows with the generator."""
     if len(space) == len(generator):
         return space
     return _row_space(_repeated(np.vstack([space, more]), generator, GENERATOR_POWERS))
@@ -216,7 +213,6 @@ def _row_space(rows: Array) -> Array:
 
 
 def _repeated(rows: Array, generator: Array, times: int) -> Array:
-    """Rows (..., m, n) and their products with powers of the generator, one below the other (..., times m, n)."""
     blocks = [rows]
     for _ in range(times - 1):
         blocks.append(blocks[-1] @ generator)

@@ -157,7 +157,7 @@ class Priority:
 
 
 def or_default(priority: Priority | None) -> Priority:
-    """Return the given priority, or one that names no parameter for None."""
+    """The given priority, or an empty one for None."""
     if not isinstance(priority, Priority | None):
         raise InputError(f"priority: expected a Priority or None, got {printable(repr(priority))}")
     return Priority() if priority is None else priority
@@ -256,7 +256,7 @@ def _validate_once(given: Sequence[str], what: str) -> None:
 
 
 def suggestion(name: str, known: Sequence[str]) -> str:
-    """Return a hint for an unknown name: the nearest known one, or the list of them."""
+    """Return a hint for an unknown name: the closest known one, or a list."""
     from difflib import get_close_matches  # here, since only errors need it
 
     close = get_close_matches(name, known, n=1)

@@ -32,7 +32,7 @@ ENERGY_TOLERANCE, ROUND_OFF_FLOOR = 1e-4, 1e-8
 @dataclass(frozen=True, eq=False)
 class ReducedModel(Keyed):
     r"""
-    Equations of motion of a mechanism in its k fundamental parameters and friction.
+    Equations of motion in the k base parameters and friction.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class ReducedModel(Keyed):
 
     @cached_property
     def columns(self) -> tuple[int, ...]:
-        """Indices (k,) of the kept parameters among all P, ascending: the basis's, and all friction."""
+        """Indices (k,) of the kept parameters among all P, ascending."""
         everything = range(len(self.mechanism.parameter_names))
         if self.basis is None:
             return tuple(everything)
@@ -114,12 +114,12 @@ class ReducedModel(Keyed):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the k kept parameters, such as ``link2.mc_x``: inertial ones, then friction's."""
+        """Names of the k kept parameters, inertial ones first."""
         return tuple(self.mechanism.parameter_names[j] for j in self.columns)
 
     @cached_property
     def regrouping(self) -> Array:
-        """Regrouping matrix K (k, P) in SI units: fundamental parameters are K times all P."""
+        """Regrouping matrix K (k, P) in SI units."""
         P, energetic = len(self.mechanism.parameter_names), self.mechanism.num_energy_parameters
         K = np.eye(P)[list(self.columns)]
         if self.basis is not None:
@@ -128,14 +128,14 @@ class ReducedModel(Keyed):
 
     @cached_property
     def fundamental_parameters(self) -> Array:
-        """The mechanism's own fundamental parameters (k,) in SI units, in the order of `names`."""
+        """The mechanism's own base parameters (k,) in SI units."""
         return frozen_array(
             self.regrouping @ self.mechanism.inertial_parameters, (len(self.columns),), "fundamental parameters"
         )
 
     def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
         """
-        Compute the torque regressor, which gives torques when multiplied by the fundamental parameters.
+        Compute the torque regressor of the base parameters.
 
         Parameters
         ----------
@@ -211,7 +211,7 @@ class ReducedModel(Keyed):
         self, p: ArrayLike, v: ArrayLike, a: ArrayLike, beta: ArrayLike | None = None, out: Array | None = None
     ) -> Array:
         """
-        Compute the torques that give accelerations, with gravity and friction.
+        Compute the torques of a motion, with gravity and friction.
 
         Parameters
         ----------
@@ -260,7 +260,7 @@ class ReducedModel(Keyed):
 
     def embed(self, beta: ArrayLike) -> Array:
         """
-        Return full parameters that have the same torques as fundamental ones.
+        Return full parameters with the same torques as base parameters.
 
         Parameters
         ----------
@@ -305,7 +305,7 @@ def _keeps_energies(mechanism: Mechanism, basis: FundamentalBasis) -> bool:
 
 
 def validate_energies(mechanism: Mechanism, basis: FundamentalBasis) -> None:
-    """Raise `InputError` unless a basis reproduces the mechanism's energies within about 1e-4 (H = H[:, columns] K)."""
+    """Raise `InputError` if a basis does not reproduce the mechanism's energies to 1e-4."""
     # A saved basis is data from a file: with a wrong coefficient, a controller would apply wrong torques.
     from adaptctl.identifiability.energy_matrix import energy_differences  # as no saved result needs it
 

@@ -1,4 +1,4 @@
-"""Regrouping: parameters kept and removed by independent rows of the null vectors (modified Gram-Schmidt)."""
+"""Regrouping of parameters by independent rows of the null vectors."""
 
 from __future__ import annotations
 
@@ -37,21 +37,21 @@ EQUAL_COEFFICIENT_TOLERANCE = 1e-9
 
 
 def validate_tolerance(tolerance: float, parameters: int) -> None:
-    """Raise `InputError` unless a tolerance is above 0 and below 1/sqrt(P)."""
+    """Raise `InputError` unless 0 < tolerance < 1/sqrt(P)."""
     most = 1.0 / np.sqrt(max(parameters, 1))
     if not 0.0 < real_number(tolerance, "tolerance") < most:
         raise InputError(f"tolerance: expected a number between 0 and {most:.2g}, got {tolerance:g}")
 
 
 def removable(null_basis: Array, order: Iterable[int], tolerance: float) -> tuple[int, ...]:
-    """Indices (P-k,) of the parameters to remove, in their order."""
+    """Indices (P-k,) of the parameters to remove."""
     return removed_and_passed_over(null_basis, order, tolerance)[0]
 
 
 def removed_and_passed_over(
     null_basis: Array, order: Iterable[int], tolerance: float
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Indices of the parameters to remove, and of those that removed ones determine within the tolerance."""
+    """Indices of the parameters to remove, and of those dependent on them within the tolerance."""
     rows, needed = null_basis.shape
     validate_tolerance(tolerance, rows)
     left, directions, taken, passed = null_basis.copy(), np.zeros((0, needed)), list[int](), list[int]()
@@ -71,7 +71,7 @@ def removed_and_passed_over(
 
 
 def independent_columns(columns: Array, tolerance: float, negligible: float) -> tuple[list[int], Array]:
-    """Indices (c,) of independent columns of (r, n), in their order, and their orthonormal directions (c, r)."""
+    """Indices (c,) of independent columns of (r, n), and their orthonormal directions (c, r)."""
     left, taken = columns.T.copy(), list[int]()
     directions = np.empty((min(columns.shape), len(columns)))
     for k in range(len(directions)):
@@ -90,7 +90,7 @@ def independent_columns(columns: Array, tolerance: float, negligible: float) -> 
 
 @dataclass(frozen=True, eq=False)
 class Regrouping:
-    """Kept and removed parameters, and the coefficients (k, P-k) by which scaled removed ones are added."""
+    """Kept and removed parameters, with regrouping coefficients (k, P-k)."""
 
     kept: tuple[int, ...]
     removed: tuple[int, ...]
@@ -101,7 +101,7 @@ class Regrouping:
 
     @cached_property
     def condition(self) -> float:
-        """Condition number of the removed parameters' rows of the null vectors."""
+        """Condition number of the removed parameters' null vector rows."""
         return condition(self.coefficients)
 
     @property
@@ -116,7 +116,7 @@ class Regrouping:
         return float(np.sqrt(1.0 + sizes.sum(axis=0).max(initial=0.0) * sizes.sum(axis=1).max(initial=0.0)))
 
     def leaves_more_than(self, tolerance: float, order: Sequence[int]) -> bool:
-        """True if choices by null vectors with this tolerance would remove the same parameters."""
+        """True if null vectors at this tolerance remove the same parameters."""
         if self.bound * tolerance < 1.0 or self.bound > MAX_CONDITION_BOUND:
             return self.bound * tolerance < 1.0
         places = {parameter: place for place, parameter in enumerate(order)}
@@ -140,7 +140,7 @@ class Regrouping:
 
 
 def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -> Regrouping:
-    """Regrouping that removes parameters in an order, by their rows of the null vectors."""
+    """Regrouping in an order, by rows of the null vectors."""
     gone, passed_over = removed_and_passed_over(null_basis, order, tolerance)
     kept, removed = sorted(set(order) - set(gone)), list(gone)
     coefficients = np.asarray(-np.linalg.solve(null_basis[removed].T, null_basis[kept].T).T, dtype=np.float64)
@@ -148,7 +148,7 @@ def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -
 
 
 def condition(coefficients: Array) -> float:
-    """Condition number of the removed rows of null vectors, from coefficients (k, n)."""
+    """Condition number of the removed rows, from coefficients (k, n)."""
     k, n = coefficients.shape
     if n == 0:
         return 1.0
@@ -158,7 +158,7 @@ def condition(coefficients: Array) -> float:
 
 
 def regrouping_equations(regrouping: Array, columns: Sequence[int], names: Sequence[str]) -> tuple[str, ...]:
-    """Regrouping equations as texts, such as ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``."""
+    """Regrouping equations, such as ``link2.mc_x* = link2.mc_x + 0.4318 (link3.m + link4.m)``."""
     return tuple(_equation(row, column, names) for row, column in zip(regrouping, columns, strict=True))
 
 
@@ -185,7 +185,6 @@ def _alike(a: float, b: float) -> bool:
 
 
 def _group(row: Array, group: Sequence[int], names: Sequence[str]) -> str:
-    """A group such as ``- 0.5 (a - b)``: the first sign outside, the others within."""
     first = row[group[0]]
     if _alike(first, 1.0):
         return " ".join(f"{_sign(row[j])} {names[j]}" for j in group)
@@ -198,11 +197,11 @@ def _sign(x: float) -> str:
 
 
 class NullSpace(Protocol):
-    """Protocol of a null space: directions of inertial parameters that change no energy."""
+    """Protocol of a null space of energies."""
 
     @property
     def scales(self) -> Array:
-        """Scales (P,) in SI units per J that make parameters comparable."""
+        """Scales (P,) in SI units per J."""
 
     @property
     def rank(self) -> int:
@@ -217,7 +216,7 @@ class NullSpace(Protocol):
 
 
 def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Array]:
-    """Orthonormal bases of the null space (P, P-k) and its complement (P, k) in SI units."""
+    """Orthonormal bases of the null space (P, P-k) and its complement (P, k), SI."""
     if scaled_null_basis.shape[1] == 0:
         return scaled_null_basis, np.eye(len(scales))
     vectors = scaled_null_basis * scales[:, None]
@@ -232,7 +231,7 @@ def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Arra
 
 
 def null_residual(regressor: Array, null_basis: Array, scales: Array) -> float:
-    """Largest torque of a null vector over the largest that a vector of its size could make."""
+    """Largest torque of a null vector, relative to the largest of a vector of its size."""
     if null_basis.shape[1] == 0 or not regressor.any():
         return 0.0
     largest = np.abs(regressor * scales).max() * np.abs(null_basis / scales[:, None]).max(axis=0)

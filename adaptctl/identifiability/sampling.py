@@ -1,4 +1,4 @@
-"""Random states of a mechanism, which tell generic properties from those of one configuration."""
+"""Random states of a mechanism."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ MAX_STATES_AT_ONCE = 4096
 
 
 def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.random.Generator) -> Array:
-    """Return positions (n, r) on the assembly branch of the reference configuration, from random offsets (n, r)."""
+    """Return positions (n, r) on the reference's assembly branch, from random offsets (n, r)."""
     continuation = mechanism.continuation
     if continuation is None:
         return positions
@@ -49,7 +49,7 @@ def positions_on_branch(mechanism: Mechanism, positions: Array, generator: np.ra
 
 
 def reachable_positions(mechanism: Mechanism, samples: int, draw: Callable[[int], Array]) -> Array:
-    """Return the first `samples` positions (samples, r) from `draw` at which closed loops can be closed."""
+    """Return the first `samples` positions (samples, r) from `draw` that close all loops."""
     continuation = mechanism.continuation
     if continuation is None:
         return draw(samples)
@@ -81,7 +81,6 @@ def _within_limits(mechanism: Mechanism, p: Array) -> Array:
 
 
 def _within_conditions(mechanism: Mechanism, start: Array, wanted: Array) -> Array:
-    """Fractions (m,) of the straight lines along which the mechanism's conditions hold."""
     description = mechanism.description
     if not description.within_conditions(start):
         raise InputError(
@@ -96,7 +95,7 @@ def _within_conditions(mechanism: Mechanism, start: Array, wanted: Array) -> Arr
 @dataclass(frozen=True, eq=False)
 class States:
     """
-    Positions and velocities of a mechanism's r primary (independent) joints.
+    Positions and velocities of the r primary joints.
 
     Parameters
     ----------
@@ -228,14 +227,14 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
 
 
 def whereabouts(mechanism: Mechanism) -> str:
-    """Return the region, in words, from which random states are drawn."""
+    """Return the description of the region of random states."""
     return "over the full circle" if mechanism.description.loops is None else "on the branch of the reference"
 
 
 def random_halves(
     mechanism: Mechanism, samples: int, generator: np.random.Generator
 ) -> tuple[Iterable[States], Iterable[States]]:
-    """Return two sets of random states, `samples` in each, drawn in blocks as they are used, the first first."""
+    """Return two sets of `samples` random states each, drawn in blocks."""
     samples = whole_number(samples, "samples", 2, sys.maxsize)
     if 2 * samples > MAX_STATES_AT_ONCE:
         return _blocks(mechanism, samples, generator), _blocks(mechanism, samples, generator)
@@ -255,7 +254,7 @@ def _spans(count: int, most: int) -> Iterator[tuple[int, int]]:
 
 
 def random_accelerations(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> Array:
-    """Draw normal accelerations (samples, r) of standard deviation g/L, to go with `random_states`."""
+    """Draw normal accelerations (samples, r) of standard deviation g/L."""
     per_joint = np.where(_turns(mechanism), 1.0, characteristic_length(mechanism))
     return generator.normal(size=(samples, mechanism.dof)) * characteristic_rate(mechanism) ** 2 * per_joint
 
@@ -328,6 +327,6 @@ def _turns(mechanism: Mechanism) -> Array:
 
 
 def characteristic_rate(mechanism: Mechanism) -> float:
-    """Return the rate sqrt(g/L) in 1/s at which kinetic and potential energy are of similar size."""
+    """Return the rate sqrt(g/L) in 1/s of similar kinetic and potential energy."""
     gravity = float(np.linalg.norm(mechanism.description.gravity)) or float(np.linalg.norm(STANDARD_GRAVITY))
     return float(np.sqrt(gravity / characteristic_length(mechanism)))

@@ -1,4 +1,4 @@
-"""Null space of a tree's energies from its inertial transfers, regrouped from the leaves and verified."""
+"""Null space of a tree's energies from its inertial transfers."""
 
 from __future__ import annotations
 
@@ -51,8 +51,6 @@ MAX_PASSED_UNCHANGED = 6
 
 
 class _LinkSelection(NamedTuple):
-    """Selection at a link: kept, dependent and represented parameters with their coefficients."""
-
     kept: Indices
     dependent: Indices
     # Coefficients (kept, dependent) of the dependent parameters' observable parts on the kept ones.
@@ -66,7 +64,7 @@ class _LinkSelection(NamedTuple):
 
 
 def tree_regrouping(transfers: InertialTransfers, order: Sequence[int], tolerance: float) -> Regrouping:
-    """Regrouping of a tree in an order (P,), link by link from the leaves."""
+    """Regrouping of a tree in an order (P,), from the leaves."""
     # At each link, its own parameters and those passed from its children are bodies d (11,). Energies depend on F d,
     # so as many stay as F d has independent columns, from the end of the order; the remainder of each other one,
     # unobservable here, is passed to the parent. What a subtree keeps is kept for good: rows that determine a parameter
@@ -102,7 +100,6 @@ def _selected(
 
 
 def _chosen(columns: Array, importance: Array, tolerance: float) -> tuple[Indices, Indices, Array]:
-    """Most important independent columns of (r, n), the others, and c in others = chosen @ c."""
     order = np.argsort(-importance)
     columns = columns[:, order]
     taken, directions = independent_columns(columns, tolerance, RANK_TOLERANCE)
@@ -113,7 +110,6 @@ def _chosen(columns: Array, importance: Array, tolerance: float) -> tuple[Indice
 
 
 def _collected(selections: Sequence[_LinkSelection], parameters: int) -> Regrouping:
-    """Regrouping from the selections at all links, leaves first, substituted from the root to the leaves."""
     order = np.concatenate([selection.kept for selection in selections])
     row = np.full(parameters, -1)
     row[order] = np.arange(len(order))
@@ -135,7 +131,7 @@ def _collected(selections: Sequence[_LinkSelection], parameters: int) -> Regroup
 
 @dataclass(frozen=True, eq=False)
 class TreeNullSpace:
-    """Null space of a tree's energies, found joint by joint in time that grows with the number of links."""
+    """Null space of a tree's energies, found joint by joint in linear time."""
 
     mechanism: Mechanism
     transfers: InertialTransfers
@@ -153,7 +149,7 @@ class TreeNullSpace:
 
     @cached_property
     def scales(self) -> Array:
-        """Scales (P,) in SI units per J, by energies at 46 random states."""
+        """Scales (P,) in SI units per J."""
         return energy_scales(self.mechanism, self.seed)
 
     @cached_property
@@ -183,7 +179,7 @@ class TreeNullSpace:
 
 @dataclass(frozen=True, eq=False)
 class TransferEvidence:
-    """Singular values of energy changes at each joint, sampled, against the rank by geometry."""
+    """Sampled singular values of energy changes at each joint, with the ranks by geometry."""
 
     surplus: int
     gap: float
@@ -195,7 +191,7 @@ class TransferEvidence:
 
 
 def energy_changes(mechanism: Mechanism, found: InertialTransfers, states: States) -> Array:
-    """Energy changes (N, samples, 11) in J per kg as a body is moved from each joint's link to its parent."""
+    """Energy changes (N, samples, 11) in J per kg of bodies moved from each joint's link to its parent."""
     energies = _energies(mechanism, found.frames.length, states) @ frame_changes(
         np.asarray(np.linalg.inv(found.frames.far), dtype=np.float64)
     )
@@ -210,7 +206,7 @@ def energy_changes(mechanism: Mechanism, found: InertialTransfers, states: State
 
 
 def transfer_evidence(found: InertialTransfers, changes: Array) -> TransferEvidence:
-    """Evidence for a tree's rank by energy changes (N, samples, 11)."""
+    """Evidence for a tree's rank, by energy changes (N, samples, 11)."""
     norms = np.linalg.norm(changes, axis=1, keepdims=True)
     scales = 1.0 / np.maximum(norms, MIN_NORM_RATIO * norms.max(axis=2, keepdims=True))
     values = np.linalg.svd(changes * scales, compute_uv=False)

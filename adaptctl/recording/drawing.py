@@ -64,7 +64,7 @@ LIMIT = Color(205, 208, 214)
 TRUTH = INK
 # The arm's links.
 BODY = Color(226, 230, 238)
-# Colour of what stands still.
+# Colour of fixed links.
 BASE = Color(96, 104, 120)
 
 

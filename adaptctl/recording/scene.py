@@ -91,7 +91,7 @@ def log_base(
     if own := _log_visuals(recording, f"{WORLD}/{name}", shown.get(GROUND, ()), BASE, False):
         lowest = min(float(visual.pose.translation[2]) for visual, _ in own)
         feet[:, 2] = np.minimum(feet[:, 2], max(lowest, floor))
-    feet = feet[_stands(mechanism, feet, 2.2 * radius)]
+    feet = feet[_may_have_pedestal(mechanism, feet, 2.2 * radius)]
     if not len(feet):
         return
     heights = feet[:, 2] - floor
@@ -107,9 +107,9 @@ def log_base(
     recording.log(f"{WORLD}/{name}", pedestal, static=True)
 
 
-def _stands(mechanism: Mechanism, feet: Array, radius: float) -> NDArray[np.bool_]:
+def _may_have_pedestal(mechanism: Mechanism, feet: Array, radius: float) -> NDArray[np.bool_]:
     """Mask (n,) of the feet that a pedestal may be under: none of a body that hangs."""
-    if mechanism.description.loops is not None:  # linkages stand, and may not close with all joints at zero
+    if mechanism.description.loops is not None:  # loops may not close with all joints at zero
         return np.ones(len(feet), dtype=np.bool_)
     origins = link_poses(mechanism, np.zeros(len(mechanism.primary_joints))).translations
     apart = np.linalg.norm(origins[None, :, :2] - feet[:, None, :2], axis=-1)

@@ -1,7 +1,7 @@
 """Adaptive control of a Franka arm at 1 kHz by pylibfranka, whose robot wants a torque each millisecond.
 
 The robot adds gravity compensation to what it is told, so the model here has no gravity. The reference fades in from
-where the arm stands, and the torque from zero, which is what it has then.
+the arm's position, and the torque from zero, which is what it has then.
 
     python franka_loop.py ADDRESS [--any-kernel]
 
@@ -23,7 +23,7 @@ PERIOD = 1e-3
 RATE = 950.0
 """N m/s: the robot stops at a change of torque by 1000"""
 LEAD_IN = 5.0
-"""s from where the arm stands to the reference"""
+"""s from the arm's position to the reference"""
 
 
 def control(

@@ -1,6 +1,6 @@
 """A ROS 2 node: joint states in, efforts out, for a forward_command_controller of effort interfaces.
 
-The reference fades in from where the arm stands; the law starts from the file's parameters, since the arm must be held
+The reference fades in from the arm's position; the law starts from the file's parameters, since the arm must be held
 against gravity from the first effort on.
 """
 
@@ -20,7 +20,7 @@ PERIOD = 0.002
 STALE = 0.05
 """s without joint states after which no effort is sent"""
 LEAD_IN = 5.0
-"""s from where the arm stands to the reference"""
+"""s from the arm's position to the reference"""
 
 
 class Tracking:
@@ -33,7 +33,9 @@ class Tracking:
         self.measured: tuple[float, Any, Any] | None = None
         self.started = 0.0
 
-    def heard(self, now: float, names: Sequence[str], positions: Sequence[float], velocities: Sequence[float]) -> None:
+    def receive(
+        self, now: float, names: Sequence[str], positions: Sequence[float], velocities: Sequence[float]
+    ) -> None:
         """Joint states, in whatever order their message has them; a message without all of ours is another's."""
         said = dict(zip(names, zip(positions, velocities, strict=False), strict=False))
         if all(joint in said and np.isfinite(said[joint]).all() for joint in self.joints):
@@ -41,7 +43,7 @@ class Tracking:
             self.measured = now, p, v
 
     def efforts(self, now: float) -> list[float] | None:
-        """The efforts of this period; None where nothing was heard for too long, after which it begins anew."""
+        """The efforts of this period; None without a recent message, after which it restarts."""
         if self.measured is None or now - self.measured[0] > STALE:
             self.state = None
             return None
@@ -82,7 +84,7 @@ def main(urdf: str) -> None:
             out.publish(Float64MultiArray(data=efforts))
 
     node.create_subscription(
-        JointState, "/joint_states", lambda m: tracking.heard(now(), list(m.name), m.position, m.velocity), 1
+        JointState, "/joint_states", lambda m: tracking.receive(now(), list(m.name), m.position, m.velocity), 1
     )
     node.create_timer(PERIOD, act)
     rclpy.spin(node)

@@ -1,7 +1,7 @@
 """Adaptive control of a UR arm by ur_rtde at 500 Hz.
 
 The arm's own controller adds gravity and friction compensation to direct torques, so the model here has no gravity. The
-reference fades in from where the arm stands.
+reference fades in from the arm's position.
 
 Run it on a stand-alone arm with a hand on the emergency stop, at low gains first.
 """
@@ -20,7 +20,7 @@ from adaptctl.control import FadeIn, SafetyFilter
 
 PERIOD = 1 / 500
 LEAD_IN = 5.0
-"""s from where the arm stands to the reference"""
+"""s from the arm's position to the reference"""
 LATE = 5
 """periods in a row that may come late before the loop gives up"""
 

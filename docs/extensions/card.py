@@ -41,7 +41,7 @@ def in_markdown(text: str) -> Iterator[str]:
 
 
 class Card(SphinxDirective):
-    """Put a docstring, its headings one level below the page's, where the directive stands."""
+    """Put a docstring, its headings one level below the page's, at the directive."""
 
     required_arguments = 1
 

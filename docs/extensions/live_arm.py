@@ -27,7 +27,7 @@ def live_section() -> str:
 
 
 class LiveArmDirective(SphinxDirective):
-    """Put the arm where the directive stands, in HTML."""
+    """Put the arm at the directive, in HTML."""
 
     def run(self) -> list[nodes.Node]:
         """The section with all that it needs."""

@@ -37,7 +37,7 @@ def directive(thing: Any) -> str:
 
 
 class Offered(SphinxDirective):
-    """Put autodoc's directives where this one stands."""
+    """Put autodoc's directives at this one."""
 
     required_arguments = 1
     option_spec: ClassVar[dict[str, Any]] = {"made-in": str, "not-made-in": str}

@@ -15,7 +15,7 @@ from adaptctl.recording.drawing import INK, MUTED, PAPER, run_color
 
 ROBOT = Path(__file__).resolve().parents[1] / "examples" / "two_link.toml"
 PERIOD, DURATION, FRAMES, STILL = 1e-3, 6.0, 72, 44
-"""s of a torque and of the picture, how many poses of it are kept, and which of them stands where nothing may move"""
+"""s of a torque and of the picture, how many poses of it are kept, and which of them is shown where nothing may move"""
 HANGING, SWING, TURNS = np.array([-np.pi / 2, 0.0]), np.array([0.7, 0.9]), np.array([2, 3])
 """rad, rad, and how often each joint swings in the picture"""
 PANEL, HEIGHT, BASE, METRE = 240, 320, 112, 225.0

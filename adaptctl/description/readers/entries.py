@@ -53,7 +53,7 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     def pose(self) -> Pose:
         """Pose in m from the properties `position` and `rpy` or `rpy_deg`."""
         if self.rpy is not None and self.rpy_deg is not None:
-            raise InputError("rpy is given twice: keep rpy (rad) or rpy_deg")
+            raise InputError("rpy is given twice: give either rpy (rad) or rpy_deg")
         degrees = [math.radians(angle) for angle in self.rpy_deg or (0.0, 0.0, 0.0)]
         return Pose(roll_pitch_yaw(self.rpy or degrees), np.array(self.position))
 
@@ -128,15 +128,15 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
             raise InputError(f"mass must not be negative, got {self.mass}")
         given = [self.first_moment or (), *(t.matrix() for t in (self.inertia, self.inertia_at_center) if t)]
         if self.mass == 0.0 and any(np.any(numbers) for numbers in given):
-            raise InputError("inertia without mass: give the mass that has it, or leave all of it out")
+            raise InputError("inertia without mass: give the mass, or remove the inertia")
 
     def _range(self) -> tuple[float, float]:
         bounds = (self.lower, self.upper)
         given = [range for range in (self.range, self.range_deg, bounds) if range not in (None, (None, None))]
         if len(given) > 1:
-            raise InputError("the range is given twice: keep range (rad or m), range_deg, or lower and upper")
+            raise InputError("the range is given twice: give one of range (rad or m), range_deg, or lower and upper")
         if given and self.type == "continuous":
-            raise InputError("a continuous joint has no range: leave it out or make the joint revolute")
+            raise InputError("a continuous joint has no range: remove the range, or make the joint revolute")
         if self.range_deg is None:
             lower, upper = self.range or bounds
             return _or_unlimited(lower, -math.inf), _or_unlimited(upper)
@@ -154,7 +154,7 @@ MAX_LINKS = 256
 MAX_BODIES, MAX_GEOMS = 2_000, 5_000
 """Bodies in one file, those that are fixed to others counted, and geoms."""
 MIN_SUSPECT_LIMIT, MAX_SUSPECT_LIMIT = 6.0 * math.pi, 3600.0
-"""Limits (rad) between these may be degrees: few joints turn thrice, and limits far beyond stand for none."""
+"""Limits (rad) between these may be degrees: few joints turn three times, and much larger limits mean none."""
 MAX_LISTED_NAMES = 20
 """names that a message lists"""
 MAX_FRAME_ANGLE = 2.02 * math.pi
@@ -164,20 +164,20 @@ MAX_FRAME_ANGLE = 2.02 * math.pi
 def validate_at_most(count: int, most: int, what: str) -> None:
     """Raise `InputError` if a file has too many parts of one kind."""
     if count > most:
-        raise InputError(f"{count} {what}: at most {most} are read")
+        raise InputError(f"{count} {what}, above the limit of {most}")
 
 
 def validate_mass_of_inertia(link: Link) -> Link:
     """The `link` itself, unchanged."""
     if link.inertia[0] == 0.0 and np.any(link.inertia):
-        raise InputError(f"link {link.name!r}: inertia without mass: give the mass that has it, or leave both out")
+        raise InputError(f"link {link.name!r}: inertia without mass: give the mass, or remove the inertia")
     return link
 
 
 def warn_of_weightless(path: Any, links: Sequence[Link], loops: Loops | None, stacklevel: int = 3) -> None:
     """Warn of end links of a file that move without inertia or rotor."""
     if loops is None and any(np.any(link.inertia) for link in links) and (names := weightless_ends(links)):
-        text = "links move without mass and carry none, so that no torque says how they accelerate"
+        text = "moving links without mass at the end of the chain, whose accelerations are undetermined"
         warnings.warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
 
 
@@ -185,7 +185,7 @@ def unknown_body(name: str, known: Sequence[str]) -> str:
     """Text of a message that a scene has no body of this `name`."""
     guess = suggested_name(name, known)
     listed = ", ".join(repr(other) for other in known[:MAX_LISTED_NAMES] if other)
-    return f"there is no body {printable(name)!r}{guess}; there are {listed}{', ...' * (len(known) > MAX_LISTED_NAMES)}"
+    return f"unknown body {printable(name)!r}{guess}; bodies: {listed}{', ...' * (len(known) > MAX_LISTED_NAMES)}"
 
 
 def is_more_than_a_turn(angles: Iterable[float] | float | None) -> bool:
@@ -198,7 +198,7 @@ def warn_of_degrees(path: Any, links: Sequence[Link], frames: Sequence[str], sta
     """Warn of angles read as rad that look like degrees."""
     joints = [f"limits of {link.joint.name}" for link in links if _may_be_degrees(link)]
     if names := [*joints, *frames]:
-        text = "angles are read as radians, and these look like degrees"
+        text = "angles are read in radians, but look like degrees"
         warnings.warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
 
 

@@ -183,15 +183,15 @@ def _validate_parents(entries: Sequence[TreeLink], names: Sequence[str]) -> None
         if entry.parent is not None and entry.parent not in names:
             known = ", ".join(names)
             raise NotFoundError(
-                f"$.links[{i}] ({names[i]}): there is no link {entry.parent!r} to be its parent; there are {known}; "
-                "leave parent out for the ground"
+                f"$.links[{i}] ({names[i]}): parent: unknown link {entry.parent!r}; links: {known}; remove parent "
+                "for the ground"
             )
 
 
 def _frames(entries: Sequence[NamedFrameEntry], links: Sequence[str]) -> tuple[NamedFrame, ...]:
     def frame(entry: NamedFrameEntry, place: int) -> NamedFrame:
         if entry.link is not None and entry.link not in links:
-            raise NotFoundError(f"there is no link {entry.link!r}; there are {', '.join(links)}")
+            raise NotFoundError(f"unknown link {entry.link!r}; links: {', '.join(links)}")
         link = GROUND if entry.link is None else links.index(entry.link)
         return NamedFrame(entry.name, link, entry.pose(), FrameKind(entry.kind))
 
@@ -211,7 +211,7 @@ def _loops(content: MechanismFile, links: Sequence[Link]) -> Loops | None:
 def _validate_nothing_of_loops(content: MechanismFile) -> None:
     for name in ("primary", "reference", "conditions"):
         if getattr(content, name):
-            raise InputError(f"$.{name}: belongs to loops, and there are no closures and no couplings; remove it")
+            raise InputError(f"$.{name}: used only with closures or couplings: remove it, or add one")
 
 
 def _primary(content: MechanismFile, couplings: Sequence[Coupling], links: Sequence[Link]) -> tuple[str, ...]:
@@ -219,7 +219,7 @@ def _primary(content: MechanismFile, couplings: Sequence[Coupling], links: Seque
     if content.primary is not None:
         return tuple(content.primary)
     if content.closures:
-        raise InputError(f"$.primary is missing: name the joints that are driven, among {', '.join(joints)}")
+        raise InputError(f"$.primary is missing: name the driven joints among {', '.join(joints)}")
     followers = {coupling.follower for coupling in couplings}
     return tuple(name for name in joints if name not in followers)
 

@@ -59,7 +59,7 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
     Raises
     ------
     FileError
-        If the file cannot be read, MuJoCo refuses it, `root` is unknown or stands on a moving body, or a motion is not
+        If the file cannot be read, MuJoCo refuses it, `root` is unknown or on a moving body, or a motion is not
         read (ball joints, several moving roots); the message names the element.
     MissingExtraError
         If MuJoCo is not installed.
@@ -88,7 +88,7 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
         scanned = ScannedFile.of(path, whole=root is None)
         arm, floating = _arm(scanned, root)
         links = tuple(arm.links())
-        validate_at_most(len(links), MAX_LINKS, "links that move")
+        validate_at_most(len(links), MAX_LINKS, "moving links")
         loops, name = loops_of(arm, links, floating), scanned.root.get("model") or Path(path).stem
         made = Description(name, links, arm.gravity, f"MJCF file {Path(path).name}", loops)
     except FileError:
@@ -113,7 +113,9 @@ def mjcf_bodies(path: str | Path, root: str | None = None) -> dict[int, MjcfBody
     """Bodies of an MJCF file with their own inertias, by link index."""
     scanned = ScannedFile.of(path, whole=root is None)
     if any(compiler.get("inertiafromgeom") == "true" for compiler in scanned.root.findall("compiler")):
-        raise InputError("<compiler>: inertiafromgeom='true' ignores inertials: make it 'auto'")
+        raise InputError(
+            "<compiler>: inertiafromgeom: expected 'auto', got 'true', which ignores the <inertial> elements"
+        )
     arm, _ = _arm(scanned, root)
     arm.links()
     return {
@@ -151,7 +153,7 @@ def _mujocos_errors(elements: Sequence[Element]) -> Iterator[None]:
 
 
 def _refuse(error: str, elements: Sequence[Element]) -> NoReturn:
-    lines = error.splitlines() or ["it gives no reason"]
+    lines = error.splitlines() or ["no reason given"]
     text = f"MuJoCo: {printable(re.sub(r'^(XML Error: |Error: |Schema violation: )+', '', lines[0]), 200)}"
     element = _element(lines[-1], elements)
     refuse(element, f"{named(element)}: {text}" if element.tag else text)
@@ -171,13 +173,13 @@ def _unfold(spec: mujoco.MjSpec, elements: Sequence[Element]) -> list[str]:
         while above is not None and not above.joints:
             above = above.parent
         if others or above is not None:
-            text = "a free joint stands alone, and nothing that moves carries its body"
+            text = "a free joint must be the only joint of its body, and the bodies above must be fixed"
             refuse(element, f"body {body.name!r}: {text}")
         name = joint.name or body.name
         for what in _ACTING:
             if np.any(getattr(joint, what)):
                 given = np.ravel(getattr(joint, what)).tolist()
-                refuse(element, f"joint {name!r}: {what} of a free joint is not read: expected 0, got {given[0]:g}")
+                refuse(element, f"joint {name!r}: {what}: expected 0 for a free joint, got {given[0]:g}")
         for k, (suffix, kind, axis) in enumerate(FLOATING_JOINTS):
             part = body.add_joint() if k else joint
             part.name, part.type, part.axis = f"{name}_{suffix}", mjtJoint(HINGE if kind.is_revolute else SLIDE), axis
@@ -213,10 +215,10 @@ def _add_mesh_inertias(model: mujoco.MjModel, scanned: ScannedFile, needed: Mapp
     for name, place in needed.items():
         geom = _element(place, elements)
         if name not in scanned.meshes:
-            refuse(geom, f"{named(geom)}: there is no mesh {printable(name)!r}, of which the inertia is to be")
+            refuse(geom, f"{named(geom)}: unknown mesh {printable(name)!r}, which its inertia depends on")
         mesh = scanned.meshes[name]
         if "file" in mesh.attrib and not validate_within(scanned.folder, mesh).is_file():
-            refuse(mesh, f"{named(mesh)}: there is no file {printable(mesh.attrib['file'])!r}")
+            refuse(mesh, f"{named(mesh)}: no such file: {printable(mesh.attrib['file'])!r}")
     text, elements = scanned.text(needed)
     code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import _serve; _serve()"
     with tempfile.TemporaryDirectory() as folder:
@@ -232,7 +234,7 @@ def _add_mesh_inertias(model: mujoco.MjModel, scanned: ScannedFile, needed: Mapp
             ).stdout
         except (subprocess.SubprocessError, OSError) as error:
             meshes = ", ".join(map(printable, needed))
-            raise InputError(f"MuJoCo does not work out the inertia of meshes, {meshes}: give an <inertial>") from error
+            raise InputError(f"MuJoCo cannot compute the inertia of meshes {meshes}: give an <inertial>") from error
     found = json.loads(said)
     if isinstance(found, str):
         _refuse(found, elements)

@@ -94,9 +94,9 @@ _COUNTS = {
 _BOUNDS = ("range", "ctrlrange", "forcerange", "actuatorfrcrange")
 _LIKE_A_NUMBER = re.compile(r"[-+.]*(\d|nan|inf)", re.IGNORECASE)
 _SIMPLIFIED = {
-    "settotalmass": "masses are not scaled: scale them in the file",
-    "boundmass": "masses are not bounded: write them as they are meant",
-    "boundinertia": "inertias are not bounded: write them as they are meant",
+    "settotalmass": "not supported: scale the masses in the file",
+    "boundmass": "not supported: write the final masses in the file",
+    "boundinertia": "not supported: write the final inertias in the file",
 }
 
 
@@ -149,20 +149,20 @@ def _include(root: Element, path: str | Path) -> None:
         element = pending.pop()
         for child in [child for child in element if child.tag == "include"]:
             if len(seen) > MAX_FILES:
-                refuse(child, f"<include>: more than {MAX_FILES} files, the most that are read")
+                refuse(child, f"<include>: more than {MAX_FILES} files, the limit")
             place = list(element).index(child)
             element[place : place + 1] = _content(child, folder, seen)
             pending.append(element)
         pending += [child for child in element if len(child)]
     if sum(1 for _ in root.iter()) > MAX_ELEMENTS:
-        raise InputError(f"more than {MAX_ELEMENTS} elements with all that is included, the most that are read")
+        raise InputError(f"more than {MAX_ELEMENTS} elements, included files counted: above the limit")
 
 
 def _content(element: Element, folder: Path, seen: set[Path]) -> list[Element]:
     name = attribute(element, "file", "<include>")
     file = validate_within(folder, element)
     if file in seen:
-        refuse(element, f"<include>: {printable(name)!r} is included twice: once is enough")
+        refuse(element, f"<include>: {printable(name)!r} is included twice: remove one")
     seen.add(file)
     try:
         return list(parsed(read_text(file), "mujocoinclude", "mujoco"))
@@ -179,7 +179,7 @@ def validate_within(folder: Path, element: Element) -> Path:
     except (OSError, ValueError, RuntimeError):
         file = Path()
     if not file.is_relative_to(folder.resolve()):
-        refuse(element, f"{named(element)}: {printable(name)!r} is outside the folder of the file: put it in there")
+        refuse(element, f"{named(element)}: {printable(name)!r} is outside the file's folder: move it there")
     return file
 
 
@@ -192,11 +192,11 @@ def _validate_read(root: Element) -> None:
         if name in compiler and number(merged, name, "<compiler>") > 0.0:
             raise InputError(f"<compiler>: {name}: {remark}")
     if compiler.get("balanceinertia") == "true":
-        raise InputError("<compiler>: balanceinertia: inertias are not balanced: write them as they are meant")
+        raise InputError("<compiler>: balanceinertia: not supported: write the final inertias in the file")
     if not re.fullmatch("[xyzXYZ]{3}", compiler.get("eulerseq", "xyz")):
         raise InputError(f"<compiler>: eulerseq: expected three of x, y, z, X, Y, Z, got {compiler['eulerseq']!r}")
     if compiler.get("coordinate", "local") != "local":
-        raise InputError("<compiler>: coordinate: only local coordinates are read, as by MuJoCo since 2.3.4")
+        raise InputError("<compiler>: coordinate: expected 'local', as in MuJoCo since 2.3.4")
 
 
 def _meshes(root: Element, folder: Path) -> dict[str, Element]:
@@ -229,10 +229,10 @@ def _validate_equalities(root: Element, whole: bool) -> None:
             if element.tag in _SHOWN["equality"]:
                 continue
             if element.tag not in _UNREAD_EQUALITIES or (whole and not off and element.get("active") != "false"):
-                said = "is not read" if element.tag in _UNREAD_EQUALITIES else "is unknown"
+                said = "is not supported" if element.tag in _UNREAD_EQUALITIES else "is unknown"
                 where = f"equality {element.get('name') or f'{element.tag}{k + 1}'!r}"
                 known = ", ".join(_SHOWN["equality"])
-                refuse(element, f"{where}: <{element.tag}> {said}; equalities that are read: {known}")
+                refuse(element, f"{where}: <{element.tag}> {said}; supported: {known}")
             section.remove(element)
 
 
@@ -241,9 +241,8 @@ def _leave_out(element: Element) -> None:
     shown, left_out = _SHOWN.get(element.tag, ()), _LEFT_OUT.get(element.tag)
     for child in [child for child in element if child.tag not in shown]:
         if left_out is not None and child.tag not in left_out:
-            what = "sections that are" if element.tag == "mujoco" else "what is"
             where = "" if element.tag == "mujoco" else f"{named(element)}: "
-            refuse(child, f"{where}<{child.tag}> is not read; {what}: {', '.join((*shown, *left_out))}")
+            refuse(child, f"{where}<{child.tag}> is not supported; supported: {', '.join((*shown, *left_out))}")
         if element.tag == "actuator":
             child.tag = "general"
             child.attrib["biastype"] = "affine"
@@ -290,11 +289,11 @@ def _validate_few(root: Element) -> None:
         if element.tag in counts:
             counts[element.tag] += copies
             if counts[element.tag] > most[element.tag]:
-                refuse(element, f"more than {most[element.tag]} <{element.tag}> elements, the most that are read")
+                refuse(element, f"more than {most[element.tag]} <{element.tag}> elements, the limit")
         if element.tag == "body":
             above += sum(6 if x.tag == "freejoint" else 1 for x in _inside(element) if x.tag.endswith("joint"))
         if above > MAX_LINKS:
-            refuse(element, f"{named(element)}: {above} links that move: at most {MAX_LINKS} are read")
+            refuse(element, f"{named(element)}: {above} moving links, above the limit of {MAX_LINKS}")
         pending += [(child, copies, above) for child in element]
 
 

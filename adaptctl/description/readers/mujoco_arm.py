@@ -76,7 +76,7 @@ class MujocoArm:
             with found.at_line(found.body_name(i)):
                 found._validate_plain(i)
         if not joints:
-            raise InputError(f"body {model.body(root).name!r}: no joint on it moves: expected a hinge or a slide")
+            raise InputError(f"body {model.body(root).name!r}: no moving joint: expected a hinge or a slide")
         return found
 
     def at_line(self, key: object) -> AbstractContextManager[None]:
@@ -88,9 +88,11 @@ class MujocoArm:
         for j in _joints(self.model, i):
             if (kind := self.model.jnt_type[j]) in (FREE, BALL):
                 what = "a free joint" if kind == FREE else f"a ball joint, {self.model.joint(j).name!r}"
-                raise InputError(f"{where} has {what}: only hinges and slides are understood; name a body on it")
+                raise InputError(
+                    f"{where} has {what}: only hinges and slides are supported; give a body attached to it as root"
+                )
         if self.model.body_mocapid[i] >= 0:
-            raise InputError(f"{where}: a mocap body is moved by hand: leave it out")
+            raise InputError(f"{where}: mocap bodies are not supported: remove it")
 
     def links(self) -> list[Link]:
         """Links in depth-first order, with the inertia of all bodies fixed to them."""
@@ -151,10 +153,10 @@ class MujocoArm:
         sprung = [link.joint.name for j, link in zip(self.joints, links, strict=True) if _is_sprung(self.model, j)]
         lifted = [self.body_name(i) for i in self.bodies if self.model.body_gravcomp[i]]
         for text, names in (
-            ("actuators that are no torques, as the laws here command: a <motor> is", self.servos),
-            ("springs of joints are left out", sprung),
-            ("gravity compensation is left out", lifted),
-            ("tendons are left out", tendons),
+            ("actuators without torque input (expected <motor>)", self.servos),
+            ("joint springs are ignored", sprung),
+            ("gravity compensation is ignored", lifted),
+            ("tendons are ignored", tendons),
         ):
             if names:
                 warnings.warn(f"{where}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
@@ -195,14 +197,14 @@ def servo(model: mujoco.MjModel, i: int) -> str:
     """Kind of an actuator, such as "a position servo"; empty for a torque motor."""
     gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
     if model.actuator_dyntype[i]:
-        return "it has dynamics of its own"
+        return "actuator dynamics"
     if not model.actuator_gaintype[i] and not model.actuator_biastype[i]:
         return ""
     if not model.actuator_gaintype[i] and gain[0] and bias[1] == -gain[0]:
         return "a position servo"
     if not model.actuator_gaintype[i] and gain[0] and not bias[1] and bias[2] == -gain[0]:
         return "a velocity servo"
-    return "its force depends on the state"
+    return "state-dependent force"
 
 
 def _name_of_actuator(model: mujoco.MjModel, i: int) -> str:
@@ -223,7 +225,8 @@ def _root(model: mujoco.MjModel, body: str) -> int:
     while above != WORLD:
         if model.body_jntnum[above]:
             raise InputError(
-                f"body {body!r} stands on {model.body(above).name!r}, which moves: name that one, or a fixed one"
+                f"root: body {body!r} is attached to {model.body(above).name!r}, which moves: give that body or a "
+                "fixed one"
             )
         above = int(model.body_parentid[above])
     return root
@@ -233,11 +236,11 @@ def _moving_root(model: mujoco.MjModel) -> int:
     moved = {int(model.body_rootid[model.jnt_bodyid[j]]) for j in range(model.njnt) if model.jnt_type[j] != FREE}
     names = [model.body(i).name for i in sorted(moved)]
     if not moved:
-        raise InputError("no joint turns or slides: expected a hinge or a slide")
+        raise InputError("no moving joint: expected a hinge or a slide")
     if len(moved) > 1:
         known = ", ".join(map(repr, names))
         raise InputError(
-            f"{len(moved)} root bodies move, {known}: each is a mechanism of its own; name the one that is meant, "
+            f"{len(moved)} root bodies move, {known}, each a separate mechanism: select one, such as "
             f"root={names[0]!r} (--root {names[0]})"
         )
     return moved.pop()
@@ -248,7 +251,7 @@ def _joint(model: mujoco.MjModel, j: int, name: str) -> Joint:
     dof = int(model.jnt_dofadr[j])
     polynomials = [getattr(model, name) for name in ("dof_dampingpoly",) if hasattr(model, name)]
     if any(np.any(values[dof]) for values in polynomials):
-        raise InputError(f"joint {name!r}: damping: only the first coefficient is understood")
+        raise InputError(f"joint {name!r}: damping: only the first coefficient is supported")
     numbers = (model.dof_armature[dof], model.dof_damping[dof], model.dof_frictionloss[dof])
     armature, damping, friction = (float(value) or None for value in numbers)
     try:

@@ -29,7 +29,7 @@ def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
     """Description of a body with all bodies on it, and the loops of the equalities."""
     arm = MujocoArm.of(model, body)
     links = tuple(arm.links())
-    validate_at_most(len(links), MAX_LINKS, "links that move")
+    validate_at_most(len(links), MAX_LINKS, "moving links")
     loops = loops_of(arm, links)
     arm.warn(f"MuJoCo model, body {arm.body_name(arm.root)!r}", links)
     name = arm.body_name(arm.root) if body is not None or not model_name(model) else model_name(model)
@@ -92,8 +92,8 @@ class _Equalities:
         followers = {coupling.follower for coupling in couplings}
         if closures and not driven:
             raise InputError(
-                f"loops need primary joints, and no actuator drives a joint: add <actuator><motor joint=.../>"
-                f"</actuator> for those that are driven, among {', '.join(self.joints)}"
+                f"loops need primary joints, but no actuator drives a joint: add <actuator><motor joint=.../>"
+                f"</actuator> for the driven joints among {', '.join(self.joints)}"
             )
         return driven or [name for name in self.joints if name not in followers]
 
@@ -110,7 +110,9 @@ class _Equalities:
             one, other = (Pose(np.eye(3), np.array(anchor)) for anchor in (data[:3], data[3:6]))
         (link, at), (link2, at2) = self._stand(first, name), self._stand(second, name)
         if link == link2:
-            raise InputError(f"equality {name!r}: both ends are on one rigid body, {link or 'the world'}: remove it")
+            raise InputError(
+                f"equality {name!r}: both ends are on the same rigid body, {link or 'the world'}: remove it"
+            )
         return Closure(name, link, link2, at @ one, at2 @ other, ClosureKind.WELD if weld else ClosureKind.POINT)
 
     def _stand(self, i: int, name: str) -> tuple[str | None, Pose]:
@@ -120,20 +122,20 @@ class _Equalities:
             return None if carrier == GROUND else self.links[carrier], arm.places[i]
         if arm.model.body_weldid[i] == WORLD:
             return None, arm.still(i)
-        raise NotFoundError(f"equality {name!r}: there is no body {arm.body_name(i)!r} in the mechanism")
+        raise NotFoundError(f"equality {name!r}: body {arm.body_name(i)!r} is not part of the mechanism")
 
     def _coupling(self, e: int, name: str, driven: Sequence[str]) -> Coupling:
         """Coupling q1 - ref1 = c0 + c1 (q2 - ref2); the first joint follows, unless it alone is driven."""
         model, names, where = self.arm.model, dict(self._named()), f"equality {name!r}"
         first, second = self._ends(e)
         if second < 0:
-            raise InputError(f"{where}: holds joint {names[first]!r} still: leave the joint out, or name joint2")
+            raise InputError(f"{where}: fixes joint {names[first]!r}: remove the joint, or give joint2")
         if first not in names or second not in names:
-            raise NotFoundError(f"{where}: one of its joints is none of the mechanism's: {', '.join(self.joints)}")
+            raise NotFoundError(f"{where}: a joint is not part of the mechanism; joints: {', '.join(self.joints)}")
         c0, c1, *higher = model.eq_data[e, :5].tolist()
         if any(higher) or c1 == 0.0:
             given = [c0, c1, *higher]
-            raise InputError(f"{where}: polycoef: only a linear relation is understood, c0 c1 0 0 0, got {given}")
+            raise InputError(f"{where}: polycoef: expected a linear relation, c0 c1 0 0 0, got {given}")
         at, at2 = (float(model.qpos0[model.jnt_qposadr[j]]) for j in (first, second))
         offset, follower, leader = at + c0 - c1 * at2, names[first], names[second]
         try:

@@ -21,7 +21,7 @@ from adaptctl.errors import InputError, NotFoundError, SimplificationWarning
 _ONE_COORDINATE = re.compile(r"JointModel(R[XYZ]|RUB[XYZ]|P[XYZ]|(Revolute|RevoluteUnbounded|Prismatic)Unaligned)")
 _UNLIMITED = 1e300
 """Pinocchio writes the largest double for a limit that is not there."""
-_LEFT_OUT = "friction other than viscous and Coulomb is left out"
+_LEFT_OUT = "friction other than viscous and Coulomb is ignored"
 
 
 def to_pinocchio(description: Description) -> pinocchio.Model:
@@ -78,7 +78,7 @@ def to_pinocchio(description: Description) -> pinocchio.Model:
 
 def _validate_own_shafts(description: Description) -> None:
     if description.drive_couplings:
-        raise InputError(f"{description.name}: Pinocchio has no drives that turn with several joints")
+        raise InputError(f"{description.name}: Pinocchio does not support drives coupled to several joints")
 
 
 def _bent(description: Description) -> list[str]:
@@ -121,9 +121,9 @@ def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Descripti
     ('shoulder', 'elbow')
     """
     if np.any(model.gravity.angular):
-        raise InputError(f"{model.name}: gravity must be linear, got {model.gravity}")
+        raise InputError(f"{model.name}: gravity: expected no angular part, got {model.gravity}")
     links = [_link(model, i) for i in range(1, model.njoints)]
-    _warn(model, "limits of zero are taken as no limits", _zero_limited(model))
+    _warn(model, "limits of zero are read as no limits", _zero_limited(model))
     ordered = depth_first(links)
     gravity, frames = np.array(model.gravity.linear), tuple(_frames(model, [link.joint.name for link in ordered]))
     return Description(name or model.name or "mechanism", ordered, gravity, frames=frames)
@@ -156,7 +156,7 @@ def with_inertias(model: pinocchio.Model, description: Description) -> pinocchio
     changed = model.copy()
     for link in description.links:
         if link.joint.name not in names:
-            raise NotFoundError(f"{model.name}: there is no joint {link.joint.name!r}; joints: {', '.join(names)}")
+            raise NotFoundError(f"{model.name}: unknown joint {link.joint.name!r}; joints: {', '.join(names)}")
         index, drive = names[link.joint.name], link.joint.drive
         v = model.joints[index].idx_v
         changed.inertias[index] = _inertia(link)
@@ -165,7 +165,7 @@ def with_inertias(model: pinocchio.Model, description: Description) -> pinocchio
             numbers[v] = value or 0.0
     if len(names) - 1 != len(description.links):
         raise InputError(
-            f"{model.name}: it has {len(names) - 1} joints, and {description.name} {len(description.links)}"
+            f"{model.name}: expected {len(description.links)} joints, as in {description.name}, got {len(names) - 1}"
         )
     _warn(model, _LEFT_OUT, _bent(description))
     return changed
@@ -204,7 +204,9 @@ def _inertia(link: Link) -> pinocchio.Inertia:
     if ten[0] != 0.0:
         return pinocchio.Inertia.FromDynamicParameters(ten)
     if np.any(ten[1:4]):
-        raise InputError(f"link {link.name!r}: Pinocchio holds no first moment without mass, got {ten[1:4].tolist()}")
+        raise InputError(
+            f"link {link.name!r}: first moment without mass is not supported by Pinocchio, got {ten[1:4].tolist()}"
+        )
     inertia = pinocchio.Inertia.Zero()
     inertia.inertia = inertia_tensor(ten)
     return inertia
@@ -330,7 +332,9 @@ def to_pinocchio_constraints(description: Description, model: pinocchio.Model) -
         return []
     if description.loops.couplings:
         names = ", ".join(coupling.name for coupling in description.loops.couplings)
-        raise InputError(f"{description.name}: Pinocchio's constraint models hold no couplings of joints: {names}")
+        raise InputError(
+            f"{description.name}: joint couplings are not supported by Pinocchio's constraint models: {names}"
+        )
     return [m for closure in description.loops.closures for m in _models(description, closure, model)]
 
 

@@ -35,8 +35,8 @@ SCHEMAS = {
 _ROBOTS = Path(__file__).parent.parent / "robots"
 
 _ASSIGNED = {
-    "puma560": "Table 6 of Sheu and Walker (1991) is no physical set: use puma560_measured for physics",
-    "puma560_arm3": "Table 6 of Sheu and Walker (1991) is no physical set",
+    "puma560": "Table 6 of Sheu and Walker (1991) is not physically consistent: use puma560_measured instead",
+    "puma560_arm3": "Table 6 of Sheu and Walker (1991) is not physically consistent",
 }
 
 
@@ -129,13 +129,13 @@ def read(
     """
     suffix = Path(source).suffix.lower()
     if floating_base and suffix != ".urdf":
-        raise InputError(f"{source}: only a URDF file, which has a root link, can be given a floating base")
+        raise InputError(f"{source}: floating_base: only for URDF files")
     if isinstance(mesh_folders, str | Path):
         raise InputError(f"{source}: mesh_folders: expected a list of folders, got {str(mesh_folders)!r}")
     if mesh_folders and suffix != ".urdf":
-        raise InputError(f"{source}: mesh_folders: only a URDF file's meshes are looked for, got {mesh_folders!r}")
+        raise InputError(f"{source}: mesh_folders: only for URDF files, got {mesh_folders!r}")
     if root is not None and suffix not in (".xml", ".mjcf"):
-        raise InputError(f"{source}: only an MJCF scene has a root body that can be named, {root!r}")
+        raise InputError(f"{source}: root: only for MJCF files, got {root!r}")
     if isinstance(source, str) and source in builtin_names():
         description, remark = read_toml_mechanism(_ROBOTS / f"{source}.toml"), _ASSIGNED.get(source, "")
     else:
@@ -157,10 +157,10 @@ def read_model(
     """Description of the mechanism in a loaded `model`, a `pinocchio.Model` or a `mujoco.MjModel`."""
     library = type(model).__module__.partition(".")[0]
     if floating_base or mesh_folders:
-        raise InputError("a model that is read already has its base and its meshes: give these options to its reader")
+        raise InputError("floating_base and mesh_folders: only for files, not for a loaded model")
     if library == "pinocchio" and hasattr(model, "njoints"):
         if root is not None:
-            raise InputError(f"a Pinocchio model has no root body that can be named, {root!r}")
+            raise InputError(f"root: only for MuJoCo models and MJCF files, got {root!r}")
         description = _imported("pinocchio_model:from_pinocchio")(model)
     elif library == "mujoco" and hasattr(model, "nbody"):
         description = _imported("mujoco_model:from_mujoco")(model, root)
@@ -176,9 +176,9 @@ def _reader(source: str | Path) -> Reader:
         return _imported(READERS[path.suffix.lower()])
     suffixes = ", ".join(READERS)
     if path.suffix:
-        raise FileError(f"{source}: unknown kind of file {path.suffix!r}; files that are read: {suffixes}")
+        raise FileError(f"{source}: unknown file type {path.suffix!r}; known: {suffixes}")
     if str(source) and path.exists():
-        raise FileError(f"{source}: a file's suffix says how to read it; files that are read: {suffixes}")
+        raise FileError(f"{source}: the file name has no suffix; expected one of {suffixes}")
     guess = suggested_name(str(source).lower(), builtin_names())
     known = ", ".join(builtin_names())
     raise NotFoundError(f"unknown robot {str(source)!r}{guess}; built-in: {known}; or a path to a file: {suffixes}")
@@ -193,7 +193,7 @@ def _imported(reader: str) -> Reader:
 def _warn_of_inconsistency(description: Description, remark: str) -> None:
     names = [link.name for link in description.links if _is_impossible(link.inertia)]
     if names:
-        text = f"{description.name}: no rigid body has the inertial parameters of {', '.join(names)}"
+        text = f"{description.name}: physically inconsistent inertial parameters of {', '.join(names)}"
         warnings.warn(f"{text}. {remark}".removesuffix(". "), PhysicalConsistencyWarning, stacklevel=3)
 
 

@@ -106,7 +106,7 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
         if floating_base:
             links, shown = floating(links, root, still), above_base(shown)
         elif not links:
-            raise InputError("no joint moves: expected a revolute, continuous or prismatic joint")
+            raise InputError("no moving joint: expected a revolute, continuous or prismatic joint")
         loops = _loops(edges, links)
         for link in links:
             with located(bodies.get(link.name, robot)):
@@ -116,9 +116,13 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
         raise
     except InputError as error:
         raise FileError(f"{path}: {error}") from error
-    _warn(path, "mimic joints whose leader does not move are taken as independent", _leaderless(edges))
-    _warn(path, "limits of zero are taken as no limits", [edge.name for edge in edges if edge.zero_limits])
-    _warn(path, "meshes outside the robot's package are not read, name their folder", meshes.outside)
+    _warn(path, "mimic joints whose leader does not move are read as independent", _leaderless(edges))
+    _warn(path, "limits of zero are read as no limits", [edge.name for edge in edges if edge.zero_limits])
+    _warn(
+        path,
+        "meshes outside the robot's package are ignored; give their folder in mesh_folders (--meshes)",
+        meshes.outside,
+    )
     warn_of_degrees(path, links, _turned(robot))
     warn_of_weightless(path, links, loops)
     return description
@@ -163,7 +167,7 @@ def _robot(text: str) -> Element:
     for element in robot.iter():
         texts = (element.tag, *element.attrib.values())
         if "xacro" in element.tag or any("${" in value or "$(" in value for value in texts):
-            refuse(element, "holds xacro macros: expand them first (xacro file.urdf.xacro > file.urdf)")
+            refuse(element, "contains xacro macros: expand them first (xacro file.urdf.xacro > file.urdf)")
     return robot
 
 
@@ -188,15 +192,15 @@ def _root(bodies: dict[str, Element], edges: Sequence[_Edge]) -> str:
             if link not in bodies:
                 refuse(edge.element, f"joint {edge.name!r}: its {role} link {link!r} does not exist")
         if edge.child in carried:
-            both = f"joints {carried[edge.child]!r} and {edge.name!r}"
-            refuse(edge.element, f"link {edge.child!r} is the child of two, {both}: loops are not URDF")
+            both = f"{carried[edge.child]!r} and {edge.name!r}"
+            refuse(edge.element, f"link {edge.child!r} is the child of two joints, {both}: URDF does not allow loops")
         carried[edge.child] = edge.name
     roots = [name for name in bodies if name not in carried]
     if len(roots) > 1:
-        raise InputError(f"more than one root link, {_listed(roots)}: join all but one to the tree by joints")
+        raise InputError(f"more than one root link, {_listed(roots)}: connect all but one by joints")
     loose = set(bodies) - _reached(roots, edges)
     if loose or not roots:
-        raise InputError(f"links in a cycle: {_listed(sorted(loose))}" if bodies else "there are no <link> elements")
+        raise InputError(f"links in a cycle: {_listed(sorted(loose))}" if bodies else "no <link> elements")
     return roots[0]
 
 
@@ -235,7 +239,7 @@ def _movable(
             sums[carrier] = sums[carrier] + transformed(inertias[edge.child], place)
         places[edge.child] = carrier, place
         pending += [(next_edge, carrier, place) for next_edge in below.get(edge.child, [])[::-1]]
-    validate_at_most(len(links), MAX_LINKS, "links that move")
+    validate_at_most(len(links), MAX_LINKS, "moving links")
     pairs = zip(links, sums, strict=True)
     return tuple(_link(*found, ten) for found, ten in pairs), still, places
 
@@ -277,7 +281,7 @@ def _origin(element: Element, where: str) -> Pose:
     if origin is None:
         return Pose.identity()
     if "quat_xyzw" in origin.attrib:
-        raise InputError(f"{where}: quat_xyzw of <origin> is not read: give rpy")
+        raise InputError(f"{where}: quat_xyzw of <origin> is not supported: give rpy")
     rpy, xyz = (numbers(origin, name, 3, where) if name in origin.attrib else [0.0] * 3 for name in ("rpy", "xyz"))
     return Pose(roll_pitch_yaw(rpy), np.array(xyz))
 
@@ -365,7 +369,7 @@ def _rpy(origin: Element) -> list[float]:
 def _refuse_kind(where: str, kind: str) -> NoReturn:
     known = ", ".join([*KINDS, "fixed"])
     if kind in UNREAD_KINDS:
-        raise InputError(f"{where}: type {kind!r} is not read yet; build it of {known} joints")
+        raise InputError(f"{where}: type {kind!r} is not supported: build it from {known} joints")
     raise InputError(f"{where}: unknown type {kind!r}; expected one of {known}")
 
 

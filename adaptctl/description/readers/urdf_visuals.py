@@ -17,7 +17,7 @@ from adaptctl.description.visual import Box, Color, Cylinder, Mesh, Solid, Spher
 from adaptctl.errors import InputError
 
 SUFFIXES = (".dae", ".glb", ".obj", ".stl")
-"""Kinds of meshes that stand in one file."""
+"""Mesh formats of a single file."""
 ROBOT_FOLDERS = ("urdf", "robots", "mjcf")
 """Names of folders in packages that hold robots' files beside folders of meshes."""
 MIN_MESH_BYTES, MAX_MESH_BYTES = 200, 8_000_000

@@ -13,7 +13,7 @@ from xml.parsers import expat
 from adaptctl.errors import InputError, printable
 
 MAX_ELEMENTS, MAX_DEPTH = 50_000, 600
-"""Elements in one file, and how deep they may stand within one another."""
+"""Elements in one file, and their nesting depth."""
 MAX_NAME_CHARACTERS, MAX_NUMBERS_CHARACTERS = 256, 4096
 """Characters of a name, and of the text of an attribute that holds numbers."""
 MAX_MAGNITUDE = 1e30
@@ -51,16 +51,14 @@ class _Parser:
         line = self._expat.CurrentLineNumber
         self._depth, self._count = self._depth + 1, self._count + 1
         if self._depth > MAX_DEPTH or self._count > MAX_ELEMENTS:
-            what = (
-                f"{MAX_ELEMENTS} elements" if self._depth <= MAX_DEPTH else f"{MAX_DEPTH} elements within one another"
-            )
-            raise ElementError(f"<{tag}>: more than {what}, the most that are read (line {line})")
+            what = f"{MAX_ELEMENTS} elements" if self._depth <= MAX_DEPTH else f"{MAX_DEPTH} nested elements"
+            raise ElementError(f"<{tag}>: more than {what}, the limit (line {line})")
         element = self._builder.start(_qualified(tag), {_qualified(k): v for k, v in attributes.items()})
         element.line = line  # type: ignore[attr-defined]  # Python's own element takes further attributes
         for key in ("name", "model"):
             name = attributes.get(key, "")
             if _CONTROL.search(name) or len(name) > MAX_NAME_CHARACTERS:
-                what = f"at most {MAX_NAME_CHARACTERS} characters that print"
+                what = f"at most {MAX_NAME_CHARACTERS} printable characters"
                 refuse(element, f"<{tag}>: {key}: expected {what}, got {printable(name)!r}")
 
     def _end(self, tag: str) -> None:
@@ -68,13 +66,13 @@ class _Parser:
         self._builder.end(_qualified(tag))
 
     def _doctype(self, *given: object) -> NoReturn:
-        raise InputError("a <!DOCTYPE ...> has no place here, and entities are refused: remove it")
+        raise InputError("<!DOCTYPE ...> and entities are not supported: remove them")
 
 
 def parsed(text: str, tag: str, *others: str) -> Element:
     """Root element of an XML document, which must have an expected tag."""
     if "\0" in text:
-        raise InputError("holds NUL characters, as UTF-16 text does: save the file as UTF-8 text")
+        raise InputError("contains NUL characters, as UTF-16 text does: save the file as UTF-8 text")
     try:
         root = _Parser().parse(text)
     except (expat.ExpatError, ValueError) as error:

@@ -44,8 +44,8 @@ def _validate_sayable(description: Description) -> None:
         bounds = (joint.limits.lower, joint.limits.upper)
         if joint.kind is JointKind.CONTINUOUS and bounds != (-math.inf, math.inf):
             raise InputError(
-                f"{description.name}: joint {joint.name!r} is continuous, and position limits of {bounds[0]} to "
-                f"{bounds[1]} cannot be written: leave them out or make the joint revolute"
+                f"{description.name}: joint {joint.name!r} is continuous, but has position limits from "
+                f"{bounds[0]} to {bounds[1]}: remove them, or make the joint revolute"
             )
 
 

@@ -31,9 +31,7 @@ def to_mujoco(description: Description) -> mujoco.MjModel:
     _validate_plain_joints(description)
     if description.inconsistent_links:
         names = ", ".join(description.inconsistent_links)
-        raise InputError(
-            f"{description.name}: no rigid body has the inertia of {names}: MuJoCo moves rigid bodies only"
-        )
+        raise InputError(f"{description.name}: inertia of {names} is not physically consistent, as MuJoCo requires")
     spec = mujoco.MjSpec()
     spec.modelname, spec.option.gravity = description.name, description.gravity
     spec.option.timestep, spec.compiler.degree = MUJOCO_TIME_STEP, False
@@ -45,16 +43,16 @@ def to_mujoco(description: Description) -> mujoco.MjModel:
     try:
         return spec.compile()
     except ValueError as error:
-        raise InputError(f"{description.name}: MuJoCo refuses it: {str(error).splitlines()[0]}") from error
+        raise InputError(f"{description.name}: MuJoCo: {str(error).splitlines()[0]}") from error
 
 
 def _validate_plain_joints(description: Description) -> None:
     if description.loops is not None or description.drive_couplings:
-        raise InputError(f"{description.name}: loops and shared shafts are not written to MuJoCo: only trees are")
+        raise InputError(f"{description.name}: MuJoCo models of loops and coupled drives are not supported")
     for link in description.links:
         if any(link.joint.drive.value(kind) for kind in MAY_BE_NEGATIVE):
             raise InputError(
-                f"{description.name}: joint {link.joint.name!r}: MuJoCo's joints have viscous and Coulomb friction only"
+                f"{description.name}: joint {link.joint.name!r}: MuJoCo supports only viscous and Coulomb friction"
             )
 
 
@@ -129,7 +127,7 @@ def principal_axes(ten: Array, name: str) -> tuple[float, Array, Array, Array]:
     if mass == 0.0 and not np.any(ten):
         return 0.0, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
     if mass <= 0.0:
-        raise InputError(f"link {name!r}: a body needs a positive mass, got {mass:g}")
+        raise InputError(f"link {name!r}: mass: expected a positive number for MuJoCo, got {mass:g}")
     center = ten[1:4] / mass
     at_center = transformed(ten, Pose(np.eye(3), -center))
     moments, axes = np.linalg.eigh(inertia_tensor(at_center))

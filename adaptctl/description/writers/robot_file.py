@@ -26,12 +26,12 @@ def write_robot(path: str | Path, original: str | Path, after: Description, root
     """Write a copy of a URDF or MJCF file with other inertias."""
     suffix = Path(original).suffix.lower()
     if suffix not in (".urdf", ".xml", ".mjcf"):
-        raise InputError(f"{original}: inertias are written into URDF and MJCF files, got {suffix!r}")
+        raise InputError(f"{original}: expected a URDF or MJCF file, got {suffix!r}")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # as when it was first read
         before = read(original, root=root)
     if before.geometry_sha256 != after.geometry_sha256:
-        raise FileError(f"{original}: it is not the file of {after.name}: its joints, frames or names are others")
+        raise FileError(f"{original}: does not match {after.name}: its joints, frames or names differ")
     if suffix == ".urdf":
         write_urdf(path, original, before, after)
     else:
@@ -54,7 +54,7 @@ def write_urdf(path: str | Path, original: str | Path, before: Description, afte
                 rest = new.inertia
                 changed |= dict.fromkeys(_all_below(fixed, old.name))
             if rest[0] == 0.0 and np.any(rest):
-                raise InputError(f"link {old.name!r}: URDF's inertias are about a centre of mass: without mass none is")
+                raise InputError(f"link {old.name!r}: URDF does not support inertia without mass")
             changed[old.name] = rest
     except InputError as error:
         raise FileError(f"{original}: {error}") from error
@@ -110,11 +110,11 @@ def _changed(body: MjcfBody, name: str, difference: Array) -> tuple[int, Array]:
     ten = body.ten + transformed(difference, body.place.inverse)
     if not is_physically_consistent(ten):
         raise InputError(
-            f"link {name!r}: no rigid body has its inertia, and MuJoCo reads no other: take the nearest that one has, "
-            "adaptctl.identifiability.nearest_consistent"
+            f"link {name!r}: its inertia is not physically consistent, as MuJoCo requires; "
+            "adaptctl.identifiability.nearest_consistent finds the closest consistent one"
         )
     if body.number is None:
-        raise InputError(f"link {name!r}: its body stands in an included file or is a copy: write that one")
+        raise InputError(f"link {name!r}: its body is in an included file or a copy: edit that file instead")
     return body.number, ten
 
 

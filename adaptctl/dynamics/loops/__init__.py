@@ -1,1 +1,1 @@
-"""Closed loops: their constraints, how they are chosen and followed."""
+"""Closed loops: constraints, assembly and continuation."""

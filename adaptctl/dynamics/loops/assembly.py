@@ -1,4 +1,4 @@
-"""Putting loops together: which constraints count, which joints follow, and whether it all fits."""
+"""Independent loop constraints and their dependent joints."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from adaptctl.optional_packages import needed
 from adaptctl.scalars import Column, Mat, Vec
 
 _RANK = 1e-7
-"""Singular values below this share of the largest count as zero: constraints are clean, configurations closed
-to 1e-13."""
+"""Singular values below this fraction of the largest count as zero."""
 
 _REGULAR = 1e-5
 _LITTLE = 1e-3
@@ -26,7 +25,7 @@ _LITTLE = 1e-3
 
 
 def assembled(description: Description, loops: Loops, links: Sequence[Segment]) -> tuple[Closing, Array]:
-    """Independent closure conditions of a mechanism with loops, and its closed reference configuration (n,)."""
+    """Independent closure conditions, and the closed reference configuration (n,)."""
     every = _everything(description, loops)
     elements = _element_names(loops, every)
     guess = np.array([loops.reference.get(name, 0.0) for name in description.joint_names])
@@ -111,7 +110,6 @@ def _closed(
 
 
 def _nearby(name: str, every: Closing, links: Sequence[Segment], q: Array) -> Array:
-    """Closed configuration a little way along a generic motion; q itself where the constraints allow none."""
     jacobian = _jacobian(every, links, q)
     free = np.eye(len(q)) - np.linalg.pinv(jacobian, rcond=_RANK) @ jacobian
     way = free @ np.random.default_rng(0).normal(size=len(q))
@@ -160,7 +158,6 @@ def _validate_fit(description: Description, every: Closing, jacobian: Array, ran
 
 
 def _blame(description: Description, primary: Array, block: Array, free: int) -> NoReturn:
-    """Name the primary joints that the others already bind."""
     unbound = np.linalg.svd(block)[0][:, _rank(block) :]
     shares = np.abs(unbound.T @ primary).max(0)
     names = [description.joint_names[i] for i in description.primary]
@@ -189,7 +186,6 @@ def _dependent_rank(block: Array) -> int:
 
 @needed("a mechanism with loops")
 def _independent_rows(block: Array, rank: int) -> tuple[int, ...]:
-    """Rows that determine the dependent joints best, by pivoted QR."""
     from scipy.linalg import qr  # loaded only where there are loops
 
     _, _, order = qr(block.T, mode="economic", pivoting=True)

@@ -1,4 +1,4 @@
-"""Loop closures as equations: what must vanish, how it moves, how it accelerates."""
+"""Loop closure equations and their derivatives."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class ClosureSide:
 
 @dataclass(frozen=True)
 class Loop:
-    """Closed kinematic loop of a tree of links."""
+    """Closed kinematic loop of a tree."""
 
     first: ClosureSide
     second: ClosureSide
@@ -33,7 +33,7 @@ class Loop:
 
 
 class Hinge(NamedTuple):
-    """Joint of a loop at one configuration, in the common link's axes."""
+    """Loop joint at one configuration, in the common link's axes."""
 
     link: int
     turns: bool
@@ -42,7 +42,7 @@ class Hinge(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """One side of a loop closure at one configuration, in the common link's axes."""
+    """Side of a loop closure, in the common link's axes."""
 
     hinges: list[Hinge]
     rotation: Mat
@@ -50,7 +50,7 @@ class Reach(NamedTuple):
 
 
 def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSide) -> Reach:
-    """Joints and closing frame of one side of a loop closure at one configuration."""
+    """One side of a loop closure at one configuration."""
     rotation, origin, hinges = _AXES, ZERO, []
     for i in side.links:
         place = places[i]
@@ -62,7 +62,7 @@ def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSi
 
 
 class Constraint:
-    """Loop closure at one configuration: its residual and derivatives."""
+    """Loop closure at one configuration: residual and derivatives."""
 
     def __init__(self, places: Sequence[Placement], loop: Loop) -> None:
         self.kind = loop.kind
@@ -85,13 +85,13 @@ class Constraint:
         return [*gap, *attitude]
 
     def rates(self) -> dict[int, list[Scalar]]:
-        """Derivatives of the residual by the loop's joint positions."""
+        """Derivatives of the residual by the loop's joints."""
         outward = {h.link: self._seen_rows(*self._unit(h)) for h in self.second.hinges}
         inward = {h.link: [-x for x in self._seen_rows(*self._unit(h))] for h in self.first.hinges}
         return outward | inward
 
     def bias(self, u: Column, w: Column) -> list[Scalar]:
-        """Second derivative of the closure residual along two joint velocities u and w (n,)."""
+        """Second derivative of the residual along velocities u and w (n,)."""
         one, other = _carried(self.first, u, w), _carried(self.second, u, w)
         turning = other.alpha - one.alpha
         if self.kind is ClosureKind.AXIS:
@@ -113,7 +113,7 @@ class Constraint:
 
 
 class Carried(NamedTuple):
-    """Motion of a closing frame under two joint velocities u and w."""
+    """Motion of a closing frame under two joint velocities."""
 
     omega: Vec
     rho: Vec
@@ -140,7 +140,7 @@ def _carried(reached: Reach, u: Column, w: Column) -> Carried:
 
 @dataclass(frozen=True)
 class Follower:
-    """Joint that follows another: q[follower] = ratio * q[leader] + offset."""
+    """Coupled joint: q[follower] = ratio * q[leader] + offset."""
 
     follower: int
     leader: int
@@ -149,17 +149,17 @@ class Follower:
 
     @property
     def joints(self) -> tuple[int]:
-        """Index, among the tree's joints, of the following joint, in a tuple of one."""
+        """Index of the following joint, in a tuple."""
         return (self.follower,)
 
     def followed(self, _places: object, _links: object, q: Sequence[Scalar]) -> tuple[Scalar, ...]:
-        """Position of the following joint, as a tuple of one, at a configuration (n,)."""
+        """Position of the following joint, in a tuple."""
         return (self.ratio * q[self.leader] + self.offset,)
 
 
 @dataclass(frozen=True)
 class Closing:
-    """Loop closure conditions of a tree, and which joints depend on which."""
+    """Loop closure conditions of a tree, with dependent joints."""
 
     loops: tuple[Loop, ...]
     followers: tuple[Follower, ...]
@@ -169,19 +169,19 @@ class Closing:
 
     @property
     def looped(self) -> tuple[bool, ...]:
-        """Flags of the primary joints, True for one that moves a loop."""
+        """Flags of the primary joints: True if it moves a loop."""
         links = {link for loop in self.loops for side in (loop.first, loop.second) for link in side.links}
         links |= {c.leader for c in self.followers if c.follower in links}
         return tuple(joint in links for joint in self.primary)
 
     def residual(self, places: Sequence[Placement], q: Column) -> Column:
-        """Closure residual (c,) of loops, then of couplings, in m and rad."""
+        """Closure residual (c,) of loops, then couplings, in m and rad."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).residual()]
         rows += [q[c.follower] - c.ratio * q[c.leader] - c.offset for c in self.followers]
         return Column(rows[i] for i in self.rows)
 
     def jacobian(self, places: Sequence[Placement]) -> list[Column]:
-        """Jacobian (c, n) of the closure residual, as n columns."""
+        """Jacobian (c, n) of the residual, as n columns."""
         n, columns, above = len(places), [dict[int, Scalar]() for _ in places], 0
         for loop in self.loops:
             for joint, rates in Constraint(places, loop).rates().items():
@@ -193,14 +193,14 @@ class Closing:
         return [Column(columns[j].get(i, 0.0) for i in self.rows) for j in range(n)]
 
     def bias(self, places: Sequence[Placement], u: Column, w: Column) -> Column:
-        """Second derivative (c,) of the closure residual along two velocities (n,)."""
+        """Second derivative (c,) of the residual along two velocities (n,)."""
         rows = [x for loop in self.loops for x in Constraint(places, loop).bias(u, w)]
         rows += [0.0] * len(self.followers)
         return Column(rows[i] for i in self.rows)
 
 
 def common_ancestor(parents: Sequence[int], first: int, second: int) -> int:
-    """Last link on both branches to two links, or -1 for the ground."""
+    """Last common link of two branches, or -1 for the ground."""
     above = {GROUND, *ancestry(parents, first)}
     while second not in above:
         second = parents[second]
@@ -208,7 +208,7 @@ def common_ancestor(parents: Sequence[int], first: int, second: int) -> int:
 
 
 def ancestry(parents: Sequence[int], link: int) -> list[int]:
-    """Indices of the links from the ground to a link, that one last."""
+    """Link indices from the ground to a link, inclusive."""
     chain: list[int] = []
     while link != GROUND:
         chain.append(link)

@@ -1,4 +1,4 @@
-"""Following a mechanism with loops from one closed configuration to another, on one branch."""
+"""Continuation of closed configurations along one branch."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from adaptctl.errors import InputError, SingularityError
 from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 
 MAX_PRIMARY_STEP = 0.05
-"""rad or m of any primary joint that moves a loop, between two closed configurations"""
+"""rad or m per step of any primary joint that moves a loop"""
 
 MAX_LOST_GAP = 1e-9
-"""m or rad that are left open where Newton's steps, from one configuration to the next, do not lead back."""
+"""m or rad of residual after Newton steps that count as failed"""
 
 CLOSURE_TOLERANCE, MAX_HALVINGS = 1e-11, 4
-"""m or rad: more than round-off; and how many times a step that leaves as much is halved."""
+"""m or rad of residual above round-off; and halvings of such a step"""
 
 MIN_REGULARITY = 0.05
-"""Fraction of its reference value below which the dependent block's smallest singular value is too small."""
+"""Least singular value of the dependent block, relative to the reference, that is regular."""
 
 
 @dataclass(frozen=True, eq=False)
 class Continuation:
-    """Configurations reached from the reference without passing a singularity of the loops."""
+    """Configurations reached from the reference without a singularity."""
 
     equations: LoopEquations
     reference: Array
 
     @property
     def primary(self) -> list[int]:
-        """Zero-based indices of the r primary joints among the tree's n joints."""
+        """Zero-based indices of the r primary joints."""
         return list(self.equations.closing.primary)
 
     def follow(self, p: Array, start: Array | None = None) -> Array:
-        """Closed configurations (..., n) at primary positions (..., r), followed along straight lines."""
+        """Closed configurations (..., n) along straight lines to positions (..., r)."""
         samples = p.shape[:-1]
         if start is not None and same_samples(p=p, start=start) != samples:
             raise InputError(f"start: expected one configuration or one for each of {samples}, got {start.shape[:-1]}")
@@ -73,11 +73,11 @@ class Continuation:
         return self._ways.followed_alone(self.reference, start, way, max(math.ceil(steps), 1))
 
     def reachable(self, p: Array) -> NDArray[np.bool_]:
-        """Boolean mask (N,) of N positions `p` (N, r) of the primary joints."""
+        """Mask (N,) of reachable positions `p` (N, r)."""
         return self.progress(p) >= 1.0
 
     def progress(self, p: Array, least: float = MIN_REGULARITY) -> Array:
-        """Fractions (N,) of straight lines along which the regularity suffices."""
+        """Fractions (N,) of straight lines that are regular."""
         q = np.tile(self.reference, (len(p), 1))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
         way = p - self._start
@@ -96,7 +96,7 @@ class Continuation:
         return np.where((sign == side) & (gap < MAX_LOST_GAP), smallest / reference, 0.0)
 
     def surely_regular(self, q: Column, lost: float = MAX_LOST_GAP) -> Scalar:
-        """1.0 where loops are closed and a regularity of 0.05 is proved, else 0.0."""
+        """1.0 if loops are closed and a regularity of 0.05 is proved, else 0.0."""
         block = self.equations.dependent_block(q)
         factor, units = factored(block), range(len(block))
         inverse = [factor.solve(Column(float(i == j) for j in units)) for i in units]
@@ -110,7 +110,7 @@ class Continuation:
         return where(gap < lost, regular, 0.0)
 
     def is_regular(self, q: Array) -> NDArray[np.bool_]:
-        """Mask (...) of configurations `q` (..., n) of the tree's joints."""
+        """Mask (...) of regular configurations `q` (..., n)."""
         if q.ndim == 1:
             return np.asarray(self._native_sure(q) > 0.0 or bool(self.regularity(q) >= MIN_REGULARITY))
         regular = self._native_sure.map(q.reshape(-1, q.shape[-1])).reshape(q.shape[:-1]) > 0.0
@@ -120,7 +120,7 @@ class Continuation:
         return np.asarray(regular)
 
     def validate_regular(self, q: Array) -> None:
-        """Raise `SingularityError` unless all configurations have a regularity of 0.05."""
+        """Raise `SingularityError` unless all regularities are at least 0.05."""
         regularity = np.ravel(self.regularity(q))
         if regularity.size == 0:
             return
@@ -150,7 +150,6 @@ class Continuation:
         return np.asarray(np.abs(self._mapped(self._native_look, q)[0]).max(axis=-1), dtype=np.float64)
 
     def _look(self, q: Array) -> tuple[Array, Array, Array]:
-        """Closure residual, and the dependent block's smallest singular value and sign."""
         residual, block = self._mapped(self._native_look, q)
         size = len(self.equations.closing.dependent)
         block = np.nan_to_num(block).reshape(*q.shape[:-1], size, size)
@@ -169,7 +168,6 @@ class Continuation:
         return compile_function(lambda p, q: (self._ahead(p, q),), sizes, name="closed")
 
     def _ahead(self, p: Column, q: Column) -> Column:
-        """Closed configuration near another: along the tangent first, then by Newton's steps."""
         ahead = self.equations.rates(q, p - Column(q[i] for i in self.primary))
         return self.equations.closed(p, q + ahead)
 
@@ -205,7 +203,7 @@ class Continuation:
 
 
 def determinant(rows: Iterable[Column]) -> Scalar:
-    """Determinant of a matrix of scalars, by elimination that does not branch."""
+    """Determinant of a matrix of scalars, without branches."""
     left, product = [list(row) for row in rows], 1.0
     while left:
         pivot, *others = left
@@ -224,16 +222,16 @@ def _eliminated(row: list[Any], pivot: list[Any]) -> list[Any]:
 
 
 COMPILE_AFTER_CALLS, COMPILE_AFTER_STEPS = 50, 5000
-"""Calls and steps of configurations after which native code is made: until then the steps have taken about as long."""
+"""Calls, and steps of configurations, after which native code is compiled."""
 
 
 MAX_STEPS_PER_CALL = 10_000
-"""Steps that one native call may take, in which Ctrl-C is not heard."""
+"""steps per native call, which Ctrl-C cannot interrupt"""
 
 
 @dataclass(eq=False)
 class BatchContinuation:
-    """Native code that follows closed loops along straight lines."""
+    """Native continuation of loops along straight lines."""
 
     following: Callable[[Column, Column], Column]
     sure: Callable[[Column], Scalar]
@@ -243,11 +241,11 @@ class BatchContinuation:
 
     @property
     def ready(self) -> bool:
-        """True if native code is worth making by now."""
+        """True if native code is worth compiling."""
         return self.work >= 1.0
 
     def pays(self, steps: NDArray[np.int64]) -> bool:
-        """Count a call for N lines; True if native code is worth making."""
+        """Count a call for N lines; True if compiling pays."""
         self.work += 1.0 / COMPILE_AFTER_CALLS + float(steps.sum()) / COMPILE_AFTER_STEPS
         return self.ready and int(steps.max(initial=0)) <= MAX_STEPS_PER_CALL
 
@@ -260,7 +258,7 @@ class BatchContinuation:
         return arms.state["q"], arms.state["sure"][:, 0] > 0.0
 
     def followed_alone(self, q: Array, begin: list[float], way: list[float], steps: int) -> Array | None:
-        """Configuration (n,) at a line's end, or None where not surely regular."""
+        """Configuration (n,) at a line's end, or None if possibly singular."""
         state, held = np.array([*q, 0.0, 1.0]), np.array([*begin, *way, steps])
         end = self._single.run_single(steps, state, held)
         return end[: self.joints] if end[-1] > 0.0 else None

@@ -1,4 +1,4 @@
-"""Planar loops that close by two links, in closed form."""
+"""Planar loops closed by two links, in closed form."""
 
 from __future__ import annotations
 
@@ -15,34 +15,34 @@ from adaptctl.dynamics.recursion.segment import Placement, Segment
 from adaptctl.scalars import Scalar, Vec, angle, cos, dot, maximum, sin, sqrt, where
 
 PARALLEL_TOLERANCE = 1e-12
-"""Sine of the largest angle between axes that count as parallel."""
+"""sine of the angle between axes that count as parallel"""
 
 
 class Flat(NamedTuple):
-    """Vector (2,) in the plane of a planar loop, in m."""
+    """Vector (2,) in a loop's plane, in m."""
 
     x: Any
     y: Any
 
     def minus(self, other: Flat) -> Flat:
-        """Difference of this vector less the `other`, both in the same plane and unit."""
+        """Difference to another vector."""
         return Flat(self.x - other.x, self.y - other.y)
 
     def turned(self, cosine: Any, sine: Any) -> Flat:
-        """Vector turned left by the angle of a cosine and a sine."""
+        """Vector rotated by an angle's cosine and sine."""
         return Flat(cosine * self.x - sine * self.y, cosine * self.y + sine * self.x)
 
     def dot(self, other: Flat) -> Any:
-        """Inner product of this vector and the `other` in the plane, m^2."""
+        """Inner product with another vector, m^2."""
         return self.x * other.x + self.y * other.y
 
     def cross(self, other: Flat) -> Any:
-        """Cross product of this vector and the `other` in the plane, m^2, a scalar."""
+        """Cross product with another vector, m^2."""
         return self.x * other.y - self.y * other.x
 
 
 class Links(NamedTuple):
-    """Geometry of a dyad (two links and a middle pivot) in its plane."""
+    """Geometry of a dyad in its plane."""
 
     pivot: Flat
     over: Flat
@@ -51,7 +51,7 @@ class Links(NamedTuple):
 
     @classmethod
     def of(cls, one: Reach, other: Reach, plane: tuple[Vec, Vec], is_cut_in_the_middle: bool) -> Links:
-        """Geometry of a dyad, from the loop's two sides."""
+        """Geometry of a dyad, from the loop's sides."""
         if is_cut_in_the_middle:
             points = one.hinges[-1].origin, one.origin, other.hinges[-1].origin, other.origin
         else:
@@ -63,7 +63,7 @@ class Links(NamedTuple):
 
 @dataclass(frozen=True)
 class Dyad:
-    """Closed form of a planar loop of two links and a middle pivot (RRR)."""
+    """Closed form of a planar RRR loop."""
 
     sides: tuple[ClosureSide, ClosureSide]
     joints: tuple[int, int]
@@ -79,7 +79,7 @@ class Dyad:
     def followed(
         self, places: Mapping[int, Placement], links: Sequence[Segment], q: Sequence[Scalar]
     ) -> tuple[Scalar, ...]:
-        """Angles of the two dependent joints that close the loop."""
+        """Angles of the two dependent joints."""
         zero = {**places, **{joint: links[joint].placed((1.0, 0.0)) for joint in self.joints}}
         one, other = (reach(zero, side) for side in self.sides)
         at_zero = Links.of(one, other, self.plane, self.is_cut_in_the_middle)
@@ -104,11 +104,11 @@ def _turn(before: Flat, after: Flat, square: float) -> tuple[Any, Any]:
 
 
 Rule: TypeAlias = Dyad | Follower
-"""A rule by which dependent joints follow in closed form."""
+"""Closed-form rule of dependent joints."""
 
 
 def rules(closing: Closing, links: Sequence[Segment], reference: Array) -> tuple[Rule, ...]:
-    """Closed-form rules of all dependent joints, in the order of need."""
+    """Closed-form rules of all dependent joints, in order."""
     places = {i: link.at(x) for i, (link, x) in enumerate(zip(links, reference.tolist(), strict=True))}
     known, found = set(closing.primary), list[Rule]()
     left: list[Loop | Follower] = [*closing.loops, *closing.followers]
@@ -124,7 +124,6 @@ def rules(closing: Closing, links: Sequence[Segment], reference: Array) -> tuple
 
 
 def _rule(item: Loop | Follower, known: set[int], places: Mapping[int, Placement]) -> Rule | None:
-    """Rule of a coupling, or of a planar loop of which all but a dyad is known; else None."""
     if isinstance(item, Follower):
         return item if item.leader in known and item.follower not in known else None
     pairs = (item.first, item.second), (item.second, item.first)

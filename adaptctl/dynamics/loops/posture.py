@@ -1,4 +1,4 @@
-"""Rates of dependent joints, and the small systems that give them."""
+"""Rates of dependent joints."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from adaptctl.scalars import Column, Scalar
 
 
 class System(Protocol):
-    """Linear system A x = b, ready for any right side b."""
+    """Linear system A x = b, factored."""
 
     def solve(self, right: Column) -> Column:
-        """Solution x (n,) of A x = b for a right side b (m,)."""
+        """Solution x (n,) for a right side b (m,)."""
         ...
 
 
 def factored(columns: Sequence[Column]) -> System:
-    """System A x = b ready for any b, by Cramer's rule or QR factors."""
+    """System A x = b by Cramer's rule or QR."""
     if len(columns) == 2 and len(columns[0]) == 2:
         return TwoByTwo(columns)
     return Factored(columns)
 
 
 class TwoByTwo:
-    """Linear system of two unknowns by Cramer's rule, with one division."""
+    """System of two unknowns by Cramer's rule."""
 
     def __init__(self, columns: Sequence[Column]) -> None:
         (a, c), (b, d) = columns
@@ -39,7 +39,7 @@ class TwoByTwo:
 
 
 class Factored:
-    """QR factors by modified Gram-Schmidt without pivoting, which does not branch."""
+    """QR factors by modified Gram-Schmidt without branches."""
 
     def __init__(self, columns: Sequence[Column]) -> None:
         self.q: list[Column] = []
@@ -55,7 +55,7 @@ class Factored:
             self.inverse.append(1.0 / (column @ column))
 
     def solve(self, right: Column) -> Column:
-        """Solution x (n,) of A x = b, by least squares where m > n."""
+        """Solution x (n,), by least squares for m > n."""
         x: list[Scalar] = []
         for q, inverse in zip(self.q, self.inverse, strict=True):
             x.append(inverse * (q @ right))
@@ -67,7 +67,7 @@ class Factored:
 
 
 class Following:
-    """Jacobian J (n, r) of all joint positions by the primary ones."""
+    """Jacobian J (n, r) of all joints by the primary ones."""
 
     def __init__(self, closing: Closing, slopes: Sequence[Column]) -> None:
         self.closing, self.slopes = closing, slopes
@@ -80,20 +80,20 @@ class Following:
         return self.joined(v, follow)
 
     def primary(self, torque: Sequence[Any] | Column) -> Column:
-        """Torques J' tau (r,) that do the work of torques tau (n,)."""
+        """Torques J' tau (r,) equivalent to tau (n,)."""
         follow = Column(torque[d] for d in self.closing.dependent)
         pairs = zip(self.closing.primary, self.slopes, strict=True)
         return Column(torque[i] + slope @ follow for i, slope in pairs)
 
     def joined(self, first: Column, follow: Column) -> Column:
-        """Column (n,) merged from entries of primary and dependent joints."""
+        """Column (n,) merged from primary and dependent joints."""
         entries = dict(zip(self.closing.primary, first, strict=True))
         entries |= dict(zip(self.closing.dependent, follow, strict=True))
         return Column(entries[i] for i in range(len(entries)))
 
 
 class Posture(Following):
-    """Closed configuration with factored closure Jacobian and Jacobian J of all joints."""
+    """Closed configuration with closure Jacobian and Jacobian J."""
 
     def __init__(self, closing: Closing, places: Sequence[Placement]) -> None:
         columns = closing.jacobian(places)
@@ -101,6 +101,6 @@ class Posture(Following):
         super().__init__(closing, [self.factor.solve(-columns[i]) for i in closing.primary])
 
     def bias(self, u: Column, w: Column) -> Column:
-        """Velocity terms J_dot v_r (n,) of the accelerations of the tree's joints."""
+        """Velocity terms J_dot v_r (n,) of the accelerations."""
         follow = -self.factor.solve(self.closing.bias(self.places, u, w))
         return self.joined(Column.zeros(len(self.closing.primary)), follow)

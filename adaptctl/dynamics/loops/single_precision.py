@@ -1,4 +1,4 @@
-"""Loops followed in single precision: how far they are left open."""
+"""Loop closure in single precision."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from adaptctl.errors import InputError
 from adaptctl.scalars import Column, column
 
 MAX_CLOSURE_GAP = 1e-5
-"""m or rad that single precision may leave a loop open"""
+"""m or rad of closure residual allowed"""
 TESTED_RANGE = 0.3
-"""rad or m about the home configuration in which it is tried"""
+"""rad or m about the home configuration, for the test"""
 TESTED_POSITIONS = 24
 """Closed configurations in which it is tried."""
 
 
 def validate_single_precision(mechanism: Mechanism, argument: str) -> None:
-    """Raise `InputError` where float32 leaves a mechanism's loops open by more than 1e-5 m or rad."""
+    """Raise `InputError` if float32 leaves loops open by more than 1e-5 m or rad."""
     continuation: Any = mechanism.continuation
     if continuation is None:
         return
@@ -38,7 +38,6 @@ def validate_single_precision(mechanism: Mechanism, argument: str) -> None:
 
 
 def _nearby(mechanism: Mechanism) -> list[tuple[Array, Array]]:
-    """Closed configurations (n,) about home, and positions (r,) a tick away from each."""
     rng = np.random.default_rng(0)
     away = rng.uniform(-TESTED_RANGE, TESTED_RANGE, (TESTED_POSITIONS, mechanism.dof))
     p = mechanism.neutral_configuration + away

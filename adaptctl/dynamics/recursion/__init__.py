@@ -1,1 +1,1 @@
-"""The recursion over links: motion, energy, forces, inertia, and what follows from them."""
+"""Recursions over links."""

@@ -14,7 +14,7 @@ from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, dot, product
 
 
 class ArticulatedBody(NamedTuple):
-    """Articulated-body inertia (6, 6) of a link with its descendants, in blocks (3, 3)."""
+    """Articulated-body inertia (6, 6), in blocks (3, 3)."""
 
     inertia: Mat
     coupling: Mat
@@ -24,12 +24,12 @@ class ArticulatedBody(NamedTuple):
         return ArticulatedBody(*(a + b for a, b in zip(self, other, strict=True)))
 
     def load(self, acceleration: Twist) -> Wrench:
-        """Wrench about the body's point that gives it an acceleration."""
+        """Wrench about the body's point for an acceleration."""
         alpha, acc = acceleration.w, acceleration.v
         return Wrench(self.coupling.T @ alpha + self.mass @ acc, self.inertia @ alpha + self.coupling @ acc)
 
     def without(self, load: Wrench, inverse: Scalar) -> ArticulatedBody:
-        """Articulated-body inertia that remains when the link's joint, too, is free."""
+        """Articulated-body inertia with the link's joint free."""
         moment, force = inverse * load.moment, inverse * load.force
         return ArticulatedBody(
             _symmetric(self.inertia - _outer(moment, load.moment)),
@@ -45,7 +45,7 @@ class ArticulatedBody(NamedTuple):
         return ArticulatedBody(_symmetric(self.inertia + spread), coupling, self.mass)
 
     def raised(self, place: Placement, rotor: Scalar) -> ArticulatedBody:
-        """This inertia at the parent link's origin, in its axes."""
+        """Inertia at the parent link's origin, in its axes."""
         if place.segment.whole is not None and any(place.segment.joint_to_link):  # then one way costs less than two
             return self.turned_up(place).moved_origin(place.near + place.up(place.shift))
         at_joint = self.moved_origin(place.shift)
@@ -54,7 +54,7 @@ class ArticulatedBody(NamedTuple):
         return at_joint.turned_up(place).moved_origin(place.near)
 
     def free_along(self, place: Placement) -> ArticulatedBody:
-        """This inertia of a link with a free joint, with exact zeros along its axis."""
+        """Inertia of a link with a free joint, with exact zeros along its axis."""
         still = [abs(x) != 1.0 for x in place.segment.axis]
         if all(still):
             return self
@@ -63,14 +63,12 @@ class ArticulatedBody(NamedTuple):
         return ArticulatedBody(self.inertia, _kept(self.coupling, _ALL, still), _kept(self.mass, still, still))
 
     def turned_up(self, place: Placement) -> ArticulatedBody:
-        """This inertia in the parent link's axes, about the same point."""
+        """Inertia in the parent link's axes, about the same point."""
         inertia, mass = symmetric_up(place, self.inertia), symmetric_up(place, self.mass)
         return ArticulatedBody(inertia, tensor_up(place, self.coupling), mass)
 
 
 class _Joint(NamedTuple):
-    """Free joint, with the articulated body behind it."""
-
     load: Wrench
     inverse: Scalar
     torque: Scalar
@@ -83,7 +81,7 @@ def accelerations(
     rotors: Sequence[Scalar],
     torque: Column,
 ) -> Column:
-    """Joint accelerations (n,) by the articulated-body algorithm, in time linear in n."""
+    """Joint accelerations (n,) by articulated bodies, in linear time."""
     joints = _freed(places, unaccelerated, parameters, rotors, torque)
     found: list[Scalar] = []
     links: list[Twist] = []

@@ -1,4 +1,4 @@
-"""Terms of joints' drives in the equations of motion."""
+"""Drive terms of the equations of motion."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from adaptctl.description.drive import DriveParameter
 from adaptctl.scalars import Column, Scalar, sqrt
 
 COULOMB_SMOOTHING_SPEED = 0.01
-"""Speed (rad/s, m/s) below which Coulomb friction fades: a step would stop every integrator."""
+"""Speed (rad/s, m/s) below which Coulomb friction is smoothed."""
 STRIBECK_SPEED = 0.1
-"""Speed (rad/s, m/s) at which half of Stribeck's excess of static friction is gone."""
+"""Speed (rad/s, m/s) at which Stribeck friction has halved."""
 
 
 def friction(kind: DriveParameter, s: Scalar, stribeck_speed: float = STRIBECK_SPEED) -> Scalar:
-    """Friction torque of one kind per unit of its parameter."""
+    """Friction torque per unit of its parameter."""
     match kind:
         case DriveParameter.VISCOUS:
             return s
@@ -34,32 +34,32 @@ def _smoothed(kind: DriveParameter, s: Scalar, stribeck_speed: float = STRIBECK_
 
 
 class DriveTerm(NamedTuple):
-    """Rotor inertia or a kind of friction, linear in its parameter."""
+    """Rotor inertia or friction term, linear in its parameter."""
 
     arms: tuple[tuple[int, float], ...]
     kind: DriveParameter
 
     @property
     def joint(self) -> int:
-        """Index, among the tree's joints, of the joint that the drive is on."""
+        """Index of the drive's joint."""
         return self.arms[0][0]
 
     def speed(self, v: Column) -> Scalar:
-        """Speed of the drive's shaft (for accelerations, its acceleration)."""
+        """Speed (or acceleration) of the shaft."""
         (own, _), *others = self.arms
         return sum((ratio * v[joint] for joint, ratio in others), v[own])
 
     def energy(self, v: Column) -> Scalar:
-        """Kinetic energy in J per unit of the parameter; 0 for friction."""
+        """Kinetic energy in J per unit of the parameter."""
         s = self.speed(v)
         return 0.0 if self.kind.is_friction else 0.5 * s * s
 
     def torque(self, v: Column, a: Column) -> Scalar:
-        """Torque about the shaft against the term, per unit of its parameter."""
+        """Torque at the shaft per unit of the parameter."""
         return friction(self.kind, self.speed(v)) if self.kind.is_friction else self.speed(a)
 
     def damping(self, v: Column) -> Scalar:
-        """Secant of the term's friction curve per unit of its parameter."""
+        """Secant of the friction curve per unit of the parameter."""
         match self.kind:
             case DriveParameter.VISCOUS:
                 return 1.0
@@ -68,5 +68,5 @@ class DriveTerm(NamedTuple):
         return 1.0 / _smoothed(self.kind, self.speed(v))
 
     def on_joints(self, share: Scalar) -> list[tuple[int, Scalar]]:
-        """Pairs (joint index, torque) of a torque about the shaft."""
+        """Pairs (joint index, torque) of a shaft torque."""
         return [(joint, share if ratio == 1.0 else ratio * share) for joint, ratio in self.arms]

@@ -1,4 +1,4 @@
-"""Energies as linear functions of the inertial parameters, and equations of motion by momenta."""
+"""Energy regressors, and equations of motion by momenta."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Weight:
 
 
 def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
-    """Gravity's acceleration in each link's axes, and its potential there."""
+    """Gravity in each link's axes, and its potential."""
     out: list[Weight] = []
     for place in places:
         parent = place.segment.parent
@@ -31,7 +31,7 @@ def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
 
 
 def carried_weight(place: Placement, base: Weight) -> Weight:
-    """Gravity's acceleration and potential at one link, from those of its parent."""
+    """Gravity and potential at a link, from its parent's."""
     own = place.down(base.gravity)
     fall = dot(base.gravity, place.near) + dot(own, place.shift)
     return Weight(own, base.potential - fall)
@@ -47,32 +47,32 @@ def link_energy(twist: Twist, weight: Weight) -> Column:
 
 
 def energy_regressor(links: Sequence[Segment], q: Column, v: Column, gravity: Vec) -> Column:
-    """Energy regressor (10 n,) of a tree of n links."""
+    """Energy regressor (10 n,) of a tree."""
     return placed_energy_regressor(placements(tuple(links), q), v, gravity)
 
 
 def placed_energy_regressor(places: Sequence[Placement], v: Column, gravity: Vec) -> Column:
-    """Energy regressor (10 n,) of a tree of n links, from the links' placements."""
+    """Energy regressor (10 n,) from the links' placements."""
     pairs = zip(twists(places, v), weights(places, gravity), strict=True)
     return Column(entry for twist, weight in pairs for entry in link_energy(twist, weight))
 
 
 def potential_regressor(links: Sequence[Segment], q: Column, gravity: Vec) -> Column:
-    """Potential part (10 n,) of the energy regressor of a tree of n links."""
+    """Potential energy regressor (10 n,) of a tree."""
     places = placements(tuple(links), q)
     still = Twist(ZERO, ZERO)
     return Column(entry for weight in weights(places, gravity) for entry in link_energy(still, weight))
 
 
 class MomentumTerms(NamedTuple):
-    """Regressors of the equations of motion in momenta, which need no accelerations."""
+    """Regressors of the equations of motion by momenta."""
 
     momentum: list[Column]
     forces: list[Column]
 
 
 def momentum_terms(equations: Equations, q: Column, v: Column, columns: Sequence[int]) -> MomentumTerms:
-    """Regressors of the momenta M v and of the forces that change them."""
+    """Regressors of the momenta M v and their forces."""
     if equations.has_known_share:
         raise InputError("filtered torque prediction needs constraints with zero values")
     still = Column.zeros(equations.dof)

@@ -1,4 +1,4 @@
-"""Axes for a link's vectors: its own, or such as its joint does not turn."""
+"""Axes for a link's vectors: its own or unrotated ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from adaptctl.scalars import Column, Mat, Scalar, Vec, cos, sin
 
 
 class FrameChoice(NamedTuple):
-    """Axes in which the vectors of a tree's n links are held."""
+    """Axes of the vectors of a tree's links."""
 
     links: tuple[Segment, ...]
     senses: tuple[float, ...]
@@ -19,7 +19,7 @@ class FrameChoice(NamedTuple):
 
     @classmethod
     def of(cls, links: Sequence[Segment]) -> FrameChoice:
-        """Choice that takes fewer operations for a tree of n links."""
+        """Choice with fewer operations."""
         senses = tuple(_sense(link, links) for link in links)
         turned, tilted = list[bool](), list[bool]()  # by any joint; by one before the link's that is not parallel to it
         for link, sense in zip(links, senses, strict=True):
@@ -36,7 +36,7 @@ class FrameChoice(NamedTuple):
         return cls(tuple(links), senses, tuple(unturned))
 
     def coordinates(self, q: Column) -> list[tuple[Scalar, ...]]:
-        """Coordinates of the links, of which `placements` makes their poses."""
+        """Link coordinates, for `placements`."""
         found: list[tuple[Scalar, ...]] = []
         for i, (link, sense) in enumerate(zip(self.links, self.senses, strict=True)):
             if not link.turns:
@@ -50,7 +50,7 @@ class FrameChoice(NamedTuple):
         return found
 
     def placements(self, coordinates: Sequence[Sequence[Scalar]]) -> list[Placement]:
-        """Poses of the links in their parents, in the held axes."""
+        """Poses of the links in their parents, in the chosen axes."""
         found: list[Placement] = []
         for link, own, unturned in zip(self.links, coordinates, self.unturned, strict=True):
             before = found[link.parent].turn if link.parent != GROUND else None
@@ -74,7 +74,7 @@ def _sense(link: Segment, links: Sequence[Segment]) -> float:
 
 
 def held_parameters(place: Placement, ten: Sequence[Scalar]) -> Sequence[Scalar]:
-    """Ten inertial parameters of a link in the held axes."""
+    """Ten inertial parameters in the chosen axes."""
     if place.turn is None:
         return ten
     m, x, y, z, xx, xy, yy, xz, yz, zz = ten
@@ -83,7 +83,7 @@ def held_parameters(place: Placement, ten: Sequence[Scalar]) -> Sequence[Scalar]
 
 
 def per_own_parameter(turn: AxisRotation, held: Sequence[Scalar]) -> Sequence[Scalar]:
-    """Coefficients (10,) of a link's own parameters, from those in held axes."""
+    """Coefficients (10,) of a link's own parameters."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = held
     # Any tensor will do whose opposite entries add up to the coefficients of products of inertia.
     a = turned_back(turn.T, Mat(Vec(xx, xy, xz), Vec(0.0, yy, yz), Vec(0.0, 0.0, zz)))

@@ -1,4 +1,4 @@
-"""Forward kinematics: poses of frames in the world."""
+"""Forward kinematics: poses in the world."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class JointAxes(NamedTuple):
 
 
 def frames(links: Sequence[Segment], q: Column) -> list[Frame]:
-    """Poses in the world of the n links' frames."""
+    """Poses of the n links' frames in the world."""
     out: list[Frame] = []
     for place in placements(tuple(links), q):
         base = _base(place.segment, out)
@@ -50,7 +50,7 @@ def frames(links: Sequence[Segment], q: Column) -> list[Frame]:
 
 
 def link_poses(mechanism: Mechanism, p: ArrayLike) -> LinkPoses:
-    """Poses in the world of the frames of a mechanism's N links, as `LinkPoses`."""
+    """Poses in the world of a mechanism's links."""
     placed, samples = _placed(mechanism, p)
     n = len(placed)
     rotations = stacked([entry for frame in placed for row in _rows(frame.rotation) for entry in row], samples)
@@ -59,7 +59,7 @@ def link_poses(mechanism: Mechanism, p: ArrayLike) -> LinkPoses:
 
 
 def joint_axes(mechanism: Mechanism, p: ArrayLike) -> JointAxes:
-    """Axes in the world of the joints of a mechanism's N links, as `JointAxes`."""
+    """Axes in the world of a mechanism's joints."""
     placed, samples = _placed(mechanism, p)
     links = mechanism.equations.links
     points = [_joint_position(link, _base(link, placed)) for link in links]
@@ -93,7 +93,7 @@ def _rows(matrix: Mat) -> tuple[Vec, Vec, Vec]:
 
 
 class MovingPoint:
-    """Point of a link at one configuration, with its Jacobian."""
+    """Point of a link, with its Jacobian."""
 
     __slots__ = ("columns", "position")
 
@@ -101,7 +101,7 @@ class MovingPoint:
         self.position, self.columns = position, tuple(columns)
 
     def velocity(self, rates: Column) -> Vec:
-        """Velocity (3,) of the point in m/s under joint velocities (n,)."""
+        """Velocity (3,) of the point in m/s."""
         total = ZERO
         for rate, velocity in zip(rates, self.columns, strict=True):
             total = total + rate * velocity
@@ -109,7 +109,7 @@ class MovingPoint:
 
 
 def moving_point(links: Sequence[Segment], q: Column, link: int, offset: Vec) -> MovingPoint:
-    """Position and Jacobian in the world of a point of a link."""
+    """Position and Jacobian of a point of a link."""
     placed = frames(links, q)
     position = placed[link].origin + placed[link].rotation @ offset
     columns, i = [ZERO] * len(links), link

@@ -1,4 +1,4 @@
-"""The mass matrix by composite bodies (Walker and Orin 1982), and systems in it."""
+"""Mass matrix by composite bodies (Walker and Orin 1982)."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ class Body:
 
 
 def body(ten: Sequence[Scalar]) -> Body:
-    """Rigid body of one link, from its ten inertial parameters."""
+    """Rigid body from ten inertial parameters."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = ten
     return Body(m, Vec(x, y, z), Mat(Vec(xx, xy, xz), Vec(xy, yy, yz), Vec(xz, yz, zz)))
 
 
 def raised(place: Placement, link: Body) -> Body:
-    """Rigid body of a link in its parent link's frame."""
+    """Rigid body in the parent link's frame."""
     at_joint = moved_origin(link, place.shift)
     turned = Body(link.mass, place.up(at_joint.moment), symmetric_up(place, at_joint.inertia))
     return moved_origin(turned, place.near)
@@ -57,7 +57,7 @@ def moved_origin(link: Body, offset: Vec) -> Body:
 
 
 def mass_matrix(places: Sequence[Placement], parameters: Column) -> list[list[Scalar]]:
-    """Mass matrix (n, n) by composite rigid bodies (Walker and Orin 1982)."""
+    """Mass matrix (n, n) by composite rigid bodies."""
     n = len(places)
     composite = [body(held_parameters(places[i], parameters.of[10 * i : 10 * i + 10])) for i in range(n)]
     rows: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
@@ -71,7 +71,6 @@ def mass_matrix(places: Sequence[Placement], parameters: Column) -> list[list[Sc
 
 
 def _column(places: Sequence[Placement], i: int, outboard: Body) -> list[tuple[int, Scalar]]:
-    """Entries of M between joint i and the joints that carry it."""
     load = _unit_load(places[i], outboard)
     entries, j = [(i, joint_power(places[i], load))], i
     while (parent := places[j].segment.parent) != GROUND:
@@ -90,12 +89,12 @@ def _unit_load(place: Placement, outboard: Body) -> Wrench:
 
 
 def solve_symmetric(rows: Sequence[Sequence[Scalar]], right: Column) -> Column:
-    """Solution x (n,) of M x = b, M symmetric positive definite."""
+    """Solution x (n,) of M x = b, M positive definite."""
     return factorised(rows).solved(right)
 
 
 class Factors(NamedTuple):
-    """Factors L and D of M = L' D L, L lower triangular."""
+    """Factors of M = L' D L."""
 
     lower: Sequence[Sequence[Scalar]]
     inverse: Sequence[Scalar]
@@ -114,7 +113,7 @@ class Factors(NamedTuple):
 
 
 def factorised(rows: Sequence[Sequence[Scalar]]) -> Factors:
-    """Factors of a symmetric positive definite matrix M = L' D L."""
+    """Factors of a positive definite matrix M = L' D L."""
     n = len(rows)
     m = [list(row) for row in rows]
     inverse: list[Scalar] = [0.0] * n

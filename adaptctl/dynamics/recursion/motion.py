@@ -1,4 +1,4 @@
-"""Forward recursions: how every link moves, in its axes (`Placement`)."""
+"""Forward recursion of the links' motion."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ GROUND = -1
 
 
 class Twist:
-    """Angular velocity and velocity of a link's origin, in its axes."""
+    """Angular velocity, and velocity of the link's origin."""
 
     __slots__ = ("v", "w")
 
@@ -21,14 +21,14 @@ class Twist:
 
 
 def carried(place: Placement, parent: Twist) -> Twist:
-    """Twist that a link has from its parent's."""
+    """Twist of a link from its parent's."""
     w = place.down(parent.w)
     v = place.down(parent.v + cross(parent.w, place.near))
     return Twist(w, v + cross(w, place.shift))
 
 
 def moved(place: Placement, rate: Scalar) -> Twist:
-    """Twist of a link whose own joint alone moves, at velocity `rate`."""
+    """Twist of a link by its own joint alone."""
     axis = place.segment.axis
     if place.segment.turns:
         w = rate * axis
@@ -37,7 +37,7 @@ def moved(place: Placement, rate: Scalar) -> Twist:
 
 
 def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
-    """Twists of all n links of a tree, a `Twist` each."""
+    """Twists of all n links."""
     out: list[Twist] = []
     for i, place in enumerate(places):
         parent = place.segment.parent
@@ -50,7 +50,7 @@ def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
 
 
 class Products(NamedTuple):
-    """Symmetric products (w_i r_j + w_j r_i)/2 of two angular velocities."""
+    """Symmetric products (w_i r_j + w_j r_i)/2 of angular velocities."""
 
     xx: Scalar
     xy: Scalar
@@ -64,7 +64,7 @@ ZERO_PRODUCTS = Products(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def products(w: Vec, r: Vec) -> Products:
-    """Symmetric products of two angular velocities (3,) of one link."""
+    """Symmetric products of two angular velocities (3,)."""
     if w is r:
         return Products(w.x * w.x, w.x * w.y, w.y * w.y, w.x * w.z, w.y * w.z, w.z * w.z)
     h = 0.5 * w
@@ -73,7 +73,7 @@ def products(w: Vec, r: Vec) -> Products:
 
 
 class LinkMotion:
-    """Motion of a link, by the acceleration of its points less gravity's."""
+    """Motion of a link, accelerations less gravity's."""
 
     __slots__ = ("acc", "alpha", "lever", "products")
 
@@ -83,17 +83,17 @@ class LinkMotion:
 
     @property
     def numbers(self) -> tuple[Scalar, ...]:
-        """Twelve scalars from which the motion can be rebuilt, all in the link's axes."""
+        """Twelve scalars from which the motion is rebuilt."""
         return (*self.products, *self.alpha, *self.acc)
 
     @classmethod
     def of(cls, numbers: Sequence[Scalar]) -> LinkMotion:
-        """Motion of a link rebuilt from its twelve `numbers`, all in the link's axes."""
+        """Motion rebuilt from its twelve `numbers`."""
         return cls(Products(*numbers[:6]), Vec(*numbers[6:9]), Vec(*numbers[9:]))
 
 
 def lever(p: Products, a: Vec) -> Mat:
-    """Matrix L (3, 3) of the accelerations that a rotation gives points."""
+    """Matrix L (3, 3) of points' accelerations by rotation."""
     return Mat(
         Vec(-(p.yy + p.zz), p.xy - a.z, p.xz + a.y),
         Vec(p.xy + a.z, -(p.xx + p.zz), p.yz - a.x),
@@ -102,7 +102,7 @@ def lever(p: Products, a: Vec) -> Mat:
 
 
 def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gravity: Vec) -> list[LinkMotion]:
-    """Motions of all links under velocities, reference velocities and accelerations (n,)."""
+    """Motions of all links under v, v_r and a_r (n,)."""
     w = angular_velocities(places, v)
     r = w if v is v_r else angular_velocities(places, v_r)
     ground, out = LinkMotion(ZERO_PRODUCTS, ZERO, -gravity), list[LinkMotion]()
@@ -122,7 +122,7 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
 
 
 def angular_velocities(places: Sequence[Placement], rate: Column) -> list[Vec]:
-    """Angular velocities (3,) of all n links, in their axes."""
+    """Angular velocities (3,) of the links."""
     out: list[Vec] = []
     for i, place in enumerate(places):
         segment = place.segment

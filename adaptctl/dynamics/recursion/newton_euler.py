@@ -1,4 +1,4 @@
-"""Newton and Euler's equations of a tree: torques, regressors and powers."""
+"""Newton-Euler equations of a tree."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from adaptctl.scalars import Column, Scalar, Vec, cross, dot
 
 
 class Wrench:
-    """Force in N and moment in N m about a link's origin, in its axes."""
+    """Force in N and moment in N m about a link's origin."""
 
     __slots__ = ("force", "moment")
 
@@ -23,7 +23,7 @@ class Wrench:
 
 
 def wrench(motion: LinkMotion, ten: Sequence[Scalar]) -> Wrench:
-    """Wrench that gives a link its motion against inertia and gravity."""
+    """Wrench of a link's motion against inertia and gravity."""
     m, mc = ten[0], Vec(ten[1], ten[2], ten[3])
     force = m * motion.acc + motion.lever @ mc
     moment = cross(mc, motion.acc)
@@ -33,7 +33,7 @@ def wrench(motion: LinkMotion, ten: Sequence[Scalar]) -> Wrench:
 
 
 def inertia_moments(motion: LinkMotion) -> tuple[Vec, ...]:
-    """Moments (3,) that give a link its motion, for each of its six inertias."""
+    """Moments (3,) of a link's motion, per inertia."""
     a, b, p = motion.alpha, motion.lever, motion.products
     return (
         Vec(a.x, p.xz, -p.xy),
@@ -46,7 +46,7 @@ def inertia_moments(motion: LinkMotion) -> tuple[Vec, ...]:
 
 
 def power(motion: LinkMotion, twist: Twist, keep: Sequence[int]) -> list[Scalar]:
-    """Powers of wrenches on a link that moves with a twist."""
+    """Powers of wrenches on a moving link."""
     moments = inertia_moments(motion) if any(k >= 4 for k in keep) else ()
     levered = motion.lever.T @ twist.v + cross(motion.acc, twist.w) if any(1 <= k <= 3 for k in keep) else None
     first = tuple(levered) if levered is not None else ()
@@ -56,7 +56,7 @@ def power(motion: LinkMotion, twist: Twist, keep: Sequence[int]) -> list[Scalar]
 
 
 def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], parameters: Column) -> Column:
-    """Joint torques (n,) against inertia and gravity by Newton and Euler's backward recursion."""
+    """Joint torques (n,) by the backward recursion."""
     tens = (parameters.of[10 * i : 10 * i + 10] for i in range(len(places)))
     held = map(held_parameters, places, tens)
     loads = [wrench(motion, ten) for motion, ten in zip(moving, held, strict=True)]
@@ -70,7 +70,7 @@ def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], par
 
 
 def joint_power(place: Placement, load: Wrench) -> Scalar:
-    """Joint torque, that corresponds to a wrench on the joint's link."""
+    """Joint torque of a wrench on the link."""
     z = place.segment.axis
     if not place.segment.turns:
         return dot(load.force, z)
@@ -78,14 +78,14 @@ def joint_power(place: Placement, load: Wrench) -> Scalar:
 
 
 def lifted(place: Placement, load: Wrench) -> Wrench:
-    """Wrench about the parent link's origin, from that about the link's origin."""
+    """Wrench about the parent link's origin."""
     force = place.up(load.force)
     moment = place.up(load.moment + cross(place.shift, load.force))
     return Wrench(force, moment + cross(place.near, force))
 
 
 def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], columns: Sequence[int]) -> list[Column]:
-    """Torque regressor (n, k) of a tree, as n rows."""
+    """Torque regressor (n, k) of a tree, by rows."""
     kept = kept_by_link(columns, len(places))
     rows: list[dict[int, Scalar]] = [{} for _ in places]
     joints: list[dict[int, Twist]] = []
@@ -98,7 +98,7 @@ def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], 
 
 
 def joint_twists(place: Placement, i: int, done: Sequence[dict[int, Twist]]) -> dict[int, Twist]:
-    """Twists of link `i` under unit velocity of each joint that moves it."""
+    """Twists of link `i` under unit joint velocities."""
     parent = place.segment.parent
     above = done[parent] if parent != GROUND else {}
     return {j: carried(place, twist) for j, twist in above.items()} | {i: moved(place, 1.0)}
@@ -113,7 +113,7 @@ def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
 
 
 def powers(places: Sequence[Placement], moving: Sequence[LinkMotion], s: Column, columns: Sequence[int]) -> Column:
-    """Powers Y' s (k,) of k inertial parameters of a tree."""
+    """Powers Y' s (k,) of k inertial parameters."""
     kept = kept_by_link(columns, len(places))
     of_links = map(_kept_powers, places, moving, twists(places, s), kept)
     found = [dict(zip(keep, powers, strict=True)) for keep, powers in zip(kept, of_links, strict=True)]

@@ -1,4 +1,4 @@
-"""The geometry of a link, as the equations see it."""
+"""The geometry of a link."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from adaptctl.scalars import Column, Mat, Scalar, Vec, cos, dot, product, sin
 
 
 class Segment(NamedTuple):
-    """Geometry of a link and its joint, lengths in m."""
+    """Geometry of a link and its joint, in m."""
 
     parent: int
     turns: bool
@@ -29,7 +29,7 @@ class Segment(NamedTuple):
 
     @classmethod
     def of(cls, link: Link) -> Segment:
-        """Geometry of a link of a description and its joint."""
+        """Geometry of a link of a description."""
         outward = link.joint_to_link.rotation.T
         return cls(
             parent=link.parent,
@@ -47,7 +47,7 @@ class Segment(NamedTuple):
 
     @property
     def coordinates(self) -> int:
-        """Number of scalars that determine the link's pose in its parent."""
+        """Number of scalars of the link's pose."""
         return 2 if self.turns else 1
 
     @property
@@ -56,11 +56,11 @@ class Segment(NamedTuple):
         return tuple(step for step in (self.inward, self.outward) if step is not None)
 
     def at(self, q: Scalar) -> Placement:
-        """Link's pose in its parent, where its joint is at position `q`."""
+        """Pose in the parent at joint position `q`."""
         return self.placed((cos(q), sin(q)) if self.turns else (q,))
 
     def placed(self, coordinates: Sequence[Scalar]) -> Placement:
-        """Link's pose in its parent, from the `coordinates` of its joint."""
+        """Pose in the parent, from the `coordinates` of the joint."""
         if self.whole is not None:
             return Placement(self, coordinates, (_sum(self.whole, *coordinates),), self.joint_to_link)
         turn = about(self.joint_axis, *coordinates) if self.turns else None
@@ -74,7 +74,7 @@ class Segment(NamedTuple):
 
 
 class Placement:
-    """Pose of a link in its parent at one configuration."""
+    """Pose of a link in its parent."""
 
     __slots__ = ("coordinates", "near", "segment", "shift", "turn", "turns")
 
@@ -90,30 +90,30 @@ class Placement:
         self.near = segment.parent_to_joint
 
     def down(self, u: Vec) -> Vec:
-        """Components (3,) in the link's axes of a vector in the parent's."""
+        """Vector (3,) from the parent's axes to the link's."""
         for turn in self.turns:
             u = turn @ u
         return u
 
     def up(self, u: Vec) -> Vec:
-        """Components (3,) in the parent's axes of a vector in the link's."""
+        """Vector (3,) from the link's axes to the parent's."""
         for turn in reversed(self.turns):
             u = turn.T @ u
         return u
 
 
 def segments(description: Description) -> tuple[Segment, ...]:
-    """Geometry of every link of a description, parents before children."""
+    """Geometry of every link of a description."""
     return tuple(Segment.of(link) for link in description.links)
 
 
 def placements(links: tuple[Segment, ...], q: Column) -> list[Placement]:
-    """Poses of a tree's n links in their parents at a configuration (n,)."""
+    """Poses of links in their parents at a configuration (n,)."""
     return [link.at(q[i]) for i, link in enumerate(links)]
 
 
 class AxisRotation(Mat):
-    """Rotation (3, 3) of coordinates into axes turned about a coordinate axis."""
+    """Rotation (3, 3) about a coordinate axis."""
 
     __slots__ = ("axis", "cosine", "sine")
 
@@ -140,7 +140,7 @@ def axis_rotation(a: Vec, c: Scalar, s: Scalar) -> AxisRotation | None:
 
 
 def about(a: Vec, c: Scalar, s: Scalar) -> Mat:
-    """Rotation (3, 3) of coordinates about a unit axis: Rodrigues' formula, transposed."""
+    """Rotation (3, 3) about a unit axis (Rodrigues), transposed."""
     along = axis_rotation(a, c, s)
     if along is not None:
         return along
@@ -190,21 +190,21 @@ def _matrix(rotation: Array) -> Mat | None:
 
 
 def symmetric_up(place: Placement, tensor: Mat) -> Mat:
-    """Symmetric tensor (3, 3) in the parent link's axes."""
+    """Symmetric tensor (3, 3) in the parent's axes."""
     for turn in reversed(place.turns):
         tensor = turned_back(turn, tensor) if isinstance(turn, AxisRotation) else congruent(turn.T, tensor)
     return tensor
 
 
 def tensor_up(place: Placement, tensor: Mat) -> Mat:
-    """Tensor (3, 3) in the parent link's axes."""
+    """Tensor (3, 3) in the parent's axes."""
     for turn in reversed(place.turns):
         tensor = turned_back(turn, tensor) if isinstance(turn, AxisRotation) else product(product(turn.T, tensor), turn)
     return tensor
 
 
 def turned_back(turn: AxisRotation, tensor: Mat) -> Mat:
-    """Product R' T R (3, 3) of an axis rotation R."""
+    """Product R' T R (3, 3) of an axis rotation."""
     k, c, s = turn.axis, turn.cosine, turn.sine
     i, j = (k + 1) % 3, (k + 2) % 3
     old = [list(row) for row in tensor]
@@ -218,7 +218,7 @@ def turned_back(turn: AxisRotation, tensor: Mat) -> Mat:
 
 
 def congruent(rotation: Mat, s: Mat) -> Mat:
-    """Symmetric product R S R' (3, 3), each entry computed once."""
+    """Symmetric product R S R' (3, 3)."""
     half_x, half_y, half_z = s @ rotation.x, s @ rotation.y, s @ rotation.z
     xy, xz, yz = dot(rotation.x, half_y), dot(rotation.x, half_z), dot(rotation.y, half_z)
     return Mat(

@@ -1,4 +1,4 @@
-"""Exact numbers: integers modulo a prime, numbers of 60 digits, and Gaussian elimination with both."""
+"""Exact arithmetic: integers modulo a prime and 60-digit numbers."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MIN_COLUMN_RATIO = 1e-3
 
 
 class Modular:
-    """Integer modulo the prime 2^31 - 1, or one for each sample, as a scalar of the equations of motion."""
+    """Integer modulo the prime 2^31 - 1, or one per sample."""
 
     __slots__ = ("residues",)
     __array_ufunc__ = None
@@ -112,7 +112,7 @@ def stacked_residues(entries: list[Any], samples: int) -> Residues:
 
 
 class Digits:
-    """Fixed-point number of 60 decimal digits, or one for each sample, as a scalar of the equations of motion."""
+    """Fixed-point number of 60 decimal digits, or one per sample."""
 
     __slots__ = ("scaled",)
 
@@ -178,7 +178,6 @@ def scaled(x: Fraction | float) -> int:
 
 
 def _exponential(x: Digits) -> tuple[Digits, Digits]:
-    """Cosine and sine of an angle of a few radians: Taylor's series of its 256th part, doubled eight times."""
     small = x.scaled >> _HALVINGS
     term, parts = ONE + 0 * small, [0 * small, 0 * small]
     parts[0] = parts[0] + term
@@ -192,12 +191,12 @@ def _exponential(x: Digits) -> tuple[Digits, Digits]:
 
 
 def cosine(x: Digits) -> Digits:
-    """Cosine of an angle, right to about 55 digits up to 10 rad."""
+    """Cosine of an angle up to 10 rad, to 55 digits."""
     return _exponential(x)[0]
 
 
 def sine(x: Digits) -> Digits:
-    """Sine of an angle, right to about 55 digits up to 10 rad."""
+    """Sine of an angle up to 10 rad, to 55 digits."""
     return _exponential(x)[1]
 
 
@@ -210,7 +209,7 @@ def floats(scaled: Any) -> Any:
 
 
 def stacked_digits(entries: list[Any], samples: int) -> Any:
-    """Fixed-point numbers (samples, n) of n scalars, a column each."""
+    """Fixed-point numbers (samples, n), a column per scalar."""
     out = np.empty((samples, len(entries)), dtype=object)
     for i, entry in enumerate(entries):
         out[:, i] = entry.scaled if isinstance(entry, Digits) else scaled(entry)
@@ -218,7 +217,7 @@ def stacked_digits(entries: list[Any], samples: int) -> Any:
 
 
 def independent_columns(matrix: Any, order: Sequence[int], nothing: float = 0.0) -> tuple[int, ...]:
-    """Indices of the columns that are independent of those before them in an order."""
+    """Indices of columns independent of those before them in an order."""
     left, found = matrix[:, list(order)], list[int]()
     least = np.zeros(len(order))
     if matrix.dtype == object:
@@ -236,7 +235,7 @@ def independent_columns(matrix: Any, order: Sequence[int], nothing: float = 0.0)
 
 
 def pivots(matrix: Any) -> tuple[float, ...]:
-    """Sizes of the pivots by Gaussian elimination with complete pivoting."""
+    """Pivot sizes by Gaussian elimination with complete pivoting."""
     left, found = matrix.copy(), list[float]()
     while left.size:
         sizes = _sizes(left)
@@ -250,7 +249,7 @@ def pivots(matrix: Any) -> tuple[float, ...]:
 
 
 def rank(matrix: Any, nothing: float = 0.0) -> int:
-    """Rank of a matrix of residues, or number of pivots above `nothing`."""
+    """Rank of residues, or number of pivots above `nothing`."""
     if matrix.dtype != object:
         return len(independent_columns(matrix, range(matrix.shape[1])))
     sizes = pivots(matrix)
@@ -263,7 +262,6 @@ def _sizes(entries: Any) -> Any:
 
 
 def _eliminated(left: Any, pivot: int, place: int) -> Any:
-    """Other rows, less as much of the pivot's that their entries from its column on lose that column."""
     row, exact = left[pivot], left.dtype != object
     scaled = row * inverse(int(row[place])) % PRIME if exact else (row << BITS) // row[place]
     left[pivot] = left[0]
@@ -276,7 +274,7 @@ def _eliminated(left: Any, pivot: int, place: int) -> Any:
 
 
 def ranks(matrices: Residues) -> tuple[int, ...]:
-    """Ranks (N,) of N small matrices of residues, eliminated at once."""
+    """Ranks (N,) of N small matrices of residues."""
     left, many = matrices.copy(), np.arange(len(matrices))
     found = np.zeros(len(matrices), dtype=np.int64)
     for place in range(matrices.shape[2]):

@@ -1,4 +1,4 @@
-"""Rank of a mechanism's energies on exact geometry, and the parameters that an order of removal leaves."""
+"""Rank and base parameters of a mechanism's energies on exact geometry."""
 
 from __future__ import annotations
 
@@ -61,18 +61,18 @@ MAX_LISTED_COINCIDENCES = 3
 
 @dataclass(frozen=True)
 class Coordinate:
-    """Joint position in exact scalars: cosine and sine of its angle, and its length."""
+    """Joint position in exact scalars."""
 
     cosine: Any
     sine: Any
     length: Any
 
     def placed(self, link: Segment) -> Placement:
-        """Pose of a link in its parent at this position."""
+        """Pose of a link in its parent."""
         return link.placed((self.cosine, self.sine) if link.turns else (self.length,))
 
     def followed(self, coupling: Coupling, parts: int, angle: float) -> Coordinate:
-        """Position of a joint that follows this one by a coupling."""
+        """Position of a coupled joint."""
         ratio = simplest_rational(coupling.ratio)
         c, s = _power((self.cosine, self.sine), int(ratio * parts))
         ahead = _numbers(angle)
@@ -88,7 +88,7 @@ class Coordinate:
 def random_places(
     description: Description, geometry: ExactGeometry, samples: int, rng: np.random.Generator
 ) -> list[Placement]:
-    """Poses of a tree's links in their parents at random states."""
+    """Poses of a tree's links at random states."""
     couplings = () if description.loops is None else description.loops.couplings
     index = {name: i for i, name in enumerate(description.joint_names)}
     links, shifts = geometry.links, geometry.shifts
@@ -111,7 +111,7 @@ def random_places(
 
 
 def random_rates(description: Description, samples: int, rng: np.random.Generator) -> Column:
-    """Velocities of a tree's joints at random states, nonzero residues."""
+    """Nonzero random velocities of a tree's joints, as residues."""
     rates = [random_residues(samples, rng) for _ in description.links]
     index = {name: i for i, name in enumerate(description.joint_names)}
     for c in () if description.loops is None else description.loops.couplings:
@@ -160,7 +160,7 @@ def energy_differences(description: Description, geometry: ExactGeometry, sample
 
 
 def energy_changes(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
-    """Energy changes (N, samples, 11) as a body is moved from each joint's link to its parent, as residues."""
+    """Energy changes (N, samples, 11) of bodies moved from each joint's link to its parent, as residues."""
     rng = np.random.default_rng(seed)
     places = random_places(description, geometry, samples, rng)
     rates = random_rates(description, samples, rng)
@@ -181,7 +181,7 @@ def energy_changes(description: Description, geometry: ExactGeometry, samples: i
 
 @dataclass(frozen=True, eq=False)
 class ExactEnergies:
-    """Energies of a mechanism on exact geometry, as a precision reads its floats."""
+    """Energies of a mechanism on exact geometry, at a precision."""
 
     mechanism: Mechanism
     precision: Precision = AS_GIVEN
@@ -196,7 +196,7 @@ class ExactEnergies:
 
     @cached_property
     def rank(self) -> int:
-        """Number of independent directions of the inertial parameters that change energies."""
+        """Number of identifiable directions."""
         description = self.mechanism.description
         plain = description.loops is None and len(description.bodies) == len(description.links)
         if plain and self.mechanism.unconstrained is self.mechanism:
@@ -205,11 +205,11 @@ class ExactEnergies:
         return arithmetic.rank(self._differences, self._nothing)
 
     def kept(self, order: Sequence[int]) -> tuple[int, ...]:
-        """Indices (k,) of the parameters that stay when others are removed in an order."""
+        """Indices (k,) of the parameters kept by an order of removal."""
         return tuple(sorted(arithmetic.independent_columns(self._differences, order[::-1], self._nothing)))
 
     def keeps(self, kept: tuple[int, ...], order: Sequence[int]) -> bool:
-        """True if removing parameters in an order leaves just these."""
+        """True if an order of removal keeps exactly these."""
         return any(kept == way.kept(order) for way in (replace(self, by_frames=True), self))
 
     @property
@@ -265,7 +265,6 @@ class ExactEnergies:
 
 
 def _differences_in_digits(mechanism: Mechanism, geometry: ExactGeometry, rows: int, seed: int) -> Any:
-    """Energy differences (rows, P) of closed loops, whose equations are imported here since a tree has none."""
     from adaptctl.identifiability.proof.exact_geometry import exact_loops, loop_energies
 
     states = random_states(mechanism, rows + 1, np.random.default_rng(seed))

@@ -1,4 +1,4 @@
-"""Geometry of a mechanism in exact numbers, and its nearly special angles and lengths."""
+"""Exact geometry of a mechanism, and its nearly special values."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 @dataclass(frozen=True)
 class Reading:
-    """Rule that makes floats exact: its scalars, precision and unit of length."""
+    """Rule that makes floats exact."""
 
     number: Number
     size: float
@@ -62,7 +62,7 @@ class Reading:
         return self.number(simplest_rational(x, self.size, self.precision) / self.unit)
 
     def turned(self, angle: float) -> tuple[Any, Any]:
-        """Exact cosine and sine of an angle, whose squares sum to exactly 1."""
+        """Exact cosine and sine of an angle, on the unit circle."""
         found = turn(angle, self.precision)
         if not found.half_tangent:
             return QUARTERS[found.quarters]
@@ -92,7 +92,7 @@ class ExactFrame:
 
 @dataclass(frozen=True)
 class ExactGeometry:
-    """Geometry of a tree and its loops in exact scalars."""
+    """Exact geometry of a tree and its loops."""
 
     links: tuple[Segment, ...]
     shifts: tuple[float, ...]
@@ -102,7 +102,7 @@ class ExactGeometry:
 
     @classmethod
     def by_axes(cls, description: Description, frames: CanonicalFrames, reading: Reading) -> ExactGeometry:
-        """Exact geometry by joint axes: parallel, meeting and perpendicular ones are so exactly."""
+        """Exact geometry by joint axes, with their special relations."""
         on_joints = tuple(ExactFrame.of(joint.link, reading) for joint in frames.joints)
         links = tuple(
             _segment(
@@ -127,7 +127,7 @@ class ExactGeometry:
 
     @classmethod
     def by_frames(cls, description: Description, reading: Reading) -> ExactGeometry:
-        """Exact geometry frame by frame, as the file describes it."""
+        """Exact geometry by frames, as in the file."""
 
         def fixed(_: int, pose: Pose) -> ExactFrame:
             return _as_written(pose, reading)
@@ -138,7 +138,6 @@ class ExactGeometry:
 
 
 def _as_written(pose: Pose, reading: Reading) -> ExactFrame:
-    """Pose with the file's own lengths; its rotation by turns."""
     rotation = reading.rotation(turns_of(FloatFrame.of(pose).rotation, reading.precision))
     return ExactFrame(rotation, Vec(*(reading.length(x) for x in pose.translation.tolist())))
 
@@ -162,7 +161,6 @@ def _as_in_file(link: Link, reading: Reading) -> Segment:
 
 
 def _segment(parent: int, turns: bool, joint: ExactFrame, before: ExactFrame | None, own: ExactFrame) -> Segment:
-    """Segment whose joint's frame is given in that of the joint before, on a link with its frame at `before`."""
     turned, near = joint.rotation, joint.origin
     if before is not None:
         turned = product(before.rotation.T, joint.rotation)
@@ -208,7 +206,7 @@ def _near_equals(description: Description, frames: CanonicalFrames) -> Iterator[
 
 
 def loop_lengths(description: Description, frames: CanonicalFrames) -> list[tuple[float, str]]:
-    """Lengths that may have to equal one another in closed loops, with joint names, ascending."""
+    """Lengths of closed loops that may be equal, with joint names, ascending."""
     loops = description.loops
     if loops is None or not loops.closures:
         return []
@@ -248,7 +246,7 @@ def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
 
 
 def loop_energies(equations: LoopEquations, geometry: ExactGeometry, q: Array, v: Array) -> Any:
-    """Energy regressor (samples, P) of closed loops to 60 digits."""
+    """Energy regressor (samples, P) of closed loops, to 60 digits."""
     joints = zip(q.T, geometry.shifts, geometry.links, strict=True)
     guess = Column(_coordinate(x, shift, link.turns, geometry.reading.unit) for x, shift, link in joints)
     closed = equations.closed(Column(guess[i] for i in equations.closing.primary), guess)
@@ -272,7 +270,6 @@ def _exact_loop(loop: Loop, closure: Closure, description: Description, geometry
 
 
 def _exact_follower(follower: Follower, geometry: ExactGeometry) -> Follower:
-    """Follower with its offset among shifted joints, and lengths in the geometry's unit."""
     shifts, links = geometry.shifts, geometry.links
     over = {False: float(1 / geometry.reading.unit), True: 1.0}
     own, other = over[links[follower.follower].turns], over[links[follower.leader].turns]

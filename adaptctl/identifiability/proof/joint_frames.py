@@ -1,4 +1,4 @@
-"""Joint frames from axis to axis, and the simplest rational numbers near their angles and lengths."""
+"""Canonical joint frames, with simple rational angles and lengths."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ QUARTER = math.pi / 2
 
 
 class Precision(NamedTuple):
-    """Distances of angles (rad), lengths and other numbers within which floats are made simpler."""
+    """Tolerances of angles (rad), lengths and other numbers."""
 
     angle: float
     # Lengths shorter than this, of the mechanism's, are meant to be zero.
@@ -36,26 +36,25 @@ AS_MEANT = Precision(1e-3, 1e-4, 1e-5)
 
 
 class Turn(NamedTuple):
-    """Angle as quarter turns and the rational tangent of half the rest."""
+    """Angle as quarter turns and the rational half-angle tangent of the rest."""
 
     quarters: int
     half_tangent: Fraction
 
     @property
     def cosine_and_sine(self) -> tuple[Fraction, Fraction]:
-        """Cosine and sine as fractions whose squares sum to exactly 1."""
+        """Cosine and sine as fractions on the unit circle."""
         square = self.half_tangent**2
         c, s = (1 - square) / (1 + square), 2 * self.half_tangent / (1 + square)
         return ((c, s), (-s, c), (-c, -s), (s, -c))[self.quarters]
 
 
 def simplest_rational(x: float, size: float = 1.0, precision: Precision = AS_GIVEN) -> Fraction:
-    """Fraction of least denominator near a float: 1/3 for 0.333333333333, 0 for 1e-13."""
+    """Fraction of least denominator near a float, such as 1/3 for 0.333333333333."""
     return Fraction(0) if abs(x) <= precision.length * size else _near(x, size, precision.number)
 
 
 def _near(x: float, size: float, distance: float) -> Fraction:
-    """Simplest fraction nearer to x, which is not zero, than a distance times a size."""
     unit = Fraction(10) ** math.floor(math.log10(size))
     middle, around = round(Fraction(abs(x)) / unit * _UNITS), round(distance * _UNITS)
     n, d = _simplest(max(middle - around, 1), middle + around, _UNITS)
@@ -71,7 +70,6 @@ def turn(angle: float, precision: Precision = AS_GIVEN) -> Turn:
 
 
 def _simplest(low: int, high: int, over: int) -> tuple[int, int]:
-    """Numerator and denominator of the simplest fraction between low/over and high/over, both positive."""
     a, b, c, d = low, over, high, over
     before, last = (0, 1), (1, 0)
     while True:
@@ -84,7 +82,7 @@ def _simplest(low: int, high: int, over: int) -> tuple[int, int]:
 
 
 def turns_of(rotation: Mat, precision: Precision) -> Turns:
-    """Turns about coordinate axes whose product is a rotation matrix."""
+    """Coordinate rotations whose product is a rotation matrix."""
     R = [list(row) for row in rotation]
     size, row, column = min((abs(R[i][j]), i, j) for i in range(3) for j in range(3))
     if size > precision.angle:
@@ -101,13 +99,13 @@ def turns_of(rotation: Mat, precision: Precision) -> Turns:
 
 
 def bearing(angle: float, precision: Precision) -> float:
-    """Angle made a multiple of 90 degrees where it nearly is."""
+    """Angle, snapped to a multiple of 90 degrees."""
     quarters = round(angle / QUARTER)
     return quarters * QUARTER if abs(angle - quarters * QUARTER) <= precision.angle else angle
 
 
 def turned(axis: int, c: Any, s: Any) -> Mat:
-    """Rotation matrix of a turn about a coordinate axis, from cosine and sine."""
+    """Rotation matrix about a coordinate axis, from cosine and sine."""
     if axis == 0:
         return Mat(Vec(1.0, 0.0, 0.0), Vec(0.0, c, -s), Vec(0.0, s, c))
     if axis == 1:
@@ -138,7 +136,7 @@ class FloatFrame(NamedTuple):
 
 
 class FramePlacement(NamedTuple):
-    """Pose of a frame by angles in rad and lengths in m."""
+    """Pose of a frame, by angles in rad and lengths in m."""
 
     turns: Turns
     bearing: float
@@ -147,7 +145,7 @@ class FramePlacement(NamedTuple):
 
     @classmethod
     def of(cls, frame: FloatFrame, length: float, precision: Precision) -> FramePlacement:
-        """Placement of a frame, nearly special angles and lengths made exact."""
+        """Pose of a frame with nearly special values made exact."""
         radius = _across(frame.origin)
         angle = _bearing(frame.origin, precision) if radius > precision.length * length else 0.0
         return cls(turns_of(frame.rotation, precision), angle, radius, _height(frame.origin))
@@ -164,7 +162,7 @@ class CanonicalJoint:
 
 @dataclass(frozen=True)
 class CanonicalFrames:
-    """Joints' poses from axis to axis, independent of where the file puts frames."""
+    """Joint poses from axis to axis, independent of the file's frames."""
 
     joints: tuple[CanonicalJoint, ...]
     on_links: tuple[FloatFrame, ...]
@@ -172,12 +170,12 @@ class CanonicalFrames:
     precision: Precision
 
     def placement(self, link: int, pose: Pose) -> FramePlacement:
-        """Placement, in the frame of a link's joint, of a frame fixed to that link."""
+        """Pose of a frame fixed to a link, in the link's joint frame."""
         return FramePlacement.of(self.on_links[link].inverse @ FloatFrame.of(pose), self.length, self.precision)
 
 
 def canonical_frames(description: Description, length: float, precision: Precision) -> CanonicalFrames:
-    """Poses of a tree's joints from axis to axis (Denavit and Hartenberg 1955)."""
+    """Canonical joint poses of a tree (Denavit and Hartenberg 1955)."""
     links = description.links
     children: dict[int, list[int]] = {i: [] for i in range(GROUND, len(links))}
     for i, link in enumerate(links):
@@ -193,10 +191,10 @@ def canonical_frames(description: Description, length: float, precision: Precisi
     on_links = {GROUND: gauged(_upright(description), GROUND)[0]}
     joints = []
     for i, link in enumerate(links):
-        standing = on_links[link.parent].inverse @ nears[i]
+        at_joint = on_links[link.parent].inverse @ nears[i]
         turns = link.joint.kind.is_revolute
-        placed = _axis_frame(standing, axes[i], turns, length, precision)
-        on_link, shift = FloatFrame.of(link.joint_to_link).inverse @ standing.inverse @ placed, 0.0
+        placed = _axis_frame(at_joint, axes[i], turns, length, precision)
+        on_link, shift = FloatFrame.of(link.joint_to_link).inverse @ at_joint.inverse @ placed, 0.0
         if turns:
             on_link, angle = gauged(on_link, i)
             shift = angle
@@ -211,9 +209,8 @@ def canonical_frames(description: Description, length: float, precision: Precisi
     return CanonicalFrames(tuple(joints), tuple(on_links[i] for i in (*range(len(links)), GROUND)), length, precision)
 
 
-def _axis_frame(standing: FloatFrame, axis: Vec, turns: bool, length: float, precision: Precision) -> FloatFrame:
-    """Frame on a joint's axis, x along the common normal with the z axis, at its foot if the joint turns."""
-    u, m = standing.rotation @ axis, standing.origin
+def _axis_frame(at_joint: FloatFrame, axis: Vec, turns: bool, length: float, precision: Precision) -> FloatFrame:
+    u, m = at_joint.rotation @ axis, at_joint.origin
     across, radius = _across(u), _across(m)
     if across > precision.angle:
         normal = (1.0 / across) * _normal(u)
@@ -229,9 +226,8 @@ def _axis_frame(standing: FloatFrame, axis: Vec, turns: bool, length: float, pre
 
 
 def _gauge(carried: Iterable[tuple[FloatFrame, Vec]], link: Mat, length: float, precision: Precision) -> float:
-    """The bearing of the first joint that the link carries and that has one, else of the link's own frame."""
-    for standing, axis in carried:
-        u, m = standing.rotation @ axis, standing.origin
+    for at_joint, axis in carried:
+        u, m = at_joint.rotation @ axis, at_joint.origin
         if _across(u) > precision.angle:
             return _bearing(_normal(u), precision)
         if _across(m) > precision.length * length:
@@ -251,12 +247,10 @@ def _height(u: Vec) -> float:
 
 
 def _normal(u: Vec) -> Vec:
-    """z x u, which is along the common normal of z and a line along u."""
     return Vec(-u.y, u.x, 0.0)
 
 
 def _bearing(u: Vec, precision: Precision) -> float:
-    """The angle of a vector's share in that plane, a multiple of a right one where it nearly is."""
     x, y, _ = u
     return bearing(math.atan2(y, x), precision)
 
