@@ -156,4 +156,4 @@ def test_the_gallery_has_every_experiment_with_picture_command_and_outcome() -> 
         assert (PICTURES / f"{entry.name}.webp").is_file()
         assert f"](images/gallery/{entry.name}.webp)" in part
         assert f"adaptctl experiment run {entry.arguments}\n" in part
-        assert re.search(rf"{re.escape(entry.summary)}\. \S.*\.\n", part), entry.name
+        assert re.search(rf"{re.escape(entry.summary)}\.\n\n\S.*\.\n", part), entry.name

@@ -158,7 +158,7 @@ def _part(entry: Shown, folder: Path) -> str:
     shown = PICTURES / f"{entry.name}.webp"
     picture = f"![What {entry.name} shows](images/gallery/{entry.name}.webp)\n\n" if shown.is_file() else ""
     command = f"```console\nadaptctl experiment run {entry.arguments}\n```\n"
-    return f"## {entry.name}\n\n{picture}{entry.summary}. {outcome}\n\n{command}"
+    return f"## {entry.name}\n\n{picture}{entry.summary}.\n\n{outcome}\n\n{command}"
 
 
 def outcome_of(report: Path) -> str:
