@@ -13,7 +13,7 @@ from test_export import exported
 
 import adaptctl
 from adaptctl.cli.main import main
-from adaptctl.codegen.closed_loop_check import check_closed_loop, default_reference
+from adaptctl.codegen.closed_loop_check import _unlearned, check_closed_loop, default_reference
 from adaptctl.codegen.interface import Interface
 from adaptctl.control import ComputedTorque, Sinusoids
 from adaptctl.errors import InputError, VerdictError
@@ -43,6 +43,15 @@ def test_a_law_that_rings_or_never_learns_is_not_exported() -> None:
     with pytest.raises(VerdictError, match=r"check: in simulation it does not learn: the error is .* finally; use"):
         check_closed_loop(Interface(slow), reference, 20.0)
     assert check_closed_loop(Interface(guarded(slotine_li(GAIN), torque=400.0)), reference, 20.0)["failure"] is None
+
+
+@pytest.mark.parametrize(
+    ("started", "ended", "learned"),
+    [(0.03, 0.0099, True), (0.03, 0.0101, False), (0.006, 0.0049, True), (0.006, 0.0051, False), (0.001, 0.004, True)],
+)
+def test_learned_is_an_error_below_5_mrad_or_a_third_of_the_first(started: float, ended: float, learned: bool) -> None:
+    assert (_unlearned(Interface(slotine_li(GAIN)), started, ended) is None) is learned
+    assert _unlearned(Interface(slotine_li(None)), started, ended) is None  # what does not adapt need not learn
 
 
 def test_what_failed_is_exported_where_that_is_asked_for_and_says_so(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,12 +12,13 @@ import pytest
 
 from adaptctl.arrays import Array
 from adaptctl.cli.excite import as_builtins
+from adaptctl.control.adaptation import PriorRanges
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.files import write_json
 from adaptctl.identification.robot_motion import RobotMotion
-from adaptctl.identification.uncertainty import Forecast, forecast
+from adaptctl.identification.uncertainty import Combination, Forecast, combinations, forecast, unexcited
 
 NOISE = 0.5
 POSE = [0.1, -0.7, 0.5, 0.2, 0.3, -0.1]
@@ -81,6 +83,33 @@ def test_more_excitation_makes_deviations_finite_and_those_of_the_covariance(pum
     Y = regressor(told, moving(0, 1, 2, 3, 4, 5))
     np.testing.assert_allclose(told.deviations, np.sqrt(np.diag(np.linalg.inv(Y.T @ Y))), rtol=1e-8)
     assert told.condition == pytest.approx(np.linalg.cond(Y / np.linalg.norm(Y, axis=0)), rel=1e-9)
+
+
+def test_residuals_are_a_fiftieth_of_each_joints_torque_and_of_a_hundredth_of_the_largest_at_least(
+    puma: Mechanism,
+) -> None:
+    motion = moving(0, 1, 2)
+    _, p, v, a, _ = motion.sampled(50.0)
+    largest = np.abs(puma.inverse_dynamics(p, v, a)).max(axis=0)
+    expected = 0.02 * np.maximum(largest, 0.01 * largest.max())
+    assert largest.min() < 0.01 * largest.max() < np.median(largest)
+    np.testing.assert_allclose(forecast(puma, motion).deviations, forecast(puma, motion, expected).deviations)
+
+
+@pytest.mark.parametrize("inflation", [1.0, 2.5])
+def test_combinations_worth_less_than_three_deviations_are_unexcited(inflation: float) -> None:
+    weak, strong = (Combination(words, x * inflation) for words, x in (("weak", 2.99), ("strong", 3.01)))
+    assert unexcited([weak, strong], inflation) == [weak]
+
+
+def test_combinations_are_eigenvectors_of_what_is_scaled_by_ranges() -> None:
+    """Two masses of which a log tells the difference well and the sum badly, in kg: by the eigenvalues 1 and 9."""
+    curvature = np.array([[5.0, -4.0], [-4.0, 5.0]])
+    for ranges, factor in ((PriorRanges(), float(PriorRanges().of(("a.m", "b.m"))[0])), (PriorRanges(mass=7.0), 7.0)):
+        found = combinations(curvature, ("a.m", "b.m"), ranges)
+        assert [one.strength for one in found] == pytest.approx([factor, 3.0 * factor])
+        assert sorted(re.findall(r"0\.71 [ab]\.m", found[0].words)) == ["0.71 a.m", "0.71 b.m"]
+        assert ("-" in found[0].words, "-" in found[1].words) == (False, True)
 
 
 def test_units_of_length_do_not_decide_what_is_excited(puma: Mechanism, told_by_one_joint: Forecast) -> None:

@@ -16,7 +16,7 @@ from synthetic_logs import known
 from adaptctl.arrays import Array
 from adaptctl.description import Limits
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
+from adaptctl.errors import FileError, InputError
 from adaptctl.identification import Validation
 from adaptctl.identification.columns import JointLog, joint_log
 from adaptctl.identification.drives_file import Drives, MotorEntry, Units
@@ -118,6 +118,19 @@ def test_columns_are_taken_to_si_units_by_their_own_factors(what: str, unit: str
     np.testing.assert_allclose(log.position[:, 0], si["position"] / 50.0 + 0.3, rtol=1e-14)
     np.testing.assert_allclose(log.velocity[:, 0], si["velocity"] / 50.0, rtol=1e-14)
     np.testing.assert_allclose(log.torque[:, 0], si["torque"] * 50.0, rtol=1e-14)
+
+
+@pytest.mark.parametrize("samples", [99, 100])
+def test_a_log_has_a_hundred_samples(samples: int) -> None:
+    motor = MotorEntry(name="m", position="p", torque="tau")
+    drives = Drives(("j",), np.eye(1), np.zeros(1), (motor,), "t", Units(1.0, 1.0, 1.0))
+    time = np.arange(samples) / RATE
+    log = table("some.csv", {"t": time, "p": np.sin(time), "tau": np.cos(time)}.items())
+    if samples < 100:
+        with pytest.raises(FileError, match=f"has {samples} samples"):
+            joint_log(log, drives)
+    else:
+        assert len(joint_log(log, drives)) == samples
 
 
 def limited(**limits: float) -> Mechanism:
@@ -296,3 +309,14 @@ def test_errors_are_compared_with_themselves_about_their_mean() -> None:
     validation = Validation("made up", 10.0, np.arange(n) / RATE, measured, errors)
     expected = [(-1.0) ** k * (n - k) / n for k in range(6)]
     np.testing.assert_allclose(validation.autocorrelation(5), np.stack([expected] * 2, axis=-1), rtol=1e-12)
+
+
+def test_errors_of_torques_are_roots_of_mean_squares_and_parts_of_what_was_measured() -> None:
+    """Errors of 0 and 1 N m in one joint, 1 and -1 in another that was to do nothing."""
+    measured, predicted = np.array([[3.0, 0.0], [4.0, 0.0]]), np.array([[3.0, 1.0], [5.0, -1.0]])
+    found = Validation("made up", 10.0, np.arange(2.0), measured, predicted)
+    np.testing.assert_array_equal(found.error, [[0.0, 1.0], [1.0, -1.0]])
+    assert found.rms_error == pytest.approx(math.sqrt(3 / 4), rel=1e-15)
+    assert found.relative_error == pytest.approx(math.sqrt(3) / 5, rel=1e-15)
+    np.testing.assert_allclose(found.joint_rms_errors, [math.sqrt(1 / 2), 1.0], rtol=1e-15)
+    np.testing.assert_allclose(found.joint_relative_errors, [1 / 5, math.inf], rtol=1e-15)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import gymnasium
@@ -146,7 +147,8 @@ def test_leaving_the_conditions_ends_the_episode(arm: Mechanism) -> None:
 def test_random_references_stay_where_the_loop_allows(arm: Mechanism, seed: int) -> None:
     reference = random_sinusoids(arm, np.random.default_rng(seed))
     p = reference(np.linspace(0.0, 30.0, 500)).p
-    assert arm.description.within_conditions(p).all()
+    for corner in itertools.product((-0.1, 0.0, 0.1), repeat=3):  # room for errors of 0.1 rad
+        assert arm.description.within_conditions(p + np.array(corner)).all()
     env = TrackingEnv(arm, seed, duration=0.05, initial_error=0.05)
     env.reset(seed=0)
     assert not env.step(np.zeros(3))[2]

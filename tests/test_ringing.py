@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from adaptctl.arrays import Array
-from adaptctl.control.ringing import MIN_PERIODS, Ringing
+from adaptctl.control.ringing import MIN_PERIODS, Ringing, ringing
 from adaptctl.scalars import Column
 
 
@@ -38,3 +39,21 @@ def test_the_share_of_ticks_with_another_sign_decides(kept: int, alarm: float, b
 
 def test_a_joint_that_hardly_moves_does_not_ring() -> None:
     assert not np.any(heard(1e-3 * np.cumprod(np.full(200, -1.0))[:, None]))
+
+
+@pytest.mark.parametrize("share", [0.55, 0.85, 0.99])
+def test_what_is_heard_are_25_periods_of_a_correlation_over_a_hundred(share: float) -> None:
+    """By SciPy's filter of first order: means over about a hundred periods, below -0.5 for the alarm and -0.9 for the
+    brake; s of 0.01 rad/s counts half."""
+    flips = np.where(np.random.default_rng(7).random((400, 2)) < share, -1.0, 1.0)
+    s = np.cumprod(flips, axis=0) * [0.3, 0.01]
+    last = np.concatenate([np.zeros((1, 2)), s[:-1]])
+    product, square = (lfilter([0.01], [1.0, -0.99], x, axis=0) for x in (s * last, last * last))
+    expected = product / (square + 0.01**2)
+    np.testing.assert_allclose(ringing(s), expected, rtol=1e-9, atol=1e-12)
+    told = []
+    for bound in (-0.5, -0.9):
+        below = np.concatenate([np.zeros(24), expected.min(axis=1) < bound])
+        told.append(np.lib.stride_tricks.sliding_window_view(below, 25).all(axis=1))
+    np.testing.assert_array_equal(heard(s), np.transpose(told).astype(float))
+    assert (told[0].any(), told[1].any()) == (share > 0.7, share > 0.9)

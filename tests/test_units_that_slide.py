@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from comparisons import comparison
 from matplotlib.figure import Figure
 from synthetic_logs import known
 
@@ -19,6 +20,7 @@ from adaptctl.errors import InputError
 from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.experiments.laws import friction_curves
 from adaptctl.identification.preparation import prepare
+from adaptctl.recording.judgement import final_error, first_error
 from adaptctl.recording.result import silent
 from adaptctl.recording.wording import coupling_unit
 from adaptctl.tuning import tune
@@ -72,6 +74,15 @@ def test_units_of_both_kinds_are_told_together(cart: Path) -> None:
 def test_runs_that_verify_gains_say_so(cart: Path) -> None:
     assert "mrad or mm; without adaptation" in str(tune(load(cart)).verified[0])
     assert "mrad; without adaptation" in str(tune(load("docs/examples/two_link.toml")).verified[0])
+
+
+def test_errors_of_each_unit_are_those_of_its_own_joints(cart: Path) -> None:
+    shown = comparison(load(cart))
+    rollout = shown.subject.rollout
+    run = replace(shown.subject, rollout=replace(rollout, p=rollout.reference_p + [0.003, -0.012]))
+    shown = replace(shown, runs=(run,))
+    assert shown.joints_by_unit == {"rad": [1], "m": [0]}
+    assert first_error(shown, run) == final_error(shown, run) == "12 mrad and 3 mm"
 
 
 def test_coupling_is_in_the_unit_of_its_joints(cart: Path) -> None:
