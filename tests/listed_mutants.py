@@ -311,7 +311,7 @@ LISTED: tuple[Listed, ...] = (
         "adaptctl/codegen/interface.py",
         "if flag[0] > 0.5)",
         "if flag[0] >= 0.0)",
-        ("tests/test_exported_c.py::test_the_exported_test_of_every_law_passes",),
+        ("tests/test_exported_rules.py::test_each_flag_of_a_state_is_a_bit_of_its_own_beside_those_of_faults",),
     ),
     Listed(
         "error over a time includes its end",
@@ -409,7 +409,7 @@ LISTED: tuple[Listed, ...] = (
         "envs/controlled.py",
         "        self._look(observation)\n        return observation, reward",
         "        return observation, reward",
-        ("tests/test_residual.py::test_actions_are_shares_added_to_the_controllers_torque",),
+        ("tests/test_residual.py::test_each_step_tells_the_controllers_torque_of_its_own_period",),
     ),
     Listed(
         "true positions observed",
@@ -453,7 +453,7 @@ LISTED: tuple[Listed, ...] = (
         "adaptctl/control/adaptation/concurrent_learning.py",
         "total + weight * (row @",
         "total + (row @",
-        ("tests/test_laws_that_remember.py::test_concurrent_learning",),
+        ("tests/test_single_steps.py::test_concurrent_learning_keeps_what_is_newer_than_1_per_second",),
     ),
     Listed(
         "integral of the sliding variable by rectangles",

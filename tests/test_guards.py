@@ -131,11 +131,15 @@ def test_an_applied_torque_that_cannot_be(
         held.init(np.zeros(6), np.zeros(6), torque=torque)
 
 
-def test_nothing_is_learned_from_a_period_with_another_torque(law: SlotineLi) -> None:
+@pytest.mark.parametrize("limits", [{"torque_limits": 1e-3}, {"rate_limits": 1e-3}], ids=["torques", "rates"])
+def test_nothing_is_learned_from_a_period_with_another_torque(law: SlotineLi, limits: dict[str, float]) -> None:
     inputs = smooth(1)
-    _, waiting = ticks(SafetyFilter(law, torque_limits=1e-3), inputs)
+    _, waiting = ticks(SafetyFilter(law, **limits), inputs)
     np.testing.assert_array_equal(waiting[-1].estimate, law.initial)
-    _, learning = ticks(SafetyFilter(law, torque_limits=1e-3, freeze=False), inputs)
+    only = ("torque_limited", "rate_limited") if "torque_limits" in limits else ("rate_limited", "torque_limited")
+    flags = waiting[-1].flags._asdict()
+    assert [float(flags[name][0]) for name in (*only, "frozen")] == [1.0, 0.0, 1.0]
+    _, learning = ticks(SafetyFilter(law, **limits, freeze=False), inputs)
     assert np.abs(learning[-1].estimate).max() > 0.0
     assert all(state.flags.frozen[0] == 0.0 for state in learning)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -11,6 +12,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
 import adaptctl
+from adaptctl.control import ReferencePoint
 from adaptctl.envs import ResidualEnv
 from adaptctl.errors import InputError, NonFiniteError
 
@@ -45,6 +47,22 @@ def test_actions_are_shares_added_to_the_controllers_torque(arm: adaptctl.Mechan
     expected = before["base_torque"] + 0.1 * limits * np.array([1.0, -0.5])
     np.testing.assert_allclose(info["applied_torque"], np.clip(expected, -limits, limits))
     np.testing.assert_array_equal(info["base_torque"], before["base_torque"])
+
+
+def test_each_step_tells_the_controllers_torque_of_its_own_period(arm: adaptctl.Mechanism) -> None:
+    env = residual(arm, 0.1)
+    observation, _ = env.reset(seed=0)
+    slices = env.unwrapped.observation_slices  # type: ignore[attr-defined]
+    names = ("p", "v", "reference_p", "reference_v", "reference_a")
+    memory: Any = None
+    for action in np.random.default_rng(1).uniform(-1.0, 1.0, (6, 2)):
+        p, v, *reference = (observation[slices[name]] for name in names)
+        memory = env.controller.init(p, v) if memory is None else memory
+        base, memory = env.controller.step(memory, p, v, ReferencePoint(*reference))
+        observation, _, _, _, info = env.step(action)
+        np.testing.assert_allclose(info["base_torque"], base, rtol=1e-12)
+        limits = env.env.action_space.high  # type: ignore[attr-defined]
+        np.testing.assert_allclose(info["applied_torque"], np.clip(base + 0.1 * limits * action, -limits, limits))
 
 
 def test_it_keeps_gymnasiums_rules(arm: adaptctl.Mechanism) -> None:

@@ -97,17 +97,21 @@ def test_one_equation_is_solved_implicitly() -> None:
             assert w @ after == pytest.approx(torque, abs=1e-9)
 
 
+@pytest.mark.parametrize("weights", [[1.0, 1.0, 1.0], [0.2, 3.0, 5.0]])
 @pytest.mark.parametrize(("novelty", "kept"), [(0.8, 0.0), (1.5, 1.0)])
-def test_concurrent_learning_keeps_what_is_newer_than_1_per_second(novelty: float, kept: float) -> None:
+def test_concurrent_learning_keeps_what_is_newer_than_1_per_second(
+    novelty: float, kept: float, weights: list[float]
+) -> None:
     """The default threshold of sum_i R_i d_i'Gamma d_i, over an empty stack."""
     model, (p, v) = reduced(ARM), (posture(arm(ARM)), np.linspace(0.5, 1.5, 3))
     moved = (column(x) for x in (0.0 * v, 0.0 * v, np.ones(3), p, v))
     period = Period(lambda s: Column.zeros(K), *moved, 1e-3, 1e-3, column(np.ones(3)))
-    law, initial = ConcurrentLearning(np.ones(K), stack_size=2), np.zeros(K)
+    law, initial = ConcurrentLearning(np.ones(K), np.array(weights), stack_size=2), np.zeros(K)
     memory = law.initial_state(model, initial, p, 0.0 * v, 1e-3)
     _, stack = replace(law, novelty_threshold=1e-30).law(model, column(initial), period, as_columns(memory))
-    rows = np.array(stack.rows.of[: sum(map(len, momentum_columns(model)))])
-    scaled = replace(law, gain=np.full(K, novelty / (rows @ rows)))
+    sizes = list(map(len, momentum_columns(model)))
+    d = np.split(np.array(stack.rows.of[: sum(sizes)]), np.cumsum(sizes)[:-1])
+    scaled = replace(law, gain=np.full(K, novelty / sum(R * (row @ row) for R, row in zip(weights, d, strict=True))))
     _, found = scaled.law(model, column(initial), period, as_columns(memory))
     assert found.learned[0] == kept
 
