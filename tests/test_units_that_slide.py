@@ -79,7 +79,7 @@ def test_runs_that_verify_gains_say_so(cart: Path) -> None:
 def test_errors_of_each_unit_are_those_of_its_own_joints(cart: Path) -> None:
     shown = comparison(load(cart))
     rollout = shown.subject.rollout
-    run = replace(shown.subject, rollout=replace(rollout, p=rollout.reference_p + [0.003, -0.012]))
+    run = replace(shown.subject, rollout=replace(rollout, p=rollout.reference_p + np.array([0.003, -0.012])))
     shown = replace(shown, runs=(run,))
     assert shown.joints_by_unit == {"rad": [1], "m": [0]}
     assert first_error(shown, run) == final_error(shown, run) == "12 mrad and 3 mm"
