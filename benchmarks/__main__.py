@@ -47,7 +47,7 @@ def main() -> int:
     given = parser.parse_args()
     unknown = sorted(set(given.subject) - set(SUBJECTS))
     if unknown:
-        parser.error(f"there is no subject {unknown[0]!r}; there are {', '.join(SUBJECTS)}")
+        parser.error(f"unknown subject {unknown[0]!r}; subjects: {', '.join(SUBJECTS)}")
     if load() > BUSY:
         print("others are using this machine: figures will be worse and vary more", file=sys.stderr)
     try:

@@ -238,7 +238,7 @@ def _joint(model: pinocchio.Model, index: int) -> Joint:
     shortname = joint.shortname()
     if not _ONE_COORDINATE.fullmatch(shortname):
         raise InputError(
-            f"{model.name}: joint {name!r} is a {shortname}; only revolute and prismatic joints are understood "
+            f"{model.name}: joint {name!r} is a {shortname}; only revolute and prismatic joints are supported "
             "(for a floating base, use three prismatic and three revolute joints)"
         )
     axis, turns = _axis(model, index)

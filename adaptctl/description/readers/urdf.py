@@ -120,7 +120,7 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
     _warn(path, "limits of zero are read as no limits", [edge.name for edge in edges if edge.zero_limits])
     _warn(
         path,
-        "meshes outside the robot's package are ignored; give their folder in mesh_folders (--meshes)",
+        "meshes outside the robot's package are ignored; give their folder in mesh_folders",
         meshes.outside,
     )
     warn_of_degrees(path, links, _turned(robot))
