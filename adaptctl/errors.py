@@ -54,7 +54,7 @@ class InputError(AdaptctlError, ValueError):
     Parameters
     ----------
     message : object, optional
-        Element, what it was, and what is right.
+        Element, what it was, and what is right. Empty by default, as in any exception.
 
     Examples
     --------
@@ -70,7 +70,7 @@ class FileError(InputError):
     Parameters
     ----------
     message : object, optional
-        File, wrong element and what is right.
+        File, wrong element and what is right. Empty by default, as in any exception.
 
     Examples
     --------
@@ -110,10 +110,10 @@ class RankError(AdaptctlError):
     Parameters
     ----------
     message : str
-        Cause.
+        Cause of the error in a sentence.
     singular_values : tuple of float, optional
-        Singular values, in descending order, of the matrix that decides the rank: P of the whole mechanism, or the 11
-        of one joint. Empty where the cause is another.
+        Singular values, scaled without a unit, in descending order, of the matrix that decides the rank: P of the whole
+        mechanism, or the 11 of one joint. Empty where the cause is another.
 
     Examples
     --------

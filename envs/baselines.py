@@ -28,7 +28,7 @@ def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]
     env : gymnasium.Env or gymnasium.vector.VectorEnv
         A `TrackingEnv`, one in wrappers, or a vector environment, of which one arm is taken; a copy is driven.
     episodes : int, default 1
-        Number of episodes.
+        Episodes that each return is the mean of. One suffices where the reference is fixed.
     seed : int, default 0
         Seed of the first episode; the next ones count up.
 

@@ -130,7 +130,8 @@ class ResidualEnv(ControlledEnv):
     controller : Controller
         Controller that drives the robot.
     residual_scale : float, default 0.2
-        Share of the torque limits, above 0 and at most 1, that an action of 1 adds.
+        Fraction of the torque limits, above 0 and at most 1, that an action of 1 adds. A fifth leaves the controller in
+        charge.
 
     Raises
     ------
@@ -179,7 +180,8 @@ class ResidualVectorEnv(ControlledVectorEnv):
     controller : Controller
         Controller that drives the arms.
     residual_scale : float, default 0.2
-        Share of the torque limits, above 0 and at most 1, that an action of 1 adds.
+        Fraction of the torque limits, above 0 and at most 1, that an action of 1 adds. A fifth leaves the controller in
+        charge.
 
     Raises
     ------

@@ -94,7 +94,8 @@ class TuningEnv(ControlledEnv):
     gains : str or iterable of str
         Names of the gains in `controller.numbers`.
     span : float, default 4.0
-        Largest factor, above 1: an action x scales a gain by span^x.
+        Largest factor without a unit, above 1: an action x scales a gain by span^x, by default from a quarter to four
+        times.
 
     Raises
     ------
@@ -153,7 +154,8 @@ class TuningVectorEnv(ControlledVectorEnv):
     gains : str or iterable of str
         Names of the gains in `controller.numbers`.
     span : float, default 4.0
-        Largest factor, above 1.
+        Largest factor without a unit, above 1: an action x scales a gain by span^x, by default from a quarter to four
+        times.
 
     Raises
     ------

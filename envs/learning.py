@@ -138,7 +138,7 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         Parameters
         ----------
         action : array_like
-            Action (r,) or (a,) in [-1, 1].
+            Action (r,) or (a,) in [-1, 1], as fractions of the environment's bounds.
 
         Returns
         -------

@@ -49,9 +49,9 @@ class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
         Parameters
         ----------
         seed : int, optional
-            Seed of the environment.
+            Seed passed to the environment. Default: none, its random numbers go on.
         options : dict, optional
-            Options of the environment.
+            Options passed to the environment. Default: none.
 
         Returns
         -------
@@ -68,7 +68,7 @@ class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
         Parameters
         ----------
         action : ndarray
-            Action (a,) of the environment.
+            Action (a,) in the units of the environment, torques in N m (N) for a `TrackingEnv`.
 
         Returns
         -------

@@ -35,19 +35,19 @@ class MuJoCoTrackingEnv(TrackingEnv):
     servos_off : bool, default False
         Switches off the arm's actuators that are no torques, such as position servos, which are refused otherwise.
     duration : float, default 20.0
-        Length of an episode in s.
+        Length of an episode in s. 20 s are two periods of the slowest sinusoid of random references.
     control_period : float, default 0.001
         Time in s for which a torque is held; MuJoCo's steps are no longer than its model's own.
     look_ahead : sequence of float, default (0.05, 0.2)
         Times (L,) in s at which the reference ahead is observed.
     error_bound : array_like, default 1.0
-        Error in rad (m) beyond which an episode ends.
+        Error in rad (m), one number or (r,), beyond which an episode ends; infinity for never.
     reward_weights : RewardWeights, optional
-        Weights of the reward.
+        Factors of errors, torques and termination in the reward. Default: `RewardWeights()`.
     initial_error : array_like, default 0.0
-        Error of the positions at the start in rad (m).
+        Error of the positions at the start in rad (m), one number or (r,). Zero starts on the reference.
     torque_limits : array_like, optional
-        Limits in N m (N). Default: as in `TrackingEnv`.
+        Limits in N m (N), one number or (r,). Default: as in `TrackingEnv`.
     render_mode : {"rgb_array"}, optional
         Way to render. Default: no images.
 

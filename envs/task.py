@@ -28,13 +28,15 @@ class RewardWeights:
     Parameters
     ----------
     position : float, default 1.0
-        Weight of position errors in 1/rad^2 (1/m^2 if prismatic).
+        Weight of squared position errors in 1/rad^2 (1/m^2 if prismatic). 1 sets the scale of the reward.
     velocity : float, default 0.1
-        Weight of velocity errors in s^2/rad^2 (s^2/m^2).
+        Weight of squared velocity errors in s^2/rad^2 (s^2/m^2). At 0.1 an error of 1 rad/s costs as much as 0.3 rad.
     torque : float, default 0.001
-        Weight of the squared ratios torque/limit.
+        Weight of the squared ratios torque/limit, without a unit. At 0.001 full torque costs as much as an error of
+        0.03 rad.
     termination : float, default 1000.0
-        Penalty for an episode that is terminated: without it ending at once would be best, as all rewards are negative.
+        Penalty, in units of the reward, for an episode that is terminated: without it ending at once would be best, as
+        all rewards are negative.
 
     Raises
     ------

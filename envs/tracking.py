@@ -58,15 +58,16 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     Parameters
     ----------
     robot : str, Path or Mechanism, default "puma560_measured"
-        Built-in's name, file (``.urdf``, ``.xml``, ``.toml``) or mechanism.
+        Built-in's name, file (``.urdf``, ``.xml``, ``.toml``) or mechanism. The default is a measured arm, physically
+        consistent.
     reference : Reference, int, "random" or None, default None
         Trajectory, or the seed of a random one; None or "random" for a new one at each reset: a sinusoid for each joint
         of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within the limits. Wrong derivatives warn
         (`ReferenceWarning`).
     duration : float, default 20.0
-        Length of an episode in s.
+        Length of an episode in s. 20 s are two periods of the slowest sinusoid of random references.
     control_period : float, default 0.001
-        Time in s for which a torque is held.
+        Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
     substeps : int, optional
         Integration steps per control period. Default: as many as friction needs, else 1.
     integrator : Integrator, optional
@@ -78,11 +79,12 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     reward_weights : RewardWeights, optional
         Weights of the reward. Default: `RewardWeights()`.
     initial_error : array_like, default 0.0
-        Error of the positions at the start in rad (m), one number or (r,).
+        Error of the positions at the start in rad (m), one number or (r,). Zero starts on the reference.
     torque_limits : array_like, optional
         Limits in N m (N), one number or (r,). Default: see the action space.
     effects : iterable of Effect, default ()
-        Delays, limits, friction, sensors and loads of `adaptctl.simulation.effects`, in any order.
+        Delays, limits, friction, sensors and loads of `adaptctl.simulation.effects`, in any order. Default: none, an
+        ideal robot.
     render_mode : {"rgb_array"}, optional
         Way to render. Default: no images.
 

@@ -101,18 +101,18 @@ def export(
         Beginning of all names in the code, a C identifier of at most 40 characters. Default: the mechanism's name in
         lower case.
     scalar : {"double", "float"}, default "double"
-        Kind of number; "float" in C alone.
+        Kind of number; "float" in C alone. Double computes as the simulation does.
     language : {"c", "wasm"}, default "c"
-        Language of the code.
+        Language of the code. C99 compiles for nearly every processor; WebAssembly runs in browsers.
     unguarded : bool, default False
-        Allows a controller without guards.
+        Allows a controller without guards. By default refused, as the code is to drive a robot.
     check : bool, default False
         Simulates the closed loop for 600 s and writes the errors into the manifest.
     reference : Reference, optional
         Motion of the check and of the test ticks recorded in C. Default: sinusoids of 0.1 rad or m (0.05 m in a task
         space) about the home configuration.
     large_stack : bool, default False
-        Allows more than about 16 kB of stack in C.
+        Allows more than about 16 kB of stack in C. By default refused, as small processors have no more.
     anyway : bool, default False
         Writes the code although the check fails; the manifest says why.
 

@@ -36,7 +36,7 @@ class AdaptiveState(NamedTuple):
     q : ndarray
         Positions (..., n) of the spanning tree's joints in the last period in rad (m).
     regressor_state : ndarray
-        Numbers of the last motion from which the regressor is made.
+        Scalars (..., m) in SI units of the last motion, from which the regressor is made.
     s : ndarray
         Sliding variable (..., r) in the last period in rad/s (m/s).
     torque : ndarray

@@ -76,7 +76,7 @@ class ComputedTorque(ModelBased):
     bandwidth : array_like
         Natural frequency omega of the error loop in rad/s, one number or (r,).
     damping_ratio : float, default 1.0
-        Damping ratio zeta of the error loop; 1 is critical.
+        Damping ratio zeta of the error loop without a unit; 1 is critical: the fastest without overshoot.
     parameters : array_like, optional
         All inertial and friction parameters (P,) in SI units, the mechanism's own unless given.
 
@@ -130,7 +130,7 @@ class ComputedTorque(ModelBased):
         bandwidth : array_like
             Natural frequency of the error loop in rad/s, one number or (r,).
         damping_ratio : float, default 1.0
-            Damping ratio of the error loop.
+            Damping ratio zeta of the error loop without a unit; 1 is critical: the fastest without overshoot.
         parameters : array_like, optional
             Parameters (k,) in SI units, the true ones unless given.
 

@@ -37,9 +37,11 @@ class LinearController(Controller[LinearState]):
     Parameters
     ----------
     A, B, C, D : array_like
-        Matrices (n, n), (n, 5 r), (r, n) and (r, 5 r), designed for the control period at which the loop runs.
+        Matrices (n, n), (n, 5 r), (r, n) and (r, 5 r) in SI units, designed for the control period at which the loop
+        runs.
     feedforward : Mechanism, optional
-        Tree of r joints whose inverse dynamics on the reference are added to the torque.
+        Tree of r joints whose inverse dynamics on the reference are added to the torque. Default: none, the linear law
+        alone.
 
     Raises
     ------
@@ -86,7 +88,8 @@ class LinearController(Controller[LinearState]):
             Gain (r, 2 r), as `control.lqr` and `control.dlqr` return it: r columns in N m/rad (N/m), then r in N m
             s/rad (N s/m).
         feedforward : Mechanism, optional
-            Tree of r joints whose inverse dynamics on the reference are added to the torque.
+            Tree of r joints whose inverse dynamics on the reference are added to the torque. Default: none, the linear
+            law alone.
 
         Returns
         -------
@@ -120,7 +123,8 @@ class LinearController(Controller[LinearState]):
         control_period : float
             Time in s for which a torque is held.
         feedforward : Mechanism, optional
-            Tree of r joints whose inverse dynamics on the reference are added to the torque.
+            Tree of r joints whose inverse dynamics on the reference are added to the torque. Default: none, the linear
+            law alone.
 
         Returns
         -------

@@ -23,12 +23,13 @@ class StabilityMonitor(NamedTuple):
     Parameters
     ----------
     adaptation_ratio : ndarray
-        Largest eigenvalue (T,) of the adaptation step over the damping, stable below 2; 0 with adaptation off.
+        Largest eigenvalue (T,) without a unit of the adaptation step over the damping, stable below 2; 0 with
+        adaptation off.
     sampling_ratio : ndarray
         Sampling ratio (T,) of the held torque, stable below 2; infinite if the mass matrix is not positive definite.
     ringing : ndarray
-        Correlation (T, r) of the sliding variable with itself one period ago: at -0.5 the loop rings, at -0.9 it is
-        about to diverge.
+        Correlation (T, r), -1 to 1, of the sliding variable with itself one period ago: at -0.5 the loop rings, at -0.9
+        it is about to diverge.
 
     Examples
     --------
@@ -58,7 +59,7 @@ def monitor_stability(controller: SlotineLi, run: _Run, mechanism: Mechanism, ev
     mechanism : Mechanism
         True mechanism.
     every : int, default 1
-        Interval between evaluated samples. Each costs a regressor and a mass matrix.
+        Samples from one evaluated to the next. By default all; each costs a regressor and a mass matrix.
 
     Returns
     -------

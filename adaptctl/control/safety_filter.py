@@ -32,19 +32,19 @@ class SafetyFlags(NamedTuple):
     Parameters
     ----------
     torque_limited : ndarray
-        A torque exceeded its limit.
+        1 if a torque exceeded its limit, shape (1,).
     rate_limited : ndarray
-        A torque would have changed faster than its limit.
+        1 if a torque would have changed faster than its limit, shape (1,).
     frozen : ndarray
-        Nothing is learned from the period that begins.
+        1 if nothing is learned from the period that begins, shape (1,).
     bounded : ndarray
-        An estimate was brought back to its bounds.
+        1 if an estimate was brought back to its bounds, shape (1,).
     ringing : ndarray
-        A joint's sliding variable changes its sign every period: its correlation with itself one period ago was below
-        -0.5 for 25 periods.
+        1 if a joint's sliding variable changes its sign every period, shape (1,): its correlation with itself one
+        period ago was below -0.5 for 25 periods.
     stopped : ndarray
-        The arm is braked until `init` makes a new state: a number was not finite, a joint left its limits, or its
-        correlation was below -0.9 for 25 periods.
+        1 while the arm is braked until `init` makes a new state, shape (1,): a number was not finite, a joint left its
+        limits, or its correlation was below -0.9 for 25 periods.
     """
 
     torque_limited: Any
@@ -103,11 +103,12 @@ class SafetyFilter(Controller[SafetyFilterState]):
     inner : Controller
         Controller for r joints.
     torque_limits : array_like, default inf
-        Torque limits in N m (N), one number or (r,). Infinite limits are off.
+        Torque limits in N m (N), one number or (r,). Infinity, the default, is off: limits are the drives' own.
     rate_limits : array_like, default inf
-        Limits of the torque's rate in N m/s (N/s), one number or (r,).
+        Limits of the torque's rate in N m/s (N/s), one number or (r,). Infinity, the default, is off and needs no
+        control period.
     estimate_bounds : tuple of array_like, optional
-        Lower and upper bounds of the estimate in SI units, one number or (k,) each.
+        Lower and upper bounds of the estimate in SI units, one number or (k,) each. Default: none.
     stop_damping : array_like, optional
         Damping in N m s/rad (N s/m) with which the arm is braked, that of the controller unless given.
     freeze : bool, default True
@@ -115,9 +116,9 @@ class SafetyFilter(Controller[SafetyFilterState]):
     control_period : float, optional
         Control period in s, that of the controller unless given.
     position_limits : tuple of array_like, optional
-        Lower and upper positions in rad (m), one number or (r,) each, beyond which the arm is braked.
+        Lower and upper positions in rad (m), one number or (r,) each, beyond which the arm is braked. Default: none.
     velocity_limits : array_like, default inf
-        Speeds in rad/s (m/s), one number or (r,), beyond which the arm is braked.
+        Speeds in rad/s (m/s), one number or (r,), beyond which the arm is braked. Infinity, the default, is off.
 
     Raises
     ------

@@ -72,9 +72,9 @@ class Joint:
     Parameters
     ----------
     name : str
-        Name of the joint.
+        Name, unique in a mechanism, by which files and messages refer to the joint.
     kind : JointKind, default JointKind.REVOLUTE
-        Kind of motion.
+        Kind of motion, rotation or translation. Revolute, as most joints of arms are.
     axis : array_like, optional
         Direction (3,) in the joint's frame, of any length; kept as a unit vector, z by default.
     limits : Limits, optional

@@ -131,9 +131,9 @@ class Condition:
     Parameters
     ----------
     name : str
-        Name of the condition.
+        Name by which messages refer to the condition.
     weights : mapping of str to float
-        Weights by joint name; joints not named have weight zero.
+        Weights without a unit by joint name; joints not named have weight zero.
     lower, upper : float, optional
         Bounds in rad (m if prismatic); unlimited by default.
 
@@ -175,14 +175,14 @@ class Loops:
     primary : tuple of str
         Names of the primary (independent) joints, which are driven and whose positions describe the motion.
     closures : tuple of Closure, optional
-        Constraints between links.
+        Constraints between links. Default: none, where couplings alone make the loops.
     couplings : tuple of Coupling, optional
-        Constraints between joints.
+        Constraints between joints. Default: none, where closures alone make the loops.
     reference : mapping of str to float, optional
         Configuration, in rad (m) by joint name, that fixes the assembly branch; zero where not given. Values of
         dependent joints only start the Newton iteration.
     conditions : tuple of Condition, optional
-        Bounds on weighted sums of primary positions.
+        Bounds on weighted sums of primary positions. Default: none, where loops close at all positions.
 
     Raises
     ------

@@ -136,7 +136,7 @@ def added_mass(
     task : DesignTask
         Mechanism and states.
     link : str
-        Name of the link.
+        Link that carries the body, by name.
     body : Payload or float
         Body, or the mass of a point in kg, from 0 to 1e20.
     place : array_like, optional
@@ -238,7 +238,7 @@ class CostMap:
         Parameters
         ----------
         link : str
-            Name of the link.
+            Link that carries the mass, by name.
         places : array_like
             Positions (..., 3) in the link's frame in m.
 
@@ -274,7 +274,7 @@ class CostMap:
         places : MountingBounds
             Link, and box of positions on it.
         each : int, default 9
-            Positions along each edge of the box, 1 to 100.
+            Positions along each edge of the box, 1 to 100. 9 give 729, with the middle and both ends of every edge.
 
         Returns
         -------
@@ -310,7 +310,7 @@ def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> 
     task : DesignTask
         Mechanism and states.
     mass : float, default 1.0
-        Mass of the point in kg.
+        Mass of the point in kg. At 1 changes are those of one added kilogram.
     objective : {"energy", "torque", "coupling", "components"}, default "energy"
         Cost, as `DesignTask.cost` computes it.
 

@@ -141,7 +141,7 @@ def cylinder(
     place : array_like, optional
         Position (3,) of its center in the link's frame in m; the origin by default.
     axis : array_like, optional
-        Direction (3,) in that frame, of any length; z by default.
+        Direction (3,) without a unit in that frame, of any length; z by default.
 
     Returns
     -------

@@ -80,7 +80,7 @@ class MountingBounds:
         mechanism : Mechanism
             Mechanism with the link.
         link : str
-            Name of the link.
+            Link that carries the counterweight, by name.
         mass_ratio : float, default 0.2
             Greatest mass as a fraction of the link's own.
         max_offset : float, default 0.5

@@ -136,13 +136,13 @@ def design_study(
     mass_ratio : float, default 0.2
         Greatest mass of a counterweight as a fraction of its link's.
     max_offset : float, default 0.5
-        Margin of its positions around the link, as in `MountingBounds.of`.
+        Margin of its positions around the link without a unit, as in `MountingBounds.of`.
     objective : {"energy", "torque", "coupling", "components"}, default "energy"
         Cost that counterweights make least.
     percent : float, default 1.0
         Energy error in percent that numbers of essential components allow.
     seed : int, default 0
-        Seed of the search for counterweights.
+        Seed of the search for counterweights. Fixed, so that a study can be repeated.
 
     Returns
     -------

@@ -113,9 +113,9 @@ class DesignTask:
         mechanism : Mechanism
             Mechanism with r primary (independent) joints.
         samples : int, default 1000
-            Number of states, 2 to 100000.
+            Random states, 2 to 100000. 1000 estimate a root mean square to a few percent.
         seed : int, default 0
-            Seed of the states, from 0 to 2^32 - 1.
+            Seed of the states, from 0 to 2^32 - 1. Fixed, so that a task can be repeated.
         speed : float, default 0.25
             Speed without unit; at 1 kinetic and potential energy are of one size, and 0.25 is typical of an arm at
             work.
@@ -162,7 +162,7 @@ class DesignTask:
         duration : float
             Duration in s.
         samples : int, default 1000
-            Number of evenly spaced times, 2 to 100000.
+            Evenly spaced times, 2 to 100000. 1000 resolve 20 periods with 50 samples each.
 
         Returns
         -------
@@ -350,7 +350,7 @@ class DesignTask:
         parameters : array_like, optional
             Inertial parameters (P,) in SI units; the mechanism's own by default.
         share : float, default 1e-6
-            Fraction of the whole energy above which a parameter counts.
+            Fraction, without a unit, of the whole energy above which a parameter counts. 1e-6 is above round-off.
 
         Returns
         -------
@@ -423,7 +423,7 @@ class DesignTask:
         Parameters
         ----------
         link : str
-            Name of the link.
+            Link by name, as in `mechanism.links`.
 
         Returns
         -------

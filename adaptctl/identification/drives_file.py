@@ -144,7 +144,7 @@ class Drives:
     payloads : tuple of PayloadEntry, optional
         Known bodies that are fixed to a link throughout one log.
     source : str, default ""
-        Source of the numbers in words.
+        Source of the numbers in words, such as a data sheet. Empty where it is not known.
 
     Raises
     ------

@@ -34,9 +34,9 @@ class Identification:
     deviations : numpy.ndarray
         Standard deviations (k,) in SI units, by the block jackknife and by what the prior leaves open.
     nominal_deviations : numpy.ndarray
-        Standard deviations (k,) for white torque residuals, which flatter.
+        Standard deviations (k,) in SI units for white torque residuals, which flatter.
     load : numpy.ndarray
-        Coefficients (r,) of load-dependent friction, zero where it was not chosen.
+        Coefficients (r,) of load-dependent friction without a unit, zero where it was not chosen.
     validation : Validation
         Measured and predicted torques on rows that the judged fit has not seen.
     alternatives : dict of str to Validation
@@ -48,7 +48,7 @@ class Identification:
     warnings : tuple of str
         Remarks on logs and prior.
     misfit_ratio : float
-        Root mean square of the weighted residuals over that of plain least squares.
+        Ratio of the weighted residuals' root mean square to that of plain least squares.
     space : EssentialSpace
         Essential space, with the logs' motion as its states.
     components : int

@@ -82,7 +82,7 @@ def identify(
     cutoff : float, optional
         Cut-off in Hz of the low-pass filter; chosen by an inner validation by default.
     prior_weight : float, optional
-        Weight of the first guess against the logs; chosen by an inner validation by default.
+        Weight without a unit of the first guess against the logs; chosen by an inner validation by default.
     instrumental_variables : bool, default False
         True frees regressors of encoder noise, for coarse or noisy encoders.
 

@@ -37,7 +37,7 @@ class Validation:
     measured : numpy.ndarray
         Measured torques (n, r) in N m, or forces in N for a prismatic joint.
     predicted : numpy.ndarray
-        Torques (n, r) predicted from the measured motion alone.
+        Torques (n, r) in N m (N) predicted from the measured motion alone.
 
     Raises
     ------

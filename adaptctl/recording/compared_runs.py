@@ -42,7 +42,7 @@ def compared_runs(
     purpose : str, default ""
         Sentence for the report.
     adaptation_off : str, optional
-        Label of the run with adaptation off.
+        Label of the run with adaptation off. Default: None, for logs without such a run.
     basis : FundamentalBasis, optional
         Basis of the estimates, friction following; the mechanism's own in the default order by default.
     torque_limits : array_like, optional

@@ -47,11 +47,11 @@ class TickCost:
     Parameters
     ----------
     called : float, optional
-        Median time in s of a call from Python.
+        Median time in s of a call from Python. Default: None, not known.
     native : float, optional
-        Mean time in s within a loop in native code.
+        Mean time in s within a loop in native code. Default: None, not known.
     flops : int, optional
-        Number of floating-point operations, without sines, cosines and roots.
+        Floating-point operations, without sines, cosines and roots. Default: None, not known.
 
     Examples
     --------
@@ -117,9 +117,9 @@ class ControllerRun:
         Parameters
         ----------
         start : float, default 0.0
-            First time in s.
+            First time in s that counts. Zero is the beginning of the run.
         stop : float, default numpy.inf
-            Time in s before which samples count.
+            Time in s before which samples count. Infinity is the end of the run.
         joints : slice or list of int, optional
             Indices of the joints; all by default.
 
@@ -284,7 +284,7 @@ class Finding:
     name : str
         Key in summary.json, with a dot and the run's name at its end where it is about one run.
     value : float
-        Number.
+        Result, a scalar in `unit`.
     unit : str
         Unit, "1" for none.
     meaning : str
@@ -388,7 +388,7 @@ class Comparison:
     Parameters
     ----------
     experiment : str
-        Name of the experiment.
+        Experiment by name, as report and summary.json state it.
     title : str
         Title of the report.
     purpose : str
@@ -404,19 +404,19 @@ class Comparison:
     torque_limits : numpy.ndarray
         Torque limits (r,) in N m (N for a prismatic joint).
     settings : tuple of Setting
-        Input values.
+        Input values of the experiment with their meaning and unit.
     seed : int
         Seed of the random numbers.
     duration : float
         Duration in s that was asked for.
     findings : tuple of Finding, optional
-        Further results.
+        Further scalar results. Default: none besides those of every run.
     complete : bool, default True
         False where the experiment was interrupted.
     without_adaptation : str, default "adaptation-off"
-        Name of the run with the subject's gains and adaptation off.
+        Name of the run with the subject's gains and adaptation off, by default as experiments label it.
     more_drawings : tuple of Drawing, optional
-        Further figures of the report.
+        Further figures of the report. Default: none besides those of every comparison.
     answer : str, optional
         Outcome in a sentence; made from the errors with and without adaptation by default.
     truth_known : bool, default True
@@ -424,7 +424,7 @@ class Comparison:
     leading : Leading, optional
         Errors that are shown before the joints'.
     expected : mapping of Failure to str, optional
-        Reasons why the experiment expects a failure of the subject.
+        Reasons why the experiment expects a failure of the subject. Default: none, every failure counts.
     live : InPage or str, default ""
         Closed loop that the report's page runs, or the reason why there is none.
 

@@ -48,7 +48,8 @@ class Live:
     to : str, optional
         Address HOST:PORT of a viewer on this computer, or a file that ends in .rrd; 127.0.0.1:9876 by default.
     rate : float, default 100.0
-        Largest number of samples per second of the loop's time.
+        Largest number of samples per second of the loop's time. 100 look continuous, without drawing all of a loop at 1
+        kHz.
     start_viewer : bool, default True
         True starts a viewer, bound to 127.0.0.1, where none answers, and waits for up to 10 s. A `LiveViewWarning`
         tells where none can be reached, and the loop goes on unseen.

@@ -145,7 +145,7 @@ class Verdict:
         found : iterable of tuple
             Pairs of a failure's kind and a sentence.
         expected : mapping of Failure to str, optional
-            Reasons why the experiment expects a kind.
+            Reasons why the experiment expects a kind. Default: none, every failure counts.
 
         Returns
         -------

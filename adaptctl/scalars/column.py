@@ -20,7 +20,8 @@ class Vec:
     Parameters
     ----------
     x, y, z : float, array, Dual or symbolic scalar
-        Coordinates. ``+`` and ``-`` are elementwise, and a scalar may be a factor on the left.
+        Coordinates along the frame's axes, in one unit. ``+`` and ``-`` are elementwise, and a scalar may be a factor
+        on the left.
 
     Examples
     --------
@@ -126,7 +127,7 @@ class Mat:
         Parameters
         ----------
         rows : array_like
-            Three rows of three numbers.
+            Three rows of three numbers, (3, 3), in any unit.
 
         Returns
         -------
@@ -292,7 +293,7 @@ def column(array: Any) -> Column:
     Parameters
     ----------
     array : array_like or Column
-        Array (..., n), whose leading axes are samples. A column is returned as it is.
+        Array (..., n) in any unit, whose leading axes are samples. A column is returned as it is.
 
     Returns
     -------
@@ -328,7 +329,7 @@ def each(values: Any, n: int) -> Column:
     Parameters
     ----------
     values : scalar, array_like or Column
-        One scalar for all entries, or n numbers. A column is returned as it is, not checked.
+        One scalar () for all entries, or n numbers (n,), in any unit. A column is returned as it is, not checked.
     n : int
         Length of the column.
 

@@ -30,9 +30,9 @@ class Dual(np.lib.mixins.NDArrayOperatorsMixin):
     Parameters
     ----------
     value : float or array_like
-        Value, or samples of it.
+        Value in any unit, or samples (...) of it.
     slope : float or array_like, default 0.0
-        Derivative along the direction; 0 for a constant.
+        Derivative along the direction in the value's unit, of its shape (...) or (). Zero is that of a constant.
 
     Raises
     ------

@@ -106,12 +106,12 @@ def sqrt(x: Any) -> Any:
     Parameters
     ----------
     x : float, array, Dual or symbolic scalar
-        Scalar of at least 0.
+        Scalar of at least 0, in any unit.
 
     Returns
     -------
     float, array, Dual or symbolic scalar
-        The root; NaN of negative entries of arrays.
+        Root, elementwise, in the root of the unit of x; NaN of negative entries of arrays.
 
     Raises
     ------
@@ -242,12 +242,12 @@ def nearest_whole(x: Any) -> Any:
     Parameters
     ----------
     x : float, array, Dual or symbolic scalar
-        Scalar.
+        Scalar to round, in any unit.
 
     Returns
     -------
     float, array, Dual or symbolic scalar
-        Whole number as a scalar of the same kind.
+        Whole number as a scalar of the same kind, in the unit of x, elementwise in arrays.
 
     Examples
     --------
@@ -290,7 +290,7 @@ def absolute(x: Any) -> Any:
     Parameters
     ----------
     x : float, array, Dual or symbolic scalar
-        Scalar.
+        Scalar in any unit.
 
     Returns
     -------
@@ -371,7 +371,7 @@ def where(condition: Condition, yes: Any, no: Any) -> Any:
     condition : bool, array or symbolic comparison
         Comparison of scalars, such as ``x < 0.0``.
     yes, no : float, array, Dual or symbolic scalar
-        Values where the condition holds, and where not. Both are computed in any case.
+        Values in one unit, where the condition holds and where not. Both are computed in any case.
 
     Returns
     -------
@@ -401,7 +401,7 @@ def clip(x: Any, lower: Any, upper: Any) -> Any:
     Parameters
     ----------
     x : float, array, Dual or symbolic scalar
-        Scalar to limit.
+        Scalar to limit, in any unit.
     lower, upper : float, array, Dual or symbolic scalar
         Ends of the range, in the unit of x.
 

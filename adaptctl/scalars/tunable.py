@@ -140,7 +140,7 @@ class Tunable:
         Parameters
         ----------
         packed : Column
-            All g tunable numbers (g,) in the order of `numbers`, matrices row by row; not checked.
+            All g tunable numbers (g,) in their own units and the order of `numbers`, matrices row by row; not checked.
 
         Returns
         -------
@@ -161,7 +161,7 @@ class Tunable:
         Parameters
         ----------
         packed : Column
-            All g tunable numbers (g,) in the order of `numbers`, matrices row by row.
+            All g tunable numbers (g,) in their own units and the order of `numbers`, matrices row by row.
 
         Returns
         -------

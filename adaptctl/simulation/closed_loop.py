@@ -117,8 +117,8 @@ class ClosedLoop:
         Parameters
         ----------
         **columns : Column
-            Columns of the properties `state`, `held`, `reference` and `noise`, by name, SI units; without "gains" the
-            controller's own are used.
+            Columns (n,) of the properties `state`, `held`, `reference` and `noise`, by name, SI units; without "gains"
+            the controller's own are used.
 
         Returns
         -------
@@ -186,7 +186,7 @@ class ClosedLoop:
         Parameters
         ----------
         **columns : Column
-            Columns by name, as in `equation`.
+            Columns (n,) by name in SI units, as in `equation`.
 
         Returns
         -------
@@ -240,7 +240,7 @@ class ClosedLoop:
         time : float
             Time in s, put into the state as it is.
         member : int, default 0
-            Index of the robot.
+            Index of the robot, from 0. The first by default, the only one of a single loop.
 
         Returns
         -------

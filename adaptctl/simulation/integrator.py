@@ -76,7 +76,7 @@ class Integrator(Protocol):
         Returns
         -------
         tuple of Column
-            Positions (n,) and velocities (r,) after the step.
+            Positions (n,) in rad (m) and velocities (r,) in rad/s (m/s) after the step.
         """
         ...
 
@@ -132,7 +132,7 @@ class RungeKutta4:
         Returns
         -------
         tuple of Column
-            Positions (n,) and velocities (r,) after the step.
+            Positions (n,) in rad (m) and velocities (r,) in rad/s (m/s) after the step.
         """
         half = 0.5 * dt
         u1, a1 = rates(q, v), acceleration(q, v)
@@ -191,7 +191,7 @@ class SemiImplicitEuler:
         Returns
         -------
         tuple of Column
-            Positions (n,) and velocities (r,) after the step.
+            Positions (n,) in rad (m) and velocities (r,) in rad/s (m/s) after the step.
         """
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, after), after
@@ -245,7 +245,7 @@ class LinearlyImplicitEuler:
         Returns
         -------
         tuple of Column
-            Positions (n,) and velocities (r,) after the step.
+            Positions (n,) in rad (m) and velocities (r,) in rad/s (m/s) after the step.
         """
         after = v + dt * acceleration(q, v)
         return q + dt * rates(q, 0.5 * (v + after)), after

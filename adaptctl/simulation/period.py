@@ -174,20 +174,20 @@ class PlantState(NamedTuple):
     p, v : ndarray
         Positions in rad (m if prismatic) and velocities in rad/s (m/s) of the primary joints, (r,).
     q : ndarray
-        Positions (n,) of the spanning tree's joints; p itself without loops.
+        Positions (n,) of the spanning tree's joints in rad (m); p itself without loops.
     measured_p, measured_v : ndarray
-        Measured positions and velocities (r,); the motors' where encoders sit on these.
+        Measured positions in rad (m) and velocities in rad/s (m/s), (r,); the motors' where encoders sit on these.
     applied : ndarray
         Torque (r,) that reached the joints in the last period, N m (N).
     clipped : bool
         True if the commanded torque was beyond the plant's limits.
     flags : ndarray
-        One number, 1 or 0, for each name in `Plant.flags`.
+        Numbers (f,), 1 or 0 without a unit, one for each name in `Plant.flags`.
     drives : ndarray
-        Internal states (d,) of the actuator effects; with elastic joints the motors' positions and velocities (2r,)
-        follow.
+        Internal states (d,) of the actuator effects in SI units; with elastic joints the motors' positions and
+        velocities (2r,) follow.
     sensors : ndarray
-        Internal states (s,) of the sensor effects.
+        Internal states (s,) of the sensor effects in SI units.
 
     Examples
     --------

@@ -45,7 +45,7 @@ class Plant(Tunable):
     substeps : int, default 1
         Equal integration steps per control period, 1 to 1000000; stiff friction and elastic joints need more.
     integrator : Integrator, default RungeKutta4()
-        Integration method.
+        Integration method. Default: Runge-Kutta of fourth order, for motions without stiff friction.
     torque_limits : array_like, optional
         Largest magnitudes of the torques, N m (N if prismatic): one number or (r,), infinity for no bound. Default: the
         mechanism's effort limits.
@@ -201,8 +201,8 @@ class Plant(Tunable):
             True parameters (..., P), SI units, ordered as `Mechanism.parameter_names`; used with actuator effects or
             elastic joints only. Default: the mechanism's, loads included.
         noise : array_like, optional
-            Standard normal numbers (..., 2r) of the first measurement, the positions' first; used with sensors only.
-            Default: zero.
+            Standard normal numbers (..., 2r) without a unit of the first measurement, the positions' first; used with
+            sensors only. Default: zero, a measurement without noise.
 
         Returns
         -------
@@ -256,7 +256,8 @@ class Plant(Tunable):
             True parameters (P,), SI units, ordered as `Mechanism.parameter_names`. Default: the mechanism's, with the
             loads at the state's time.
         noise : array_like, optional
-            Standard normal numbers (2r,) of the sensors, the positions' first, not checked. Default: zero.
+            Standard normal numbers (2r,) without a unit of the sensors, the positions' first, not checked. Default:
+            zero, a measurement without noise.
 
         Returns
         -------
@@ -296,7 +297,7 @@ class Plant(Tunable):
         Returns
         -------
         ndarray
-            Clipped torque (r,).
+            Clipped torque (r,) in N m (N).
 
         Raises
         ------
@@ -359,7 +360,7 @@ class Plant(Tunable):
         Returns
         -------
         ndarray
-            Positions (..., r).
+            Positions (..., r) in rad (m).
         """
         return q if self._primary is None else q[..., self._primary]
 
@@ -403,7 +404,8 @@ class Plant(Tunable):
         parameters : Column
             True parameters (P,), SI units.
         drives : Column
-            Internal states of the drives; with elastic joints its end has the motors' positions and velocities (2r,).
+            Internal states (d,) of the drives in SI units; with elastic joints its end has the motors' positions and
+            velocities (2r,).
 
         Returns
         -------
@@ -431,7 +433,7 @@ class Plant(Tunable):
         Returns
         -------
         Column
-            Positions (r,).
+            Positions (r,) in rad (m).
         """
         return q if self._primary is None else Column(q[i] for i in self._primary)
 

@@ -55,17 +55,17 @@ class Rollout:
     p, v : ndarray
         Positions in rad (m if prismatic) and velocities in rad/s (m/s), (T, r); the true ones where known.
     reference_p, reference_v, reference_a : ndarray
-        The reference's positions, velocities and accelerations (T, r).
+        The reference's positions, velocities and accelerations (T, r) in rad, rad/s and rad/s^2 (m, m/s, m/s^2).
     torque : ndarray
         Commanded torques (T, r) in N m (N).
     applied : ndarray
         Torques after the limits (T, r) in N m (N).
     clipped : ndarray
-        Whether a torque was clipped (T,), 1 or 0.
+        1 without a unit where a torque was clipped, else 0, (T,).
     energy : ndarray
         Energy (T,) in J, NaN where not known.
     reward : ndarray
-        Rewards (T,) of the control periods that begin.
+        Rewards (T,) of the control periods that begin, without a unit.
     estimate : ndarray
         Parameter estimates (T, k) in SI units; k = 0 for a controller without.
     control_period : float
@@ -75,17 +75,17 @@ class Rollout:
     complete : bool, default True
         False for a run that was cut off.
     terminated : bool, default False
-        True if the environment ended the run early.
+        True if the environment ended the run early. False where there is no environment.
     info : dict, optional
         Last `info` of the environment. Default: empty.
     measured_p, measured_v : ndarray, optional
-        Measured positions and velocities (T, r). Default: p and v.
+        Measured positions in rad (m) and velocities in rad/s (m/s), (T, r). Default: p and v.
     flags : mapping, optional
         Arrays (T,) by the names of events, such as "torque_limited", 1 or 0; "payload" is the mass held in kg.
     every : int, default 1
-        Control periods from one sample to the next.
+        Control periods from one sample to the next. By default every period is a sample.
     logged_state : ndarray, optional
-        Numbers (T, l) that the adaptation law records of its internal state. Default: none.
+        Numbers (T, l) that the adaptation law records of its internal state, in its units. Default: none.
     position_units : tuple of str, default ()
         Joint units (r,), "rad" or "m"; empty where not known.
 
@@ -333,15 +333,15 @@ class Rollout:
         torque : array_like
             Commanded torques (T, r) in N m (N).
         reference_p : array_like
-            The reference's positions (T, r).
+            The reference's positions (T, r) in rad (m).
         control_period : float
             Time from one sample to the next in s.
         v : array_like, optional
-            Velocities (T, r). Default: differences of the positions, central, one-sided at both ends.
+            Velocities (T, r) in rad/s (m/s). Default: differences of the positions, central, one-sided at both ends.
         reference_v, reference_a : array_like, optional
-            The reference's velocities and accelerations (T, r). Default: differences.
+            The reference's velocities (T, r) in rad/s (m/s) and accelerations in rad/s^2 (m/s^2). Default: differences.
         applied : array_like, optional
-            Torques at the joints (T, r). Default: those commanded.
+            Torques at the joints (T, r) in N m (N). Default: those commanded.
         estimate : array_like, optional
             Parameter estimates (T, k) in SI units. Default: none.
         time : array_like, optional
@@ -349,7 +349,7 @@ class Rollout:
         complete : bool, default True
             False for a run that was cut off.
         position_units : sequence of str, default ()
-            Joint units (r,), "rad" or "m".
+            Joint units (r,), "rad" or "m". Default: empty, not known.
 
         Returns
         -------

@@ -34,13 +34,13 @@ class RunLogger:
     path : str or Path, optional
         Parquet file that is written when the context ends. Default: no file.
     estimates : int, default 0
-        Number k of the controller's parameter estimates.
+        Length k of the controller's parameter estimate. Zero for a controller without.
     capacity : int, default 300000
         Number of latest samples that are kept: 300 s at 1 kHz. All memory is allocated at construction.
     joints : tuple of str, optional
         Joint names (r,) in the file. Default: joint1, joint2, ...
     position_units : tuple of str, default ()
-        Joint units (r,), "rad" or "m".
+        Joint units (r,), "rad" or "m". Default: empty, not known.
 
     Raises
     ------
@@ -128,7 +128,7 @@ class RunLogger:
         applied : array_like, optional
             Torque at the joints (r,) in N m (N). Default: the commanded one.
         estimate : array_like, default ()
-            Parameter estimates (k,) in SI units.
+            Parameter estimates (k,) in SI units. Default: empty, for a controller without.
         """
         row = self._sample
         try:

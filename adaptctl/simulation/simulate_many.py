@@ -56,7 +56,7 @@ class Rollouts:
     p, v : ndarray
         Positions in rad (m if prismatic) and velocities in rad/s (m/s), (T, M, r).
     reference_p, reference_v : ndarray
-        The reference's positions and velocities (T, M, r).
+        The reference's positions in rad (m) and velocities in rad/s (m/s), (T, M, r).
     torque : ndarray
         Commanded torques (T, M, r) in N m (N).
     applied : ndarray
@@ -68,9 +68,9 @@ class Rollouts:
     rms_error : ndarray
         Root mean square errors (M, r) in rad (m); NaN in a run that diverged without a finite `divergence_bound`.
     largest_error : ndarray
-        Largest magnitudes of the errors (M, r), NaN likewise.
+        Largest magnitudes of the errors (M, r) in rad (m), NaN likewise.
     final_rms_error : ndarray
-        Root mean square errors (M, r) over the last 2 s; NaN in shorter runs and those that diverged before.
+        Root mean square errors (M, r) in rad (m) over the last 2 s; NaN in shorter runs and those that diverged before.
     settling_time : ndarray
         Times (M,) in s after which every error stayed within `tolerance`; NaN if the last one did not.
     diverged_at : ndarray
@@ -204,7 +204,7 @@ def simulate_many(
     divergence_bound : array_like, default infinity
         Error in rad (m), one number or (r,), above which a run counts as diverged.
     threads : int, default 1
-        Number of threads.
+        Threads that share the runs. One by default, as more pay only from milliseconds on.
     progress : callable, optional
         Called with the fraction done, 0 to 1.
     precision : {"double", "single"}, default "double"

@@ -35,7 +35,7 @@ def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.N
     mechanism : Mechanism
         Robot with r primary joints.
     name : str, default "mechanism"
-        Name of the system.
+        Name in python-control, by which interconnections tell systems apart.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem
     plant : Plant
         Robot with r primary joints and effects in the joints alone; its torque limits hold.
     name : str, default "plant"
-        Name of the system.
+        Name in python-control, by which interconnections tell systems apart.
 
     Returns
     -------
@@ -115,7 +115,7 @@ def controller_system(
     control_period : float
         Sampling time in s.
     name : str, default "controller"
-        Name of the system.
+        Name in python-control, by which interconnections tell systems apart.
 
     Returns
     -------
@@ -169,7 +169,7 @@ def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
     Returns
     -------
     ndarray
-        Internal state (n,) as one array.
+        Internal state (n,) as one array, the estimate first in SI units.
 
     Raises
     ------
@@ -200,7 +200,7 @@ def closed_loop_system(
     controller : Controller
         Controller of r joints.
     name : str, default "closed_loop"
-        Name of the system.
+        Name in python-control, by which interconnections tell systems apart.
 
     Returns
     -------

@@ -81,12 +81,13 @@ class Tuning:
     torque_limits : ndarray
         Torque limits (r,) in N m (N).
     torque_share : ndarray
-        Largest torque (r,) of the reference over its limit.
+        Ratio (r,) of the reference's largest torque to its limit.
     sampling_ratio : float
-        Upper bound of T lambda_max((M + T B)^-1 K) near the reference, mass matrix M, viscous friction B and damping K,
-        stable below 2.
+        Upper bound without a unit of T lambda_max((M + T B)^-1 K) near the reference, mass matrix M, viscous friction B
+        and damping K, stable below 2.
     adaptation_ratio : float
-        Greatest T lambda_max(K^-1 Y Gamma Y') along the reference, regressor Y and gain Gamma, stable below 2.
+        Greatest T lambda_max(K^-1 Y Gamma Y') without a unit along the reference, regressor Y and gain Gamma, stable
+        below 2.
     limited_by : tuple of str
         What limits each joint's gains.
     verified : tuple of Verification
@@ -135,7 +136,7 @@ class Tuning:
         Returns
         -------
         ndarray
-            Gain (k, k), with which adaptation is that of all parameters.
+            Gain (k, k) in units of the parameters squared per J, with which adaptation is that of all parameters.
 
         Raises
         ------
@@ -158,7 +159,7 @@ class Tuning:
         model : ReducedModel
             Model of the mechanism.
         adaptation : bool, default True
-            False to switch adaptation off.
+            False to switch adaptation off, for a comparison. By default on, as the gains are meant for it.
         anyway : bool, default False
             True to accept gains that failed in simulation.
 
@@ -240,16 +241,19 @@ def tune(
         Arm's position minus the reference's at time 0 in rad (m), one number or (r,). Unless given, 0.1, or less where
         a range or torque limit is small.
     bandwidth : float, default 4.0
-        Greatest bandwidth in 1/s. A joint has less if 0.3 of its torque limit corrects the initial error no faster.
+        Greatest bandwidth in 1/s. A joint has less if 0.3 of its torque limit corrects the initial error no faster. At
+        4 errors decay to 2 % within a second.
     sampling_ratio : float, default 0.5
-        Bound of T lambda_max((M + T B)^-1 K), control period T, mass matrix M, viscous friction B and damping K. Half
-        is a third of what is allowed.
+        Bound without a unit of T lambda_max((M + T B)^-1 K), control period T, mass matrix M, viscous friction B and
+        damping K. 0.5 is a third of what is allowed, a margin for errors of the model.
     adaptation_ratio : float, default 0.5
-        Value of T lambda_max(K^-1 Y Gamma Y') along the reference, regressor Y and adaptation gain Gamma.
+        Value without a unit of T lambda_max(K^-1 Y Gamma Y') along the reference, regressor Y and adaptation gain
+        Gamma. 0.5 is a quarter of the limit of stability.
     search : int, default 0
-        Number of other settings, of a grid of 48, that are tried on arms with links 30 % lighter or heavier.
+        Other settings, of a grid of 48, that are tried on arms with links 30 % lighter or heavier. Zero keeps the
+        rules' choice, without their computing time.
     seed : int, default 0
-        Seed of all random choices.
+        Seed of all random choices. Fixed, so that a tuning can be repeated.
 
     Returns
     -------

@@ -128,9 +128,9 @@ class Verification:
     largest : float
         Largest error of any joint in rad (m).
     limited : float
-        Fraction of the second half with a torque at its limit.
+        Fraction (0 to 1) of the second half with a torque at its limit.
     unit : str, default "mrad"
-        Unit of a thousandth of the errors.
+        Unit of a thousandth of the errors, in messages: mrad, "mm" if prismatic, both for mixed joints.
 
     Examples
     --------

@@ -34,7 +34,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     Parameters
     ----------
     num_envs : int, default 1
-        Number N of arms.
+        Arms N that are simulated side by side, at least 1. One by default, as in `gymnasium.make_vec`.
     autoreset_mode : AutoresetMode or str, default "NextStep"
         Way in which an arm begins again, see Notes.
     reset_options : Mapping, optional
@@ -323,13 +323,13 @@ class Puma560VectorTrackingEnv(VectorTrackingEnv):
     Parameters
     ----------
     num_envs : int, default 1
-        Number N of arms.
+        Arms N that are simulated side by side, at least 1. One by default, as in `gymnasium.make_vec`.
     autoreset_mode : AutoresetMode or str, default "NextStep"
         Way in which an arm begins again.
     reset_options : Mapping, optional
         Options of every reset that is not given others.
     precision : {"double", "single"}, default "double"
-        Precision of the numbers.
+        Precision of the numbers, as in `VectorTrackingEnv`; double equals a single environment to round-off.
     **settings : object
         Arguments of `Puma560TrackingEnv`, the same for all arms.
 
@@ -350,13 +350,13 @@ class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
     Parameters
     ----------
     num_envs : int, default 1
-        Number N of arms.
+        Arms N that are simulated side by side, at least 1. One by default, as in `gymnasium.make_vec`.
     autoreset_mode : AutoresetMode or str, default "NextStep"
         Way in which an arm begins again.
     reset_options : Mapping, optional
         Options of every reset that is not given others.
     precision : {"double", "single"}, default "double"
-        Precision of the numbers.
+        Precision of the numbers, as in `VectorTrackingEnv`; double equals a single environment to round-off.
     **settings : object
         Arguments of `SemiDirectDriveTrackingEnv`, the same for all arms.
 

@@ -151,7 +151,8 @@ class Composite(Descent[Filtered]):
     gain : array_like
         Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
     prediction_weight : array_like, default 1.0
-        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,).
+        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,). At 1 an error of 1 N m moves
+        the estimate as much as s = 1 rad/s does.
     cutoff : float, default 20.0
         Corner frequency of the torque filter in rad/s. Choose it about as fast as the motion: noise enters with this
         gain.
@@ -258,7 +259,7 @@ class Composite(Descent[Filtered]):
         Returns
         -------
         tuple of Column and Filtered
-            Estimate (k,) and internal state after the period.
+            Estimate (k,) in SI units and internal state after the period.
         """
         moved = estimate - self.applied(period.gradient(period.integral))
         rows, torque, after = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory)

@@ -49,18 +49,22 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
     gain : array_like
         Diagonal (k,) of the initial gain Gamma, in units of the parameters squared per J.
     prediction_weight : array_like, default 1.0
-        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,).
+        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,). At 1 an error of 1 N m moves
+        the estimate as much as s = 1 rad/s does.
     cutoff : float, default 20.0
         Corner frequency of the torque filter in rad/s. Choose it about as fast as the motion: noise enters with this
         gain.
     forgetting : float, default 1.0
-        Rate in 1/s at which the past is forgotten along directions that are excited now.
+        Rate in 1/s at which the past is forgotten along directions that are excited now. At 1 the time constant is 1 s.
     recall : float, default 2.0
-        Rate in 1/s of convergence to the stored information, at most 0.5 over the control period.
+        Rate rho in 1/s of convergence to the stored information, at most 0.5 over the control period. By default twice
+        the rate of forgetting: information is used before it fades.
     excitation_threshold : float, default 0.0
-        Excitation in 1/s of a joint's equation at or below which it counts as noise.
+        Excitation in 1/s of a joint's equation at or below which it counts as noise. Zero counts every equation that is
+        excited at all.
     reset_power : float, default inf
-        Power in W of the prediction error beyond which all is forgotten in proportion to the excess.
+        Power in W of the prediction error beyond which all is forgotten in proportion to the excess. Infinity is never,
+        so that noise erases nothing.
 
     Raises
     ------
@@ -191,7 +195,7 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         Returns
         -------
         tuple of Column and LearningMemory
-            Estimate (k,) and internal state after the period.
+            Estimate (k,) in SI units and internal state after the period.
         """
         rows, torque, filtered = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory.filtered)
         missed, weights = residual(rows, estimate, torque), each(self.prediction_weight, model.mechanism.dof)

@@ -50,12 +50,14 @@ class ConcurrentLearning(Descent[Stack]):
     gain : array_like
         Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
     prediction_weight : array_like, default 1.0
-        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,).
+        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,). At 1 an error of 1 N m moves
+        the estimate as much as s = 1 rad/s does.
     cutoff : float, default 20.0
         Corner frequency of the torque filter in rad/s. Choose it about as fast as the motion: noise enters with this
         gain.
     stack_size : int, default 12
-        Number of samples stored, 1 to 64.
+        Samples stored, 1 to 64, of r equations each. Full rank needs at least k/r of them: 12 allow 12 parameters for
+        each joint.
     novelty_threshold : float, default 1.0
         Weighted squared distance in 1/s from the last stored sample above which a sample replaces the oldest.
 
@@ -176,7 +178,7 @@ class ConcurrentLearning(Descent[Stack]):
         Returns
         -------
         tuple of Column and Stack
-            Estimate (k,) and internal state after the period.
+            Estimate (k,) in SI units and internal state after the period.
         """
         estimate = estimate - self.applied(period.gradient(period.integral))
         rows, torque, filtered = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory.filtered)

@@ -49,14 +49,16 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
     Parameters
     ----------
     gain : array_like
-        Rate of adaptation in 1/J: one number, or one for each link with a body, then one for each drive's parameter.
+        Rate of adaptation in 1/J: one number, or (m,), one for each link with a body, then one for each drive's
+        parameter.
     lift : array_like
         Initial parameters (P,) of all bodies and drives in SI units, physically consistent. The initial estimate is
         `model.regrouping @ lift`.
     prediction_weight : array_like, optional
         Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,). None leaves prediction out.
     cutoff : float, default 20.0
-        Corner frequency of the torque filter in rad/s.
+        Corner frequency of the torque filter in rad/s. Choose it about as fast as the motion: noise enters with this
+        gain.
 
     Raises
     ------
@@ -183,7 +185,7 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
         Returns
         -------
         tuple of Column and ConsistentState
-            Estimate (k,) and internal state after the period.
+            Estimate (k,) in SI units and internal state after the period.
         """
         rates, bodies = each_rate(self.gain, model), len(model.mechanism.description.bodies)
 

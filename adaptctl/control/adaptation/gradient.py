@@ -160,7 +160,7 @@ class Gradient(Descent[NoMemory]):
         Returns
         -------
         tuple of Column and NoMemory
-            Estimate (k,) and internal state after the period.
+            Estimate (k,) in SI units and internal state after the period.
         """
         s = period.s if self.theta == 1.0 else period.s_prev + self.theta * (period.s - period.s_prev)
         slope = period.gradient(s)
@@ -185,7 +185,8 @@ class DeadZone(Descent[NoMemory]):
     gain : array_like
         Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
     width : array_like, default 0.05
-        Half-widths of the ellipsoidal zone in rad/s (m/s), one number or (r,).
+        Half-widths w of the ellipsoidal zone in rad/s (m/s), one number or (r,). 0.05 is a start where disturbances are
+        not known; `against` computes widths for known ones.
 
     Raises
     ------
@@ -287,7 +288,7 @@ class DeadZone(Descent[NoMemory]):
         Returns
         -------
         tuple of Column and NoMemory
-            Estimate (k,) and internal state after the period.
+            Estimate (k,) in SI units and internal state after the period.
         """
         scaled = Column(1.0 / width for width in each(self.width, model.mechanism.dof)) * period.mean
         outside = where(scaled @ scaled > 1.0, 1.0, 0.0)
@@ -325,7 +326,7 @@ class SigmaModification(_Leaking):
     gain : array_like
         Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
     leakage : float, default 0.1
-        Rate sigma of the leak in 1/s.
+        Rate sigma of the leak in 1/s. At 0.1 the time constant is 10 s, long beside adaptation.
     prior : array_like, optional
         Prior estimate (k,) in SI units, zero unless given.
 
@@ -371,7 +372,7 @@ class SigmaModification(_Leaking):
         Returns
         -------
         tuple of Column and NoMemory
-            Estimate (k,) and internal state after the period.
+            Estimate (k,) in SI units and internal state after the period.
         """
         return self.leaked(estimate, period, self.leakage), memory
 
@@ -386,7 +387,7 @@ class EModification(_Leaking):
     gain : array_like
         Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
     leakage : float, default 0.1
-        Leak nu in 1/rad (1/m).
+        Leak nu in 1/rad (1/m). At 0.1 and s = 1 rad/s it is the default rate of `SigmaModification`.
     prior : array_like, optional
         Prior estimate (k,) in SI units, zero unless given.
 
@@ -432,7 +433,7 @@ class EModification(_Leaking):
         Returns
         -------
         tuple of Column and NoMemory
-            Estimate (k,) and internal state after the period.
+            Estimate (k,) in SI units and internal state after the period.
         """
         s = period.mean
         return self.leaked(estimate, period, self.leakage * sqrt(s @ s)), memory

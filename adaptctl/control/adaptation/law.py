@@ -181,7 +181,7 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
         Returns
         -------
         tuple of Column and tuple
-            Estimate (k,) and internal state after the period.
+            Estimate (k,) in SI units and internal state after the period.
         """
 
     @property

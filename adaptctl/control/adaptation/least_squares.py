@@ -126,14 +126,17 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
     gain : array_like
         Diagonal (k,) of the initial gain Gamma, in units of the parameters squared per J.
     prediction_weight : array_like, default 1.0
-        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,).
+        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,). At 1 an error of 1 N m moves
+        the estimate as much as s = 1 rad/s does.
     cutoff : float, default 20.0
         Corner frequency of the torque filter in rad/s. Choose it about as fast as the motion: noise enters with this
         gain.
     forgetting : float, default 1.0
-        Largest rate of forgetting in 1/s, at most 0.1 over the control period.
+        Largest rate of forgetting in 1/s, at most 0.1 over the control period. At 1 the past fades with a time constant
+        of 1 s.
     bound : float, default 2.0
-        Bound, at least 1, of the mean gain over the initial one.
+        Bound of the mean gain, tr(Gamma^-1 P)/k without a unit, at least 1. At 2 the mean gain at most doubles without
+        excitation.
 
     Raises
     ------
@@ -251,7 +254,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         Returns
         -------
         tuple of Column and CovarianceMemory
-            Estimate (k,) and internal state after the period.
+            Estimate (k,) in SI units and internal state after the period.
         """
         covariance, scale = memory.covariance, self._scale
         gradient = scale * period.gradient(period.integral)
@@ -320,12 +323,13 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
     gain : array_like
         Diagonal (k,) of the initial gain Gamma, in units of the parameters squared per J.
     prediction_weight : array_like, default 1.0
-        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,).
+        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,). At 1 an error of 1 N m moves
+        the estimate as much as s = 1 rad/s does.
     cutoff : float, default 20.0
         Corner frequency of the torque filter in rad/s. Choose it about as fast as the motion: noise enters with this
         gain.
     forgetting : float, default 1.0
-        Rate of forgetting in 1/s.
+        Rate lambda of forgetting in 1/s. At 1 the past fades with a time constant of 1 s.
 
     Raises
     ------
@@ -410,7 +414,7 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         Returns
         -------
         tuple of Column and InformationMemory
-            Estimate (k,) and internal state after the period.
+            Estimate (k,) in SI units and internal state after the period.
         """
         rows, torque, filtered = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory.filtered)
         scaled = [self._scale * row for row in rows]

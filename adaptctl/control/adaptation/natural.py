@@ -31,7 +31,8 @@ class Natural(AdaptationLaw[NoMemory]):
     Parameters
     ----------
     gain : array_like
-        Rate of adaptation in 1/J: one number, or one for each link with a body, then one for each drive's parameter.
+        Rate of adaptation in 1/J: one number, or (m,), one for each link with a body, then one for each drive's
+        parameter.
 
     Raises
     ------
@@ -114,7 +115,7 @@ class Natural(AdaptationLaw[NoMemory]):
         Returns
         -------
         tuple of Column and NoMemory
-            Estimate (P,) and internal state after the period.
+            Estimate (P,) in SI units and internal state after the period.
         """
         slope = each_rate(self.gain, model) * period.gradient(period.integral)
         return moved_bodies(estimate, slope, len(model.mechanism.description.bodies)), memory

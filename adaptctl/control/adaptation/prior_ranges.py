@@ -101,7 +101,7 @@ def estimate_sampling_ratio(
     workspace : Workspace, optional
         Joint positions whose samples are evaluated. Unless given, 200 random ones within the limits.
     kinetic : float, default 0.0
-        Initial energy s'Ms/2 of the sliding variable in J.
+        Initial energy s'Ms/2 of the sliding variable in J. Zero for a start on the reference.
 
     Returns
     -------
@@ -164,15 +164,15 @@ class PriorRanges:
     Parameters
     ----------
     mass : float, default 5.0
-        Range of masses in kg.
+        Range of masses in kg. Give less for light arms: gains grow with its square.
     first_moment : float, default 2.0
-        Range of first moments in kg m.
+        Range of first moments in kg m. The default is the mass's at 0.4 m.
     inertia : float, default 0.6
-        Range of inertias in kg m^2, of links and rotors.
+        Range of inertias in kg m^2, of links and rotors. The default is the mass's at 0.35 m.
     viscous : float, default 5.0
-        Range of viscous friction in N m s/rad (N s/m).
+        Range of viscous friction in N m s/rad (N s/m). The default is of the size of a PUMA 560's large joints.
     coulomb : float, default 10.0
-        Range of Coulomb friction in N m (N).
+        Range of Coulomb friction in N m (N). The default is of the size of a PUMA 560's large joints.
 
     Raises
     ------
@@ -304,7 +304,8 @@ def mapped_gain(model: ReducedModel, gain: ArrayLike) -> Array:
     Returns
     -------
     ndarray
-        Symmetric gain (k, k), with which adaptation of the k parameters is the same controller.
+        Symmetric gain (k, k) in units of the parameters squared per J; the k parameters then adapt as all of them
+        would.
 
     Raises
     ------

@@ -146,7 +146,7 @@ class Projection(AdaptationLaw[Memory]):
         Returns
         -------
         tuple of Column and tuple
-            Estimate (k,) and internal state after the period.
+            Estimate (k,) in SI units and internal state after the period.
         """
         moved, after = self.inner.law(model, estimate, period, memory)
         return Column(map(clip, moved, column(self.lower), column(self.upper))), after
@@ -184,7 +184,7 @@ def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tu
     Returns
     -------
     tuple of ndarray
-        Lower and upper bounds (k,), infinite for parameters that are not named.
+        Lower and upper bounds (k,) in SI units, infinite for parameters that are not named.
 
     Raises
     ------

@@ -105,7 +105,7 @@ class Subspace(AdaptationLaw[NoMemory]):
         Returns
         -------
         tuple of Column and NoMemory
-            Estimate (k,) and internal state after the period.
+            Estimate (k,) in SI units and internal state after the period.
         """
         gradient = period.gradient(period.integral)
         for step, direction in zip(column(self.gain), map(column, self.directions.T), strict=True):

@@ -36,13 +36,13 @@ class ExcitationTrajectory:
     reference : Sinusoids
         Optimised reference.
     condition : float
-        Condition number of its regressor over a period, columns scaled by prior ranges.
+        Condition number (1 is best) of its regressor over a period, columns scaled by prior ranges.
     random_conditions : ndarray
         Condition numbers (10,) of random references within the same limits.
     torque_share : float
-        Largest torque over its limit.
+        Largest ratio of a torque to its limit, at most 1.
     iterations : int
-        Number of iterations of the search.
+        Iterations that the search took.
     complete : bool
         False if the search was interrupted; the reference is then the best so far.
 
@@ -101,7 +101,7 @@ class MotionLimits:
         model : ReducedModel
             Model of the mechanism with k parameters and r joints.
         share : float
-            Fraction, above 0 and up to 1, about the middle of the positions.
+            Fraction of the ranges, above 0 and up to 1, kept about the middle of the positions.
 
         Returns
         -------
@@ -258,19 +258,20 @@ def excitation_trajectory(
     model : ReducedModel
         Model of the mechanism with k parameters and r joints.
     frequency : float, default 0.1
-        Fundamental frequency in Hz.
+        Fundamental frequency in Hz. 0.1 Hz is a period of 10 s, whose five harmonics reach 0.5 Hz.
     harmonics : int, default 5
-        Number of harmonics.
+        Sines and cosines in the series of each joint, at least 1. Five give each joint ten coefficients; more take
+        longer to optimise.
     limit_share : float, default 0.8
-        Fraction of the joints' own limits, unless `limits` are given.
+        Fraction of the joints' own limits, unless `limits` are given. The default keeps a fifth for the tracking error.
     scale : array_like, optional
         Prior ranges (k,) in SI units, or one number, those of `PriorRanges` unless given.
     limits : MotionLimits, optional
         Limits of the reference. Torques are the model's own: give lower limits for uncertain parameters.
     iterations : int, default 100
-        Largest number of iterations.
+        Iterations of the search, at most; fewer if it converges before.
     seed : int, default 0
-        Seed of the ten random references from which the search starts.
+        Seed of the ten random references from which the search starts. Fixed, so that a result can be repeated.
     progress : callable, optional
         Function that is called with the fraction done after each iteration.
 

@@ -227,7 +227,7 @@ class ErrorFeedback:
         Parameters
         ----------
         factor : float
-            Positive factor of the poles.
+            Factor above 0 without a unit, by which both poles are multiplied.
 
         Returns
         -------
@@ -289,7 +289,7 @@ class ErrorFeedback:
         Parameters
         ----------
         delay : int, default 0
-            Delay in whole control periods, up to 1000.
+            Delay in whole control periods, 0 to 1000. Zero for a torque that acts at once.
 
         Returns
         -------

@@ -43,7 +43,7 @@ class GainDesign:
     control_period : float
         Time in s for which a torque is held.
     delay : int, default 0
-        Delay of the torque in whole control periods.
+        Delay of the torque in whole control periods. Zero for a torque that acts at once.
     workspace : Workspace, optional
         Joint positions whose samples replace 200 random ones.
     given : Gains, optional
@@ -88,7 +88,7 @@ class GainDesign:
         control_period : float, default 0.001
             Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
         delay : int, default 0
-            Delay of the torque in whole control periods, up to 1000.
+            Delay of the torque in whole control periods, 0 to 1000. Zero for a torque that acts at once.
 
         Returns
         -------
@@ -141,7 +141,7 @@ class GainDesign:
         control_period : float, default 0.001
             Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
         delay : int, default 0
-            Delay of the torque in whole control periods, up to 1000.
+            Delay of the torque in whole control periods, 0 to 1000. Zero for a torque that acts at once.
 
         Returns
         -------
@@ -177,7 +177,7 @@ class GainDesign:
         control_period : float, default 0.001
             Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
         delay : int, default 0
-            Delay of the torque in whole control periods, up to 1000.
+            Delay of the torque in whole control periods, 0 to 1000. Zero for a torque that acts at once.
 
         Returns
         -------
@@ -213,13 +213,14 @@ class GainDesign:
         position : float
             Weight of the squared error in 1/rad^2 (1/m^2).
         velocity : float, default 0.0
-            Weight of the squared error rate in s^2/rad^2 (s^2/m^2).
+            Weight of the squared error rate in s^2/rad^2 (s^2/m^2). Zero weighs the position alone; more damps more.
         effort : float, default 1.0
-            Weight of the squared acceleration in s^4/rad^2 (s^4/m^2). Only ratios of weights count.
+            Weight of the squared acceleration in s^4/rad^2 (s^4/m^2). Only ratios of weights count, so 1 sets the
+            scale.
         control_period : float, default 0.001
             Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
         delay : int, default 0
-            Delay of the torque in whole control periods, up to 1000.
+            Delay of the torque in whole control periods, 0 to 1000. Zero for a torque that acts at once.
 
         Returns
         -------

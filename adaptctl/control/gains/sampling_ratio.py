@@ -68,7 +68,7 @@ def sampling_ratio(
     control_period : float
         Time in s for which a torque is held.
     bandwidth : array_like, default 0.0
-        Bandwidth Lambda in 1/s, one number or (r,).
+        Bandwidth Lambda in 1/s, one number or (r,). Zero where K is the whole velocity gain, as of `PDGravity`.
     estimate : array_like, optional
         All inertial and friction parameters (P,) of the estimate in SI units, the mechanism's own unless given.
     workspace : Workspace, optional

@@ -108,7 +108,7 @@ class Workspace:
         samples : int, default 200
             Number of samples, up to 1,000,000, less those where kinematic loops cannot be closed.
         seed : int, default 0
-            Seed of the samples.
+            Seed of the samples. Fixed, so that gains can be repeated.
 
         Returns
         -------
@@ -141,7 +141,7 @@ class Workspace:
         p : array_like
             Positions (S, r) of the reference in rad (m), of which those where loops cannot be closed are left out.
         margin : float, default 0.2
-            Largest distance in rad (m) from a sample in each joint.
+            Largest distance in rad (m) from a sample in each joint. The default is twice the initial error of `tune`.
 
         Returns
         -------

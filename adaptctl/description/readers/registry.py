@@ -89,11 +89,11 @@ def read(
     source : str or Path
         Name of a built-in robot (see `builtin_names`), or a file: .toml, .urdf, or MJCF as .xml or .mjcf.
     floating_base : bool, default False
-        If true, the root link of a URDF file floats on six joints instead of being fixed to the ground.
+        If true, the root link of a URDF file floats on six joints. By default it is fixed to the ground, as an arm is.
     snap : bool, default False
         If true, angles between successive joint axes within 1e-3 rad of a multiple of 90 degrees are made exact.
     mesh_folders : sequence of str or Path, optional
-        Folders with meshes of a URDF file, besides its own package.
+        Folders with meshes of a URDF file. Default: none besides its own package.
     root : str, optional
         First body of the mechanism in an MJCF scene; by default the one root body that moves.
 

@@ -57,9 +57,10 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
     path : str or Path
         URDF file.
     floating_base : bool, default False
-        If true, the root link floats on three slides and the hinges yaw, pitch and roll, named after it.
+        If true, the root link floats on three slides and the hinges yaw, pitch and roll, named after it. By default it
+        is fixed to the ground, as an arm is.
     mesh_folders : sequence of str or Path, optional
-        Folders with meshes to show, besides the file's own package.
+        Folders with meshes to show. Default: none besides the file's own package.
 
     Returns
     -------

@@ -99,14 +99,14 @@ class ActuatorEffect(Effect):
         torque : Column
             Torque (r,) from the controller or the effect before, N m (N if prismatic).
         memory : Column
-            Internal state (h,).
+            Internal state (h,) before the period, in units of the effect's own.
         control_period : float
             Control period in s.
 
         Returns
         -------
         tuple of Column
-            Torque (r,) and internal state (h,) after the period.
+            Torque (r,) in N m (N) and internal state (h,) after the period.
         """
 
 
@@ -161,16 +161,16 @@ class SensorEffect(Effect):
         v : Column
             Velocities (r,), likewise, rad/s (m/s).
         noise : Column
-            Standard normal numbers (2r,), the positions' first, the same for all sensor effects.
+            Standard normal numbers (2r,) without a unit, the positions' first, the same for all sensor effects.
         memory : Column
-            Internal state (h,).
+            Internal state (h,) before the measurement, in units of the effect's own.
         control_period : float
             Control period in s.
 
         Returns
         -------
         tuple of Column
-            Positions (r,), velocities (r,) and internal state (h,) after the measurement.
+            Positions (r,) in rad (m), velocities (r,) in rad/s (m/s) and internal state (h,) after the measurement.
         """
 
 
@@ -282,7 +282,7 @@ class LoadEffect(Effect):
         Returns
         -------
         ndarray
-            Parameters (..., P); the given ones themselves where nothing is added.
+            Parameters (..., P) in SI units; the given ones themselves where nothing is added.
         """
 
 

@@ -31,11 +31,11 @@ class Friction(JointEffect):
     Parameters
     ----------
     viscous : array_like, default 0.0
-        Viscous friction in N m s/rad (N s/m if prismatic), one number or (r,).
+        Viscous friction in N m s/rad (N s/m if prismatic), one number or (r,). Zero for none.
     coulomb : array_like, default 0.0
-        Coulomb friction in N m (N), one number or (r,).
+        Coulomb friction in N m (N), one number or (r,). Zero for none.
     stribeck : array_like, default 0.0
-        Excess of static over Coulomb friction in N m (N), one number or (r,).
+        Excess of static over Coulomb friction in N m (N), one number or (r,). Zero for none.
     speed : float, default 0.1
         Speed in rad/s (m/s) at which half of that excess is gone.
 
@@ -108,9 +108,10 @@ class ElasticJoints(Effect):
     stiffness : array_like
         Stiffness k in N m/rad (N/m if prismatic), positive, one number or (r,).
     damping : array_like, default 0.0
-        Damping d in N m s/rad (N s/m), one number or (r,).
+        Damping d in N m s/rad (N s/m), one number or (r,). Zero leaves oscillations of the springs undamped.
     motor_inertia : array_like, default 0.0
-        Inertia in kg m^2 (kg) that is added to the rotor inertia of the drives, one number or (r,).
+        Inertia in kg m^2 (kg) that is added to the rotor inertia of the drives, one number or (r,). Zero where the
+        drives have all of it.
     encoders : {"link", "motor"}, default "link"
         Place of the encoders: behind the springs, or before them, as on most robots.
 

@@ -135,7 +135,7 @@ class PlantEffects:
         Returns
         -------
         ndarray
-            Parameters (..., P).
+            Parameters (..., P) in SI units.
 
         Raises
         ------
@@ -162,7 +162,7 @@ class PlantEffects:
         Returns
         -------
         ndarray
-            Internal states (..., h), one effect after the other.
+            Internal states (..., h) in units of the effects, one effect after the other.
         """
         return _joined((effect.initial_state(torque, control_period) for effect in self.actuators), torque.shape[:-1])
 
@@ -182,7 +182,7 @@ class PlantEffects:
         Returns
         -------
         ndarray
-            Internal states (..., h), one effect after the other.
+            Internal states (..., h) in units of the effects, one effect after the other.
         """
         return _joined((effect.initial_state(p, v, control_period) for effect in self.sensors), p.shape[:-1])
 
@@ -195,14 +195,14 @@ class PlantEffects:
         torque : Column
             Commanded torque (r,) in N m (N if prismatic).
         memory : Column
-            Internal states (h,).
+            Internal states (h,) before the period, in SI units.
         control_period : float
             Control period in s.
 
         Returns
         -------
         tuple of Column
-            Torque (r,), internal states (h,) and flags (k,), 1 where an effect changed a torque.
+            Torque (r,) in N m (N), internal states (h,) and flags (k,), 1 where an effect changed a torque.
         """
         still = np.zeros(len(torque))
         parts = _split(memory, [len(effect.initial_state(still, control_period)) for effect in self.actuators])
@@ -229,16 +229,16 @@ class PlantEffects:
         v : Column
             True velocities (r,), likewise, rad/s (m/s).
         noise : Column
-            Standard normal numbers (2r,), the positions' first.
+            Standard normal numbers (2r,) without a unit, the positions' first.
         memory : Column
-            Internal states (h,).
+            Internal states (h,) before the measurement, in SI units.
         control_period : float
             Control period in s.
 
         Returns
         -------
         tuple of Column
-            Positions (r,), velocities (r,) and internal states (h,).
+            Positions (r,) in rad (m), velocities (r,) in rad/s (m/s) and internal states (h,).
         """
         still = np.zeros(len(p))
         parts = _split(memory, [len(effect.initial_state(still, still, control_period)) for effect in self.sensors])

@@ -32,10 +32,11 @@ class Encoder(SensorEffect):
         Count in rad (m if prismatic), 2 pi/(n g) for n counts behind a gear of ratio g, one number or (r,); 0 for no
         rounding, else at least 1e-12.
     noise : array_like, default 0.0
-        Standard deviation of Gaussian noise before the rounding, rad (m).
+        Standard deviation of Gaussian noise before the rounding in rad (m), one number or (r,). Zero for none, an
+        encoder that only rounds.
     velocity_noise : array_like, default 0.0
-        Standard deviation of Gaussian noise of a tachometer in rad/s (m/s); use `FilteredDifferences` for velocities
-        made of positions.
+        Standard deviation of Gaussian noise of a tachometer in rad/s (m/s), one number or (r,). Zero for none; use
+        `FilteredDifferences` for velocities made of positions.
 
     Notes
     -----
