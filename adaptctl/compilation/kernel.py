@@ -91,7 +91,7 @@ class Kernel:
     finite : bool or "results", default False
         If true, NaN and infinity are refused in arguments and results; "results" checks results alone.
     form : Form, optional
-        Calling convention of `with_fallback`.
+        Calling convention of `with_fallback`. Default: vectors, each an array of its own.
 
     Raises
     ------
@@ -147,12 +147,13 @@ class Kernel:
         Parameters
         ----------
         *given : array_like
-            One writable float64 array for each result, which may overlap the arguments, then the arguments of a call.
+            One writable float64 array of its shape for each result, which may overlap the arguments, then the arguments
+            (n,) of a call.
 
         Returns
         -------
         ndarray or tuple of ndarray
-            The given arrays, filled.
+            The given arrays of the results, filled.
 
         Raises
         ------
@@ -198,7 +199,8 @@ class Kernel:
         *arguments : array_like
             Samples (m, n) of each argument, or (n,) where all samples share it.
         out : ndarray or sequence of ndarray, optional
-            Contiguous float64 arrays to fill, one for each result; new ones by default.
+            Contiguous float64 arrays (m, ...) to fill, one for each result. Default: new ones; given ones save their
+            allocation.
 
         Returns
         -------

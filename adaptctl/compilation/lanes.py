@@ -141,13 +141,13 @@ class LaneArray:
     columns : mapping of str to int
         Lengths n by name.
     members : int
-        Number of members.
+        Members (such as robots) held side by side, at least 1.
     lanes : int, default 1
-        Members in a block, whose values of a scalar are contiguous.
+        Members in a block, whose values of a scalar are contiguous. One by default, a plain row for each member.
     steps : tuple of int, optional
         Leading axes, such as steps in time.
     dtype : dtype, default float64
-        Type of the numbers.
+        Type of the numbers, by default as in compiled code of double precision.
     made : callable, default numpy.zeros
         Function that makes the memory; `numpy.empty` leaves it unset.
 
@@ -253,9 +253,9 @@ class LaneArray:
         name : str
             Name of the column, of length n.
         members : array_like of int
-            Indices (k,) from 0; of repeated ones the last values stay.
+            Indices (k,) of the members from 0; of repeated ones the last values stay.
         values : array_like
-            Values that broadcast to (k, n), NaN and infinity too.
+            Values in the column's unit that broadcast to (k, n), NaN and infinity too.
 
         Raises
         ------

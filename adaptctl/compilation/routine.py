@@ -90,7 +90,7 @@ class Operations(Counter[Op]):
     Parameters
     ----------
     iterable : mapping or iterable of Op, optional
-        Counts, or operations to count.
+        Counts by operation, or operations to count. Default: no operations.
     **kwds : int
         Counts by name, as for any ``collections.Counter``.
 

@@ -185,14 +185,15 @@ class Equations(ABC):
         Parameters
         ----------
         p : Column
-            Positions (r,) of the primary joints.
+            Positions (r,) of the primary joints in rad (m).
         guess : Column
-            Closed configuration (n,) on the assembly branch.
+            Closed configuration (n,) on the assembly branch in rad (m).
 
         Returns
         -------
         Column
-            Configuration (n,), in closed form or by three Newton steps, exact to round-off from within 0.05 rad.
+            Configuration (n,) in rad (m), in closed form or by three Newton steps, exact to round-off from within 0.05
+            rad.
         """
 
     @abstractmethod
@@ -203,12 +204,12 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Configuration (n,) near a closed one.
+            Configuration (n,) near a closed one in rad (m).
 
         Returns
         -------
         Column
-            Configuration (n,) with the same primary positions, in closed form or by one Newton step.
+            Configuration (n,) in rad (m) with the same primary positions, in closed form or by one Newton step.
         """
 
     @abstractmethod
@@ -219,14 +220,14 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,).
+            Closed configuration (n,) in rad (m).
         v : Column
-            Velocities (r,) of the primary joints.
+            Velocities (r,) of the primary joints in rad/s (m/s).
 
         Returns
         -------
         Column
-            Velocities J v (n,), with the derivative J of q by the primary positions.
+            Velocities J v (n,) in rad/s (m/s), with the derivative J of q by the primary positions.
         """
 
     @abstractmethod
@@ -237,9 +238,9 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,).
+            Closed configuration (n,) in rad (m).
         v : Column
-            Velocities (r,) of the primary joints.
+            Velocities (r,) of the primary joints in rad/s (m/s).
 
         Returns
         -------
@@ -255,7 +256,7 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,).
+            Closed configuration (n,) in rad (m).
 
         Returns
         -------
@@ -271,7 +272,7 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,).
+            Closed configuration (n,) in rad (m).
         v, v_r, a_r : Column
             Velocities, and Slotine and Li's reference velocities and accelerations (r,) of the primary joints.
 
@@ -289,7 +290,7 @@ class Equations(ABC):
         Parameters
         ----------
         numbers : Column
-            The property `numbers` of a `Motion`.
+            Scalars (m,) in SI units, the property `numbers` of a `Motion`.
 
         Returns
         -------
@@ -311,7 +312,7 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,).
+            Closed configuration (n,) in rad (m).
         parameters : Column
             Inertial and friction parameters (P,) in SI units.
 
@@ -329,9 +330,9 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,).
+            Closed configuration (n,) in rad (m).
         v : Column
-            Velocities (r,) of the primary joints.
+            Velocities (r,) of the primary joints in rad/s (m/s).
         parameters : Column
             Inertial and friction parameters (P,) in SI units.
 
@@ -359,9 +360,10 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,).
+            Closed configuration (n,) in rad (m).
         v, v_r, a_r : Column
-            Velocities, and reference velocities and accelerations (r,) of the primary joints.
+            Velocities and reference velocities (r,) in rad/s (m/s), and reference accelerations (r,) in rad/s^2
+            (m/s^2).
         columns : sequence of int
             Indices of the k parameters; negative ones are not refused.
 
@@ -384,9 +386,10 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,).
+            Closed configuration (n,) in rad (m).
         v, v_r, a_r : Column
-            Velocities, and reference velocities and accelerations (r,) of the primary joints.
+            Velocities and reference velocities (r,) in rad/s (m/s), and reference accelerations (r,) in rad/s^2
+            (m/s^2).
         parameters : Column
             Inertial and friction parameters (P,) in SI units.
 
@@ -404,9 +407,9 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,).
+            Closed configuration (n,) in rad (m).
         v : Column
-            Velocities (r,) of the primary joints.
+            Velocities (r,) of the primary joints in rad/s (m/s).
         torque : Column
             Torque (r,) in N m (N if prismatic).
         parameters : Column
@@ -430,9 +433,9 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,).
+            Closed configuration (n,) in rad (m).
         v : Column
-            Velocities (r,) of the primary joints.
+            Velocities (r,) of the primary joints in rad/s (m/s).
         torque : Column
             Torque (r,) in N m (N if prismatic).
         parameters : Column
@@ -445,7 +448,7 @@ class Equations(ABC):
         Returns
         -------
         Column
-            Accelerations a (r,) with (M + dt B) a = torque - C v - g - friction at v.
+            Accelerations a (r,) in rad/s^2 (m/s^2) with (M + dt B) a = torque - C v - g - friction at v.
         """
         rows, damping = self.mass_matrix(q, parameters), self.damping(q, v, parameters)
         for i, secant in enumerate(more):

@@ -138,8 +138,8 @@ class Mechanism:
         p : array_like
             Positions (..., r) of the primary joints in rad (m if prismatic).
         start : array_like, optional
-            Closed configuration (..., n) from which the loops are followed along straight lines in p; by default the
-            reference configuration.
+            Closed configuration (..., n) in rad (m) from which the loops are followed along straight lines in p; by
+            default the reference configuration.
 
         Returns
         -------
@@ -322,7 +322,8 @@ class Mechanism:
         p, v : array_like
             Positions and velocities (..., r) in rad and rad/s (m and m/s if prismatic).
         out : ndarray, optional
-            Array (..., P) of float64 to fill; a new one by default.
+            Array (..., P) of float64 to fill in J per unit of each parameter. Default: a new one; a given one saves its
+            allocation.
 
         Returns
         -------
@@ -466,7 +467,7 @@ class Mechanism:
         p, v, a : array_like
             Positions, velocities and accelerations (..., r) in rad, rad/s and rad/s^2 (m, m/s and m/s^2 if prismatic).
         out : ndarray, optional
-            Array (..., r) of float64 to fill; a new one by default.
+            Array (..., r) of float64 to fill in N m (N). Default: a new one; a given one saves its allocation.
 
         Returns
         -------
@@ -517,7 +518,7 @@ class Mechanism:
         torque : array_like
             Torque (..., r) in N m (N if prismatic).
         out : ndarray, optional
-            Array (..., r) of float64 to fill; a new one by default.
+            Array (..., r) of float64 to fill in rad/s^2 (m/s^2). Default: a new one; a given one saves its allocation.
 
         Returns
         -------
@@ -561,7 +562,7 @@ class Mechanism:
         p : array_like
             Positions (..., r) in rad (m if prismatic).
         out : ndarray, optional
-            Array (..., r, r) of float64 to fill; a new one by default.
+            Array (..., r, r) of float64 to fill in kg m^2 (kg). Default: a new one; a given one saves its allocation.
 
         Returns
         -------
@@ -813,11 +814,11 @@ def load(
     source : str, Path, pinocchio.Model or mujoco.MjModel
         Name of a built-in robot (``"puma560"``, see `builtin_names`), a file (.toml, .urdf, .xml, .mjcf), or a model.
     floating_base : bool, default False
-        If true, the root link of a URDF file floats on six joints instead of being fixed to the ground.
+        If true, the root link of a URDF file floats on six joints. By default it is fixed to the ground, as an arm is.
     snap : bool, default False
         If true, angles between successive joint axes within 1e-3 rad of a multiple of 90 degrees are made exact.
     mesh_folders : sequence of str or Path, optional
-        Folders with meshes of a URDF file, besides its own package.
+        Folders with meshes of a URDF file. Default: none besides its own package.
     root : str, optional
         First body of the mechanism in an MJCF scene or a MuJoCo model; by default the one root body that moves.
 

@@ -99,7 +99,7 @@ class ResidualSingularValue:
     Parameters
     ----------
     value : float
-        Ratio to the largest singular value.
+        Ratio to the largest singular value, without a unit.
     parameters : tuple of str
         Names of at most four parameters that dominate its right singular vector; for a rank found joint by joint, one
         text with the name of the link.
@@ -133,15 +133,15 @@ class Certificate:
     rank_doubled : int
         Rank of the energy differences at twice as many states.
     gap : float
-        Ratio of the singular values k and k + 1, the latter floored at 1e-15 of the largest.
+        Ratio of the singular values k and k + 1 without a unit, the latter floored at 1e-15 of the largest.
     relative_smallest : float
-        Ratio of the singular value k to the largest.
+        Ratio of the singular value k to the largest, without a unit.
     samples : int
-        Number of random states.
+        Random states of which the matrices are made.
     seed : int
         Seed that drew the states.
     null_residual : float
-        Largest torque that a null vector makes at other states, relative to the largest that a vector of its size
+        Largest torque that a null vector makes at other states, as a fraction of the largest that a vector of its size
         makes.
     residual_singular_values : tuple of ResidualSingularValue, optional
         Singular values after the first k that are above 1e-14 of the largest.
@@ -245,7 +245,7 @@ class Certificate:
         mechanism : str
             Name for the message.
         spectrum : numpy.ndarray
-            Scaled singular values (n,) in descending order, which the error carries.
+            Singular values (n,), scaled without a unit, in descending order, which the error carries.
         suspects : sequence, optional
             Possible causes, which the message lists.
 

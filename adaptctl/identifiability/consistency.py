@@ -39,11 +39,11 @@ class Lift:
     Parameters
     ----------
     parameters : numpy.ndarray
-        Physically consistent inertial and friction parameters (P,).
+        Physically consistent inertial and friction parameters (P,) in SI units.
     fundamental : numpy.ndarray
-        Their fundamental parameters (k,), in the order of the reduced model's `names`.
+        Their fundamental parameters (k,) in SI units, in the order of the reduced model's `names`.
     target : numpy.ndarray
-        Fundamental parameters (k,) that were asked for.
+        Fundamental parameters (k,) in SI units that were asked for.
 
     Examples
     --------

@@ -41,7 +41,7 @@ class Relation:
     weights : mapping of str to float
         Weights by parameter name, such as ``link4.m``.
     value : float, default 0.0
-        Sum in SI units.
+        Sum in the SI unit of the terms. Zero relates parameters in fixed proportions.
     name : str, default ""
         Name in messages; the terms where it is empty.
 
@@ -85,7 +85,7 @@ class Constraints:
     known : mapping of str to float, optional
         Known values in SI units by parameter name, such as ``link2.mc_z``.
     relations : tuple of Relation, optional
-        Relations among parameters.
+        Linear relations among parameters. Default: none, where values are known one by one.
 
     Raises
     ------

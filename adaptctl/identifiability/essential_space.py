@@ -171,7 +171,7 @@ class EssentialSpace:
         Returns
         -------
         numpy.ndarray
-            Parameters (..., P) with the same energies and torques.
+            Parameters (..., P) in SI units, with the same energies and torques.
 
         Raises
         ------
@@ -394,9 +394,9 @@ def reduce(
     parameters : Mechanism or array_like
         Inertial parameters (P,) in SI units, without friction, or a mechanism that has them.
     energy_error : float, optional
-        Largest energy error in percent.
+        Largest energy error in percent; None where `components` are given.
     components : int, optional
-        Number of components instead, from 0 to the rank.
+        Components to keep, from 0 to the rank; None where `energy_error` is given.
 
     Returns
     -------

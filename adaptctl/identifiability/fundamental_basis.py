@@ -112,7 +112,7 @@ class FundamentalBasis:
     Parameters
     ----------
     mechanism_name : str
-        Name of the mechanism.
+        Mechanism that the basis was made for, by name.
     geometry_sha256 : str
         SHA-256 hash of its geometry and gravity.
     parameter_names : tuple of str
@@ -124,7 +124,7 @@ class FundamentalBasis:
     scales : numpy.ndarray
         Scales (P,) in SI units per J; parameters divided by them are comparable.
     gap : float
-        Ratio of the smallest singular value that counts to the next, from the certificate.
+        Ratio, without a unit, of the smallest singular value that counts to the next, from the certificate.
     kept_despite_priority : tuple of str, optional
         Kept parameters that the priority would remove, but that removed ones already determine within the tolerance.
 

@@ -34,9 +34,9 @@ class Priority:
     Parameters
     ----------
     order : tuple of str, optional
-        Names such as ``link3.I_xx``, the first removed first.
+        Names such as ``link3.I_xx``, the first removed first. Default: none, the default order from its beginning.
     keep : tuple of str, optional
-        Names removed last, the first of them last of all.
+        Names removed last, the first of them last of all. Default: none, the default order to its end.
 
     Raises
     ------

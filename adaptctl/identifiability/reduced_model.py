@@ -146,7 +146,8 @@ class ReducedModel(Keyed):
         a : array_like
             Accelerations (..., r) in rad/s^2 or m/s^2.
         out : numpy.ndarray, optional
-            Array (..., r, k) of float64 that the result is written to.
+            Array (..., r, k) of float64 that the result in N m (N) per unit of each parameter is written to. Default: a
+            new one.
 
         Returns
         -------
@@ -180,7 +181,8 @@ class ReducedModel(Keyed):
         a_r : array_like
             Reference accelerations (..., r) in rad/s^2 or m/s^2.
         out : numpy.ndarray, optional
-            Array (..., r, k) of float64 that the result is written to.
+            Array (..., r, k) of float64 that the result in N m (N) per unit of each parameter is written to. Default: a
+            new one.
 
         Returns
         -------
@@ -224,7 +226,7 @@ class ReducedModel(Keyed):
         beta : array_like, optional
             Fundamental parameters (..., k) in SI units; the mechanism's own by default.
         out : numpy.ndarray, optional
-            Array (..., r) of float64 that the result is written to.
+            Array (..., r) of float64 that the torque in N m (N) is written to. Default: a new one.
 
         Returns
         -------
@@ -270,7 +272,7 @@ class ReducedModel(Keyed):
         Returns
         -------
         numpy.ndarray
-            Parameters (..., P): `beta` at the kept indices, zeros elsewhere.
+            Parameters (..., P) in SI units: `beta` at the kept indices, zeros elsewhere.
 
         Raises
         ------
