@@ -10,6 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -95,25 +96,52 @@ def example(name: str) -> Any:
     return module
 
 
-class FakeArm:
-    """An arm as a driver shows it, moved by our plant."""
+TWO_LINK = """
+<mujoco>
+  <compiler angle="degree"/>
+  <option timestep="{step}" integrator="implicitfast" gravity="0 0 {gravity}"/>
+  <worldbody>
+    <body>
+      <joint name="shoulder" axis="0 -1 0"/>
+      <inertial pos="0.2 0 0" mass="2.0" diaginertia="0.002 0.028 0.028"/>
+      <body pos="0.4 0 0">
+        <joint name="elbow" axis="0 -1 0"/>
+        <inertial pos="0.15 0 0" mass="1.2" diaginertia="0.001 0.01 0.01"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor joint="shoulder"/>
+    <motor joint="elbow"/>
+  </actuator>
+</mujoco>
+"""
+"""docs/examples/two_link.toml, written again for MuJoCo"""
 
-    def __init__(self, arm: adaptctl.Mechanism, p: Any, period: float) -> None:
-        self.plant = adaptctl.Plant(arm, period)
-        self.plant.compile()
-        self.state = self.plant.init(p, np.zeros(arm.dof))
+STEPS = 4
+"""MuJoCo's steps in a control period"""
+
+
+class MujocoArm:
+    """An arm as a driver shows it, moved by MuJoCo; one that adds its own gravity's torque has none."""
+
+    def __init__(self, p: Any, period: float, *, weightless: bool = True) -> None:
+        text = TWO_LINK.format(gravity=0.0 if weightless else -9.81, step=period / STEPS)
+        self.model, self.period = mujoco.MjModel.from_xml_string(text), period
+        self.data = mujoco.MjData(self.model)
+        self.data.qpos[:] = p
         self.stopped = False
-        self.period = period
 
     def moved(self, torque: Any) -> bool:
-        self.state = self.plant.step(self.state, torque)
+        self.data.ctrl[:] = torque
+        mujoco.mj_step(self.model, self.data, STEPS)
         return True
 
     def getActualQ(self) -> list[float]:
-        return self.state.p.tolist()
+        return self.data.qpos.tolist()
 
     def getActualQd(self) -> list[float]:
-        return self.state.v.tolist()
+        return self.data.qvel.tolist()
 
     def initPeriod(self) -> None: ...
 
@@ -125,7 +153,7 @@ class FakeArm:
     def stopScript(self) -> None:
         self.stopped = True
 
-    def start_torque_control(self) -> FakeArm:
+    def start_torque_control(self) -> MujocoArm:
         return self
 
     def readOnce(self) -> tuple[Any, Any]:
@@ -137,6 +165,13 @@ class FakeArm:
 
     def stop(self) -> None:
         self.stopped = True
+
+
+def test_the_arm_of_mujoco_is_the_same_arm(two_link: adaptctl.Mechanism) -> None:
+    arm, p, v = MujocoArm([0.3, -0.7], 1e-3, weightless=False), np.array([0.3, -0.7]), np.array([1.0, -2.0])
+    arm.data.qvel[:], arm.data.ctrl[:] = v, [3.0, -1.0]
+    mujoco.mj_forward(arm.model, arm.data)
+    np.testing.assert_allclose(arm.data.qacc, two_link.forward_dynamics(p, v, [3.0, -1.0]), rtol=2e-4)
 
 
 @pytest.fixture(scope="module")
@@ -170,7 +205,7 @@ def test_the_ur_loop_starts_where_the_arm_stands_and_learns(two_link: adaptctl.M
     module = example("ur_rtde_loop")
     module.LATE = 10**6  # however busy the machine is
     controller, reference = module.prepared(two_link)
-    arm = FakeArm(weightless(two_link), reference.at(0.0).p + away, module.PERIOD)
+    arm = MujocoArm(reference.at(0.0).p + away, module.PERIOD)
     log = adaptctl.RunLogger(2, module.PERIOD, estimates=len(controller.inner.model.names))
     module.control(arm, arm, controller, reference, 8.0, log)
     validate_no_lunge(log.rollout())
@@ -180,11 +215,6 @@ def test_the_ur_loop_starts_where_the_arm_stands_and_learns(two_link: adaptctl.M
     with pytest.raises(RuntimeError, match="the arm refuses torques"):
         module.control(arm, arm, controller, reference, 5.0, log)
     assert arm.stopped
-
-
-def weightless(arm: adaptctl.Mechanism) -> adaptctl.Mechanism:
-    """The plant that an arm is which adds its own gravity's torque to what it is told."""
-    return adaptctl.Mechanism(replace(arm.description, gravity=np.zeros(3)))
 
 
 @pytest.mark.parametrize("name", ["ur_rtde_loop", "franka_loop"])
@@ -200,7 +230,7 @@ def test_an_arm_that_compensates_its_weight_is_told_of_none(two_link: adaptctl.M
 def test_the_ur_loop_gives_up_when_it_cannot_keep_the_clock(two_link: adaptctl.Mechanism) -> None:
     module = example("ur_rtde_loop")
     controller, reference = module.prepared(two_link)
-    arm = FakeArm(weightless(two_link), reference.at(0.0).p, module.PERIOD)
+    arm = MujocoArm(reference.at(0.0).p, module.PERIOD)
     arm.waitPeriod = lambda tick: time.sleep(3 * module.PERIOD)  # type: ignore[method-assign]
     log = adaptctl.RunLogger(2, module.PERIOD, estimates=len(controller.inner.model.names))
     with pytest.raises(RuntimeError, match="more than 5 periods came late"):
@@ -216,7 +246,7 @@ def test_the_franka_loop_starts_where_the_arm_stands_learns_and_stops_the_robot_
     light = module.weightless(two_link)
     assert light.description.gravity.tolist() == [0.0, 0.0, 0.0]
     controller, reference = module.prepared(two_link)
-    arm = FakeArm(light, reference.at(0.0).p + away, module.PERIOD)
+    arm = MujocoArm(reference.at(0.0).p + away, module.PERIOD)
     log = adaptctl.RunLogger(2, module.PERIOD, estimates=len(controller.inner.model.names))
 
     def torques(numbers: list[float]) -> SimpleNamespace:
@@ -277,12 +307,12 @@ def test_the_ros_node_holds_the_arm_from_the_first_effort_and_leads_it_in(two_li
     module = example("ros2_node")
     controller, reference = module.prepared(two_link)
     node = module.Tracking([joint.name for joint in two_link.primary_joints], controller, reference)
-    arm = FakeArm(two_link, reference.at(0.0).p + 1.0, module.PERIOD)
+    arm = MujocoArm(reference.at(0.0).p + 1.0, module.PERIOD, weightless=False)
     for k in range(3000):
         node.receive(k * module.PERIOD, node.joints[::-1], arm.getActualQ()[::-1], arm.getActualQd()[::-1])
         arm.moved(node.efforts(k * module.PERIOD))
-        assert np.abs(arm.state.v).max() < 1.0
-        assert np.abs(arm.state.p - node.followed.at((k + 1) * module.PERIOD).p).max() < 1e-3
+        assert np.abs(arm.data.qvel).max() < 1.0
+        assert np.abs(arm.data.qpos - node.followed.at((k + 1) * module.PERIOD).p).max() < 1e-3
 
 
 def test_the_mujoco_loop_learns() -> None:
