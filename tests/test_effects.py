@@ -36,7 +36,7 @@ from adaptctl.simulation.effects import (
     TorqueLimit,
     TorqueRateLimit,
 )
-from adaptctl.simulation.integrator import friction_rate, integration
+from adaptctl.simulation.integrator import Integration, friction_rate, integration
 
 PERIOD = 1e-3
 
@@ -211,6 +211,16 @@ def test_the_steps_are_short_enough_for_friction() -> None:
     assert integration(spinner, [], PERIOD) == (1, RungeKutta4())
     assert integration(light, [Friction(coulomb=1000.0)], 1e-4) == (4, LinearlyImplicitEuler())
     assert integration(light, [friction], PERIOD, SemiImplicitEuler()) == (steps, SemiImplicitEuler())
+
+
+@pytest.mark.parametrize(
+    ("share", "expected"), [(0.99, Integration(8, RungeKutta4())), (1.01, Integration(4, LinearlyImplicitEuler()))]
+)
+def test_steps_are_implicit_where_more_than_eight_would_have_to_be_taken(share: float, expected: Integration) -> None:
+    """Twenty time constants of a rotor's friction in a control period, at most 2.5 in an explicit step."""
+    spinner = random_chain(1, 1)
+    light = Mechanism(spinner.description.with_parameters(np.zeros(10))).with_drives(Drive(rotor_inertia=0.01))
+    assert integration(light, [Friction(viscous=share * 20.0 / PERIOD * 0.01)], PERIOD) == expected
 
 
 def test_friction_of_what_has_no_inertia_is_refused() -> None:

@@ -236,19 +236,21 @@ def test_steps_are_as_many_as_springs_need(puma: Mechanism) -> None:
     assert env.plant.substeps == stiff.substeps
 
 
+@pytest.mark.parametrize(("share", "steps"), [(0.99, 4), (1.01, 5)])
 @pytest.mark.parametrize("kind", ["springs", "dampers", "friction", "dampers and friction"])
-def test_steps_are_as_many_as_the_fastest_motion_needs(kind: str) -> None:
-    """At most a radian of the oscillation in a step, and 2.5 of the decay: sqrt(k/m) and d/m of a link M and a motor J
+def test_steps_are_as_many_as_the_fastest_motion_needs(kind: str, share: float, steps: int) -> None:
+    """Four radians of an oscillation, or ten of a decay, are four steps: sqrt(k/m) and d/m of a link M and a motor J
     that swing against each other, 1/m = 1/M + 1/J, and f/(M + J) where they turn as one."""
     wheel, J = random_chain(3, 1).with_drives(Drive(rotor_inertia=0.3)), 0.3
     M = float(without_rotors(wheel).mass_matrix(np.zeros(1))[0, 0])
     m = 1.0 / (1.0 / M + 1.0 / J)
-    stiffness, damping = 7e6 * m if kind == "springs" else m, 9e3 * m if "dampers" in kind else 0.0
-    viscous = 6e3 * (M + J) if "friction" in kind else 0.0
-    joints = Transmission.of(wheel, ElasticJoints(stiffness, damping))
-    found = integration(wheel, (Friction(viscous=viscous),), PERIOD, RungeKutta4(), joints)
-    waves, decay = math.sqrt(stiffness / m), damping / m + viscous / (M + J)
-    assert found.substeps == max(math.ceil(waves * PERIOD), math.ceil(decay * PERIOD / 2.5)) > 1
+    waves, decay = share * 4.0 / PERIOD, share * 10.0 / PERIOD
+    by_dampers = {"dampers": 1.0, "dampers and friction": 0.4}.get(kind, 0.0)
+    by_friction = {"friction": 1.0, "dampers and friction": 0.6}.get(kind, 0.0)
+    springs = ElasticJoints(waves**2 * m if kind == "springs" else m, by_dampers * decay * m)
+    friction = Friction(viscous=by_friction * decay * (M + J))
+    found = integration(wheel, (friction,), PERIOD, RungeKutta4(), Transmission.of(wheel, springs))
+    assert found == (steps, RungeKutta4())
 
 
 @pytest.mark.parametrize(

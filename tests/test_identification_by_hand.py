@@ -14,7 +14,7 @@ from scipy import constants
 from synthetic_logs import known
 
 from adaptctl.arrays import Array
-from adaptctl.description import Limits
+from adaptctl.description import JointKind, Limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError
 from adaptctl.identification import Validation
@@ -171,6 +171,30 @@ def test_logs_pass_up_to_what_is_stated_of_the_robots_limits_and_of_rates(
         prepare(log(1.02), arm, skip)
 
 
+@pytest.mark.parametrize(("spikes", "passes"), [(4, True), (12, False)])
+def test_a_hundredth_of_the_samples_may_be_spikes(spikes: int, passes: bool) -> None:
+    log = swinging()
+    log.torque[100 : 100 + 20 * spikes : 20] = 50.0
+    if passes:
+        prepare(log, limited(effort=4.0))
+    else:
+        with pytest.raises(InputError, match="has a torque of 50 "):
+            prepare(log, limited(effort=4.0))
+
+
+@pytest.mark.parametrize(("moving", "passes"), [(0.2, False), (0.5, True)])
+def test_a_log_moves_for_fifty_samples(moving: float, passes: bool) -> None:
+    """Half a second at 100 Hz, of which the filter adds a fifth to a motion."""
+    time = np.arange(0.0, 4.0, 1.0 / RATE)
+    log = log_of(time, np.clip(time - 2.0, 0.0, moving))
+    if passes:
+        (piece,), _ = prepare(log, limited())
+        assert 50 <= np.count_nonzero(piece.moving) < 100
+    else:
+        with pytest.raises(InputError, match="at rest throughout"):
+            prepare(log, limited(), ("velocities",))
+
+
 @pytest.mark.parametrize(("ratio", "passes"), [(0.92, True), (1.08, True), (0.88, False), (1.12, False)])
 def test_velocities_may_be_a_tenth_off(ratio: float, passes: bool) -> None:
     log = swinging()
@@ -190,6 +214,25 @@ def test_stamps_a_hundredth_of_a_period_off_are_even(jitter: float, even: bool) 
     steps = np.diff(piece.time)
     assert bool(np.ptp(steps) < 1e-9 / RATE) is not even
     assert steps.mean() == pytest.approx(1.0 / RATE, rel=1e-3)
+
+
+def test_turns_are_put_together_again_and_slides_are_left_where_they_are() -> None:
+    arm = limited()
+    kinds = (JointKind.REVOLUTE, JointKind.PRISMATIC, JointKind.REVOLUTE)
+    links = [
+        replace(link, joint=replace(link.joint, kind=kind))
+        for link, kind in zip(arm.description.links, kinds, strict=True)
+    ]
+    arm = Mechanism(replace(arm.description, links=tuple(links)))
+    time = np.arange(800) / RATE
+    whole = 2.0 * time
+    log = log_of(time, (whole + math.pi) % (2.0 * math.pi) - math.pi)
+    (piece,), steps = prepare(log, arm)
+    np.testing.assert_allclose(piece.position[:, [0, 2]], whole[:, None] * np.ones(2), atol=1e-12)
+    np.testing.assert_array_equal(piece.position[:, 1], log.position[:, 1])
+    jumps = int(np.sum(np.diff(log.position[:, 1]) < -1.0))
+    assert next(step.outcome for step in steps if step.name == "unwrap").startswith(f"{2 * jumps} jumps")
+    assert jumps == 3
 
 
 @pytest.mark.parametrize(("samples", "pieces"), [(49, 1), (50, 2)])

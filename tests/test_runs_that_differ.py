@@ -71,6 +71,14 @@ def test_batches_of_arms_run_as_one_after_the_other(monkeypatch: pytest.MonkeyPa
         np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize(("periods", "known"), [(2000, True), (1999, False)])
+def test_a_run_of_two_seconds_has_a_final_error_of_all_of_it(periods: int, known: bool) -> None:
+    run = simulate_many(PLANT, LAW, [reference(0)], duration=1e-3 * periods, record_every=100)
+    assert run.rms_error.min() > 0.0
+    expected = run.rms_error if known else np.full_like(run.rms_error, np.nan)
+    np.testing.assert_allclose(run.final_rms_error, expected, rtol=1e-12)
+
+
 def test_summaries_are_those_of_all_samples() -> None:
     p = np.array([[0.1, -0.1, 0.1], [0.001, 0.0, 0.0], [0.3, 0.3, 0.3]])
     kept = simulate_many(PLANT, LAW, reference(0), duration=2.5, p=p, v=np.zeros(3), tolerance=0.02)
