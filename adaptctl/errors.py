@@ -31,7 +31,7 @@ class AdaptctlError(Exception):
 
 
 def printable(text: str, most: int = 80) -> str:
-    """Text without control characters, cut above `most` characters."""
+    """Return a text without control characters, shortened to `most` characters."""
     if len(text) > 2 * most:
         text = text[:most] + text[len(text) - most :]  # what lies between is cut below, and need not be written out
     text = "".join(c if c.isprintable() or c in " \n" else c.encode("unicode_escape").decode() for c in text)
@@ -49,12 +49,12 @@ def validate_kind(given: object, kind: type, what: str, made: str) -> None:
 
 class InputError(AdaptctlError, ValueError):
     """
-    Error of a wrong argument.
+    Error of a wrong argument of a function.
 
     Parameters
     ----------
     message : object, optional
-        Element, what it was, and what is right. Empty by default, as in any exception.
+        Name of the argument, its value, and what is right. Empty by default, as in any exception.
 
     Examples
     --------
@@ -70,7 +70,7 @@ class FileError(InputError):
     Parameters
     ----------
     message : object, optional
-        File, wrong element and what is right. Empty by default, as in any exception.
+        Path of the file, wrong element, and what is right. Empty by default, as in any exception.
 
     Examples
     --------
@@ -86,7 +86,7 @@ class NotFoundError(InputError, LookupError):
     Parameters
     ----------
     message : object, optional
-        Unknown name, and names that exist.
+        Unknown name, and the names that exist. Empty by default, as in any exception.
 
     Examples
     --------
@@ -100,7 +100,7 @@ class NonFiniteError(InputError):
 
 
 class VerdictError(InputError):
-    """Error of gains or of a controller that fail in simulation."""
+    """Error of gains or a controller that fail a check in simulation."""
 
 
 class RankError(AdaptctlError):
@@ -112,8 +112,8 @@ class RankError(AdaptctlError):
     message : str
         Cause of the error in a sentence.
     singular_values : tuple of float, optional
-        Singular values, scaled without a unit, in descending order, of the matrix that decides the rank: P of the whole
-        mechanism, or the 11 of one joint. Empty where the cause is another.
+        Scaled singular values without a unit, in descending order, of the matrix that decides the rank: P for the whole
+        mechanism, or 11 for one joint. Empty by default, where the cause is another.
 
     Examples
     --------
@@ -131,7 +131,7 @@ class GainError(InputError):
 
 
 class PhysicalConsistencyWarning(UserWarning):
-    """Warning of inertias without a rigid body."""
+    """Warning of inertial parameters that no rigid body can have."""
 
 
 class StabilityWarning(UserWarning):
@@ -147,7 +147,7 @@ class TraceError(AdaptctlError, TypeError):
 
 
 class NotCompiledWarning(UserWarning):
-    """Warning of a simulation in Python instead of native code."""
+    """Warning that a simulation runs in Python, as its code cannot be compiled, and is slower."""
 
 
 class SimplificationWarning(UserWarning):
@@ -167,15 +167,15 @@ class MissingExtraError(AdaptctlError, ImportError):
 
 
 class LostSamplesWarning(UserWarning):
-    """Warning of samples missing from a `RunLogger`."""
+    """Warning that a `RunLogger` missed samples of a run."""
 
 
 class LiveViewWarning(UserWarning):
-    """Warning of a live view that failed."""
+    """Warning that a live view has ended or could not start, while the run goes on."""
 
 
 def suggested_name(name: str, known: Iterable[str], least: float = 0.6) -> str:
-    """Hint such as " (did you mean 'puma560'?)", or ""."""
+    """Return a hint such as " (did you mean 'puma560'?)", or an empty text where no known name is similar."""
     from difflib import get_close_matches  # here, since only errors need it
 
     from adaptctl.renamed import new_name

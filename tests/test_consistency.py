@@ -1,4 +1,4 @@
-"""The lift: rigid bodies with given fundamental parameters, and how far the nearest are where there are none."""
+"""The lift: rigid bodies with given base parameters, and how far the nearest are where there are none."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_what_rigid_bodies_have_is_found_again(five_bar: ReducedModel, seed: int
     lift = nearest_consistent(five_bar, five_bar.fundamental_parameters, prior)
     assert lift.is_feasible
     assert all_consistent(lift.parameters)
-    # The true bodies have these fundamental parameters too, so the nearest are no farther from the prior.
+    # The true bodies have these base parameters too, so the nearest are no farther from the prior.
     assert divergence(lift.parameters, prior) <= divergence(true, prior) + 1e-6
 
 
@@ -107,7 +107,7 @@ def test_a_prior_no_bodies_have_is_refused(measured: ReducedModel) -> None:
     prior[10] = -1.0
     with pytest.raises(InputError, match="the parameters of link2 are not physically consistent"):
         nearest_consistent(measured, measured.fundamental_parameters, prior)
-    with pytest.raises(InputError, match=r"fundamental parameters: expected shape \(36,\), got \(35,\)"):
+    with pytest.raises(InputError, match=r"base parameters: expected shape \(36,\), got \(35,\)"):
         nearest_consistent(measured, np.zeros(35))
 
 

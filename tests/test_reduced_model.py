@@ -147,7 +147,7 @@ def test_a_basis_of_another_robot_is_refused(basis: FundamentalBasis) -> None:
 
 
 def test_wrong_shapes(model: ReducedModel) -> None:
-    with pytest.raises(InputError, match=r"fundamental parameters: expected shape \(\.\.\., 36\), got \(60,\)"):
+    with pytest.raises(InputError, match=r"base parameters: expected shape \(\.\.\., 36\), got \(60,\)"):
         model.embed(np.zeros(60))
     with pytest.raises(InputError, match=r"expected shape \(\.\.\., 36\), got \(\)"):
         model.inverse_dynamics(np.zeros(6), np.zeros(6), np.zeros(6), 1.0)

@@ -42,18 +42,18 @@ MAX_NAME_LENGTH = 40
 @dataclass(frozen=True)
 class Exported:
     """
-    Exported controller: its folder and manifest.
+    Folder of an exported controller, with the names of its files and its manifest.
 
     Parameters
     ----------
     directory : Path
-        Absolute path of the folder.
+        Absolute path of the folder with the code.
     name : str
-        Beginning of all names in the code.
+        Prefix of the names of all files, functions and types of the code.
     files : tuple of str
-        Names of the files, the manifest's last.
+        Names of the files in the folder; the last is manifest.json.
     manifest : dict
-        Contents of the manifest in JSON's types, see docs/export.md.
+        Contents of manifest.json, such as the control period in s and the files' hashes; docs/export.md lists the keys.
 
     Examples
     --------
@@ -94,44 +94,50 @@ def export(
     Parameters
     ----------
     controller : Controller
-        Controller, preferably a `SafetyFilter`.
+        Controller to export: a `SafetyFilter` around a control law, unless `unguarded`.
     directory : str or Path
-        Folder to make; it must not exist, and is there whole or not at all.
+        Folder to create; it must not exist. If the export fails, no folder is left behind.
     name : str, optional
-        Beginning of all names in the code, a C identifier of at most 40 characters. Default: the mechanism's name in
-        lower case.
+        Prefix of all names in the code, a C identifier of at most 40 characters. Default: the mechanism's name in lower
+        case.
     scalar : {"double", "float"}, default "double"
-        Kind of number; "float" in C alone. Double computes as the simulation does.
+        Floating-point type of the code; "float" is for C alone. "double" gives the numbers of the simulation.
     language : {"c", "wasm"}, default "c"
         Language of the code. C99 compiles for nearly every processor; WebAssembly runs in browsers.
     unguarded : bool, default False
-        Allows a controller without guards. By default refused, as the code is to drive a robot.
+        If true, a controller without a `SafetyFilter` is accepted. By default it is refused, as the code is to drive a
+        robot.
     check : bool, default False
-        Simulates the closed loop for 600 s and writes the errors into the manifest.
+        If true, the closed loop is first simulated for 600 s, and its tracking errors are written into the manifest. By
+        default it is not, to save the time.
     reference : Reference, optional
-        Motion of the check and of the test ticks recorded in C. Default: sinusoids of 0.1 rad or m (0.05 m in a task
-        space) about the home configuration.
+        Motion to follow in the check, and in the control periods that the test program in C repeats. Default: sinusoids
+        of 0.1 rad or m (0.05 m in a task space) about the neutral configuration.
     large_stack : bool, default False
-        Allows more than about 16 kB of stack in C. By default refused, as small processors have no more.
+        If true, the C code may need more than about 16 kB of stack. By default it may not, as small processors have no
+        more.
     anyway : bool, default False
-        Writes the code although the check fails; the manifest says why.
+        If true, the code is written even if the check fails, and the manifest says why it failed. By default
+        `VerdictError` is raised.
 
     Returns
     -------
     Exported
-        Folder and manifest.
+        Path of the folder, names of its files, and manifest.
 
     Raises
     ------
     InputError
-        If the controller has no guards or a `step` of its own, an argument is not as above, the stack is too large,
-        single precision leaves loops open, or a check has no mechanism.
+        If the controller has no safety filter or overrides `step`, an argument is not as above, the stack is too large,
+        single precision is too coarse to close the mechanism's loops, or `check` is asked for a controller without a
+        mechanism.
     VerdictError
-        If the check fails: it diverges, is stopped by guards, rings or does not learn.
+        If the check fails: the simulated loop diverges, is stopped by the safety filter, has oscillating torques, or
+        its estimates do not improve the tracking.
     NonFiniteError
         If the reference is not finite.
     TraceError
-        If the law cannot be traced.
+        If the control law cannot be compiled, for example because it branches on a value.
     FileError
         If the folder exists or cannot be written.
 

@@ -132,9 +132,10 @@ _DOUBLE = np.dtype(np.float64)
 
 class LaneArray:
     """
-    Named columns (n,) of numbers for many members, laid out for SIMD lanes.
+    Array of named vectors (n,) for each member of an ensemble, laid out for SIMD instructions.
 
-    ``array[name]`` is a copy (..., members, n) in float64; assigning to it takes what broadcasts to that.
+    A member is one of many independent systems, a lane one entry of a SIMD register. ``array[name]`` is a float64 copy
+    (..., members, n) of a column; values that broadcast to this shape can be assigned to it.
 
     Parameters
     ----------
@@ -143,13 +144,14 @@ class LaneArray:
     members : int
         Members (such as robots) held side by side, at least 1.
     lanes : int, default 1
-        Members in a block, whose values of a scalar are contiguous. One by default, a plain row for each member.
+        Number of members that are computed at once; their values of one scalar are contiguous. One by default, which
+        gives each member a plain row.
     steps : tuple of int, optional
-        Leading axes, such as steps in time.
+        Lengths of leading axes, such as the number of time steps. None by default.
     dtype : dtype, default float64
         Type of the numbers, by default as in compiled code of double precision.
     made : callable, default numpy.zeros
-        Function that makes the memory; `numpy.empty` leaves it unset.
+        Function that allocates the memory, given its shape; `numpy.empty` leaves it uninitialised.
 
     Raises
     ------
@@ -158,8 +160,8 @@ class LaneArray:
 
     Notes
     -----
-    `blocks` (..., ceil(members / lanes), scalars, lanes) is the memory, `address` its start, `stride` its numbers in a
-    step. Spare lanes repeat the last member.
+    `blocks` (..., ceil(members / lanes), scalars, lanes) is the memory, `address` its address and `stride` the count of
+    numbers in a step. Lanes beyond the last member repeat it.
 
     Examples
     --------
@@ -206,7 +208,7 @@ class LaneArray:
 
     def view(self, name: str) -> Array:
         """
-        Return a view of a column of an array of one member.
+        Return a view of a column; for arrays of one member alone.
 
         Parameters
         ----------
@@ -230,7 +232,7 @@ class LaneArray:
 
     def address_of(self, step: int) -> int:
         """
-        Return the address at which a step's numbers begin.
+        Return the memory address of the numbers of a time step.
 
         Parameters
         ----------
@@ -240,13 +242,13 @@ class LaneArray:
         Returns
         -------
         int
-            Address in memory.
+            Memory address in bytes.
         """
         return self.address + self.blocks.itemsize * step * self.stride
 
     def put(self, name: str, members: ArrayLike, values: ArrayLike) -> None:
         """
-        Assign a column of some members.
+        Assign a column's values to some members.
 
         Parameters
         ----------

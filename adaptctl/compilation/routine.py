@@ -85,7 +85,7 @@ _FREE = (Op.INPUT, Op.CALL, Op.RESULT)
 
 class Operations(Counter[Op]):
     """
-    Counts of scalar operations by kind, called routines included.
+    Counts of scalar operations by kind, those of called subroutines included.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class Operations(Counter[Op]):
 @dataclass(frozen=True, eq=False)
 class Routine:
     """
-    Traced function: the expressions that it computes, as `trace` returns it.
+    Traced function: a graph of the expressions that it computes, as `trace` returns it.
 
     Parameters
     ----------
@@ -140,22 +140,22 @@ class Routine:
 
     @cached_property
     def body(self) -> list[Expression]:
-        """Expressions of the outputs, operands first."""
+        """Expressions that the outputs depend on, in order of evaluation (operands first)."""
         return reachable(self.outputs)
 
     @cached_property
     def read(self) -> frozenset[tuple[int, int]]:
-        """Scalars of the arguments in use, as pairs."""
+        """Scalars of the arguments that the outputs depend on, as pairs (argument index, entry index)."""
         return frozenset(x.detail for x in self.body if x.op is Op.INPUT)
 
     @property
     def calls(self) -> list[Routine]:
-        """Routines that this routine calls, in order."""
+        """Subroutines that this routine calls, in order of the calls."""
         return [x.detail for x in self.body if x.op is Op.CALL]
 
     @cached_property
     def operations(self) -> Operations:
-        """Scalar operations by kind, with called routines."""
+        """Counts of scalar operations by kind, those of called subroutines included."""
         total = Operations(x.op for x in self.body if x.op not in _FREE)
         for routine in self.calls:
             total.update(routine.operations)
@@ -213,7 +213,7 @@ def outlined(function: F) -> F:
     Returns
     -------
     callable
-        Wrapper, to be made once. Outside a trace, the function is simply called.
+        Wrapper of the function, to be made once. Outside of tracing, it just calls the function.
 
     Notes
     -----

@@ -104,7 +104,7 @@ def compile_step(
     precision: Precision = "double",
 ) -> Stepper:
     """
-    Compile a step of many members in SIMD lanes.
+    Compile a step that advances many independent systems (members) at once by SIMD instructions.
 
     Parameters
     ----------
@@ -112,13 +112,13 @@ def compile_step(
         Function of `Column` vectors by keyword. It returns a tuple: the new state in the order of `state`, then
         outputs.
     state : mapping of str to int
-        Lengths of the columns that each member has and each step replaces.
+        Lengths of the columns of the state, which each member has and each step replaces.
     constants : mapping of str to int, optional
-        Lengths of the columns that each member has and keeps.
+        Lengths of the columns that each member has and keeps during a run. None by default.
     inputs : mapping of str to int, optional
-        Lengths of the columns that are new in each step and the same for all members.
+        Lengths of the columns that are new in each step and the same for all members. None by default.
     per_member_inputs : mapping of str to int, optional
-        Lengths of the columns that are new in each step for each member.
+        Lengths of the columns that are new in each step and differ between members. None by default.
     lanes : int, optional
         Members computed at once: 1, 2, 4 or 8, in single precision also 16; by default as suits the processor.
     name : str, optional
@@ -162,7 +162,7 @@ def compile_step(
 
 class Stepper:
     """
-    Compiled step of many members, as `compile_step` returns it.
+    Compiled step that advances many independent systems (members) at once, as `compile_step` returns it.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ class Stepper:
         Names and lengths of the step's arguments by `Source`: state, constants ("held"), inputs ("shared") and inputs
         of each member ("driven").
     lanes : Lanes
-        Number of members computed at once and precision.
+        Number of members computed at once, and precision of the numbers.
     processor : Processor
         Processor to compile for.
 
@@ -183,7 +183,8 @@ class Stepper:
 
     Notes
     -----
-    `operations` counts a step of one member, without those on constants alone, which are done once in a run.
+    `operations` counts the scalar operations of a step of one member; those on constants alone are done once in a run
+    and not counted.
 
     Examples
     --------
@@ -215,7 +216,7 @@ class Stepper:
 
     def ensemble(self, members: int) -> Ensemble:
         """
-        Make members of the step, all zero.
+        Allocate the states and constants of some members, all zero.
 
         Parameters
         ----------
@@ -225,7 +226,7 @@ class Stepper:
         Returns
         -------
         Ensemble
-            Their states and constants.
+            States and constants of the members.
 
         Raises
         ------
@@ -236,16 +237,17 @@ class Stepper:
 
     def run_single(self, steps: int, state: Array, held: Array) -> Array:
         """
-        Take steps of one member, faster than an ensemble of one.
+        Advance one member by some steps, faster than an ensemble of one.
 
         Parameters
         ----------
         steps : int
             Steps to take without a return to Python.
         state : ndarray
-            Start (S,) in the step's units, its columns one after another; contiguous float64, not changed.
+            Initial state (S,), S numbers in the step's units: its columns one after another; contiguous float64, not
+            changed.
         held : ndarray
-            Constants (H,) in the step's units, their columns one after another; contiguous float64.
+            Constants (H,), H numbers in the step's units: their columns one after another; contiguous float64.
 
         Returns
         -------
@@ -278,10 +280,10 @@ class Signals(NamedTuple):
 
 class Ensemble:
     """
-    Members of a compiled step, as `Stepper.ensemble` makes them.
+    States of many independent systems (members) that a compiled step advances together.
 
-    `state` and `held` (constants) are read and assigned between runs by name, each (members, n), zero at first. Members
-    do not affect each other.
+    `Stepper.ensemble` makes it. `state` and `held` (constants) are arrays (members, n) by name, zero at first, which
+    can be read and assigned between runs.
 
     Parameters
     ----------
@@ -322,7 +324,7 @@ class Ensemble:
         threads: int = 1,
     ) -> tuple[Array, ...]:
         """
-        Take steps of all members.
+        Advance all members by some steps.
 
         Parameters
         ----------
@@ -334,7 +336,7 @@ class Ensemble:
         record : bool, default False
             If true, outputs of all steps are returned. By default those of the last alone, which need less memory.
         threads : int, default 1
-            Threads that share the members; more than one pays from milliseconds on.
+            Number of threads that share the members. 1, as more than one is faster only for runs of milliseconds.
 
         Returns
         -------
@@ -359,7 +361,7 @@ class Ensemble:
 
     def allocate_outputs(self, steps: int) -> LaneArray:
         """
-        Make a buffer for outputs, which `record_into` fills.
+        Allocate a buffer for the outputs of several steps, which `record_into` fills.
 
         Parameters
         ----------
@@ -369,7 +371,7 @@ class Ensemble:
         Returns
         -------
         LaneArray
-            Uninitialised columns "0", "1", ... (steps, members, n), one for each output.
+            Uninitialised columns "0", "1", ... of shape (steps, members, n), one for each output of the step.
 
         Raises
         ------
@@ -380,7 +382,7 @@ class Ensemble:
 
     def signals(self, steps: int) -> Signals:
         """
-        Make buffers for inputs, which `record_into` reads.
+        Allocate buffers for the inputs of several steps, which `record_into` reads.
 
         Parameters
         ----------
@@ -403,14 +405,14 @@ class Ensemble:
 
     def record_into(self, room: LaneArray, first: int, steps: int, signals: Mapping[str, ArrayLike] | Signals) -> None:
         """
-        Take steps of all members and write their outputs into a buffer.
+        Advance all members by some steps and write their outputs into a buffer.
 
         Parameters
         ----------
         room : LaneArray
             Buffer that `allocate_outputs` made.
         first : int
-            Index of the buffer's step at which to begin.
+            Index of the step in the buffer at which to begin.
         steps : int
             Steps to take, each of which fills one row of the buffer.
         signals : mapping or Signals

@@ -74,13 +74,13 @@ class Joint:
     name : str
         Name, unique in a mechanism, by which files and messages refer to the joint.
     kind : JointKind, default JointKind.REVOLUTE
-        Kind of motion, rotation or translation. Revolute, as most joints of arms are.
+        Kind of motion, rotation or translation; revolute by default, as most joints of arms are.
     axis : array_like, optional
         Direction (3,) in the joint's frame, of any length; kept as a unit vector, z by default.
     limits : Limits, optional
         Position, speed and effort limits; none by default.
     drive : Drive, optional
-        Rotor inertia and friction; none by default.
+        Rotor inertia and friction; by default none, and these are no parameters of the model.
 
     Raises
     ------
@@ -257,18 +257,18 @@ class Description:
 
     @property
     def drive_couplings(self) -> list[list[object]]:
-        """Motor shafts that turn with several joints, as lists in JSON's types for hashing."""
+        """Joints and ratios of motor shafts that turn with several joints, as lists in JSON's types for hashing."""
         drives = ((i, link.joint.drive.turns_with) for i, link in enumerate(self.links))
         return [[i, [[name, repr(ratio)] for name, ratio in others]] for i, others in drives if others]
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the tree's joints, one for each link."""
+        """Names of the joints, one for each link."""
         return tuple(link.joint.name for link in self.links)
 
     @cached_property
     def primary(self) -> tuple[int, ...]:
-        """Indices of the r primary joints among all joints."""
+        """Indices of the r primary (independent) joints among the tree's joints."""
         names = self.joint_names if self.loops is None else self.loops.primary
         return tuple(self.joint_names.index(name) for name in names)
 
@@ -279,7 +279,7 @@ class Description:
 
     def within_conditions(self, p: ArrayLike) -> NDArray[np.bool_]:
         """
-        Test positions against the loops' conditions.
+        Test whether positions meet the loops' conditions (`Condition`).
 
         Parameters
         ----------
@@ -289,7 +289,7 @@ class Description:
         Returns
         -------
         ndarray of bool
-            Mask (...), true where all conditions hold: lower < weighted sum of p < upper.
+            Mask (...), true where lower < weighted sum of p < upper for all conditions.
 
         Examples
         --------
@@ -321,7 +321,7 @@ class Description:
 
     def drive_coupling(self, joint: int) -> tuple[tuple[int, float], ...]:
         """
-        Return the joints that turn the motor shaft of a joint.
+        Return the joints whose motion turns the motor shaft of a joint, with their ratios.
 
         Parameters
         ----------
@@ -349,20 +349,20 @@ class Description:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the P parameters."""
+        """Names of the P inertial and friction parameters, such as `link3.I_xx`."""
         joints = self.joint_names
         driven = tuple(f"{joints[i]}.{kind.value}" for i, kind in self.drive_parameters)
         return parameter_names([self.links[i].name for i in self.bodies]) + driven
 
     @property
     def num_energy_parameters(self) -> int:
-        """Number of the inertial parameters that enter the kinetic or potential energy."""
+        """Number of inertial parameters, which enter the energy; friction parameters do not."""
         rotors = sum(not kind.is_friction for _, kind in self.drive_parameters)
         return 10 * len(self.bodies) + rotors
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """Inertial and friction parameters (P,) in SI units, in the order of `parameter_names`, read-only."""
+        """Values (P,) of the parameters in SI units, in the order of `parameter_names`, read-only."""
         driven = [self.links[i].joint.drive.value(kind) for i, kind in self.drive_parameters]
         tens = [self.links[i].inertia for i in self.bodies]
         stacked = np.concatenate([*tens, np.array(driven, dtype=np.float64)])
@@ -371,7 +371,7 @@ class Description:
 
     @cached_property
     def massless_joints(self) -> tuple[str, ...]:
-        """End links without inertia and rotor, whose accelerations nothing determines; empty with loops."""
+        """Names of end links without inertia and rotor, which torques cannot accelerate; empty with loops."""
         return () if self.loops is not None else weightless_ends(self.links)
 
     @property
@@ -411,7 +411,7 @@ class Description:
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Description:
         """
-        Return a copy with other rotors and friction.
+        Return a copy with other rotor inertias and joint friction.
 
         Parameters
         ----------
@@ -426,7 +426,7 @@ class Description:
         Raises
         ------
         InputError
-            If the number of drives is wrong, one is not a `Drive`, or one turns with unknown joints.
+            If the number of drives is wrong, one is not a `Drive`, or a motor turns with a joint that does not exist.
         """
         several = isinstance(drives, Iterable) and not isinstance(drives, str)
         each: list[Any] = list(drives) if several else [drives] * len(self.links)  # type: ignore[arg-type]  # told by `several`
@@ -470,7 +470,7 @@ class Description:
 
     @property
     def closed(self) -> bool:
-        """True if loop closures constrain the mechanism; couplings do not count."""
+        """True if the mechanism has loop closures; couplings of joints do not count."""
         return self.loops is not None and bool(self.loops.closures)
 
     def __eq__(self, other: object) -> bool:

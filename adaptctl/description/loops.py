@@ -49,7 +49,8 @@ class Closure:
     first_frame, second_frame : Pose, optional
         Poses of the frames in these links in m; the links' own frames by default.
     kind : ClosureKind, default ClosureKind.POINT
-        Extent to which the frames coincide.
+        Coordinates that coincide: the origins by default (POINT), with the z axes too (AXIS), or the whole poses
+        (WELD).
 
     Raises
     ------
@@ -89,9 +90,10 @@ class Coupling:
     follower, leader : str
         Names of the two joints.
     ratio : float, default 1.0
-        Ratio of the positions, without unit (m/rad or rad/m between an angle and a displacement).
+        Ratio of the follower's to the leader's position, without unit (m/rad or rad/m between an angle and a
+        displacement); 1 for equal motions.
     offset : float, default 0.0
-        Position of the follower in rad (m) where the leader is at zero.
+        Position of the follower in rad (m if prismatic) where the leader is at zero; zero by default.
 
     Raises
     ------
@@ -258,7 +260,7 @@ class Loops:
 
     def plain(self, digits: int | None = None) -> list[object]:
         """
-        Return the data on which motion depends, in JSON's types, for hashing.
+        Return the data that the motion depends on, in JSON's types for hashing.
 
         Parameters
         ----------

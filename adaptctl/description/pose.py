@@ -63,7 +63,7 @@ class Pose:
     Parameters
     ----------
     rotation : array_like
-        Matrix (3, 3) that turns child coordinates into the parent's.
+        Rotation matrix (3, 3) without unit that maps coordinates in the child's frame to the parent's.
     translation : array_like
         Origin (3,) of the child in the parent in m.
 
@@ -101,7 +101,7 @@ class Pose:
         Returns
         -------
         Pose
-            No turn, no shift.
+            Pose with the identity as rotation and zero translation.
         """
         return cls(np.eye(3), np.zeros(3))
 

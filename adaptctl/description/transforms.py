@@ -166,7 +166,7 @@ RIGHT_ANGLE_TOLERANCE = 1e-3
 
 def snapped(description: Description, within: float = RIGHT_ANGLE_TOLERANCE) -> Description:
     """
-    Make nearly right angles between successive joint axes exact.
+    Make angles between successive joint axes that are nearly multiples of 90 degrees exact.
 
     Parameters
     ----------

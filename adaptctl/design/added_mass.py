@@ -33,13 +33,13 @@ class AddedMass:
     Parameters
     ----------
     task : DesignTask
-        Mechanism and states; costs are root mean squares over the states.
+        Mechanism, and states over which root mean squares are taken.
     link : str
         Name of the link, checked on first use (`InputError`).
     body : Payload
         Body fixed to it, placed in the link's frame.
     percent : float
-        Energy error in percent that `components` allows.
+        Largest error of the energy in percent for `components`.
 
     Notes
     -----
@@ -73,7 +73,7 @@ class AddedMass:
 
     @cached_property
     def essential(self) -> Array:
-        """Projection (P,) of `change` on the essential space."""
+        """Part (P,) of `change` in SI units that torques depend on: its projection on the essential space."""
         return frozen(self.task.space.project(self.change))
 
     @property
@@ -83,12 +83,12 @@ class AddedMass:
 
     @property
     def energy_change(self) -> float:
-        """Relative change of the energy, negative where the body balances."""
+        """Relative change of the root mean square energy; negative if the body acts as a counterweight."""
         return self._change("energy")
 
     @property
     def torque_change(self) -> float:
-        """Relative change of the torques over their limits, without friction."""
+        """Relative change of the root mean square of torques divided by their limits, without friction."""
         return self._change("torque")
 
     @property
@@ -98,18 +98,18 @@ class AddedMass:
 
     @property
     def components(self) -> int:
-        """Least number of components within the error `percent`."""
+        """Smallest number of essential components whose energy error is at most `percent`."""
         return self.task.components(self.percent, self.parameters)
 
     @cached_property
     def newly_identifiable(self) -> tuple[str, ...]:
-        """Fundamental parameters above 1e-6 of the energy only with the body."""
+        """Names of the base parameters that make up more than 1e-6 of the energy only with the body."""
         before = set(self.task.nonzero_parameters())
         return tuple(name for name in self.task.nonzero_parameters(self.parameters) if name not in before)
 
     @cached_property
     def changed(self) -> tuple[tuple[str, float], ...]:
-        """Pairs of a fundamental parameter and its change in SI units."""
+        """Pairs (name, change in SI units) of the base parameters that the body changes."""
         basis = self.task.basis
         changes = basis.regrouping @ self.change
         size = 1e-9 * float(np.abs(self.change).max(initial=0.0))
@@ -138,11 +138,12 @@ def added_mass(
     link : str
         Link that carries the body, by name.
     body : Payload or float
-        Body, or the mass of a point in kg, from 0 to 1e20.
+        Body to add, or the mass in kg of a point, from 0 to 1e20.
     place : array_like, optional
-        Position (3,) of its center of mass in the link's frame in m; the payload's own, or the origin, by default.
+        Position (3,) of its center of mass in the link's frame in m. Default: the payload's own, or the origin for a
+        point.
     percent : float, default 1.0
-        Energy error in percent that the number of essential components allows.
+        Largest error of the energy in percent at which essential components are counted.
 
     Returns
     -------
@@ -183,7 +184,7 @@ def change_of(task: DesignTask, link: str, body: Payload) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class LinkCost:
-    """Least and greatest relative change, and their positions (3,) in m."""
+    """Smallest and largest relative change of a cost on a link, and their positions (3,) in m."""
 
     link: str
     least: float
@@ -196,7 +197,7 @@ class LinkCost:
 @dataclass(frozen=True, eq=False)
 class CostMap:
     """
-    Relative changes that a point mass at any position makes of a cost of the motion.
+    Relative change of a cost of the motion by a point mass, as a function of its position.
 
     Parameters
     ----------
@@ -205,7 +206,7 @@ class CostMap:
     mass : float
         Mass of the point in kg.
     objective : {"energy", "torque", "coupling", "components"}
-        Cost, as `DesignTask.cost` computes it.
+        Cost of the motion, as `DesignTask.cost` computes it.
 
     Raises
     ------
@@ -233,7 +234,7 @@ class CostMap:
 
     def at(self, link: str, places: ArrayLike) -> Array:
         """
-        Compute the relative changes at positions on a link.
+        Compute the relative changes of the cost for positions of the mass on a link.
 
         Parameters
         ----------
@@ -245,7 +246,7 @@ class CostMap:
         Returns
         -------
         numpy.ndarray
-            Relative changes (...), 0.1 for 10 % more.
+            Relative changes (...) without unit, 0.1 for 10 % more.
 
         Raises
         ------
@@ -267,19 +268,20 @@ class CostMap:
 
     def over(self, places: MountingBounds, each: int = GRID_POINTS) -> LinkCost:
         """
-        Find the least and the greatest change on a grid of positions.
+        Find the smallest and the largest relative change on a grid of positions.
 
         Parameters
         ----------
         places : MountingBounds
             Link, and box of positions on it.
         each : int, default 9
-            Positions along each edge of the box, 1 to 100. 9 give 729, with the middle and both ends of every edge.
+            Number of positions along each edge of the box, 1 to 100. 9 give 729 positions, with the middle and both
+            ends of every edge.
 
         Returns
         -------
         LinkCost
-            Least and greatest change, their positions, and the change at the link's center of mass.
+            Smallest and largest relative change, their positions in m, and the change at the link's center of mass.
 
         Raises
         ------
@@ -310,14 +312,14 @@ def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> 
     task : DesignTask
         Mechanism and states.
     mass : float, default 1.0
-        Mass of the point in kg. At 1 changes are those of one added kilogram.
+        Mass of the point in kg; by default one kilogram, to read changes per kilogram.
     objective : {"energy", "torque", "coupling", "components"}, default "energy"
-        Cost, as `DesignTask.cost` computes it.
+        Cost of the motion, as `DesignTask.cost` computes it.
 
     Returns
     -------
     CostMap
-        Function of link and position.
+        Map of the relative changes, a function of link and position.
 
     Raises
     ------

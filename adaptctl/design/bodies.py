@@ -32,7 +32,7 @@ def point(mass: float, place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
     Returns
     -------
     Payload
-        Body without inertia about its center.
+        Point mass, without inertia about its center.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def sphere(mass: float, place: ArrayLike = (0.0, 0.0, 0.0), *, density: float = 
     place : array_like, optional
         Position (3,) of its center in the link's frame in m; the origin by default.
     density : float, default 7850.0
-        Density in kg/m^3, steel's by default.
+        Density in kg/m^3; that of steel by default.
 
     Returns
     -------
@@ -260,19 +260,19 @@ ISOTROPIC_TENSOR = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
 
 def ball_moment(mass: float, density: float) -> float:
-    """Moment of inertia of a ball about its center in kg m^2."""
+    """Return the moment of inertia in kg m^2 of a solid ball about its center."""
     return float(0.4 * mass * (3.0 * mass / (4.0 * np.pi * density)) ** (2.0 / 3.0))
 
 
 def ball_tens(masses: ArrayLike, places: ArrayLike, density: float = np.inf) -> Array:
-    """Ten inertial parameters (..., 10) of balls."""
+    """Return the ten inertial parameters (..., 10) in SI units of solid balls, as in `Link.inertia`."""
     m, x = np.asarray(masses, dtype=np.float64), np.asarray(places, dtype=np.float64)
     own = 0.4 * m * (3.0 * m / (4.0 * np.pi * density)) ** (2.0 / 3.0)
     return np.asarray(m[..., None] * _per_mass(x) + own[..., None] * ISOTROPIC_TENSOR)
 
 
 def ball_tens_slopes(masses: Array, places: Array, density: float) -> Array:
-    """Derivatives (..., 10, 4) of these by mass and position."""
+    """Return derivatives (..., 10, 4) of the balls' inertial parameters with respect to mass and position."""
     own = (2.0 / 3.0) * (3.0 * masses / (4.0 * np.pi * density)) ** (2.0 / 3.0)
     with_mass = _per_mass(places) + own[..., None] * ISOTROPIC_TENSOR
     slopes = [with_mass]

@@ -82,15 +82,15 @@ class Counterweights:
     task : DesignTask
         Mechanism without counterweights, and states.
     objective : {"energy", "torque", "coupling", "components"}
-        Cost, as `DesignTask.cost` computes it; the number of components for the last.
+        Cost that is minimised, as `DesignTask.cost` computes it; for "components" the number of essential components.
     percent : float
-        Energy error in percent that the number of components allows.
+        Largest error of the energy in percent at which essential components are counted.
     within : tuple of MountingBounds
-        Bounds of masses and positions.
+        Bounds of masses (kg) and positions (m).
     weights : tuple of Counterweight
-        Counterweights found, without those of at most 1e-6 of the mass allowed.
+        Counterweights found, without those lighter than 1e-6 of the allowed mass.
     evaluations : int
-        Number of designs evaluated.
+        Number of designs that the search evaluated.
 
     Examples
     --------
@@ -127,7 +127,7 @@ class Counterweights:
 
     @property
     def cost_before(self) -> float:
-        """Cost without counterweights: J for "energy", kg m^2 for "coupling", else no unit."""
+        """Cost without counterweights, in J for "energy", in kg m^2 for "coupling", else without unit."""
         return _cost(self.task, self.objective, self.percent)
 
     @property
@@ -137,12 +137,12 @@ class Counterweights:
 
     @property
     def relative_reduction(self) -> float:
-        """Relative reduction of the cost."""
+        """Relative reduction of the cost by the counterweights, between 0 and 1."""
         return 1.0 - self.cost_after / self.cost_before if self.cost_before > 0.0 else 0.0
 
     @property
     def inconsistent(self) -> tuple[str, ...]:
-        """Links that are physically inconsistent with counterweights, as without."""
+        """Names of links that no rigid body can have, with counterweights as without."""
         names, tens = self.task.mechanism.description.body_names, self.parameters
         pairs = ((name, tens[10 * i : 10 * i + 10]) for i, name in enumerate(names))
         return tuple(name for name, ten in pairs if not is_physically_consistent(ten))
@@ -158,7 +158,7 @@ def optimal_counterweights(
     seed: int = 0,
 ) -> Counterweights:
     """
-    Find the counterweights that make a cost of a mechanism's motion least.
+    Find the counterweights that minimise a cost of a mechanism's motion.
 
     Parameters
     ----------
@@ -167,18 +167,18 @@ def optimal_counterweights(
     within : sequence of MountingBounds
         Bounds of mass and position for each link that may carry a ball.
     objective : {"energy", "torque", "coupling", "components"}, default "energy"
-        Cost, as `DesignTask.cost` computes it; the number of components for the last.
+        Cost that is minimised, as `DesignTask.cost` computes it; for "components" the number of essential components.
     percent : float, default 1.0
-        Energy error in percent that the number of components allows.
+        Largest error of the energy in percent at which essential components are counted.
     density : float, default 7850.0
-        Density of the balls in kg/m^3, steel's by default.
+        Density of the balls in kg/m^3; that of steel by default.
     seed : int, default 0
-        Seed of the sampled designs, from 0 to 2^32 - 1.
+        Seed of the sampled designs, from 0 to 2^32 - 1. Fixed, so that a result can be repeated.
 
     Returns
     -------
     Counterweights
-        At most one ball on each link, and the cost with and without.
+        At most one ball on each link, and the cost with and without the balls.
 
     Raises
     ------

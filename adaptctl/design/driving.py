@@ -24,7 +24,7 @@ MAX_POSITION_ERROR = 1.0
 
 
 class Demand(NamedTuple):
-    """Errors, torque, work and duration of a run; `stopped` at an error of 1 rad (m)."""
+    """Tracking errors, torque, work and duration of a run; `stopped` if an error reached 1 rad (m)."""
 
     rms_error: float
     final_rms_error: float | None

@@ -26,7 +26,7 @@ POSITION_TOLERANCE = 1e-9
 @dataclass(frozen=True, eq=False)
 class MountingBounds:
     """
-    Box of positions on a link, and the greatest mass that may be there.
+    Box of positions on a link where a mass may be mounted, and the largest such mass.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class MountingBounds:
     upper : numpy.ndarray
         Upper corner (3,) in m; a coordinate may equal that of `lower`.
     mass : float
-        Greatest mass in kg.
+        Largest mass in kg that may be mounted.
 
     Raises
     ------
@@ -82,9 +82,10 @@ class MountingBounds:
         link : str
             Link that carries the counterweight, by name.
         mass_ratio : float, default 0.2
-            Greatest mass as a fraction of the link's own.
+            Largest mass as a fraction of the link's own, without unit.
         max_offset : float, default 0.5
-            Margin around the link's joints and center of mass as a fraction of their box's diagonal; at least 0.1 m.
+            Margin around the box of the link's joints and center of mass, as a fraction of that box's diagonal; at
+            least 0.1 m, so that short links have room.
 
         Returns
         -------
@@ -143,7 +144,7 @@ class MountingBounds:
         Parameters
         ----------
         each : int
-            Positions along each edge, 1 to 100; 1 gives the lower corner.
+            Number of positions along each edge, 1 to 100; 1 gives the lower corner.
 
         Returns
         -------

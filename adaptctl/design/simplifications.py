@@ -34,32 +34,32 @@ GRID_POINTS = 13
 @dataclass(frozen=True, eq=False)
 class Simplification:
     """
-    Change of a design after which fewer inertial parameters are enough for the torques.
+    Change of a design that reduces the number of inertial parameters on which the torques depend.
 
     Made by `simplifications`.
 
     Parameters
     ----------
     basis : FundamentalBasis
-        Basis of k parameters before the change.
+        Fundamental basis of the k base parameters before the change.
     kind : {"symmetry", "balance", "relocation"}
-        Link made its own mirror image, ball added, or part of a link's mass moved.
+        A link is made symmetric to a plane, a ball is added, or a part of a link's mass is moved.
     link : str
-        Name of the link; empty for all symmetries that links have already.
+        Name of the link; empty for the use of all symmetries that links already have.
     known : tuple of str
-        Inertial parameters that are zero by symmetry.
+        Names of the inertial parameters that are zero by symmetry.
     columns : tuple of int
-        Indices (j,) of the parameters that are enough after the change.
+        Indices of the j parameters that remain after the change.
     regrouping : numpy.ndarray
-        Matrix (j, P) in SI units that gives their values from all P.
+        Matrix (j, P) in SI units that gives the remaining parameters from all P.
     zero : tuple of str
-        Fundamental parameters that become zero.
+        Names of the base parameters that become zero.
     mass : float, default 0.0
-        Mass in kg that is added or moved.
+        Mass in kg that is added or moved; 0 for a symmetry.
     place : numpy.ndarray, optional
-        Position (3,) of that mass in the link's frame in m.
+        Position (3,) of that mass in the link's frame in m; None for a symmetry.
     condition : bool, default False
-        True where the mechanism has the symmetry already.
+        True if the mechanism already has the symmetry, so that nothing need be changed.
 
     Examples
     --------
@@ -85,12 +85,12 @@ class Simplification:
 
     @property
     def rank(self) -> int:
-        """Number of parameters after the change."""
+        """Number of base parameters after the change."""
         return len(self.columns)
 
     @property
     def eliminated(self) -> tuple[str, ...]:
-        """Fundamental parameters that the change removes."""
+        """Names of the base parameters that the change removes."""
         left = {self.basis.parameter_names[j] for j in self.columns}
         return tuple(name for name in self.basis.names if name not in left)
 
@@ -136,7 +136,7 @@ def simplifications(
     task: DesignTask, within: Sequence[MountingBounds], density: float = STEEL_DENSITY
 ) -> tuple[Simplification, ...]:
     """
-    Find the changes of a design that remove fundamental parameters.
+    Find the changes of a design that remove base parameters.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def simplifications(
     Returns
     -------
     tuple of Simplification
-        Changes, each alone; those that leave fewest parameters first, then those of least mass.
+        Changes, each by itself; sorted by the number of parameters that remain, then by mass.
 
     Raises
     ------
@@ -161,8 +161,8 @@ def simplifications(
 
     Notes
     -----
-    Balls are tried on a grid of 13 positions along each edge, for parameters above 1e-6 of the energy. One more change
-    uses all existing symmetries at once.
+    Balls are tried at 13 positions along each edge of the bounds, for parameters that make up more than 1e-6 of the
+    energy. One more change uses all existing symmetries at once.
 
     Examples
     --------

@@ -31,7 +31,7 @@ MAX_RECOMMENDED = 6
 @dataclass(frozen=True, eq=False)
 class DesignStudy:
     """
-    Results of a design study: added masses, counterweights and removable parameters.
+    Results of a design study: effects of added masses, counterweights, and changes that remove parameters.
 
     Made by `design_study`. Properties raise `InputError` for a task with constant energy, `RankError` where the rank
     cannot be certified.
@@ -41,15 +41,15 @@ class DesignStudy:
     task : DesignTask
         Mechanism and states.
     body : Payload
-        Body to add.
+        Body whose addition to each link is studied.
     within : tuple of MountingBounds
         Bounds of mass and position on every link.
     percent : float
-        Energy error in percent that numbers of essential components allow.
+        Largest error of the energy in percent at which essential components are counted.
     counterweights : Counterweights
         Optimal counterweights.
     simplifications : tuple of Simplification
-        Changes that remove parameters, those that leave fewest first.
+        Changes that remove parameters, sorted by the number of parameters that remain.
 
     Examples
     --------
@@ -72,24 +72,24 @@ class DesignStudy:
 
     @cached_property
     def map(self) -> CostMap:
-        """Map of the energy for a point with the body's mass."""
+        """Map of relative energy changes by a point of the body's mass."""
         return cost_map(self.task, self.body.mass)
 
     @cached_property
     def links(self) -> tuple[LinkCost, ...]:
-        """Cheapest and dearest position on every link."""
+        """Positions of the least and greatest relative change of the energy on every link."""
         return tuple(self.map.over(places) for places in self.within)
 
     @cached_property
     def added(self) -> tuple[AddedMass, ...]:
-        """Effects of the body at each link's center of mass."""
+        """Effects of adding the body at each link's center of mass."""
         centers = (self.task.center_of_mass(places.link) for places in self.within)
         pairs = zip(self.within, centers, strict=True)
         return tuple(added_mass(self.task, p.link, self.body, x, percent=self.percent) for p, x in pairs)
 
     @cached_property
     def bodies(self) -> dict[str, dict[str, float]]:
-        """Relative changes of the energy by gripper, camera and motor."""
+        """Relative changes of the energy, by added body (gripper, camera or motor) and link."""
         task, links = self.task, [places.link for places in self.within]
         return {
             name: {link: added_mass(task, link, body(), task.center_of_mass(link)).energy_change for link in links}
@@ -98,7 +98,7 @@ class DesignStudy:
 
     @cached_property
     def recommended(self) -> tuple[tuple[Simplification, int], ...]:
-        """Pairs of a design change and the floating-point operations it saves."""
+        """Pairs of a design change and the floating-point operations that it saves in each control period."""
         lightest: dict[tuple[tuple[str, ...], bool], Simplification] = {}
         for removal in self.simplifications:
             lightest.setdefault((removal.eliminated, removal.kind == "symmetry"), removal)
@@ -122,7 +122,7 @@ def design_study(
     seed: int = 0,
 ) -> DesignStudy:
     """
-    Study the effect of an added body, counterweights and removable parameters.
+    Study the effects of an added body and of counterweights, and find changes that remove parameters.
 
     Parameters
     ----------
@@ -131,16 +131,16 @@ def design_study(
     body : Payload, str or float, default 1.0
         Body to add: a payload, "gripper", "camera" or "motor", or the mass of a point in kg.
     links : iterable of str, optional
-        Links that may carry counterweights; the six that may carry the heaviest by default, without links that turn on
-        the ground about a vertical axis.
+        Links that may carry counterweights. Default: the six that may carry the heaviest, but none that turns on the
+        ground about a vertical axis, as it needs no balance.
     mass_ratio : float, default 0.2
-        Greatest mass of a counterweight as a fraction of its link's.
+        Largest mass of a counterweight as a fraction of its link's, without unit.
     max_offset : float, default 0.5
-        Margin of its positions around the link without a unit, as in `MountingBounds.of`.
+        Margin around the link in which it may be mounted, a fraction without unit, as in `MountingBounds.of`.
     objective : {"energy", "torque", "coupling", "components"}, default "energy"
-        Cost that counterweights make least.
+        Cost that counterweights minimise, as `DesignTask.cost` computes it.
     percent : float, default 1.0
-        Energy error in percent that numbers of essential components allow.
+        Largest error of the energy in percent at which essential components are counted.
     seed : int, default 0
         Seed of the search for counterweights. Fixed, so that a study can be repeated.
 

@@ -43,7 +43,7 @@ MIN_ENERGY_SHARE = 1e-6
 @dataclass(frozen=True, eq=False)
 class DesignTask:
     """
-    States for which a mechanism's design is evaluated.
+    Mechanism, and states of its motion for which its design is evaluated.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class DesignTask:
     a : numpy.ndarray
         Accelerations (samples, r) in rad/s^2 or m/s^2.
     origin : str
-        Origin of the states in words.
+        Origin of the states in words, for reports.
 
     Raises
     ------
@@ -66,9 +66,9 @@ class DesignTask:
 
     Notes
     -----
-    A cost is :math:`|M D|` with a matrix :math:`M` (n, P) and the inertial parameters :math:`D` (P,) without friction.
-    Methods raise `SingularityError` near a singularity of closed loops, `NonFiniteError` where a cost overflows,
-    `RankError` where they need a rank that cannot be certified.
+    A cost is the norm :math:`|M D|` with a matrix :math:`M` (n, P), see `matrix`, and the P inertial parameters
+    :math:`D` without friction. Methods raise `SingularityError` near a singularity of closed loops, `NonFiniteError`
+    where a cost overflows, `RankError` where they need a rank that cannot be certified.
 
     Examples
     --------
@@ -117,8 +117,8 @@ class DesignTask:
         seed : int, default 0
             Seed of the states, from 0 to 2^32 - 1. Fixed, so that a task can be repeated.
         speed : float, default 0.25
-            Speed without unit; at 1 kinetic and potential energy are of one size, and 0.25 is typical of an arm at
-            work.
+            Scale of the velocities, without unit: at 1 kinetic and potential energy have about the same size, and 0.25
+            is typical of an arm at work.
 
         Returns
         -------
@@ -192,7 +192,7 @@ class DesignTask:
 
     @cached_property
     def basis(self) -> FundamentalBasis:
-        """Fundamental basis in the default order of removal."""
+        """Fundamental basis, for the default order in which parameters are removed."""
         return fundamental_basis(self.space, Priority())
 
     @cached_property
@@ -203,7 +203,7 @@ class DesignTask:
 
     @cached_property
     def torque_limits(self) -> Array:
-        """Torque limits (r,) in N m (N), or four times the largest torque of random states."""
+        """Torque limits (r,) in N m (N if prismatic); where unknown, four times the largest torque of random states."""
         return frozen(finite_torque_limits(self.mechanism))
 
     def validate_energy(self, parameters: ArrayLike | None = None) -> None:
@@ -232,7 +232,7 @@ class DesignTask:
 
     def matrix(self, objective: str) -> Array:
         """
-        Return the matrix whose product with the parameters has the cost as its norm.
+        Return the matrix M for which the norm of M times the inertial parameters is the cost.
 
         Parameters
         ----------
@@ -324,7 +324,7 @@ class DesignTask:
         Returns
         -------
         int
-            Least number of components.
+            Smallest number of essential components.
 
         Raises
         ------
@@ -343,14 +343,14 @@ class DesignTask:
         self, parameters: ArrayLike | None = None, share: float = MIN_ENERGY_SHARE
     ) -> tuple[str, ...]:
         """
-        Return the fundamental parameters that contribute to the energy.
+        Return the base parameters that contribute to the energy.
 
         Parameters
         ----------
         parameters : array_like, optional
             Inertial parameters (P,) in SI units; the mechanism's own by default.
         share : float, default 1e-6
-            Fraction, without a unit, of the whole energy above which a parameter counts. 1e-6 is above round-off.
+            Fraction of the energy, without unit, above which a parameter counts. 1e-6 is above round-off.
 
         Returns
         -------
@@ -370,7 +370,7 @@ class DesignTask:
 
     def weights(self, parameters: ArrayLike | None = None) -> Array:
         """
-        Compute the fraction of the energy that each fundamental parameter makes alone.
+        Compute the root mean square energy due to each base parameter, divided by the whole.
 
         Parameters
         ----------
@@ -515,7 +515,7 @@ class DesignTask:
 
 
 def component_counts(weights: Array, percent: float) -> Array:
-    """Least numbers (...) of components within an energy error."""
+    """Smallest numbers (...) of essential components within an energy error."""
     percent = real_number(percent, "percent")
     if not 0.0 <= percent < np.inf:
         raise InputError(f"percent: expected a percentage of at least 0, got {percent}")

@@ -30,7 +30,7 @@ class ConstrainedMotion(Motion):
         return [self.equations.combined(dict(zip(needed, row, strict=True)), columns) for row in rows]
 
     def regressor_transpose_product(self, s: Column, columns: Sequence[int]) -> Column:
-        """Powers Y' s (k,) of the parameters."""
+        """Regressor's transpose times joint rates, Y' s (k,) in W per unit of each parameter."""
         needed = self.equations.needed(columns)
         return self.equations.combined(
             dict(zip(needed, self.whole.regressor_transpose_product(s, needed), strict=True)), columns
@@ -72,7 +72,7 @@ class ConstrainedEquations(Equations):
 
     @property
     def closing_numbers(self) -> object:
-        """Data that loop closure depends on."""
+        """Values that a compiled closure of the loops depends on."""
         return self.whole.closing_numbers
 
     def closed(self, p: Column, guess: Column) -> Column:

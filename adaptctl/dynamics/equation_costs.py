@@ -20,9 +20,10 @@ class EquationCosts(NamedTuple):
     regressor : int
         Operations of the Slotine-Li regressor.
     tick : int
-        Operations of an adaptive law in a control period: torque and powers, without the regressor.
+        Operations of an adaptive law in a control period, without the regressor: the torque, and the regressor's
+        transpose times the tracking error s.
     forward_dynamics : int or None
-        Operations of the accelerations; None where the mass matrix has a pivot that is always zero.
+        Operations of the accelerations under given torques; None where the mass matrix is always singular.
 
     Examples
     --------
@@ -44,14 +45,15 @@ def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -
     Parameters
     ----------
     mechanism : Mechanism
-        Robot; with loops, closing the configuration is not counted.
+        Mechanism; for one with loops, the closing of loops is not counted.
     columns : sequence of int, optional
-        Indices of the parameters that are not zero; all P by default.
+        Indices of the parameters to compute with, such as those of a fundamental basis; all P by default.
 
     Returns
     -------
     EquationCosts
-        Additions, subtractions, multiplications, divisions and negations; sines, roots and comparisons do not count.
+        Counts of additions, subtractions, multiplications, divisions and negations; sines, roots and comparisons do not
+        count.
 
     Raises
     ------

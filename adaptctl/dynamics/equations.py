@@ -14,7 +14,7 @@ from adaptctl.scalars import Column, Scalar
 
 
 class MotionMemory(NamedTuple):
-    """Numbers that a controller stores of a motion."""
+    """Choice of the numbers that a controller stores of a motion, without constants and repetitions."""
 
     kept: tuple[int, ...]
     sources: tuple[float | int, ...]
@@ -43,10 +43,10 @@ class MotionMemory(NamedTuple):
 
 class Motion(ABC):
     """
-    Motion at one instant, for torques, regressors and powers.
+    Kinematics of a mechanism at one instant, from which torques and regressors are computed.
 
-    Abstract; `Equations.motion` makes it, at a configuration q under velocities v and Slotine and Li's reference
-    velocities v_r and accelerations a_r. Nothing is checked.
+    Abstract; `Equations.motion` makes it for a configuration q, velocities v and Slotine and Li's reference velocities
+    v_r and accelerations a_r. Arguments are not checked.
 
     Examples
     --------
@@ -84,12 +84,12 @@ class Motion(ABC):
         Parameters
         ----------
         columns : sequence of int
-            Indices of the k parameters; negative ones are not refused.
+            Indices of the k parameters, from 0 to P - 1; negative ones are not refused.
 
         Returns
         -------
         list of Column
-            Its r rows (k,) in N m (N) per unit of each parameter.
+            Rows (k,) of the regressor (r, k) in N m (N if prismatic) per unit of each parameter.
 
         Raises
         ------
@@ -100,19 +100,20 @@ class Motion(ABC):
     @abstractmethod
     def regressor_transpose_product(self, s: Column, columns: Sequence[int]) -> Column:
         """
-        Compute the powers Y' s of the parameters.
+        Compute the transpose of the Slotine-Li regressor Y times a vector s of joint rates.
 
         Parameters
         ----------
         s : Column
-            Rates (r,) of the primary joints in rad/s (m/s if prismatic).
+            Rates (r,) of the primary joints in rad/s (m/s if prismatic), such as the composite tracking error s = v -
+            v_r.
         columns : sequence of int
-            Indices of the k parameters; negative ones are not refused.
+            Indices of the k parameters, from 0 to P - 1; negative ones are not refused.
 
         Returns
         -------
         Column
-            Powers (k,) in W per unit of each parameter.
+            Product Y' s (k,) in W per unit of each parameter.
 
         Raises
         ------
@@ -123,15 +124,15 @@ class Motion(ABC):
     @property
     @abstractmethod
     def numbers(self) -> Column:
-        """Scalars from which `Equations.remembered` rebuilds this motion."""
+        """Column of scalars from which `Equations.remembered` rebuilds this motion."""
 
 
 class Equations(ABC):
     """
     Equations of motion over scalars of any kind: floats, arrays of samples, dual numbers, symbolic scalars.
 
-    Abstract; `Mechanism.equations` has them. r is the number of primary joints (positions p), n of the tree's joints
-    (configuration q, with loops closed) and P of parameters. Units are SI. Nothing is checked.
+    Abstract; `Mechanism.equations` has them. There are r primary (independent) joints with positions p, n joints of the
+    spanning tree with positions q, and P parameters. Arguments are not checked.
 
     Notes
     -----
@@ -165,51 +166,52 @@ class Equations(ABC):
     @property
     @abstractmethod
     def parameters(self) -> int:
-        """Number P of parameters, or of free ones."""
+        """Number P of parameters; with linear constraints, of free parameters."""
 
     @property
     def has_known_share(self) -> bool:
-        """True if constraints fix parameters at nonzero values."""
+        """True if linear constraints fix parameters at nonzero values, whose torque the regressors leave out."""
         return False
 
     @property
     def closing_numbers(self) -> object:
-        """Data that loop closure depends on."""
+        """Values that a compiled closure of the loops depends on; None for a tree."""
         return None
 
     @abstractmethod
     def closed(self, p: Column, guess: Column) -> Column:
         """
-        Compute the closed configuration at primary positions.
+        Compute the positions of all joints of the tree with loops closed.
 
         Parameters
         ----------
         p : Column
-            Positions (r,) of the primary joints in rad (m).
+            Positions (r,) of the primary joints in rad (m if prismatic).
         guess : Column
-            Closed configuration (n,) on the assembly branch in rad (m).
+            Positions (n,) of the tree's joints in rad (m), with loops closed on the assembly branch to stay on, near
+            the solution.
 
         Returns
         -------
         Column
-            Configuration (n,) in rad (m), in closed form or by three Newton steps, exact to round-off from within 0.05
-            rad.
+            Positions (n,) in rad (m), in closed form or by three Newton steps, which are exact to round-off from a
+            guess within 0.05 rad.
         """
 
     @abstractmethod
     def projected(self, q: Column) -> Column:
         """
-        Close the loops near a configuration.
+        Compute the configuration with loops closed that is near a given one.
 
         Parameters
         ----------
         q : Column
-            Configuration (n,) near a closed one in rad (m).
+            Positions (n,) of the tree's joints in rad (m if prismatic), with loops nearly closed.
 
         Returns
         -------
         Column
-            Configuration (n,) in rad (m) with the same primary positions, in closed form or by one Newton step.
+            Positions (n,) in rad (m) with the same primary positions, in closed form or by one Newton step.
         """
 
     @abstractmethod
@@ -220,14 +222,14 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,) in rad (m).
+            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
         v : Column
-            Velocities (r,) of the primary joints in rad/s (m/s).
+            Velocities (r,) of the primary joints in rad/s (m/s if prismatic).
 
         Returns
         -------
         Column
-            Velocities J v (n,) in rad/s (m/s), with the derivative J of q by the primary positions.
+            Velocities J v (n,) in rad/s (m/s), with the Jacobian J of q with respect to the primary positions.
         """
 
     @abstractmethod
@@ -238,9 +240,9 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,) in rad (m).
+            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
         v : Column
-            Velocities (r,) of the primary joints in rad/s (m/s).
+            Velocities (r,) of the primary joints in rad/s (m/s if prismatic).
 
         Returns
         -------
@@ -256,7 +258,7 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,) in rad (m).
+            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
 
         Returns
         -------
@@ -267,25 +269,26 @@ class Equations(ABC):
     @abstractmethod
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> Motion:
         """
-        Compute the motion at one instant, once for torques, regressors and powers.
+        Compute the kinematics at one instant, from which torques and regressors follow.
 
         Parameters
         ----------
         q : Column
-            Closed configuration (n,) in rad (m).
+            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
         v, v_r, a_r : Column
-            Velocities, and Slotine and Li's reference velocities and accelerations (r,) of the primary joints.
+            Velocities, Slotine and Li's reference velocities (rad/s) and reference accelerations (rad/s^2) of the
+            primary joints, each (r,); m in place of rad for prismatic joints.
 
         Returns
         -------
         Motion
-            The links' poses and motions.
+            Kinematics of the links.
         """
 
     @abstractmethod
     def remembered(self, numbers: Column) -> Motion:
         """
-        Rebuild a motion from its numbers, without sines and recursion.
+        Rebuild a motion from its stored numbers, without sines and the recursion over links.
 
         Parameters
         ----------
@@ -295,12 +298,12 @@ class Equations(ABC):
         Returns
         -------
         Motion
-            The motion.
+            Motion with these numbers.
         """
 
     @cached_property
     def motion_memory(self) -> MotionMemory:
-        """Numbers that a controller stores of a motion."""
+        """Choice of the numbers that a controller stores of a motion, without constants and repetitions."""
         sizes = {"q": self.joints, "v": self.dof, "v_r": self.dof, "a_r": self.dof}
         return MotionMemory.of(lambda q, v, v_r, a_r: self.motion(q, v, v_r, a_r).numbers, sizes)
 
@@ -312,34 +315,34 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,) in rad (m).
+            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
         parameters : Column
             Inertial and friction parameters (P,) in SI units.
 
         Returns
         -------
         list of list
-            Its r rows in kg m^2 (kg between prismatic joints, kg m between one of each).
+            Rows of the matrix (r, r) in kg m^2 (kg between prismatic joints, kg m between one of each).
         """
 
     @abstractmethod
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
         """
-        Compute the damping matrix B: friction is B v, less constant offsets.
+        Compute the damping matrix B, with which the velocity-dependent friction is B v.
 
         Parameters
         ----------
         q : Column
-            Closed configuration (n,) in rad (m).
+            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
         v : Column
-            Velocities (r,) of the primary joints in rad/s (m/s).
+            Velocities (r,) of the primary joints in rad/s (m/s if prismatic).
         parameters : Column
             Inertial and friction parameters (P,) in SI units.
 
         Returns
         -------
         list of list
-            Its r symmetric rows in N m s/rad (N s/m), by secants of the friction curves.
+            Rows of the symmetric matrix (r, r) in N m s/rad (N s/m): friction divided by velocity.
         """
 
     @abstractmethod
@@ -360,17 +363,17 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,) in rad (m).
+            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
         v, v_r, a_r : Column
-            Velocities and reference velocities (r,) in rad/s (m/s), and reference accelerations (r,) in rad/s^2
-            (m/s^2).
+            Velocities, reference velocities (rad/s) and reference accelerations (rad/s^2) of the primary joints, each
+            (r,); m in place of rad for prismatic joints.
         columns : sequence of int
-            Indices of the k parameters; negative ones are not refused.
+            Indices of the k parameters, from 0 to P - 1; negative ones are not refused.
 
         Returns
         -------
         list of Column
-            Its r rows (k,) in N m (N) per unit of each parameter.
+            Rows (k,) of the regressor (r, k) in N m (N if prismatic) per unit of each parameter.
 
         Raises
         ------
@@ -381,15 +384,15 @@ class Equations(ABC):
 
     def inverse_dynamics(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
         """
-        Compute the torque M a_r + C v_r + g + friction at v_r.
+        Compute the torque M a_r + C v_r + g + friction at v_r, for reference velocities and accelerations.
 
         Parameters
         ----------
         q : Column
-            Closed configuration (n,) in rad (m).
+            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
         v, v_r, a_r : Column
-            Velocities and reference velocities (r,) in rad/s (m/s), and reference accelerations (r,) in rad/s^2
-            (m/s^2).
+            Velocities, reference velocities (rad/s) and reference accelerations (rad/s^2) of the primary joints, each
+            (r,); m in place of rad for prismatic joints.
         parameters : Column
             Inertial and friction parameters (P,) in SI units.
 
@@ -407,9 +410,9 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Closed configuration (n,) in rad (m).
+            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
         v : Column
-            Velocities (r,) of the primary joints in rad/s (m/s).
+            Velocities (r,) of the primary joints in rad/s (m/s if prismatic).
         torque : Column
             Torque (r,) in N m (N if prismatic).
         parameters : Column
@@ -428,14 +431,14 @@ class Equations(ABC):
         self, q: Column, v: Column, torque: Column, parameters: Column, dt: float, more: Sequence[Scalar]
     ) -> Column:
         """
-        Compute the accelerations over a time step, with friction linearly implicit.
+        Compute the accelerations for a time step with linearly implicit friction, which is stable for stiff friction.
 
         Parameters
         ----------
         q : Column
-            Closed configuration (n,) in rad (m).
+            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
         v : Column
-            Velocities (r,) of the primary joints in rad/s (m/s).
+            Velocities (r,) of the primary joints in rad/s (m/s if prismatic).
         torque : Column
             Torque (r,) in N m (N if prismatic).
         parameters : Column
@@ -443,12 +446,14 @@ class Equations(ABC):
         dt : float
             Time step in s.
         more : sequence of scalars
-            Secants (r,) in N m s/rad of other friction that is in the torque already, for the first joints or all.
+            Slopes (friction divided by velocity) in N m s/rad of further friction that is in the torque already, at
+            most r.
 
         Returns
         -------
         Column
-            Accelerations a (r,) in rad/s^2 (m/s^2) with (M + dt B) a = torque - C v - g - friction at v.
+            Accelerations a (r,) in rad/s^2 (m/s^2) with (M + dt B) a = torque - C v - g - friction at v, where
+            `damping` gives B.
         """
         rows, damping = self.mass_matrix(q, parameters), self.damping(q, v, parameters)
         for i, secant in enumerate(more):

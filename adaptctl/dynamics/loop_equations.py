@@ -40,7 +40,7 @@ class LoopMotion(Motion):
         return [Column(column[i] for column in by_column) for i in range(len(self.following.slopes))]
 
     def regressor_transpose_product(self, s: Column, columns: Sequence[int]) -> Column:
-        """Powers Y' s (k,) of the parameters."""
+        """Regressor's transpose times joint rates, Y' s (k,) in W per unit of each parameter."""
         return self.tree.regressor_transpose_product(self.following.tree(s), columns)
 
     @property
@@ -84,7 +84,7 @@ class LoopEquations(Equations):
 
     @cached_property
     def closing_numbers(self) -> object:
-        """Data that loop closure depends on."""
+        """Values that a compiled closure of the loops depends on."""
         return content((self.tree.segments, self.closing, self.rules))
 
     def projected(self, q: Column) -> Column:

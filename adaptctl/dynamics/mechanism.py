@@ -94,7 +94,7 @@ class Mechanism:
 
     @cached_property
     def equations(self) -> Equations:
-        """Equations of motion over scalars, without checks."""
+        """Equations of motion on scalars (floats, dual numbers, symbolic scalars), without checks."""
         if self._looped is None:
             return TreeEquations.of(self.description)
         from adaptctl.dynamics.loops.dyad import rules
@@ -116,7 +116,7 @@ class Mechanism:
 
     @cached_property
     def continuation(self) -> Continuation | None:
-        """Assembly branch of the reference configuration; None for a tree."""
+        """Solver that follows the assembly branch of the reference configuration; None for a tree."""
         if self._looped is None:
             return None
         from adaptctl.dynamics.loops.continuation import Continuation
@@ -125,7 +125,7 @@ class Mechanism:
 
     @property
     def neutral_configuration(self) -> Array:
-        """Positions (r,) of the reference configuration."""
+        """Positions (r,) of the reference configuration in rad (m if prismatic); zeros for a tree."""
         loops = self.continuation
         return np.zeros(self.dof) if loops is None else loops.reference[loops.primary]
 
@@ -190,7 +190,7 @@ class Mechanism:
 
     @cached_property
     def inertial_parameters(self) -> Array:
-        """Values (P,) of all parameters in SI units."""
+        """Values (P,) of all parameters in SI units, in the order of `parameter_names`."""
         return self.description.inertial_parameters
 
     @property
@@ -200,12 +200,12 @@ class Mechanism:
 
     @property
     def unconstrained(self) -> Mechanism:
-        """The mechanism without linear constraints."""
+        """This mechanism without linear constraints on its parameters."""
         return self
 
     @property
     def free_directions(self) -> Array:
-        """Derivatives (P, Z) of all parameters by the free ones."""
+        """Derivatives (P, Z) of all P parameters with respect to Z free ones; the identity without constraints."""
         return np.eye(len(self.parameter_names))
 
     @property
@@ -215,7 +215,7 @@ class Mechanism:
 
     @property
     def geometry_sha256(self) -> str:
-        """SHA-256 hash (hexadecimal) of the data that decide identifiability."""
+        """SHA-256 hash (hexadecimal) of the data that decide which inertial parameters are identifiable."""
         return self.description.geometry_sha256
 
     @cached_property
@@ -258,7 +258,7 @@ class Mechanism:
 
     def column_regressor(self, regressor: str, columns: Sequence[int]) -> OnArrays:
         """
-        Return the equation of some columns of a regressor.
+        Return a function that computes only some columns of a regressor.
 
         Parameters
         ----------
@@ -270,7 +270,8 @@ class Mechanism:
         Returns
         -------
         ArrayEquation
-            Its `call` takes the arguments of that method and returns a regressor (..., r, k).
+            Its method `call` takes the arguments of that regressor and returns the columns (..., r, k) in N m (N) per
+            unit of each parameter.
 
         Raises
         ------
@@ -287,13 +288,13 @@ class Mechanism:
 
     def with_drives(self, drives: Drive | Sequence[Drive]) -> Mechanism:
         """
-        Return a copy with other drives.
+        Return a copy with other rotor inertias and joint friction.
 
         Parameters
         ----------
         drives : Drive or sequence of Drive
-            One drive for all n joints of the tree or one for each, in the order of `links`. Each of its terms is a
-            parameter; ``Drive()`` has none.
+            Rotor inertia and friction of all n joints of the tree, or one drive for each in the order of `links`. Each
+            term becomes a parameter; ``Drive()`` has none.
 
         Returns
         -------
@@ -303,7 +304,7 @@ class Mechanism:
         Raises
         ------
         InputError
-            If the number of drives is wrong or one turns with unknown joints.
+            If the number of drives is wrong or a motor turns with a joint that does not exist.
 
         Examples
         --------
@@ -486,7 +487,7 @@ class Mechanism:
 
     def constraint_bias_torque(self, p: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """
-        Compute the torque of parameter values that linear constraints fix.
+        Compute the torque due to the parameter values that linear constraints fix.
 
         Parameters
         ----------
@@ -496,7 +497,7 @@ class Mechanism:
         Returns
         -------
         ndarray
-            Torque (..., r) in N m (N), which regressors leave out; zero without constraints.
+            Torque (..., r) in N m (N if prismatic), which regressors leave out; zero without constraints.
 
         Examples
         --------
@@ -670,7 +671,7 @@ class Mechanism:
         path : str or Path
             File to write.
         root : str, optional
-            First body of the mechanism in an MJCF scene; by default the one root body that moves.
+            Name of the body of an MJCF scene at which the mechanism begins. Default: the only root body that moves.
 
         Raises
         ------
@@ -765,8 +766,7 @@ class Mechanism:
         model : mujoco.MjModel
             Model of up to 256 moving links.
         body : str, optional
-            Name of the body that the mechanism begins with; by default the one root body with joints that turn or
-            slide.
+            Name of the body at which the mechanism begins. Default: the only root body with hinge or slide joints.
 
         Returns
         -------
@@ -816,11 +816,13 @@ def load(
     floating_base : bool, default False
         If true, the root link of a URDF file floats on six joints. By default it is fixed to the ground, as an arm is.
     snap : bool, default False
-        If true, angles between successive joint axes within 1e-3 rad of a multiple of 90 degrees are made exact.
+        If true, angles between successive joint axes within 1e-3 rad of a multiple of 90 degrees are made exact. By
+        default the file's values count.
     mesh_folders : sequence of str or Path, optional
         Folders with meshes of a URDF file. Default: none besides its own package.
     root : str, optional
-        First body of the mechanism in an MJCF scene or a MuJoCo model; by default the one root body that moves.
+        Name of the body of an MJCF scene or MuJoCo model at which the mechanism begins. Default: the only root body
+        that moves.
 
     Returns
     -------

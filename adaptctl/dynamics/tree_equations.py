@@ -59,7 +59,7 @@ class TreeMotion(Motion):
         return [Column(row.get(column, 0.0) for column in columns) for row in by_column]
 
     def regressor_transpose_product(self, s: Column, columns: Sequence[int]) -> Column:
-        """Powers Y' s (k,) of the parameters."""
+        """Regressor's transpose times joint rates, Y' s (k,) in W per unit of each parameter."""
         of_bodies, of_drives = self.layout.sorted_out(columns)
         found = dict(zip(of_bodies, powers(self.places, self.links, s, list(of_bodies.values())), strict=True))
         found |= {column: self.layout.drives[k].speed(s) * self.drives[k] for column, k in of_drives.items()}

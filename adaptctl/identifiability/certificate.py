@@ -41,18 +41,18 @@ class NearRightAngle:
     """
     Angle between successive joint axes that is nearly, but not exactly, a multiple of 90 degrees.
 
-    Nearly is within 1e-3 rad. Nothing is checked at construction.
+    Nearly means within 1e-3 rad. Nothing is checked at construction.
 
     Parameters
     ----------
     parent : str
-        Name of the joint before, or "gravity" for a joint on the ground.
+        Name of the preceding joint, or "gravity" for a joint on the ground.
     child : str
         Name of the joint.
     degrees : int
-        Multiple that is missed: 0, 90 or 180.
+        Nearest multiple of 90 degrees: 0, 90 or 180.
     deviation : float
-        Angle beyond that multiple in rad, negative where it falls short.
+        Angle minus that multiple, in rad.
 
     Examples
     --------
@@ -133,33 +133,34 @@ class Certificate:
     rank_doubled : int
         Rank of the energy differences at twice as many states.
     gap : float
-        Ratio of the singular values k and k + 1 without a unit, the latter floored at 1e-15 of the largest.
+        Ratio, without unit, of the singular values number k and k + 1, the latter taken as at least 1e-15 of the
+        largest.
     relative_smallest : float
-        Ratio of the singular value k to the largest, without a unit.
+        Ratio, without unit, of the singular value number k to the largest.
     samples : int
         Random states of which the matrices are made.
     seed : int
         Seed that drew the states.
     null_residual : float
-        Largest torque that a null vector makes at other states, as a fraction of the largest that a vector of its size
-        makes.
+        Largest torque at other states due to a parameter change that is found to be unidentifiable, divided by the
+        largest torque due to any change of the same size.
     residual_singular_values : tuple of ResidualSingularValue, optional
         Singular values after the first k that are above 1e-14 of the largest.
     near_right_angles : tuple of NearRightAngle, optional
-        Angles of successive joint axes that nearly are right ones.
+        Angles between successive joint axes that are nearly multiples of 90 degrees.
     rank_torque : int, optional
-        Rank of the torque regressor at random states; None for the method "transfers".
+        Rank of the torque regressor at random states; None (default) for the method "transfers".
     rank_geometry : int, optional
-        Rank that follows from a tree's geometry; None for the method "svd".
+        Rank that follows from a tree's geometry; None (default) for the method "svd".
     rank_exact : int, optional
-        Rank on exact geometry; None where it was not asked for.
+        Rank computed in exact arithmetic; None (default) where it was not asked for.
     proof_method : str, optional
-        Arithmetic of `rank_exact`: "a prime field" or "60 digits".
+        Arithmetic of `rank_exact`: "a prime field" or "60 digits"; empty by default, without a proof.
 
     Notes
     -----
-    With the method "transfers" the ratios are the least over a tree's joints, of energy changes as parameters are moved
-    from a joint's link to its parent.
+    With the method "transfers", `gap` and `relative_smallest` are the smallest of all joints: there the matrix has the
+    energy changes as inertial parameters are moved from a joint's link to its parent.
 
     Examples
     --------
@@ -188,7 +189,7 @@ class Certificate:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Reasons, as texts, to refuse the rank."""
+        """Reasons, as texts, for which the rank is refused; empty if it is certified."""
         other, what = self._other
         ranks = (self.rank_energy, other, self.rank_doubled)
         largest = max((leftover.value for leftover in self.residual_singular_values), default=0.0)
@@ -210,7 +211,7 @@ class Certificate:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Findings that do not refuse the rank: residual singular values and near right angles."""
+        """Texts on findings for which the rank is not refused: residual singular values and nearly right angles."""
         residual_singular_values = [
             f"beyond the gap, {leftover} is above round-off" for leftover in self.residual_singular_values
         ]
@@ -247,7 +248,7 @@ class Certificate:
         spectrum : numpy.ndarray
             Singular values (n,), scaled without a unit, in descending order, which the error carries.
         suspects : sequence, optional
-            Possible causes, which the message lists.
+            Possible causes, which the message lists. None by default.
 
         Raises
         ------

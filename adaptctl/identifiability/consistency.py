@@ -19,7 +19,7 @@ from adaptctl.identifiability.reduced_model import ReducedModel
 if TYPE_CHECKING:
     import cvxpy
 
-# Relative distance below which fundamental parameters count as realisable: the solver's accuracy.
+# Relative distance below which base parameters count as realisable: the solver's accuracy.
 FEASIBLE_DISTANCE = 1e-6
 # Fractions by which the distance may be exceeded to come nearer to the prior, where nothing is realisable: the next one
 # where the solver ends without a result.
@@ -41,9 +41,9 @@ class Lift:
     parameters : numpy.ndarray
         Physically consistent inertial and friction parameters (P,) in SI units.
     fundamental : numpy.ndarray
-        Their fundamental parameters (k,) in SI units, in the order of the reduced model's `names`.
+        Their base parameters (k,) in SI units, in the order of the reduced model's `names`.
     target : numpy.ndarray
-        Fundamental parameters (k,) in SI units that were asked for.
+        Base parameters (k,) in SI units that were asked for, in the same order.
 
     Examples
     --------
@@ -67,7 +67,7 @@ class Lift:
 
     @property
     def is_feasible(self) -> bool:
-        """True if consistent parameters have the target: `distance` is below 1e-6."""
+        """True if rigid bodies can have the target: `distance` is below 1e-6."""
         return self.distance < FEASIBLE_DISTANCE
 
 
@@ -80,21 +80,22 @@ def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | 
     model : ReducedModel
         Model of a mechanism without constraints on its parameters.
     beta : array_like
-        Fundamental parameters (k,) in SI units, in the order of the model's `names`.
+        Base parameters (k,) in SI units, in the order of the model's `names`.
     prior : array_like, optional
         Consistent parameters (P,) in SI units; the mechanism's own by default.
 
     Returns
     -------
     Lift
-        Parameters, and the distance of their fundamental ones from `beta`.
+        Parameters, and the distance of their base parameters from `beta`.
 
     Raises
     ------
     MissingExtraError
         If cvxpy or Clarabel (the extra `consistency`) is not installed.
     InputError
-        If the mechanism has constraints, a shape is wrong, a number is not finite, or the prior is no rigid bodies'.
+        If the mechanism has linear constraints, a shape is wrong, a number is not finite, or no rigid bodies can have
+        the prior.
     AdaptctlError
         If the semidefinite programme ends without a solution.
 
@@ -104,8 +105,8 @@ def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | 
 
     .. math:: \sum_i \mathrm{tr}(Q_i^{-1} J_i) - \log\det(Q_i^{-1} J_i),
 
-    which depends on no units and frames. Where no rigid bodies have `beta`, parameters are taken whose distance from it
-    is at most 1.001 times the least one (1.1 where the solver needs it).
+    which depends on no units and frames. Where no rigid bodies have `beta`, the base parameters may differ from it by
+    1.001 times the least possible distance (1.1 times where the solver needs it).
 
     References
     ----------
@@ -117,7 +118,7 @@ def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | 
     >>> from adaptctl.identifiability import nearest_consistent
     >>> nearest_consistent(model, [0.5, 0.1])
     Traceback (most recent call last):
-    adaptctl.errors.InputError: fundamental parameters: expected shape (6,), got (2,)
+    adaptctl.errors.InputError: base parameters: expected shape (6,), got (2,)
     """
     given, every = len(model.mechanism.parameter_names), len(model.mechanism.description.parameter_names)
     if given != every:
@@ -125,7 +126,7 @@ def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | 
             f"{model.mechanism.name}: expected a mechanism without constraints, with ten parameters per link, got "
             f"{given} of {every} parameters: use the model of its `unconstrained`"
         )
-    wanted = frozen_array(beta, (len(model.columns),), "fundamental parameters")
+    wanted = frozen_array(beta, (len(model.columns),), "base parameters")
     own = model.mechanism.inertial_parameters
     known = frozen_array(own if prior is None else prior, own.shape, "prior")
     bodies = _Bodies(model, known)

@@ -43,7 +43,7 @@ class Relation:
     value : float, default 0.0
         Sum in the SI unit of the terms. Zero relates parameters in fixed proportions.
     name : str, default ""
-        Name in messages; the terms where it is empty.
+        Name in messages; by default empty, and messages state the terms.
 
     Raises
     ------
@@ -83,7 +83,7 @@ class Constraints:
     Parameters
     ----------
     known : mapping of str to float, optional
-        Known values in SI units by parameter name, such as ``link2.mc_z``.
+        Known values in SI units by parameter name, such as ``link2.mc_z``. None by default.
     relations : tuple of Relation, optional
         Linear relations among parameters. Default: none, where values are known one by one.
 
@@ -121,7 +121,8 @@ class Constraints:
         Parameters
         ----------
         matrix : array_like
-            Weights (m, n), or (n,) for one relation.
+            Weights (m, n) of m relations among n parameters, or (n,) for one relation, in SI units of the sum per unit
+            of each parameter.
         names : sequence of str
             Names (n,) of the parameters, each once.
         values : array_like, optional
@@ -130,7 +131,7 @@ class Constraints:
         Returns
         -------
         Constraints
-            A relation for each row.
+            Constraints with a relation for each row.
 
         Raises
         ------
@@ -197,7 +198,7 @@ class Constraints:
 
     @property
     def every(self) -> tuple[Relation, ...]:
-        """All constraints as relations."""
+        """All constraints as relations, known values first."""
         known = (Relation({name: 1.0}, value, f"{name} = {value:g}") for name, value in self.known.items())
         return (*known, *self.relations)
 
@@ -206,16 +207,16 @@ def constrained(
     mechanism: Mechanism, constraints: Constraints, priority: Priority | None = None
 ) -> ConstrainedMechanism:
     """
-    Return a mechanism in its free parameters under constraints.
+    Return a mechanism whose parameters are those left free by linear constraints.
 
     Parameters
     ----------
     mechanism : Mechanism
         Mechanism that is not constrained yet.
     constraints : Constraints
-        Each takes one parameter away, whose value then follows from the others'.
+        Linear constraints; each eliminates one parameter, whose value follows from the others'.
     priority : Priority, optional
-        Order in which parameters are taken away; Table 4 of Sheu and Walker (1991) by default, masses first.
+        Order in which parameters are eliminated. Default: Table 4 of Sheu and Walker (1991), masses first.
 
     Returns
     -------

@@ -94,7 +94,7 @@ def torque_rows(mechanism: Mechanism, generator: np.random.Generator) -> Array:
 
 
 def length_scales(parameter_names: Sequence[str], length: float) -> Array:
-    """Scale factors (P,): 1, L and L^2 for masses, moments and inertias."""
+    """Scale factors (P,): 1, L and L^2 for masses, first moments and inertias, L the characteristic length."""
     powers = np.array([LENGTH_POWERS[name.rsplit(".", 1)[-1]] for name in parameter_names], dtype=np.float64)
     return np.asarray(length**powers)
 
@@ -146,7 +146,7 @@ class NumericalRank:
 
 @dataclass(frozen=True, eq=False)
 class ScaledRegressor:
-    """Scaled regressor of energies or torques, by its triangular factor."""
+    """Regressor of energies or torques with scaled columns, kept as its triangular factor."""
 
     scales: Array
     triangle: Array
@@ -189,7 +189,7 @@ class ScaledRegressor:
 
     @property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k)."""
+        """Orthonormal basis (P, P-k) of the null space of the scaled columns."""
         return self.vectors[:, self.rank :]
 
     def rank_of(self, columns: Sequence[int]) -> int:
@@ -212,7 +212,7 @@ class DecomposedNullSpace:
 
     @cached_property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k) of scaled parameters."""
+        """Orthonormal basis (P, P-k) of changes of scaled parameters that change no energy."""
         vectors = self.regressor.null_basis * (self.regressor.scales / self.scales)[:, None]
         return np.asarray(np.linalg.qr(vectors)[0], dtype=np.float64)
 

@@ -58,7 +58,7 @@ class Search:
 @dataclass(frozen=True, eq=False)
 class EssentialSpace:
     """
-    Directions of inertial parameters that change energies and torques, and the null space that changes none.
+    Identifiable directions of inertial parameters, which change energies and torques, and their null space.
 
     `essential_space` makes it. Arrays are computed when first read and are read-only. Nothing is checked at
     construction.
@@ -66,14 +66,14 @@ class EssentialSpace:
     Parameters
     ----------
     search : Search
-        Mechanism, and settings by which its null space is found.
+        Mechanism, and settings of the search for its null space.
     certificate : Certificate
         Evidence for the rank k.
     states : str
-        Origin, in words, of the states whose energies make the singular values.
+        Origin, in words, of the states from which the singular values are computed.
     energies : callable, optional
-        Function that returns the triangular factor (n, P) of the states' energy differences; those of the search's
-        random states by default.
+        Function that returns the triangular factor (n, P), n at most P, of the states' energy differences in J per SI
+        unit. Default: those of the search's random states.
 
     Notes
     -----
@@ -109,12 +109,12 @@ class EssentialSpace:
 
     @property
     def null_space(self) -> NullSpace:
-        """Null space of the energies."""
+        """Parameter changes that change no energy, with their scales."""
         return self.search.found.null_space
 
     @property
     def proof(self) -> ExactEnergies | None:
-        """Energies on exact geometry, a second proof of the rank."""
+        """Proof of the rank in exact arithmetic; None where it was not made."""
         return self.search.found.proof
 
     @cached_property
@@ -129,17 +129,17 @@ class EssentialSpace:
 
     @cached_property
     def scales(self) -> Array:
-        """Scales (P,) in SI units per J."""
+        """Scales (P,) of the parameters in SI units per J, with which they make comparable energies."""
         return frozen_array(self.null_space.scales, (len(self.parameter_names),), "scales")
 
     @cached_property
     def scaled_null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k) of parameters divided by `scales`."""
+        """Orthonormal basis (P, P-k), as `null_basis`, for parameters divided by `scales`."""
         return self._null_vectors(self.null_space.null_basis, "scaled null basis")
 
     @cached_property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors V2 (P, P-k) in SI units."""
+        """Orthonormal basis V2 (P, P-k) of the parameter changes that change no torque, in SI units."""
         return self._null_vectors(self._bases[0], "null basis")
 
     @cached_property
@@ -161,7 +161,7 @@ class EssentialSpace:
 
     def project(self, parameters: ArrayLike) -> Array:
         """
-        Compute inertial parameters without their part in the null space.
+        Project inertial parameters on the essential space, which leaves all torques unchanged.
 
         Parameters
         ----------
@@ -216,9 +216,9 @@ def essential_space(
     mechanism : Mechanism
         Mechanism with P inertial parameters, without friction; any tree or closed loops.
     samples : int, optional
-        Number of random states, at least 2 P; 2 P + 1 by default.
+        Number of random states, at least 2 P. Default: 2 P + 1, twice as many differences as unknowns.
     seed : int, default 0
-        Seed of the states, from 0 to 2^32 - 1.
+        Seed of the states, from 0 to 2^32 - 1. Fixed, so that a result can be repeated.
     states : States, optional
         States whose energies give singular values and vectors, so that model reduction holds for this motion; the
         random ones by default. Rank and null vectors do not depend on them.
@@ -226,10 +226,11 @@ def essential_space(
         "svd" decomposes energies at random states; "transfers" follows a tree's geometry joint by joint, in time
         proportional to its length. "automatic" takes transfers for trees of 100 parameters or more.
     near_singular : {"refuse", "as_is"}, default "refuse"
-        Treatment of angles and offsets that are nearly special, where the rank would change if they were exact.
+        Treatment of angles and offsets that are nearly special (see Notes), for which the rank would change if they
+        were exact. Refused by default, as they mostly are rounded numbers.
     prove : bool, optional
-        True computes the rank on exact geometry too. None does so for trees, and for loops with nearly special
-        geometry; False never does, and does not look for such geometry.
+        If true, the rank is also computed in exact arithmetic. By default (None) this is done for trees, and for loops
+        with nearly special geometry; if false, never, and nearly special geometry is not looked for.
 
     Returns
     -------
@@ -239,7 +240,7 @@ def essential_space(
     Raises
     ------
     RankError
-        If the rank cannot be certified or is refused; carries the singular values.
+        If the rank cannot be certified or is refused; the error carries the singular values.
     InputError
         If an argument is unknown, out of range, or not for this mechanism.
 
@@ -313,11 +314,11 @@ class Reduction:
     components : numpy.ndarray
         Components (k, P) in SI units, in descending order of the size of their weights.
     weights : numpy.ndarray
-        Weights (k,) in J: the size is the root of the summed squares of a component's energy differences.
+        Weights (k,) in J. The size of a weight is the root of the sum of squares of the component's energy differences.
     order : tuple of int
         Column (k,) of the space's `basis` of each component.
     percent_errors : numpy.ndarray
-        Energy errors (k + 1,) in percent of the sums of the first 0, 1, ... k components.
+        Energy errors (k + 1,) in percent if only the first 0, 1, ... k components are kept.
     num_components : int
         Number of components that are kept.
 
@@ -390,13 +391,13 @@ def reduce(
     Parameters
     ----------
     space : EssentialSpace
-        Space whose states weight the components.
+        Essential space; the energies of its states weight the components.
     parameters : Mechanism or array_like
         Inertial parameters (P,) in SI units, without friction, or a mechanism that has them.
     energy_error : float, optional
-        Largest energy error in percent; None where `components` are given.
+        Largest energy error in percent; the fewest components within it are kept. None where `components` are given.
     components : int, optional
-        Components to keep, from 0 to the rank; None where `energy_error` is given.
+        Number of components to keep, from 0 to the rank; None where `energy_error` is given.
 
     Returns
     -------

@@ -105,9 +105,10 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
 @dataclass(frozen=True, eq=False)
 class FundamentalBasis:
     r"""
-    Inertial parameters that are kept (base parameters), and the regrouping of the others onto them.
+    Base parameters of a mechanism: the inertial parameters that are kept, and the regrouping of the others onto them.
 
-    `fundamental_basis` makes it. It depends on geometry and gravity alone: inertial values may change.
+    `fundamental_basis` makes it. It depends on geometry and gravity, not on the values of inertial parameters. Sheu and
+    Walker call the base parameters fundamental parameters.
 
     Parameters
     ----------
@@ -120,11 +121,11 @@ class FundamentalBasis:
     columns : tuple of int
         Indices (k,) of the kept parameters, ascending.
     regrouping : numpy.ndarray
-        Matrix K (k, P) in SI units: fundamental parameters are K times all P.
+        Matrix K (k, P) in SI units; K times all P parameters gives the base parameters.
     scales : numpy.ndarray
-        Scales (P,) in SI units per J; parameters divided by them are comparable.
+        Scales (P,) of the parameters in SI units per J; divided by them, parameters are comparable.
     gap : float
-        Ratio, without a unit, of the smallest singular value that counts to the next, from the certificate.
+        Ratio, without unit, of singular values number k and k + 1, from the rank's certificate.
     kept_despite_priority : tuple of str, optional
         Kept parameters that the priority would remove, but that removed ones already determine within the tolerance.
 
@@ -183,12 +184,12 @@ class FundamentalBasis:
 
     @cached_property
     def condition(self) -> float:
-        """Condition number of the removed parameters' rows of the null vectors, SI."""
+        """Condition number, in SI units, of the matrix that is inverted for the regrouping."""
         return condition(np.delete(self.regrouping, self.columns, axis=1))
 
     @cached_property
     def scaled_condition(self) -> float:
-        """Unit-free condition number: the same rows over `scales`."""
+        """Condition number, without unit, of the same matrix for parameters divided by `scales`."""
         scaled = self.regrouping * self.scales / self.scales[list(self.columns), None]
         return condition(np.delete(scaled, self.columns, axis=1))
 
@@ -199,7 +200,7 @@ class FundamentalBasis:
 
     def fundamental_parameters(self, parameters: ArrayLike) -> Array:
         """
-        Compute the fundamental parameters of inertial parameters.
+        Compute the base parameters of inertial parameters.
 
         Parameters
         ----------
@@ -209,7 +210,7 @@ class FundamentalBasis:
         Returns
         -------
         numpy.ndarray
-            Fundamental parameters (..., k) in SI units, in the order of `names`.
+            Base parameters (..., k) in SI units, in the order of `names`.
 
         Raises
         ------
@@ -230,7 +231,7 @@ class FundamentalBasis:
         Returns
         -------
         tuple of str
-            An equation in SI units for each kept parameter; a star marks the fundamental parameter.
+            An equation in SI units for each kept parameter; a star marks the base parameter.
         """
         return regrouping_equations(self.regrouping, self.columns, self.parameter_names)
 
@@ -315,25 +316,26 @@ def fundamental_basis(
     space : EssentialSpace
         Essential space of rank k of P inertial parameters.
     priority : Priority, optional
-        Order of removal; Table 4 of Sheu and Walker (1991) by default, masses first.
+        Order in which parameters are removed. Default: Table 4 of Sheu and Walker (1991), masses first.
     tolerance : float, default 1e-3
-        Part of a parameter's row of the scaled null vectors that must be independent of rows removed before; above 0
-        and below 1/sqrt(P).
+        Threshold, without unit, for the independence of a parameter's row of `EssentialSpace.scaled_null_basis` from
+        the rows of parameters removed before; above 0 and below 1/sqrt(P). Robots have values above 0.1 or below 1e-4.
     prove : bool, default False
-        True requires that the choice is also made on exact geometry, which happens anyway where the space has a proof.
+        If true, the choice must also be made in exact arithmetic. By default this is done where the space has a proof.
 
     Returns
     -------
     FundamentalBasis
-        Kept parameters (k,) with the regrouping matrix (k, P).
+        The k kept parameters with the regrouping matrix (k, P).
 
     Raises
     ------
     RankError
-        If exact geometry keeps other parameters, the rank differs from the space's, or the priority removes parameters
-        that nearly depend on each other (a condition number above 1e4).
+        If exact arithmetic keeps other parameters, the rank differs from the space's, or the priority removes
+        parameters that are nearly dependent (a condition number above 1e4).
     InputError
-        If the tolerance is out of range, names are given twice or unknown (`NotFoundError`), or `prove` lacks a proof.
+        If the tolerance is out of range, names are given twice or unknown (`NotFoundError`), or `prove` is true and the
+        space has no proof.
 
     Examples
     --------

@@ -47,7 +47,7 @@ def twist_entries(matrices: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class JointFrames:
-    """Joint frames of a tree, lengths over its characteristic length."""
+    """Joint frames of a tree, with lengths divided by its characteristic length."""
 
     length: float
     parents: tuple[int, ...]

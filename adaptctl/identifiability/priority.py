@@ -28,15 +28,15 @@ class Priority:
     Order in which dependent inertial parameters are removed.
 
     Parameters that are not named come between `order` and `keep`, in the default order: by kind, m, mc_x, mc_y, mc_z,
-    I_xy, I_xz, I_yz, I_xx, I_yy, I_zz, rotor inertia, and within a kind from first link to last. A parameter stays
-    where removing it would lose something that the motion depends on.
+    I_xy, I_xz, I_yz, I_xx, I_yy, I_zz, rotor inertia, and within a kind from first link to last. A parameter that is
+    not determined by the others is kept, whatever the order.
 
     Parameters
     ----------
     order : tuple of str, optional
         Names such as ``link3.I_xx``, the first removed first. Default: none, the default order from its beginning.
     keep : tuple of str, optional
-        Names removed last, the first of them last of all. Default: none, the default order to its end.
+        Names to keep where possible, in descending order of importance. Default: none, the default order to its end.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Dynamics of a mechanism in its fundamental parameters alone."""
+"""Dynamics of a mechanism in its base parameters alone."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ENERGY_TOLERANCE, ROUND_OFF_FLOOR = 1e-4, 1e-8
 @dataclass(frozen=True, eq=False)
 class ReducedModel(Keyed):
     r"""
-    Equations of motion in the k base parameters and friction.
+    Equations of motion of a mechanism in its k base parameters, friction included.
 
     Parameters
     ----------
@@ -44,7 +44,8 @@ class ReducedModel(Keyed):
     Raises
     ------
     InputError
-        If the basis belongs to other geometry, gravity or link names, or changes energies by more than about 1e-4.
+        If the basis belongs to another geometry, gravity or other link names, or changes energies by more than about
+        1e-4 of their size.
 
     Notes
     -----
@@ -106,7 +107,7 @@ class ReducedModel(Keyed):
 
     @cached_property
     def columns(self) -> tuple[int, ...]:
-        """Indices (k,) of the kept parameters among all P, ascending."""
+        """Indices of the k kept parameters among all P, ascending."""
         everything = range(len(self.mechanism.parameter_names))
         if self.basis is None:
             return tuple(everything)
@@ -130,7 +131,7 @@ class ReducedModel(Keyed):
     def fundamental_parameters(self) -> Array:
         """The mechanism's own base parameters (k,) in SI units."""
         return frozen_array(
-            self.regrouping @ self.mechanism.inertial_parameters, (len(self.columns),), "fundamental parameters"
+            self.regrouping @ self.mechanism.inertial_parameters, (len(self.columns),), "base parameters"
         )
 
     def torque_regressor(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, out: Array | None = None) -> Array:
@@ -198,8 +199,8 @@ class ReducedModel(Keyed):
 
         Notes
         -----
-        Times the fundamental parameters it gives :math:`M(p) a_r + C(p, v) v_r + g(p)` and friction at :math:`v_r`,
-        with the matrix :math:`C` of Christoffel symbols.
+        The product with the base parameters is :math:`M(p) a_r + C(p, v) v_r + g(p)` plus friction at :math:`v_r`, with
+        the Coriolis matrix :math:`C` by Christoffel symbols.
 
         Examples
         --------
@@ -224,7 +225,7 @@ class ReducedModel(Keyed):
         a : array_like
             Accelerations (..., r) in rad/s^2 or m/s^2.
         beta : array_like, optional
-            Fundamental parameters (..., k) in SI units; the mechanism's own by default.
+            Base parameters (..., k) in SI units; the mechanism's own by default.
         out : numpy.ndarray, optional
             Array (..., r) of float64 that the torque in N m (N) is written to. Default: a new one.
 
@@ -267,7 +268,7 @@ class ReducedModel(Keyed):
         Parameters
         ----------
         beta : array_like
-            Fundamental parameters (..., k) in SI units.
+            Base parameters (..., k) in SI units.
 
         Returns
         -------
@@ -290,7 +291,7 @@ class ReducedModel(Keyed):
         return out
 
     def _checked(self, beta: ArrayLike) -> Array:
-        return checked(beta, len(self.columns), "fundamental parameters")
+        return checked(beta, len(self.columns), "base parameters")
 
 
 @lru_cache(maxsize=32)  # neither changes, and sweeps make many models of them

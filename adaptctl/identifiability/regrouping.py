@@ -101,7 +101,7 @@ class Regrouping:
 
     @cached_property
     def condition(self) -> float:
-        """Condition number of the removed parameters' null vector rows."""
+        """Condition number of the removed parameters' rows of the null space's basis."""
         return condition(self.coefficients)
 
     @property
@@ -116,7 +116,7 @@ class Regrouping:
         return float(np.sqrt(1.0 + sizes.sum(axis=0).max(initial=0.0) * sizes.sum(axis=1).max(initial=0.0)))
 
     def leaves_more_than(self, tolerance: float, order: Sequence[int]) -> bool:
-        """True if null vectors at this tolerance remove the same parameters."""
+        """True if the null space's basis at this tolerance removes the same parameters."""
         if self.bound * tolerance < 1.0 or self.bound > MAX_CONDITION_BOUND:
             return self.bound * tolerance < 1.0
         places = {parameter: place for place, parameter in enumerate(order)}
@@ -140,7 +140,7 @@ class Regrouping:
 
 
 def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -> Regrouping:
-    """Regrouping in an order, by rows of the null vectors."""
+    """Regrouping by an order of removal, from the rows of the null space's basis."""
     gone, passed_over = removed_and_passed_over(null_basis, order, tolerance)
     kept, removed = sorted(set(order) - set(gone)), list(gone)
     coefficients = np.asarray(-np.linalg.solve(null_basis[removed].T, null_basis[kept].T).T, dtype=np.float64)
@@ -209,7 +209,7 @@ class NullSpace(Protocol):
 
     @property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k) of scaled parameters."""
+        """Orthonormal basis (P, P-k) of changes of scaled parameters that change no energy."""
 
     def regrouping(self, order: Sequence[int], tolerance: float) -> Regrouping:
         """Regrouping that removes P-k parameters in an order."""
@@ -231,7 +231,7 @@ def unscaled_bases(scaled_null_basis: Array, scales: Array) -> tuple[Array, Arra
 
 
 def null_residual(regressor: Array, null_basis: Array, scales: Array) -> float:
-    """Largest torque of a null vector, relative to the largest of a vector of its size."""
+    """Largest torque of a parameter change in the null space, divided by the largest of any change of its size."""
     if null_basis.shape[1] == 0 or not regressor.any():
         return 0.0
     largest = np.abs(regressor * scales).max() * np.abs(null_basis / scales[:, None]).max(axis=0)

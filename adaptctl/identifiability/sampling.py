@@ -95,7 +95,7 @@ def _within_conditions(mechanism: Mechanism, start: Array, wanted: Array) -> Arr
 @dataclass(frozen=True, eq=False)
 class States:
     """
-    Positions and velocities of the r primary joints.
+    States of a mechanism: positions and velocities of its r primary (independent) joints.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class States:
     v : numpy.ndarray
         Velocities (samples, r) in rad/s or m/s.
     origin : str
-        How the states were made, in words.
+        Origin of the states in words, for reports.
 
     Raises
     ------
@@ -139,12 +139,12 @@ class States:
 
     def parts(self, most: int) -> Iterator[States]:
         """
-        Split the states into successive parts.
+        Split the states into successive parts, for example to limit memory.
 
         Parameters
         ----------
         most : int
-            States in each part, at least 2; the last may have fewer, or one more.
+            Number of states in each part, at least 2; the last may have fewer, or one more.
 
         Returns
         -------
@@ -181,7 +181,7 @@ def _offset(first: Pose, second: Pose) -> Array:
 
 def random_states(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> States:
     """
-    Draw random states, uniform over the full circle, for the rank of a mechanism.
+    Draw random states, uniform over the full circle, for the number of identifiable parameters.
 
     Parameters
     ----------
@@ -207,9 +207,9 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
 
     Notes
     -----
-    Limits are ignored: the energy is analytic, so that its rank is the same almost everywhere, and narrow limits only
-    hide it. Joints that move a loop stay on the assembly branch of the reference, within limits and away from
-    singularities, as other branches may have another rank.
+    Limits are ignored, as the rank of the energy regressor is the same almost everywhere, and narrow limits only hide
+    it. Joints that move a loop stay on the assembly branch of the reference, within limits and away from singularities,
+    as other branches may have another rank.
 
     Examples
     --------
@@ -270,7 +270,7 @@ def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> S
     samples : int
         Number of states, at least 2.
     seed : int, default 0
-        Seed of the states, from 0 to 2^32 - 1.
+        Seed of the states, from 0 to 2^32 - 1. Fixed, so that a result can be repeated.
 
     Returns
     -------
@@ -286,8 +286,8 @@ def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> S
 
     Notes
     -----
-    Without position limits, a range of 2 pi rad (2 L m) about home or from the other limit is taken; without a velocity
-    limit, sqrt(g/L) rad/s, with the characteristic length L and gravity g.
+    Without position limits, a range of 2 pi rad (2 L m) about the neutral configuration, or from the other limit, is
+    taken; without a velocity limit, sqrt(g/L) rad/s, with the characteristic length L and gravity g.
 
     Examples
     --------

@@ -154,7 +154,7 @@ class TreeNullSpace:
 
     @cached_property
     def null_basis(self) -> Array:
-        """Orthonormal null vectors (P, P-k) of scaled parameters."""
+        """Orthonormal basis (P, P-k) of changes of scaled parameters that change no energy."""
         found = self._by_links(range(self.mechanism.num_energy_parameters), TOLERANCE)
         vectors = np.zeros((self.mechanism.num_energy_parameters, len(found.removed)))
         vectors[list(found.removed), range(len(found.removed))] = 1.0

@@ -53,7 +53,7 @@ def choose(
     weight: float | None = None,
     cutoff: float | None = None,
 ) -> Choice:
-    """Choice of the settings that are None, one after the other, by the prediction of blocks left out."""
+    """Choice of the settings that are None, one after the other, by cross-validation on blocks of time."""
     judged = judged_at(evidence)
     first = FIRST_WEIGHT if weight is None else positive_number(weight, "prior_weight: expected a positive number")
     if cutoff is not None and cutoff not in evidence.rows:

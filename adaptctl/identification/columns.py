@@ -30,7 +30,7 @@ MIN_SAMPLES = 100
 
 @dataclass(frozen=True, eq=False)
 class JointLog:
-    """Log of r joints in SI units; torques of an unknown torque constant are as if it were 1."""
+    """Log of r joints in SI units; for an unknown torque constant, torques are computed with the constant 1."""
 
     source: str
     time: Array

@@ -125,7 +125,7 @@ class DrivesFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 @dataclass(frozen=True, eq=False)
 class Drives:
     """
-    Transmission between a robot's motors and joints, and the motors' columns in a log.
+    Transmission between a robot's motors and joints, and the columns of a log that hold the motors' values.
 
     Parameters
     ----------
@@ -136,15 +136,15 @@ class Drives:
     offsets : numpy.ndarray
         Joint positions (r,) in rad (m) where the motors are at zero.
     motors : tuple of MotorEntry
-        Columns of each motor, and its torque constant in N m (N) for a unit of its torque column.
+        Names of each motor's columns, and its torque constant in N m (N) per unit of its torque column.
     time : str
         Name of the column of time.
     units : Units
-        Factors from the columns' units to SI units.
+        Factors that convert the columns to SI units.
     payloads : tuple of PayloadEntry, optional
-        Known bodies that are fixed to a link throughout one log.
+        Known bodies that are fixed to a link throughout one log. None by default.
     source : str, default ""
-        Source of the numbers in words, such as a data sheet. Empty where it is not known.
+        Source of the numbers in words, such as a data sheet. Empty by default, where it is not known.
 
     Raises
     ------
@@ -257,7 +257,7 @@ class Drives:
 
     @cached_property
     def constants(self) -> Array:
-        """Torque constants (r,) in N m (N) for a unit of the torque columns: 1 for torques, NaN where unknown."""
+        """Torque constants (r,) in N m (N) per unit of the torque columns: 1 for torques, NaN where unknown."""
         given = (motor.torque_constant for motor in self.motors)
         return np.array([math.nan if k == "unknown" else 1.0 if k is None else float(k) for k in given])
 
@@ -273,12 +273,12 @@ class Drives:
         Returns
         -------
         Drives
-            Reordered drives.
+            Drives in the mechanism's order of joints.
 
         Raises
         ------
         InputError
-            If the joints are others.
+            If the mechanism has joints of other names.
         """
         names = [joint.name for joint in mechanism.primary_joints]
         if sorted(names) != sorted(self.joints):
@@ -299,12 +299,12 @@ class Drives:
 
     def on_joints(self) -> tuple[Drive, ...]:
         """
-        Return the drives for a mechanism's description, without rotors and friction.
+        Return the drive of each joint for a mechanism's description, without rotor inertia and friction.
 
         Returns
         -------
         tuple of Drive
-            Drive of each joint, coupled with the other joints that turn its motor.
+            Drive of each of the r joints, coupled with the other joints that turn its motor.
 
         Raises
         ------
@@ -331,7 +331,7 @@ def read_drives(path: str | Path) -> Drives:
     Returns
     -------
     Drives
-        Transmission, columns, units and payloads.
+        Transmission, names and units of columns, and payloads.
 
     Raises
     ------

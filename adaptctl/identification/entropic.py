@@ -34,7 +34,7 @@ RIDGE_RATIO = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class EntropicPrior:
-    """Prior of links' ten parameters (N, 10) and of other positive parameters' rough sizes, before any log."""
+    """Prior of N links' ten inertial parameters (N, 10), and rough sizes of other positive parameters."""
 
     tens: Array
     positive: NDArray[np.int64]
@@ -165,7 +165,7 @@ ALUMINIUM_DENSITY = 2700.0
 
 
 def prior_links(mechanism: Mechanism) -> tuple[Array, list[str]]:
-    """First guess (N, 10) of the links, made consistent, and remarks on those that were changed."""
+    """Prior (N, 10) of the links, made physically consistent, and remarks on those that were changed."""
     tens, remarks = [], []
     for i in mechanism.description.bodies:
         link = mechanism.links[i]

@@ -21,7 +21,7 @@ from adaptctl.identification.validation import Validation
 @dataclass(frozen=True, eq=False)
 class Identification:
     """
-    Identified robot: its fundamental parameters, their standard deviations and a validation.
+    Identified robot: its base parameters, their standard deviations and a validation.
 
     `identify` makes it; nothing is checked at construction.
 
@@ -30,35 +30,36 @@ class Identification:
     mechanism : Mechanism
         Robot with the identified, physically consistent parameters and r joints.
     model : ReducedModel
-        Its model in the k fundamental parameters.
+        Its model in the k base parameters.
     deviations : numpy.ndarray
-        Standard deviations (k,) in SI units, by the block jackknife and by what the prior leaves open.
+        Standard deviations (k,) of the base parameters in SI units, from a block jackknife, plus an uncertainty where
+        the prior decides.
     nominal_deviations : numpy.ndarray
-        Standard deviations (k,) in SI units for white torque residuals, which flatter.
+        Standard deviations (k,) in SI units if torque residuals were white, which is mostly too optimistic.
     load : numpy.ndarray
-        Coefficients (r,) of load-dependent friction without a unit, zero where it was not chosen.
+        Coefficients (r,) of load-dependent friction without unit, zero where the friction model has none.
     validation : Validation
-        Measured and predicted torques on rows that the judged fit has not seen.
+        Measured and predicted torques on rows of the logs that were not used for the validated fit.
     alternatives : dict of str to Validation
         Validations of simpler models on the same rows.
     choice : Choice
-        Settings of the fit, and what was tried.
+        Settings of the fit, and the trials by which they were chosen.
     steps : tuple of PreparationStep
-        Steps of the logs' preparation.
+        Steps of the logs' preparation, such as resampling.
     warnings : tuple of str
-        Remarks on logs and prior.
+        Warnings about logs and prior, as texts.
     misfit_ratio : float
-        Ratio of the weighted residuals' root mean square to that of plain least squares.
+        Ratio, without unit, of the root mean square of weighted residuals to that of unconstrained least squares.
     space : EssentialSpace
         Essential space, with the logs' motion as its states.
     components : int
-        Number of essential components that give the motion's energy to 1 %.
+        Number of essential components that give the motion's energy within 1 %.
     combinations : tuple of Combination
-        Directions (k) of the parameters with the strength of their excitation, the weakest first.
+        Combinations of the k base parameters with the strength of their excitation, the weakest first.
     motions : tuple of SmoothMotion
         Smoothed motions of the logs.
     drives : Drives
-        Drives with the torque constants used.
+        Transmission, with the torque constants that were used.
 
     Examples
     --------
@@ -96,23 +97,23 @@ class Identification:
 
     @property
     def estimate(self) -> Array:
-        """Identified fundamental parameters (k,) in SI units: an initial estimate for an adaptive controller."""
+        """Identified base parameters (k,) in SI units: an initial estimate for an adaptive controller."""
         return self.model.fundamental_parameters
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the k fundamental parameters, such as ``link2.mc_x``, in the order of `estimate`."""
+        """Names of the k base parameters, such as ``link2.mc_x``, in the order of `estimate`."""
         return self.model.names
 
     @property
     def inflation(self) -> float:
-        """Median ratio of the standard deviations to those for white residuals."""
+        """Median ratio of `deviations` to `nominal_deviations`: 1 if torque residuals are white."""
         known = self.nominal_deviations > 0.0
         return float(np.median(self.deviations[known] / self.nominal_deviations[known])) if known.any() else 1.0
 
     @cached_property
     def prior_ranges(self) -> Array:
-        """Expected distances (k,) from the estimate in SI units: two deviations, at least a twentieth of its size."""
+        """Expected errors (k,) of the estimate in SI units: two deviations, at least a twentieth of its size."""
         return np.maximum(2.0 * self.deviations, 0.05 * np.abs(self.estimate))
 
     def adaptation_gain(self, gain_scale: float = 0.6) -> Array:
@@ -136,12 +137,12 @@ class Identification:
 
         Notes
         -----
-        Entries are the scale times the squares of `prior_ranges`, or of 1e-9 of the greatest where a range is smaller.
+        Entries are the scale times the squares of `prior_ranges`, each range at least 1e-9 of the largest.
         """
         gain_scale = positive_number(gain_scale, "adaptation gain: rate: expected a positive number")
         return gain_scale * np.maximum(self.prior_ranges, 1e-9 * np.max(self.prior_ranges)) ** 2
 
     @property
     def unexcited(self) -> list[Combination]:
-        """Combinations of parameters that the logs hardly excite: those of strength below 3 times `inflation`."""
+        """Combinations of base parameters that the logs hardly excite: those of strength below 3 times `inflation`."""
         return unexcited(self.combinations, self.inflation)

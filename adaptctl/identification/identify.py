@@ -59,37 +59,38 @@ def identify(
     logs : str, pathlib.Path or sequence of them
         Logs as text, Parquet or ROS bags.
     robot : Mechanism, str or pathlib.Path
-        Mechanism, its file, or a built-in robot's name. Its links are the first guess; angles within 1e-3 rad of right
-        ones are made exact in files.
+        Mechanism, its file, or a built-in robot's name. Its inertial parameters are the prior. Joint axes of a file
+        that are within 1e-3 rad of right angles are made exact.
     drives : Drives, str or pathlib.Path, optional
-        Transmission between motors and joints, or its file; None where joints are measured directly.
+        Transmission between motors and joints, or its file. Default: none, for logs of joint positions and torques.
     validate : str, pathlib.Path or sequence of them, optional
-        Logs to validate on; the last 40 % of `logs` by default, which settings are chosen without.
+        Logs to validate on. Default: the last 40 % of `logs`, which then play no part in the choice of settings.
     columns : mapping of str to str, optional
         Patterns of column names by "position", "torque", "velocity" and "time": `{joint}` is a joint's name, `{}` its
-        number from 1, `{0}` from 0. Usual patterns are found by default.
+        number from 1, `{0}` from 0. Default: usual patterns are tried.
     units : mapping of str to str, optional
-        Units by the same keys, such as "deg", "N m", "deg/s" and "ms"; those that the log states by default.
+        Units by the same keys, such as "deg", "N m", "deg/s" and "ms". Default: those that the log states.
     sample_rate : float, optional
-        Rate in Hz of evenly spaced rows; the rows' time stamps count by default.
+        Sample rate in Hz of evenly spaced rows. Default: the rows' time stamps count.
     topic : str, optional
-        Topic of JointState messages in a ROS bag; the only one by default.
+        Topic of JointState messages in a ROS bag. Default: the only such topic.
     skip_steps : collection of str, optional
-        Steps of preparation to leave out: "resample", "unwrap", "velocities", "limits", "standstill".
+        Steps of preparation to leave out: "resample", "unwrap", "velocities", "limits", "standstill". None by default.
     friction : str, optional
-        Friction terms, separated by commas: "viscous", "coulomb", "square_root", "stribeck", "offset", "load"; chosen
-        by an inner validation by default.
+        Friction terms, separated by commas: "viscous", "coulomb", "square_root", "stribeck", "offset", "load". Default:
+        chosen by cross-validation within the logs.
     cutoff : float, optional
-        Cut-off in Hz of the low-pass filter; chosen by an inner validation by default.
+        Cut-off frequency in Hz of the low-pass filter. Default: chosen by cross-validation within the logs.
     prior_weight : float, optional
-        Weight without a unit of the first guess against the logs; chosen by an inner validation by default.
+        Weight, without unit, of the prior against the logs. Default: chosen by cross-validation within the logs.
     instrumental_variables : bool, default False
-        True frees regressors of encoder noise, for coarse or noisy encoders.
+        If true, instrumental variables remove the bias due to noise in measured positions, for coarse or noisy
+        encoders. By default regressors are taken as measured.
 
     Returns
     -------
     Identification
-        Parameters fitted to all logs, with deviations and the validation.
+        Parameters fitted to all logs, with standard deviations and a validation.
 
     Raises
     ------
@@ -97,7 +98,7 @@ def identify(
         If a file cannot be read or used.
     InputError
         If an argument is wrong or contradicts another, columns or units are missing, or the logs are at rest, too
-        short, too slow or not this robot's.
+        short, sampled too slowly or of another robot.
     NotFoundError
         If a built-in robot is unknown.
     MissingExtraError
@@ -107,7 +108,7 @@ def identify(
     LoopError
         If closed loops cannot be closed (`SingularityError` near a singularity).
     AdaptctlError
-        If no consistent estimate is found.
+        If no physically consistent estimate is found.
 
     Notes
     -----

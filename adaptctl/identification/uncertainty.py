@@ -20,7 +20,7 @@ from adaptctl.identification.robot_motion import RobotMotion
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Covariance (P + r, P + r) of a fit, and the one for white residuals."""
+    """Covariance (P + r, P + r) of a fit's parameters, and the covariance if torque residuals were white."""
 
     covariance: Array
     nominal: Array
@@ -35,7 +35,7 @@ class Uncertainty:
 
 
 def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
-    """Uncertainty of a fit by the block jackknife (Kuensch 1989) and by what the prior leaves open."""
+    """Uncertainty of a fit: by the block jackknife (Kuensch 1989), plus that of directions which the prior decides."""
     # The jackknife omits each block by one Newton step, without positivity, so that an estimate at the edge of what is
     # possible is not taken for certain. For what the prior holds back, c w H^-1 H_p H^-1 is added: H_p is the curvature
     # of the prior's links at the weight w, H that of the squares plus H_p, and c twice the links' divergence from the
@@ -82,7 +82,7 @@ ENERGY_ERROR = 1.0
 
 
 class Combination(NamedTuple):
-    """Combination of fundamental parameters in words, and its plausible range over the log's deviation."""
+    """Combination of base parameters in words, and its prior range divided by its standard deviation from the log."""
 
     words: str
     strength: float
@@ -136,7 +136,7 @@ UNEXCITED_COMPONENT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """Deviations (k,) to be expected from one motion, condition number, and combinations by excitation."""
+    """Standard deviations (k,) to be expected from one motion, condition number, and combinations by excitation."""
 
     model: ReducedModel
     condition: float
@@ -145,14 +145,14 @@ class Forecast:
 
     @property
     def relative(self) -> Array:
-        """Deviations over the parameters' sizes (k,)."""
+        """Standard deviations (k,) divided by the parameters' sizes."""
         value = np.abs(self.model.fundamental_parameters)
         unknown = np.where(self.deviations > 0.0, np.inf, 0.0)
         return np.divide(self.deviations, value, out=unknown, where=value > 0.0)
 
 
 def forecast(mechanism: Mechanism, motion: RobotMotion, noise: ArrayLike | None = None) -> Forecast:
-    """Deviations that least squares on a motion will leave."""
+    """Standard deviations to be expected from least squares on a motion."""
     given = None if noise is None else positive_per_joint(noise, mechanism.dof, "noise")
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
     _, p, v, a, _ = motion.sampled(INDEPENDENT_ROW_RATE)

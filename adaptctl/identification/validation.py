@@ -29,7 +29,7 @@ class Validation:
     Parameters
     ----------
     origin : str
-        Origin of the rows in words.
+        Origin of the rows in words, for reports.
     cutoff : float
         Cut-off in Hz of the low-pass filter that both torques went through.
     time : numpy.ndarray
@@ -77,7 +77,7 @@ class Validation:
 
     @property
     def relative_error(self) -> float:
-        """Root of the ratio of the errors' to the measured torques' sum of squares."""
+        """Root mean square error of all joints, divided by the root mean square of the measured torques."""
         return float(_relative(np.linalg.norm(self.error), np.linalg.norm(self.measured)))
 
     @property
@@ -87,7 +87,7 @@ class Validation:
 
     @property
     def joint_relative_errors(self) -> Array:
-        """Relative errors (r,) of the joints; infinite for zero torques."""
+        """Root mean square errors (r,) divided by those of the measured torques; infinite for zero torques."""
         return _relative(np.linalg.norm(self.error, axis=0), np.linalg.norm(self.measured, axis=0))
 
     @cached_property
@@ -97,17 +97,17 @@ class Validation:
 
     def autocorrelation(self, lags: int = 50) -> Array:
         """
-        Compute the autocorrelation of the torque errors less their means.
+        Compute the autocorrelation of the torque errors, their means subtracted.
 
         Parameters
         ----------
         lags : int, default 50
-            Largest distance in rows, at least 0; values above n - 1 count as n - 1.
+            Largest lag, a number of rows of at least 0; values above n - 1 count as n - 1.
 
         Returns
         -------
         numpy.ndarray
-            Autocorrelation (lags + 1, r): 1 at lag 0, about 0 elsewhere for white errors.
+            Autocorrelation (lags + 1, r) without unit: 1 at lag 0, and about 0 at other lags if errors are white.
 
         Raises
         ------

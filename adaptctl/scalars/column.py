@@ -15,7 +15,7 @@ from adaptctl.scalars.scalar import Scalar
 
 class Vec:
     """
-    Vector (3,) of scalars in one frame.
+    Vector (3,) of scalars, such as a position or force in one frame.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def cross(a: Vec, b: Vec) -> Vec:
 
 class Mat:
     """
-    Matrix (3, 3) of scalars, given by its rows.
+    Matrix (3, 3) of scalars, such as a rotation or inertia tensor, given by its rows.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class Mat:
     @classmethod
     def of(cls, rows: ArrayLike) -> Mat:
         """
-        Make a matrix of floats.
+        Make a matrix of floats from numbers.
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ ZERO = Vec(0.0, 0.0, 0.0)
 
 class Column:
     """
-    Vector (n,) of scalars of one kind, for equations.
+    Vector (n,) of scalars of one kind, in which equations are written.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ class Column:
         Parameters
         ----------
         n : int
-            Length; 0 or less gives an empty column.
+            Number of entries; 0 or less gives an empty column.
 
         Returns
         -------
@@ -288,7 +288,7 @@ def combined(columns: Sequence[Column], weights: Column) -> Column:
 
 def column(array: Any) -> Column:
     """
-    Make a column of an array's last axis.
+    Make a column whose entries are along an array's last axis.
 
     Parameters
     ----------
@@ -324,7 +324,7 @@ def column(array: Any) -> Column:
 
 def each(values: Any, n: int) -> Column:
     """
-    Make a column of one value or n values.
+    Make a column of n entries from one value or n values.
 
     Parameters
     ----------
@@ -378,7 +378,7 @@ def spread(values: Column, columns: Sequence[int], size: int) -> Column:
     Returns
     -------
     Column
-        Column (size,), with exact zeros elsewhere that cost nothing in compiled equations.
+        Column (size,) with zeros elsewhere, which cost nothing in compiled equations.
 
     Raises
     ------

@@ -32,7 +32,8 @@ class Dual(np.lib.mixins.NDArrayOperatorsMixin):
     value : float or array_like
         Value in any unit, or samples (...) of it.
     slope : float or array_like, default 0.0
-        Derivative along the direction in the value's unit, of its shape (...) or (). Zero is that of a constant.
+        Derivative along the direction, in the value's unit per unit of the direction, of shape (...) or (). Zero is
+        that of a constant.
 
     Raises
     ------

@@ -260,12 +260,12 @@ def nearest_whole(x: Any) -> Any:
 
 def angle(sine: Any, cosine: Any, near: Any) -> Any:
     """
-    Return the angle nearest to another, with known sine and cosine.
+    Return the angle of a given sine and cosine that is nearest to another angle.
 
     Parameters
     ----------
     sine, cosine, near : float, array, Dual or symbolic scalar
-        Sine and cosine, whose squares add up to 1, and an angle in rad.
+        Sine and cosine without unit, whose squares add up to 1, and an angle in rad to be near to.
 
     Returns
     -------

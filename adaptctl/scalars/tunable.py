@@ -19,12 +19,12 @@ from adaptctl.scalars.column import Column
 
 class Structure:
     """
-    Part of an object that its native code depends on.
+    Identity of an object's native code: its class and the values that are compiled in.
 
     Parameters
     ----------
     of : object
-        Object with this structure.
+        Object that the structure belongs to.
     key : hashable
         Class and values; structures with equal keys are equal, and their objects share native code.
 
@@ -54,11 +54,11 @@ class Structure:
 
 class Keyed:
     """
-    Base class of frozen dataclasses compiled by value.
+    Base class of frozen dataclasses whose fields are compiled into native code as constants.
 
     Notes
     -----
-    Objects of equal `structure` (class and values) share native code.
+    Objects of one class with equal field values have equal `structure` and share native code.
 
     Examples
     --------
@@ -73,18 +73,19 @@ class Keyed:
 
     @cached_property
     def structure(self) -> Structure:
-        """`Structure` of this object."""
+        """Identity of this object's native code."""
         return Structure(self, _fields_key(self))
 
 
 class Tunable:
     """
-    Base class of settings with tunable numbers, which are arguments of native code.
+    Base class of settings with tunable numbers, which can change without compiling again.
 
     Notes
     -----
-    The property `tunable` names these attributes: numbers, arrays (n,) or (m, n), or None. Equations read them with
-    `column` and `each`. A subclass must name them anew.
+    Tunable numbers are arguments of native code; other attributes are compiled in. The property `tunable` names the
+    attributes, each a number, an array (n,) or (m, n), or None; a subclass overrides it with all names. Equations read
+    them with `column` and `each`.
 
     Examples
     --------
@@ -130,12 +131,12 @@ class Tunable:
 
     @cached_property
     def packed(self) -> Array:
-        """Tunable numbers (g,) in the order of `numbers`."""
+        """All g tunable numbers as an array (g,), in the order of `numbers`."""
         return np.concatenate([np.zeros(0), *(array.ravel() for array in self.numbers.values())])
 
     def substituted(self, packed: Column) -> Self:
         """
-        Return a copy with scalars of any kind.
+        Return a copy whose tunable numbers are scalars of any kind, such as symbolic ones.
 
         Parameters
         ----------
@@ -156,7 +157,7 @@ class Tunable:
 
     def unpacked(self, packed: Column) -> dict[str, Any]:
         """
-        Return tunable numbers by name.
+        Return the tunable numbers of a column by name.
 
         Parameters
         ----------
@@ -181,12 +182,13 @@ class Tunable:
 
     def having(self, numbers: Mapping[str, Any]) -> Self:
         """
-        Return a copy with other numbers, unchecked.
+        Return a copy with other tunable numbers, which are not checked.
 
         Parameters
         ----------
         numbers : mapping
-            Scalars of any kind, or arrays with leading axes of samples, by the names in `numbers`; others stay.
+            Scalars of any kind, or arrays with leading axes of samples, in their own units, by the names in `numbers`;
+            others stay.
 
         Returns
         -------
@@ -216,12 +218,12 @@ class Tunable:
 
     def fixed(self) -> Self:
         """
-        Return a copy with `sparse` arrays compiled in.
+        Return a copy whose arrays named by `sparse` are compiled in, so that multiplications by zero are left out.
 
         Returns
         -------
         Tunable
-            The copy, its parts treated alike.
+            The copy; its tunable parts are treated in the same way.
         """
         other = self._having({})
         other.__dict__.update({name: part.fixed() for name, part in self.tunable_parts.items()})
@@ -231,7 +233,7 @@ class Tunable:
 
     def tuned(self, numbers: Mapping[str, ArrayLike]) -> Self:
         """
-        Return a copy with other numbers, checked.
+        Return a copy with other tunable numbers, which are checked.
 
         Parameters
         ----------
@@ -266,7 +268,7 @@ class Tunable:
 
     @cached_property
     def structure(self) -> Structure:
-        """`Structure` of these settings."""
+        """Identity of these settings' native code, without tunable numbers."""
         parts = self.tunable_parts
         shapes = tuple((name, array.shape, self._zeros(name, array)) for name, array in self.numbers.items())
         fixed = [(name, value) for name, value in self._settings() if name not in parts]

@@ -51,7 +51,7 @@ class ArmOnPath(TaskSpaceTracking):
 
     @property
     def purpose(self) -> str:
-        """Question of the experiment."""
+        """Question that the experiment answers, in words."""
         return PURPOSE
 
     def environment(self, mechanism: Mechanism) -> Any:

@@ -19,7 +19,7 @@ PANELS = 3
 def bands(
     name: str, caption: str, ylabel: str, panels: Mapping[str, tuple[Array, Mapping[int, float]]], first: int = 0
 ) -> Drawing:
-    """Drawing of positive values of all seeds over the number of components."""
+    """Drawing of positive values of all seeds against the number of components."""
 
     def draw() -> Figure:
         rows, columns = -(-len(panels) // PANELS), min(len(panels), PANELS)

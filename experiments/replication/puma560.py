@@ -113,7 +113,7 @@ def table2(study: Study) -> Computation:
 
 
 def figure3(study: Study) -> Computation:
-    """Figure 3: energy errors of both arms over the number of components."""
+    """Figure 3: energy errors of both arms against the number of components."""
     arms = (study.puma, study.five_bar, study.nearly_parallel)
     puma, *pair = (arm.percent_errors for arm in arms)
     others = dict(zip(("generic", "nearly"), pair, strict=True))
@@ -258,7 +258,7 @@ def combination(text: str, links: int = 6) -> Array:
 
 
 def torque_share(arm: Arm, text: str) -> float:
-    """Largest torque of a combination over that of its terms."""
+    """Largest torque of a combination divided by the largest torque of its terms."""
     vector = combination(text)
     p, v, a = np.random.default_rng(0).normal(size=(3, 500, arm.mechanism.dof))
     Y = arm.mechanism.torque_regressor(p, v, a)
@@ -290,7 +290,7 @@ def table7(study: Study) -> Computation:
 
 
 def excess(space: EssentialSpace, real: Printed, essential: Printed, free: Array) -> float:
-    """Least excess of differences over rounding, by a linear program: at most 1 if rounding explains all."""
+    """Smallest ratio of differences to rounding errors, by a linear program: at most 1 if rounding explains all."""
     tolerance = parameters(essential, half_units=True)
     slack = np.where(free, parameters(real, half_units=True), 0.0)
     project = space.basis @ space.basis.T / tolerance[:, None]

@@ -201,7 +201,7 @@ class Decoupling:
         return self.basis.rank - len(self.relations)
 
     def lines(self) -> tuple[str, ...]:
-        """Relations as texts such as "link5.mc_x* = 0.6667 link4.mc_x*"; a star marks fundamental parameters."""
+        """Relations as texts such as "link5.mc_x* = 0.6667 link4.mc_x*"; a star marks base parameters."""
         found, names = [], self.basis.names
         for row in self.relations:
             *others, own = np.flatnonzero(row)

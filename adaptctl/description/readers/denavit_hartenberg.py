@@ -78,7 +78,7 @@ def read_denavit_hartenberg(path: str | Path) -> Description:
     Warns
     -----
     SimplificationWarning
-        If angles look like degrees, or end links move without mass.
+        If angles look like degrees, or a link at the end of the chain has no mass.
 
     Notes
     -----

@@ -43,20 +43,20 @@ class TreeLink(LinkEntry, kw_only=True):
 
 
 class LinkFrame(FrameEntry, kw_only=True):
-    """Entry of a mechanism file in TOML."""
+    """Frame on a link in a mechanism file in TOML; without a link, on the ground."""
 
     link: Name | None = None
 
 
 class NamedFrameEntry(LinkFrame, kw_only=True):
-    """Entry of a mechanism file in TOML."""
+    """Named frame in a mechanism file in TOML."""
 
     name: Name
     kind: Literal["operational", "fixed joint", "body", "sensor"] = "operational"
 
 
 class ClosureEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Entry of a mechanism file in TOML."""
+    """Loop closure between two frames in a mechanism file in TOML."""
 
     name: Name
     first: LinkFrame
@@ -75,7 +75,7 @@ class CouplingEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class ConditionEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Entry of a mechanism file in TOML."""
+    """Linear bound on primary positions in a mechanism file in TOML."""
 
     name: Name
     weights: dict[Name, float]
@@ -111,7 +111,8 @@ def read_mechanism_file(path: str | Path) -> Description:
     Returns
     -------
     Description
-        The mechanism. Without closures and `primary` in the file, all joints that follow no other are primary.
+        The mechanism. Where the file has neither closures nor a list `primary`, all joints but followers of couplings
+        are primary (independent).
 
     Raises
     ------
@@ -122,7 +123,7 @@ def read_mechanism_file(path: str | Path) -> Description:
     Warns
     -----
     SimplificationWarning
-        If angles look like degrees, or end links move without mass.
+        If angles look like degrees, or a link at the end of a chain has no mass.
 
     Notes
     -----

@@ -47,7 +47,7 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
     path : str or Path
         MJCF file. Files that it includes, and meshes of inertias, are read from its folder or below.
     root : str, optional
-        Body of a scene that the mechanism begins with, all bodies on it included; by default the one root body that
+        Name of the body at which the mechanism begins; its descendants are included. Default: the only root body that
         moves.
 
     Returns
@@ -59,8 +59,8 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
     Raises
     ------
     FileError
-        If the file cannot be read, MuJoCo refuses it, `root` is unknown or on a moving body, or a motion is not
-        read (ball joints, several moving roots); the message names the element.
+        If the file cannot be read, MuJoCo refuses it, `root` is unknown or on a moving body, or a joint is not
+        supported (ball joints, several moving roots); the message names the element.
     MissingExtraError
         If MuJoCo is not installed.
 
@@ -72,8 +72,9 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
 
     Notes
     -----
-    Fixed bodies are merged into their parents; a body with several joints becomes several links, massless but the last.
-    Armature, damping and dry friction become the drive; zeros are not modelled. See :doc:`/robots`.
+    Fixed bodies are merged into their parents; a body with several joints becomes as many links, of which only the last
+    has mass. Armature, damping and dry friction become rotor inertia, viscous and Coulomb friction, where not zero. See
+    :doc:`/robots`.
 
     Examples
     --------

@@ -91,11 +91,12 @@ def read(
     floating_base : bool, default False
         If true, the root link of a URDF file floats on six joints. By default it is fixed to the ground, as an arm is.
     snap : bool, default False
-        If true, angles between successive joint axes within 1e-3 rad of a multiple of 90 degrees are made exact.
+        If true, angles between successive joint axes within 1e-3 rad of a multiple of 90 degrees are made exact. By
+        default the file's values count.
     mesh_folders : sequence of str or Path, optional
         Folders with meshes of a URDF file. Default: none besides its own package.
     root : str, optional
-        First body of the mechanism in an MJCF scene; by default the one root body that moves.
+        Name of the body of an MJCF scene at which the mechanism begins. Default: the only root body that moves.
 
     Returns
     -------

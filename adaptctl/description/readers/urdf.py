@@ -82,7 +82,7 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
     Notes
     -----
     Links behind fixed joints are merged into their parents; collision geometry and transmissions are not read. Damping
-    and friction become viscous and Coulomb friction; zeros are not modelled. See :doc:`/robots`.
+    and friction become viscous and Coulomb friction, where not zero. See :doc:`/robots`.
 
     Examples
     --------

@@ -24,7 +24,7 @@ class ArticulatedBody(NamedTuple):
         return ArticulatedBody(*(a + b for a, b in zip(self, other, strict=True)))
 
     def load(self, acceleration: Twist) -> Wrench:
-        """Wrench about the body's point for an acceleration."""
+        """Wrench about the body's reference point that gives the body an acceleration."""
         alpha, acc = acceleration.w, acceleration.v
         return Wrench(self.coupling.T @ alpha + self.mass @ acc, self.inertia @ alpha + self.coupling @ acc)
 

@@ -59,7 +59,7 @@ class DriveTerm(NamedTuple):
         return friction(self.kind, self.speed(v)) if self.kind.is_friction else self.speed(a)
 
     def damping(self, v: Column) -> Scalar:
-        """Secant of the friction curve per unit of the parameter."""
+        """Friction torque divided by velocity, per unit of the parameter."""
         match self.kind:
             case DriveParameter.VISCOUS:
                 return 1.0

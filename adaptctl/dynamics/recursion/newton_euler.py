@@ -33,7 +33,7 @@ def wrench(motion: LinkMotion, ten: Sequence[Scalar]) -> Wrench:
 
 
 def inertia_moments(motion: LinkMotion) -> tuple[Vec, ...]:
-    """Moments (3,) of a link's motion, per inertia."""
+    """Moments (3,) of a link's motion per unit of each of its six inertia tensor entries."""
     a, b, p = motion.alpha, motion.lever, motion.products
     return (
         Vec(a.x, p.xz, -p.xy),
@@ -70,7 +70,7 @@ def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], par
 
 
 def joint_power(place: Placement, load: Wrench) -> Scalar:
-    """Joint torque of a wrench on the link."""
+    """Torque in N m (N if prismatic) at the joint that a wrench on its link makes."""
     z = place.segment.axis
     if not place.segment.turns:
         return dot(load.force, z)
@@ -113,7 +113,7 @@ def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
 
 
 def powers(places: Sequence[Placement], moving: Sequence[LinkMotion], s: Column, columns: Sequence[int]) -> Column:
-    """Powers Y' s (k,) of k inertial parameters."""
+    """Regressor's transpose times joint rates, Y' s (k,) in W per unit of k inertial parameters."""
     kept = kept_by_link(columns, len(places))
     of_links = map(_kept_powers, places, moving, twists(places, s), kept)
     found = [dict(zip(keep, powers, strict=True)) for keep, powers in zip(kept, of_links, strict=True)]
