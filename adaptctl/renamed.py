@@ -10,6 +10,7 @@ RENAMED: Mapping[str, tuple[str, ...]] = {
     "Halted": ("StoppedReference",),
     "HoldNumber": ("SamplingRatio",),
     "Leftover": ("ResidualSingularValue",),
+    "Lift": ("ConsistentParameters",),
     "PlaceBounds": ("MountingBounds",),
     "Removal": ("Simplification",),
     "Watch": ("StabilityMonitor",),

@@ -85,7 +85,7 @@ def _physics(task: Task, integrator: str, solver: str) -> Physics:
     """The same arms from the same starts, under the torques that would hold them there."""
     p, v = task.starts(ARMS)
     q, equations = task.arm.configuration(p), task.arm.equations
-    u = np.array([equations.rates(column(a), column(b)).of for a, b in zip(q, v, strict=True)])
+    u = np.array([equations.joint_velocities(column(a), column(b)).of for a, b in zip(q, v, strict=True)])
     torque = np.zeros_like(q)
     torque[:, list(task.arm.description.primary)] = _holding(task, p)
     return Physics(mujoco_model(task.arm, PERIOD, integrator, solver), q, u, torque, STEPS)

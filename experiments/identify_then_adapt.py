@@ -154,7 +154,7 @@ def identified_from(name: str, share: float) -> Mechanism:
 
     with example(name) as files:
         mechanism = load(files.robot, snap=True)
-        drives = read_drives(files.drives).of(mechanism)
+        drives = read_drives(files.drives).ordered_like(mechanism)
         log = joint_log(read_log(files.log), drives)
     part = slice(0, round(share * len(log)))
     kept = JointLog(log.source, log.time[part], log.position[part], log.torque[part])

@@ -101,4 +101,6 @@ def _slopes(mechanism: Mechanism) -> Array:
     """dU/dp at the reference (r, n), transposed."""
     home = Column(np.asarray(mechanism.configuration(LEFT)).tolist())
     units = np.eye(mechanism.dof).tolist()
-    return np.array([list(mechanism.equations.rates(home, Column(unit))) for unit in units], dtype=np.float64)
+    return np.array(
+        [list(mechanism.equations.joint_velocities(home, Column(unit))) for unit in units], dtype=np.float64
+    )

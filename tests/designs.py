@@ -64,8 +64,12 @@ def best_on_grid(
 
     |c + A a_i + B b_j|^2 is tabulated as |c + A a_i|^2 + |B b_j|^2 + 2 (c + A a_i)'B b_j, for all i and j.
     """
-    M, (D, one), (_, two) = task.matrix(objective), (task.parameters, grid_of(first, each)[1]), grid_of(second, each)
-    places = [10 * task.link(p.link) for p in (first, second)]
+    M, (D, one), (_, two) = (
+        task.cost_matrix(objective),
+        (task.parameters, grid_of(first, each)[1]),
+        grid_of(second, each),
+    )
+    places = [10 * task.link_index(p.link) for p in (first, second)]
     base = M @ D + one @ M[:, places[0] : places[0] + 10].T
     more = two @ M[:, places[1] : places[1] + 10].T
     costs = np.sum(base**2, axis=1)[:, None] + np.sum(more**2, axis=1) + 2.0 * base @ more.T

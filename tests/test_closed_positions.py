@@ -42,7 +42,7 @@ def test_the_known_configuration_is_the_one_that_closing_finds(arm: Mechanism) -
     equations, rng = arm.equations, np.random.default_rng(0)
     middle = np.array([0.0, -1.57, -3.14])
     for p in middle + rng.uniform(-0.3, 0.3, (20, 3)):
-        q = equations.projected(column(arm.configuration(p)))
+        q = equations.nearest_closed(column(arm.configuration(p)))
         positions = Column(q[i] for i in arm.description.primary)
         known = equations.closed(ClosedPositions(positions, q, equations), Column.zeros(5))
         assert known is q

@@ -195,8 +195,8 @@ SIZES = {"p": 2, "v": 2, "tau": 2}
 
 def test_four_stages_share_one_body() -> None:
     routine = trace(rk4(outlined(pendulum)), SIZES)
-    assert len(routine.calls) == 4
-    assert len(set(routine.calls)) == 1
+    assert len(routine.subroutines) == 4
+    assert len(set(routine.subroutines)) == 1
     assert program(routine, Lanes())[0].count("call void @of_pendulum") == 4
     assert program(routine, Lanes())[0].count("define internal void @of_pendulum") == 1
     unrolled = trace(rk4(pendulum), SIZES)

@@ -73,7 +73,7 @@ def test_any_three_relations_make_26_into_23(seed: int) -> None:
     """Section 5.3 of Sheu and Walker (1991): relations among what matters take as many parameters away."""
     mechanism, whole = arm("semi_direct_drive"), space("semi_direct_drive")
     relations = np.random.default_rng(seed).normal(size=(3, 26)) @ whole.basis.T
-    left = constrained(mechanism, Constraints.of(relations, mechanism.parameter_names))
+    left = constrained(mechanism, Constraints.from_matrix(relations, mechanism.parameter_names))
     found = essential_space(left)
     assert found.rank == 23
     assert len(fundamental_basis(found).names) == 23
@@ -88,7 +88,7 @@ def test_decoupled_arms(name: str, relations: int, rank: int) -> None:
     mechanism = arm(name)
     rows = off_diagonal(mechanism)
     assert len(rows) == relations
-    decoupled = constrained(mechanism, Constraints.of(rows, mechanism.parameter_names))
+    decoupled = constrained(mechanism, Constraints.from_matrix(rows, mechanism.parameter_names))
     assert essential_space(decoupled).rank == rank == space(name).rank - relations
     M = decoupled.mass_matrix(random_states(mechanism, 50, np.random.default_rng(1)).p)
     assert np.abs(M - M * np.eye(3)).max() < 1e-12 * np.abs(M).max()
@@ -164,7 +164,7 @@ def test_regressors_are_derivatives_by_what_is_left(seed: int, links: int) -> No
     powers = motion.regressor_transpose_product(column(s), range(len(z)))
     np.testing.assert_allclose(motion.torque(column(z)).of, other, rtol=0, atol=1e-10 * scale)
     np.testing.assert_allclose(powers.of, Y.T @ s, rtol=0, atol=1e-10 * scale * max(1.0, np.abs(s).max()))
-    again = e.remembered(motion.numbers)
+    again = e.restored_motion(motion.numbers)
     assert len(motion.numbers) == len(e.motion_memory.sources)
     assert again.regressor_transpose_product(column(s), range(len(z))).of == powers.of
     asked = sorted(rng.permutation(len(z))[:4].tolist())
@@ -196,7 +196,7 @@ def test_the_controller_keeps_to_the_relations() -> None:
     mechanism, whole = arm("semi_direct_drive"), space("semi_direct_drive")
     D = mechanism.inertial_parameters
     rows = np.random.default_rng(0).normal(size=(3, 26)) @ whole.basis.T
-    left = constrained(mechanism, Constraints.of(rows, mechanism.parameter_names, rows @ D))
+    left = constrained(mechanism, Constraints.from_matrix(rows, mechanism.parameter_names, rows @ D))
     models = [ReducedModel(m, fundamental_basis(essential_space(m))) for m in (mechanism, left)]
     assert [len(model.columns) for model in models] == [26, 23]
     p, v = np.array([0.1, -1.4, -3.0]), np.array([0.3, -0.2, 0.5])
@@ -365,7 +365,7 @@ def test_wrong_constraints() -> None:
     with pytest.raises(NotFoundError, match=r"relation 1 elbow = 0: .* 'elbow'; known names: link1\.m, link1\.mc_x"):
         constrained(mechanism, Constraints(relations=(Relation({"elbow": 1.0}),)))
     with pytest.raises(InputError, match=r"expected a matrix \(m, 50\) and values \(m,\), got \(3, 49\)"):
-        Constraints.of(np.ones((3, 49)), mechanism.parameter_names)
+        Constraints.from_matrix(np.ones((3, 49)), mechanism.parameter_names)
     with pytest.raises(InputError, match="relation 1 a = inf: expected finite weights"):
         Relation({"a": 1.0}, np.inf)
     for known in ("a", None, [1.0]):

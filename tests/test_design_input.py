@@ -55,7 +55,7 @@ def single() -> DesignTask:
 
 @cache
 def third() -> MountingBounds:
-    return MountingBounds.of(task().mechanism, "link3")
+    return MountingBounds.for_link(task().mechanism, "link3")
 
 
 def several() -> Array:
@@ -84,7 +84,10 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "percent nan": (lambda: task().components(np.nan), "percent: expected a percentage of at least 0"),
     "mass's percent": (lambda: added_mass(task(), "link3", 1.0, percent=OTHER), "percent: expected a number"),
     "balls' percent": (lambda: optimal_counterweights(task(), [third()], percent=OTHER), "percent: expected a number"),
-    "objective": (lambda: task().matrix(LISTED), "objective: expected one of energy, torque, coupling, components"),
+    "objective": (
+        lambda: task().cost_matrix(LISTED),
+        "objective: expected one of energy, torque, coupling, components",
+    ),
     "map's mass": (lambda: cost_map(task(), -1.0), "mass: expected a positive number of kg, got -1"),
     "map's nan": (lambda: CostMap(task(), np.nan, "energy"), "mass: expected a positive number of kg, got nan"),
     "map's objective": (lambda: cost_map(task(), 1.0, LISTED), "objective: expected one of energy"),
@@ -100,8 +103,14 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
         lambda: MountingBounds("link3", np.zeros(3), np.ones(3), OTHER),
         "link3: mass: expected a number, got 'a'",
     ),
-    "share": (lambda: MountingBounds.of(task().mechanism, "link3", OTHER), "places: share: expected a number, got 'a'"),
-    "beyond": (lambda: MountingBounds.of(task().mechanism, "link3", 0.2, OTHER), "places: beyond: expected a number"),
+    "share": (
+        lambda: MountingBounds.for_link(task().mechanism, "link3", OTHER),
+        "mounting bounds: mass_ratio: expected a number, got 'a'",
+    ),
+    "beyond": (
+        lambda: MountingBounds.for_link(task().mechanism, "link3", 0.2, OTHER),
+        "mounting bounds: max_offset: expected a number",
+    ),
     "twice": (
         lambda: simplifications(task(), [third(), third()]),
         "expected bounds for different links, got link3, link3",
@@ -119,8 +128,8 @@ TOO_LARGE: dict[str, tuple[Callable[[], object], str]] = {
     "cost": (lambda: task().cost("energy", task().parameters * 1e300), "parameters: the cost overflows"),
     "torques": (lambda: task().torques(task().parameters * 1e300), "parameters: the cost overflows"),
     "components": (lambda: task().components(1.0, task().parameters * 1e300), "parameters: the cost overflows"),
-    "weights": (lambda: task().weights(task().parameters * 1e300), "parameters: the cost overflows"),
-    "place": (lambda: cost_map(task()).at("link3", (1e200, 0.0, 0.0)), "link3: places: expected smaller distances"),
+    "weights": (lambda: task().energy_fractions(task().parameters * 1e300), "parameters: the cost overflows"),
+    "place": (lambda: cost_map(task()).at("link3", (1e200, 0.0, 0.0)), "link3: positions: expected smaller distances"),
 }
 
 
@@ -150,7 +159,7 @@ def test_a_mass_may_be_an_array_of_no_axes(body: Callable[[Any], Any]) -> None:
 
 
 def test_a_percentage_may_be_any_number_from_zero() -> None:
-    assert task().components(0.0) == task().space.rank
+    assert task().components(0.0) == task().essential_space.rank
     assert task().components(1e300) == task().components(100.0) == 0
 
 
@@ -158,7 +167,10 @@ def test_what_is_kept_is_read_only() -> None:
     added = added_mass(task(), "link3", 1.0)
     ball = Counterweight("link3", 1.0, np.zeros(3), 7850.0)
     balanced = optimal_counterweights(task(), [third()])
-    kept = [added.change, added.parameters, added.essential, balanced.parameters, ball.place]
-    kept += [task().torque_limits, *(task().matrix(name) for name in ("energy", "torque", "coupling", "components"))]
+    kept = [added.parameter_change, added.parameters, added.essential_change, balanced.parameters, ball.place]
+    kept += [
+        task().torque_limits,
+        *(task().cost_matrix(name) for name in ("energy", "torque", "coupling", "components")),
+    ]
     assert not any(array.flags.writeable for array in kept)
     assert not pickle.loads(pickle.dumps(ball)).place.flags.writeable

@@ -87,7 +87,7 @@ def test_columns_and_the_tick_know_the_drives(seed: int, links: int, data: st.Da
         motion.regressor_transpose_product(column(s), columns).of, Y[:, columns].T @ s, rtol=1e-9, atol=1e-9
     )
     np.testing.assert_allclose(motion.torque(column(D)).of, Y @ D, rtol=1e-9, atol=1e-9)
-    again = mechanism.equations.remembered(motion.numbers)
+    again = mechanism.equations.restored_motion(motion.numbers)
     assert len(motion.numbers) == len(mechanism.equations.motion_memory.sources)
     assert (
         again.regressor_transpose_product(column(s), columns).of

@@ -157,7 +157,7 @@ def test_a_cutoff_that_instruments_leave_no_rows_at_is_refused() -> None:
 
 
 def test_deviations_are_not_inflated_where_all_are_zero() -> None:
-    inflation = cast(Any, Identification.inflation).fget
+    inflation = cast(Any, Identification.deviation_ratio).fget
     assert inflation(SimpleNamespace(deviations=np.zeros(3), nominal_deviations=np.zeros(3))) == 1.0
     assert inflation(SimpleNamespace(deviations=np.full(2, 3.0), nominal_deviations=np.array([0.0, 2.0]))) == 1.5
 

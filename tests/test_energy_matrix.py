@@ -82,7 +82,7 @@ def test_a_large_number_of_samples_is_only_slow(puma: Mechanism) -> None:
 @pytest.mark.parametrize(("samples", "most"), [(2, 5), (5, 5), (6, 5), (7, 5), (11, 5), (12, 5)])
 def test_states_in_parts(samples: int, most: int) -> None:
     p: Array = np.arange(2.0 * samples).reshape(samples, 2)
-    parts = list(States(p, -p, "here").parts(most))
+    parts = list(States(p, -p, "here").split(most))
     np.testing.assert_array_equal(np.concatenate([part.p for part in parts]), p)
     np.testing.assert_array_equal(np.concatenate([part.v for part in parts]), -p)
     assert all(2 <= len(part) <= most + 1 and part.origin == "here" for part in parts)

@@ -57,7 +57,7 @@ def numbers(rows: list[Column]) -> np.ndarray:
 def test_sizes_are_the_mechanisms(mechanism: Mechanism) -> None:
     e = mechanism.equations
     assert (e.dof, e.parameters) == (mechanism.dof, len(mechanism.parameter_names))
-    assert e.joints == len(e.links) == len(mechanism.links)
+    assert e.num_joints == len(e.links) == len(mechanism.links)
     motion = e.motion(*map(column, states(mechanism)))
     assert isinstance(e, Equations)
     assert isinstance(motion, Motion)
@@ -93,7 +93,7 @@ def test_known_torque_is_what_regressors_leave_out(mechanism: Mechanism) -> None
     assert share.shape == (3, 2, mechanism.dof)
     by_regressor = mechanism.torque_regressor(p, v, a) @ mechanism.inertial_parameters
     np.testing.assert_allclose(by_regressor + share, mechanism.inverse_dynamics(p, v, a), rtol=1e-10, atol=1e-12)
-    assert bool(np.abs(share).max()) is mechanism.equations.has_known_share
+    assert bool(np.abs(share).max()) is mechanism.equations.has_constraint_bias
     with pytest.raises(InputError, match=r"a: expected shape \(\.\.\., "):
         mechanism.constraint_bias_torque(p, v, np.zeros(99))
 

@@ -100,8 +100,8 @@ def test_operations_count_what_the_result_needs_once() -> None:
 def test_calls_count_each_time_and_share_one_body() -> None:
     square = outlined(lambda x: x * x + 1.0)
     routine = scalar(lambda x, y, z: square(x) + square(y) * square(z) + square(x))
-    assert len(routine.calls) == 3  # square(x) is one expression
-    assert len(set(routine.calls)) == 1
+    assert len(routine.subroutines) == 3  # square(x) is one expression
+    assert len(set(routine.subroutines)) == 1
     assert routine.operations.flops == 3 * 2 + 3
 
 
@@ -114,7 +114,7 @@ def test_what_a_call_knows_is_known_to_its_caller() -> None:
 def test_constant_arguments_are_folded_into_the_body() -> None:
     product = outlined(lambda a, b: a * b)
     routine = scalar(lambda x, y, z: product(x, y) + product(x, 2.0) + product(0.0, x))
-    assert [sum(call.inputs) for call in routine.calls] == [2, 1]  # the product with zero is known
+    assert [sum(call.inputs) for call in routine.subroutines] == [2, 1]  # the product with zero is known
     assert routine.operations == {"*": 2, "+": 1}
 
 

@@ -180,7 +180,7 @@ def test_axes_held_cost_fewer_operations(name: str, monkeypatch: pytest.MonkeyPa
     assert theirs.forward_dynamics is not None
     assert ours.forward_dynamics is not None
     assert ours.forward_dynamics < 0.92 * theirs.forward_dynamics
-    assert ours.tick < 0.96 * theirs.tick
+    assert ours.control_law < 0.96 * theirs.control_law
     assert ours.regressor < 0.97 * theirs.regressor
 
 
@@ -212,7 +212,7 @@ def test_a_motion_is_rebuilt_from_what_is_remembered(case: str) -> None:
         np.testing.assert_allclose([float(x) for x in again], [float(x) for x in motion.numbers], rtol=0.0, atol=1e-13)
         columns = range(equations.parameters)
         ours, theirs = (
-            x.regressor_transpose_product(column(s), columns).of for x in (equations.remembered(again), motion)
+            x.regressor_transpose_product(column(s), columns).of for x in (equations.restored_motion(again), motion)
         )
         np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-12 * np.abs(theirs).max())
 

@@ -59,7 +59,7 @@ def test_what_is_found_is_always_what_bodies_can_have() -> None:
 
 def test_white_residuals_flatter() -> None:
     """Noise that lasts ten samples is not worth as many equations, which the jackknife alone sees."""
-    assert found(1, 0.9)[0].inflation > 1.1 * found(1, 0.0)[0].inflation
+    assert found(1, 0.9)[0].deviation_ratio > 1.1 * found(1, 0.0)[0].deviation_ratio
 
 
 @settings(max_examples=15, deadline=None)
@@ -216,7 +216,7 @@ def test_load_dependent_friction_is_found() -> None:
     log = replace(known(9, 2).log, time=time, position=p, torque=torque + rng.normal(scale=0.05, size=torque.shape))
     result = identified(tree, joint_drives(tree), [log], [log], cutoff=25.0)
     assert result.choice.settings.friction.load
-    assert result.load == pytest.approx([0.15, 0.15], rel=0.1)
+    assert result.load_friction == pytest.approx([0.15, 0.15], rel=0.1)
     assert (
         result.validation.relative_error < 0.6 * result.alternatives["without load-dependent friction"].relative_error
     )
@@ -283,7 +283,7 @@ def test_the_real_arm_is_predicted_better_than_by_least_squares() -> None:
     assert DriveParameter.SQUARE_ROOT in result.choice.settings.friction.kinds
     assert not result.mechanism.description.inconsistent_links
     assert result.misfit_ratio <= 1.03
-    assert 1.5 < result.inflation < 5.0
+    assert 1.5 < result.deviation_ratio < 5.0
     assert result.mechanism.links[5].joint.drive.turns_with == (("joint_5", 1.0),)
     assert any("link_6" in remark for remark in result.warnings)
 

@@ -118,7 +118,7 @@ def test_the_constraints_jacobian_is_that_of_the_poses(name: str, seed: int) -> 
 def test_velocities_are_the_slope_of_the_configuration(name: str, seed: int) -> None:
     """J v against dual numbers through Newton's steps, and against differences of U."""
     mechanism, p, q, (v, *_) = case(name, seed)
-    u = floats(equations(mechanism).rates(column(q), column(v)))
+    u = floats(equations(mechanism).joint_velocities(column(q), column(v)))
     dual = slopes(equations(mechanism).closed(along(p, v), column(q)))
     np.testing.assert_allclose(dual, u, rtol=0, atol=1e-11 * max(1.0, np.abs(u).max()))
     h = 1e-5
@@ -131,10 +131,10 @@ def test_velocities_are_the_slope_of_the_configuration(name: str, seed: int) -> 
 def test_every_loop_that_can_be_drawn_moves(name: str, seed: int) -> None:
     """Where it stood still, what follows would compare nothing with nothing."""
     mechanism, _, q, (v, w, *_) = case(name, seed)
-    u = floats(equations(mechanism).rates(column(q), column(v)))
+    u = floats(equations(mechanism).joint_velocities(column(q), column(v)))
     assert np.abs(np.delete(u, mechanism.description.primary)).max() > 1e-3
     if RECIPES[name].closures:
-        curving = slopes(equations(mechanism).rates(along(q, u), column(w)))
+        curving = slopes(equations(mechanism).joint_velocities(along(q, u), column(w)))
         assert np.abs(curving).max() > 1e-3
 
 
@@ -147,13 +147,15 @@ def test_bias_is_the_rate_of_the_jacobian(name: str, seed: int) -> None:
     posture = equations(mechanism).posture(column(q))
     u, y = posture.tree(column(v)), posture.tree(column(w))
     bias = floats(posture.bias(u, y))
-    expected = slopes(equations(mechanism).rates(along(q, floats(u)), column(w)))
+    expected = slopes(equations(mechanism).joint_velocities(along(q, floats(u)), column(w)))
     scale = max(1.0, np.abs(expected).max(), np.abs(floats(u)).max() * np.abs(floats(y)).max())
     np.testing.assert_allclose(bias, expected, rtol=0, atol=1e-11 * scale)
     np.testing.assert_allclose(bias, floats(posture.bias(y, u)), rtol=0, atol=1e-12 * scale)
     h = 1e-5
     forth, back = (
-        floats(equations(mechanism).rates(equations(mechanism).closed(column(p + s * v), column(q)), column(w)))
+        floats(
+            equations(mechanism).joint_velocities(equations(mechanism).closed(column(p + s * v), column(q)), column(w))
+        )
         for s in (h, -h)
     )
     np.testing.assert_allclose((forth - back) / (2 * h), bias, rtol=0, atol=1e-5 * scale**2)
@@ -165,7 +167,7 @@ def test_bias_is_the_rate_of_the_jacobian(name: str, seed: int) -> None:
 def test_the_rate_of_energy_is_the_power_of_the_torques(name: str, seed: int) -> None:
     """For every parameter by itself: dE/dt = v' Y."""
     mechanism, p, q, (v, a, *_) = case(name, seed)
-    u = floats(equations(mechanism).rates(column(q), column(v)))
+    u = floats(equations(mechanism).joint_velocities(column(q), column(v)))
     rates = slopes(equations(mechanism).energy_regressor(along(q, u), along(v, a)))
     power = v @ mechanism.torque_regressor(p, v, a)
     assert np.abs(rates - power).max() < 1e-11 * max(1.0, np.abs(power).max())
@@ -182,7 +184,7 @@ def test_coriolis_is_symmetric_and_leaves_mass_rate_skew(name: str, seed: int) -
     backward = mechanism.slotine_li_regressor(p, w, v, zero) @ D
     assert np.abs(forward - backward).max() < 1e-11 * max(1.0, np.abs(forward).max())
     coriolis = mechanism.slotine_li_regressor(p, v, s, zero) @ D - gravity
-    u = floats(equations(mechanism).rates(column(q), column(v)))
+    u = floats(equations(mechanism).joint_velocities(column(q), column(v)))
     rows = equations(mechanism).mass_matrix(along(q, u), column(D))
     rate = s @ np.array([slopes(row) for row in rows]) @ s
     size = max(1.0, abs(rate), np.abs(s @ mechanism.mass_matrix(p) @ s), np.abs(coriolis).max())
@@ -214,7 +216,7 @@ def test_kinetic_energy_mass_matrix_and_regressors_agree(name: str, seed: int) -
     )
     np.testing.assert_allclose(torque, Y @ D, rtol=0, atol=1e-11 * np.abs(Y @ D).max())
     np.testing.assert_allclose(powers, Y.T @ s, rtol=0, atol=1e-11 * np.abs(Y).max() * np.abs(s).max())
-    again = equations(mechanism).remembered(motion.numbers)
+    again = equations(mechanism).restored_motion(motion.numbers)
     assert len(motion.numbers) == len(equations(mechanism).motion_memory.sources)
     np.testing.assert_array_equal(floats(again.regressor_transpose_product(column(s), range(len(D)))), powers)
 
@@ -224,7 +226,7 @@ def by_projection(mechanism: Mechanism, q: Array, v: Array, torque: Array) -> Ar
     leave free, where multipliers do no work. The constraints' Jacobian and second rate are differences of poses."""
     model, h = mechanism.to_pinocchio(), 1e-3
     data = model.createData()
-    u = floats(equations(mechanism).rates(column(q), column(v)))
+    u = floats(equations(mechanism).joint_velocities(column(q), column(v)))
     M = pinocchio.crba(model, data, q).copy()
     M = np.triu(M) + np.triu(M, 1).T
     J = gap_rates(mechanism.description, q)
@@ -244,7 +246,7 @@ def by_projection(mechanism: Mechanism, q: Array, v: Array, torque: Array) -> Ar
 def test_accelerations_are_those_of_constrained_motion(name: str, seed: int) -> None:
     """To 1e-6 of the accelerations and of the velocities' squares, which is what differences allow."""
     mechanism, p, q, (v, torque, *_) = case(name, seed)
-    u = floats(equations(mechanism).rates(column(q), column(v)))
+    u = floats(equations(mechanism).joint_velocities(column(q), column(v)))
     a = mechanism.forward_dynamics(p, v, torque)
     expected = by_projection(mechanism, q, v, torque)
     scale = max(1.0, np.abs(expected).max(), np.abs(u).max() ** 2)
@@ -270,7 +272,7 @@ def pinocchios(mechanism: Mechanism, q: Array, u: Array, torque: Array) -> Array
 def test_accelerations_are_pinocchios(name: str, seed: int) -> None:
     """To 1e-7: where constraints depend on each other its proximal method stops there."""
     mechanism, p, q, (v, torque, *_) = case(name, seed)
-    u = floats(equations(mechanism).rates(column(q), column(v)))
+    u = floats(equations(mechanism).joint_velocities(column(q), column(v)))
     expected = pinocchios(mechanism, q, u, torque)
     a = mechanism.forward_dynamics(p, v, torque)
     primary = list(mechanism.description.primary)
@@ -292,14 +294,15 @@ def test_pinocchios_constraints_have_the_same_jacobian(name: str, seed: int) -> 
         assert np.abs((memory.oMc1.inverse() * memory.oMc2).translation).max() < 1e-12
         rows.append(pinocchio.getConstraintJacobian(model, data, constraint, memory).copy())
     J = np.vstack(rows)
-    u = floats(equations(mechanism).rates(column(q), column(v)))
+    u = floats(equations(mechanism).joint_velocities(column(q), column(v)))
     assert np.abs(J @ u).max() < 1e-11 * max(1.0, np.abs(u).max())
     assert np.linalg.matrix_rank(J, 1e-6) == len(q) - mechanism.dof
 
 
 def test_pinocchio_has_no_constraint_for_gears() -> None:
     mechanism, _ = random_loop(0, RECIPES["gears alone"])
-    with pytest.raises(InputError, match="Pinocchio's constraint models hold no couplings of joints: gear0, gear1"):
+    refusal = "joint couplings are not supported by Pinocchio's constraint models: gear0, gear1"
+    with pytest.raises(InputError, match=refusal):
         mechanism.to_pinocchio_constraints()
     assert load("puma560_measured").to_pinocchio_constraints() == []
 
@@ -314,7 +317,12 @@ def test_native_code_says_what_floats_say(name: str, seed: int) -> None:
 
     def everything(p: Column, q: Column, v: Column, w: Column, a: Column, D: Column) -> tuple[Column, ...]:
         closed = e.closed(p, q)
-        return closed, e.rates(closed, v), e.inverse_dynamics(closed, v, w, a, D), e.forward_dynamics(closed, v, a, D)
+        return (
+            closed,
+            e.joint_velocities(closed, v),
+            e.inverse_dynamics(closed, v, w, a, D),
+            e.forward_dynamics(closed, v, a, D),
+        )
 
     native = compile_function(everything, {"p": r, "q": n, "v": r, "w": r, "a": r, "D": len(D)})
     plain = everything(*map(column, (p, q, v, w, a, D)))

@@ -28,7 +28,7 @@ def same_loops(description: Description, text: str) -> None:
         q = mechanism.configuration(reference[list(description.primary)] + step)
         for v in np.eye(mechanism.dof):
             data.qpos[places] = q
-            data.qvel[places] = mechanism.equations.rates(column(q), column(v)).of
+            data.qvel[places] = mechanism.equations.joint_velocities(column(q), column(v)).of
             mujoco.mj_forward(model, data)
             assert data.ne >= model.nv - mechanism.dof
             assert np.abs(data.efc_pos[: data.ne]).max() < 1e-11
@@ -147,7 +147,7 @@ def test_projected_dynamics_of_a_loop_are_mujocos(tmp_path: Path) -> None:
 
     p, v, torque = np.array([0.2]), np.array([1.5]), np.array([0.7])
     q = mechanism.configuration(p)
-    u = np.array(mechanism.equations.rates(column(q), column(v)).of)
+    u = np.array(mechanism.equations.joint_velocities(column(q), column(v)).of)
     h, inverse = 1e-5, np.argsort(places)
     forth, back = (state(q + s * u, u)[2] for s in (h, -h))
     M, bias, J = state(q, u)

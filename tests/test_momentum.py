@@ -52,7 +52,7 @@ def test_torque_is_the_momenta_s_rate_less_the_forces(name: str) -> None:
 def prediction_error(name: str, period: float) -> float:
     """The largest |W beta - F[tau]| along a run under held torques, over the largest torque."""
     mechanism, model = arm(name), reduced(name)
-    r, k, n = mechanism.dof, len(model.columns), mechanism.equations.joints
+    r, k, n = mechanism.dof, len(model.columns), mechanism.equations.num_joints
     filtered, none = TorqueFilter(20.0, period), Column.zeros(mechanism.dof)
 
     def predicted(q: Column, v: Column, torque: Column, rows: Column, last: Column) -> tuple[Column, ...]:

@@ -10,7 +10,7 @@ import pytest
 import adaptctl
 from adaptctl.design import Counterweights, DesignStudy, DesignTask, MountingBounds, added_mass, point, simplifications
 from adaptctl.envs import TrackingEnv
-from adaptctl.identifiability import Lift, States
+from adaptctl.identifiability import ConsistentParameters, States
 from adaptctl.identification import Validation
 from adaptctl.identification.columns import joint_columns
 from adaptctl.identification.log_files import table
@@ -33,7 +33,10 @@ def test_offline_results_print_as_one_line(arm: adaptctl.Mechanism) -> None:
     assert repr(model) == "<ReducedModel of 'two_link': 6 of 20 parameters>"
     assert repr(adaptctl.reduce(space, arm, components=6)).startswith("<Reduction to 6 of 6 components: energy error ")
     assert repr(States(np.zeros((5, 2)), np.zeros((5, 2)), "at rest")) == "<States of 2 joints: at rest>"
-    assert repr(Lift(np.asarray(arm.inertial_parameters), beta, beta)) == "<Lift of 6 to 20 parameters: distance 0>"
+    assert (
+        repr(ConsistentParameters(np.asarray(arm.inertial_parameters), beta, beta))
+        == "<ConsistentParameters: 20, distance 0>"
+    )
 
 
 def test_results_of_logs_and_motions_print_as_one_line(arm: adaptctl.Mechanism) -> None:
@@ -60,7 +63,7 @@ def test_results_of_logs_and_motions_print_as_one_line(arm: adaptctl.Mechanism) 
 
 
 def test_results_of_design_print_as_one_line(arm: adaptctl.Mechanism) -> None:
-    task, bounds = DesignTask.within_limits(arm, samples=20), MountingBounds.of(arm, "lower")
+    task, bounds = DesignTask.within_limits(arm, samples=20), MountingBounds.for_link(arm, "lower")
     balls = Counterweights(task, "energy", 1.0, (), (), 0)
     changes = simplifications(task, [bounds])
     assert repr(task).startswith("<DesignTask of 'two_link': 20 random states ")

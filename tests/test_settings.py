@@ -124,7 +124,7 @@ def task() -> DesignTask:
         (lambda: ErrorFeedback(100.0, 20.0, 1e-3).loop(-1), "delay in periods: expected a whole number from 0"),
         (lambda: ErrorFeedback(100.0, 20.0, 1e-3).loop(cast(Any, 0.5)), "delay in periods"),
         (lambda: simplifications(task(), [], density=0.0), "density: expected a positive number"),
-        (lambda: MountingBounds.of(arm("puma560_arm3"), "link3").grid(0), "grid: places along an edge"),
+        (lambda: MountingBounds.for_link(arm("puma560_arm3"), "link3").grid(0), "grid: points_per_edge"),
         (lambda: DesignTask.within_limits(arm("puma560_arm3"), cast(Any, 5.5)), "samples: expected a whole number"),
         (lambda: DesignTask.within_limits(arm("puma560_arm3"), 50, seed=-1), "seed: expected a whole number"),
         (lambda: DesignTask(arm("puma560_arm3"), *np.ones((3, 2, 30, 3)), ""), r"expected one shape \(T, 3\)"),
@@ -208,7 +208,7 @@ def test_excitation_is_measured_at_a_bandwidth_of_the_joints() -> None:
         ),
         (lambda: LinearController(*(cast(Any, 1.0),) * 4), r"A: expected shape \(0, 0\)"),
         (lambda: LinearController.state_feedback(TEXT), "state feedback: gain: expected numbers"),
-        (lambda: Constraints.of(TEXT, ["link1.m"]), "relations: matrix: expected numbers"),
+        (lambda: Constraints.from_matrix(TEXT, ["link1.m"]), "relations: matrix: expected numbers"),
         (lambda: States(np.full((5, 3), np.nan), np.zeros((5, 3)), "measured"), "states: p: expected finite"),
         (
             lambda: arm("puma560_arm3").column_regressor("regressor", [0]),

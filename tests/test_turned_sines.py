@@ -114,7 +114,7 @@ def test_sines_go_down_as_many_calls_as_there_are() -> None:
 
     routine = trace(whole, {"x": 1})
     assert routine.operations[Op.SIN] == routine.operations[Op.COS] == 1
-    assert not any(x.op is Op.SIN for called in routine.calls for x in called.body)
+    assert not any(x.op is Op.SIN for called in routine.subroutines for x in called.body)
     np.testing.assert_array_equal(compile_function(whole, {"x": 1})(np.array([0.5])), np.sin([0.5, 0.5 + np.pi / 2]))
 
 

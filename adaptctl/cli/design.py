@@ -155,7 +155,7 @@ def _detail(
     from adaptctl.design import MountingBounds, added_mass
     from adaptctl.design.study import named_body
 
-    places = MountingBounds.of(task.mechanism, link, *room)
+    places = MountingBounds.for_link(task.mechanism, link, *room)
     place = task.center_of_mass(link) if at is None else at
     places.validate(place)
     return added_mass(task, link, named_body(body), place, percent=percent)

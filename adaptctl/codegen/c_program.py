@@ -192,7 +192,7 @@ def _callees(routine: Routine) -> list[Routine]:
     found: dict[Routine, None] = {}
 
     def visit(outer: Routine) -> None:
-        for inner in outer.calls:
+        for inner in outer.subroutines:
             if inner not in found:
                 visit(inner)
                 found[inner] = None

@@ -70,7 +70,7 @@ def _computed(interface: Interface, fields: tuple[int, ...]) -> Routine:
         memory: Any = adaptation.initial_state(law.model, initial, q, rest, law.control_period)  # type: ignore[arg-type]  # traced
         return tuple(part for part in leaves(memory) if isinstance(part, Column))
 
-    routine = trace(started, {"q": law.model.mechanism.equations.joints}, name="started")
+    routine = trace(started, {"q": law.model.mechanism.equations.num_joints}, name="started")
     if list(routine.layout.sizes) != sizes:
         raise InputError(f"{type(adaptation).__name__}: the initial state {', '.join(names)} is unsupported")
     return routine
@@ -81,7 +81,7 @@ def _walk(mechanism: Mechanism, open_by: float) -> Walk:
     equations, primary = continuation.equations, tuple(continuation.primary)
 
     def step(p: Column, q: Column) -> Column:
-        ahead = equations.rates(q, p - Column(q[i] for i in primary))
+        ahead = equations.joint_velocities(q, p - Column(q[i] for i in primary))
         return equations.closed(p, q + ahead)
 
     def regular(q: Column) -> Any:
@@ -89,5 +89,5 @@ def _walk(mechanism: Mechanism, open_by: float) -> Walk:
 
     home = np.asarray(continuation.reference, dtype=np.float64)
     looped = tuple(k for k, moves in enumerate(equations.closing.looped) if moves)
-    closed = trace(step, {"p": len(primary), "q": equations.joints}, name="closed")
-    return Walk(closed, trace(regular, {"q": equations.joints}, name="regular"), home, primary, looped)
+    closed = trace(step, {"p": len(primary), "q": equations.num_joints}, name="closed")
+    return Walk(closed, trace(regular, {"q": equations.num_joints}, name="regular"), home, primary, looped)

@@ -199,7 +199,7 @@ class WasmModule:
     def _function(self, routine: Routine) -> WasmPlaces:
         if routine not in self._called:
             inputs, outputs = [self._room(n) for n in routine.inputs], [self._room(n) for n in routine.layout.sizes]
-            for inner in routine.calls:
+            for inner in routine.subroutines:
                 self._function(inner)
             code = WasmCode(routine.body, routine.outputs, lambda part, k: load(inputs[part] + 8 * k))
             results: dict[Expression, list[Expression]] = {}

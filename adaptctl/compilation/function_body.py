@@ -121,7 +121,7 @@ class FunctionBody:
     def _call(self, x: str, routine: Routine, groups: Iterable[Sequence[Expression | float]]) -> None:
         pointers = []
         for part, group in enumerate(groups):
-            needed = [k for k in range(len(group)) if (part, k) in routine.read]
+            needed = [k for k in range(len(group)) if (part, k) in routine.used_inputs]
             pointers.append(self._gathered(f"{x}.in{part}", group, needed))
         for part, size in enumerate(routine.layout.sizes):
             pointers.append(self._text.reserve(f"{x}.out{part}", size))

@@ -38,7 +38,7 @@ def _symbols(routine: Routine) -> dict[Routine, str]:
         r = pending.pop()
         if r not in found:
             found[r] = f"of_{re.sub('[^A-Za-z0-9_]', '_', r.name)}.{len(found)}"  # a digit may not come first
-            pending += r.calls
+            pending += r.subroutines
     return found
 
 

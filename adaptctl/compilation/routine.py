@@ -144,12 +144,12 @@ class Routine:
         return reachable(self.outputs)
 
     @cached_property
-    def read(self) -> frozenset[tuple[int, int]]:
+    def used_inputs(self) -> frozenset[tuple[int, int]]:
         """Scalars of the arguments that the outputs depend on, as pairs (argument index, entry index)."""
         return frozenset(x.detail for x in self.body if x.op is Op.INPUT)
 
     @property
-    def calls(self) -> list[Routine]:
+    def subroutines(self) -> list[Routine]:
         """Subroutines that this routine calls, in order of the calls."""
         return [x.detail for x in self.body if x.op is Op.CALL]
 
@@ -157,7 +157,7 @@ class Routine:
     def operations(self) -> Operations:
         """Counts of scalar operations by kind, those of called subroutines included."""
         total = Operations(x.op for x in self.body if x.op not in _FREE)
-        for routine in self.calls:
+        for routine in self.subroutines:
             total.update(routine.operations)
         return total
 
@@ -223,7 +223,7 @@ def outlined(function: F) -> F:
     --------
     >>> from adaptctl.compilation import outlined, trace
     >>> square = outlined(lambda x: x * x)
-    >>> len(trace(lambda x: square(x[0]) + square(x[1]), {"x": 2}, name="sum").calls)
+    >>> len(trace(lambda x: square(x[0]) + square(x[1]), {"x": 2}, name="sum").subroutines)
     2
     """
 
@@ -258,7 +258,7 @@ def _results(routine: Routine, nodes: Sequence[Node]) -> list[Value]:
     graph, of = nodes[0].graph, (sine, cosine)
     pairs = [(f, nodes[place]) for place in routine.sines for f in of]
     passed = len(routine.inputs) - 1
-    sines = [f(x) if (passed, k) in routine.read else 0.0 for k, (f, x) in enumerate(pairs)]
+    sines = [f(x) if (passed, k) in routine.used_inputs else 0.0 for k, (f, x) in enumerate(pairs)]
     call = graph.make(Expression, Op.CALL, *nodes, *sines, detail=routine)
     return [
         graph.make(Node, Op.RESULT, call, detail=place) if isinstance(output, Node) else output

@@ -135,7 +135,7 @@ class SlotineLi(AdaptiveController):
 
         def gradient(sliding: Column) -> Column:  # Y_r's, of the regressor at the last tick
             before = equations.motion_memory.numbers(memory.regressor_state)
-            return equations.remembered(before).regressor_transpose_product(sliding, self.model.columns)
+            return equations.restored_motion(before).regressor_transpose_product(sliding, self.model.columns)
 
         passed = Period(gradient, memory.s, s, memory.torque, q, v, self.control_period, memory.dt[0], damping)
         estimate, learning = self._adapted(memory, passed)

@@ -165,7 +165,7 @@ class TaskSpaceSlotineLi(SlotineLi):
             Reference velocity (r,) in rad/s (m/s), its derivative in time (r,), and the law's further internal state.
         """
         goal, rate, more = self._goal(reference, memory)
-        rates = self.model.mechanism.equations.rates(q, v)
+        rates = self.model.mechanism.equations.joint_velocities(q, v)
         v_r = self._velocity(_moving(q, rates), _moving(p, v), goal, rate)
         return ReferenceVelocity(Column(x.value for x in v_r), Column(x.slope for x in v_r), more)
 
@@ -186,7 +186,7 @@ class TaskSpaceSlotineLi(SlotineLi):
         equations = self.model.mechanism.equations
         moving = moving_point(equations.links, q, self._link, Vec(*np.asarray(self.tool).tolist()))
         units = [Column(float(i == j) for j in range(self.dof)) for i in range(self.dof)]
-        columns = [tuple(moving.velocity(equations.rates(q, unit))) for unit in units]
+        columns = [tuple(moving.velocity(equations.joint_velocities(q, unit))) for unit in units]
         position = tuple(moving.position)
         return Column(position[i] for i in self.axes), [Column(column[i] for column in columns) for i in self.axes]
 
@@ -199,7 +199,7 @@ class TaskSpaceSlotineLi(SlotineLi):
             return _moving(reference.p, reference.v), _moving(reference.v, reference.a), NoMemory()
         equations = self.model.mechanism.equations
         q = equations.closed(reference.p, memory.controller_state.q)
-        position, rows = self.point(_moving(q, equations.rates(q, reference.v)))
+        position, rows = self.point(_moving(q, equations.joint_velocities(q, reference.v)))
         velocity = _moving(reference.v, reference.a)
         return position, Column(row @ velocity for row in rows), Goal(q)
 

@@ -164,7 +164,7 @@ RIGHT_ANGLE_TOLERANCE = 1e-3
 """rad"""
 
 
-def snapped(description: Description, within: float = RIGHT_ANGLE_TOLERANCE) -> Description:
+def snapped(description: Description, tolerance: float = RIGHT_ANGLE_TOLERANCE) -> Description:
     """
     Make angles between successive joint axes that are nearly multiples of 90 degrees exact.
 
@@ -172,14 +172,14 @@ def snapped(description: Description, within: float = RIGHT_ANGLE_TOLERANCE) -> 
     ----------
     description : Description
         Mechanism, for example from a file with rounded angles.
-    within : float, default 1e-3
+    tolerance : float, default 1e-3
         Greatest deviation in rad from a multiple of 90 degrees, and of rotation matrices' entries from 0 and 1.
 
     Returns
     -------
     Description
-        The mechanism with exact frames and axes, also towards gravity. Link origins move by at most `within` times the
-        chain's length; limits and inertias in the links' frames stay.
+        The mechanism with exact frames and axes, also relative to gravity. Link origins move by at most `tolerance`
+        times the chain's length; limits and inertias in the links' frames stay.
 
     Examples
     --------
@@ -189,12 +189,12 @@ def snapped(description: Description, within: float = RIGHT_ANGLE_TOLERANCE) -> 
     """
     links: list[Link] = []
     for link in description.links:
-        straight = _straightened(link, within)
+        straight = _straightened(link, tolerance)
         carrier = _carrier(description, links, straight)
-        links.append(straight if carrier is None else _turned(carrier[1], straight, within))
+        links.append(straight if carrier is None else _turned(carrier[1], straight, tolerance))
     loops = description.loops
     if loops is not None:
-        loops = replace(loops, closures=tuple(_closure(closure, within) for closure in loops.closures))
+        loops = replace(loops, closures=tuple(_closure(closure, tolerance) for closure in loops.closures))
     return replace(description, links=tuple(links), loops=loops)
 
 
@@ -215,39 +215,39 @@ def _carrier(description: Description, links: Sequence[Link], link: Link) -> tup
     return ("gravity", description.gravity / strength) if strength > 0.0 else None
 
 
-def _straightened(link: Link, within: float) -> Link:
+def _straightened(link: Link, tolerance: float) -> Link:
     """Link whose frames and axis are nearly on axes of what carries them, put onto these."""
     axis, unit = link.joint.axis, np.round(link.joint.axis)
-    near_unit = np.abs(unit).sum() == 1.0 and np.linalg.norm(axis - unit) < within
+    near_unit = np.abs(unit).sum() == 1.0 and np.linalg.norm(axis - unit) < tolerance
     joint = replace(link.joint, axis=unit) if near_unit else link.joint
     return replace(
         link,
         joint=joint,
-        parent_to_joint=_pose(link.parent_to_joint, within),
-        joint_to_link=_pose(link.joint_to_link, within),
+        parent_to_joint=_pose(link.parent_to_joint, tolerance),
+        joint_to_link=_pose(link.joint_to_link, tolerance),
     )
 
 
-def _pose(pose: Pose, within: float) -> Pose:
+def _pose(pose: Pose, tolerance: float) -> Pose:
     rounded = np.round(pose.rotation) + 0.0
     is_turn = np.array_equal(np.abs(rounded).sum(0), np.ones(3)) and np.linalg.det(rounded) > 0.0
-    if is_turn and np.abs(pose.rotation - rounded).max() < within:
+    if is_turn and np.abs(pose.rotation - rounded).max() < tolerance:
         return Pose(rounded, pose.translation)
     return pose
 
 
-def _closure(closure: Closure, within: float) -> Closure:
-    first, second = _pose(closure.first_frame, within), _pose(closure.second_frame, within)
+def _closure(closure: Closure, tolerance: float) -> Closure:
+    first, second = _pose(closure.first_frame, tolerance), _pose(closure.second_frame, tolerance)
     return replace(closure, first_frame=first, second_frame=second)
 
 
-def _turned(first: Array, child: Link, within: float) -> Link:
+def _turned(first: Array, child: Link, tolerance: float) -> Link:
     second = child.parent_to_joint.rotation @ child.joint.axis
     along = float(first @ second)
     across = second - along * first
-    if np.linalg.norm(across) < within:
+    if np.linalg.norm(across) < tolerance:
         meant = np.copysign(1.0, along) * first
-    elif abs(along) < within:
+    elif abs(along) < tolerance:
         meant = across / np.linalg.norm(across)
     else:
         return child

@@ -62,24 +62,24 @@ class AddedMass:
         return f"<AddedMass of {self.body.mass:.3g} kg on {self.link!r} of {self.task.mechanism.name!r}>"
 
     @cached_property
-    def change(self) -> Array:
+    def parameter_change(self) -> Array:
         """Change (P,) of the inertial parameters in SI units, in the order of `task.parameters`."""
         return frozen(change_of(self.task, self.link, self.body))
 
     @cached_property
     def parameters(self) -> Array:
         """Inertial parameters (P,) with the body in SI units, without friction."""
-        return frozen(self.task.parameters + self.change)
+        return frozen(self.task.parameters + self.parameter_change)
 
     @cached_property
-    def essential(self) -> Array:
-        """Part (P,) of `change` in SI units that torques depend on: its projection on the essential space."""
-        return frozen(self.task.space.project(self.change))
+    def essential_change(self) -> Array:
+        """Part (P,) of `parameter_change` in SI units that torques depend on: its projection on the essential space."""
+        return frozen(self.task.essential_space.project(self.parameter_change))
 
     @property
     def own_energy(self) -> float:
         """Root mean square energy of the body alone about its mean, in J."""
-        return self.task.cost("energy", self.change)
+        return self.task.cost("energy", self.parameter_change)
 
     @property
     def energy_change(self) -> float:
@@ -108,11 +108,11 @@ class AddedMass:
         return tuple(name for name in self.task.nonzero_parameters(self.parameters) if name not in before)
 
     @cached_property
-    def changed(self) -> tuple[tuple[str, float], ...]:
+    def base_parameter_changes(self) -> tuple[tuple[str, float], ...]:
         """Pairs (name, change in SI units) of the base parameters that the body changes."""
         basis = self.task.basis
-        changes = basis.regrouping @ self.change
-        size = 1e-9 * float(np.abs(self.change).max(initial=0.0))
+        changes = basis.regrouping @ self.parameter_change
+        size = 1e-9 * float(np.abs(self.parameter_change).max(initial=0.0))
         return tuple((n, x) for n, x in zip(basis.names, changes.tolist(), strict=True) if abs(x) > size)
 
     def _change(self, objective: str) -> float:
@@ -161,13 +161,13 @@ def added_mass(
     --------
     >>> from adaptctl.design import DesignTask, added_mass, gripper
     >>> task = DesignTask.within_limits(arm, samples=20)
-    >>> [name for name, _ in added_mass(task, "lower", gripper()).changed]
+    >>> [name for name, _ in added_mass(task, "lower", gripper()).base_parameter_changes]
     ['upper.mc_x', 'upper.I_zz', 'lower.mc_x', 'lower.I_zz']
     """
     loaded = Payload.of(body) if isinstance(body, Payload | Mapping) else point(body)
     if place is not None:
         loaded = Payload(loaded.mass, frozen_array(place, (3,), "place"), loaded.inertia)
-    task.link(link)
+    task.link_index(link)
     task.components(percent)
     task.validate_energy()
     return AddedMass(task, link, loaded, percent)
@@ -175,7 +175,7 @@ def added_mass(
 
 def change_of(task: DesignTask, link: str, body: Payload) -> Array:
     """Change (P,) of the inertial parameters in SI units."""
-    change, place = np.zeros(len(task.parameters)), 10 * task.link(link)
+    change, place = np.zeros(len(task.parameters)), 10 * task.link_index(link)
     change[place : place + 10] = from_center_of_mass(body.mass, body.center, body.inertia)
     if not np.isfinite(change).all():
         raise InputError(f"{link}: the body's parameters overflow")
@@ -232,7 +232,7 @@ class CostMap:
         if not self.task.cost(self.objective) > 0.0:
             raise InputError(f"objective: {self.objective!r} is zero in all states: give another one")
 
-    def at(self, link: str, places: ArrayLike) -> Array:
+    def at(self, link: str, positions: ArrayLike) -> Array:
         """
         Compute the relative changes of the cost for positions of the mass on a link.
 
@@ -240,7 +240,7 @@ class CostMap:
         ----------
         link : str
             Link that carries the mass, by name.
-        places : array_like
+        positions : array_like
             Positions (..., 3) in the link's frame in m.
 
         Returns
@@ -253,20 +253,20 @@ class CostMap:
         InputError
             If the link is unknown or the shape is wrong (`NonFiniteError` for NaN, infinity and overflow).
         """
-        x = checked(places, 3, f"{link}: places")
-        M, first = self.task.matrix(self.objective), 10 * self.task.link(link)
+        x = checked(positions, 3, f"{link}: positions")
+        M, first = self.task.cost_matrix(self.objective), 10 * self.task.link_index(link)
         before = M @ self.task.parameters
         with np.errstate(over="ignore", invalid="ignore"):
             tens = ball_tens(np.full(x.shape[:-1], self.mass), x)
             after = np.linalg.norm(before + tens @ M[:, first : first + 10].T, axis=-1)
         if not np.isfinite(after).all():
             raise NonFiniteError(
-                f"{link}: places: expected smaller distances, got up to {np.abs(x).max():g} m: the cost overflows"
+                f"{link}: positions: expected smaller distances, got up to {np.abs(x).max():g} m: the cost overflows"
             )
         size = float(np.linalg.norm(before))
         return np.asarray((after - size) / size)
 
-    def over(self, places: MountingBounds, each: int = GRID_POINTS) -> LinkCost:
+    def extremes(self, places: MountingBounds, points_per_edge: int = GRID_POINTS) -> LinkCost:
         """
         Find the smallest and the largest relative change on a grid of positions.
 
@@ -274,7 +274,7 @@ class CostMap:
         ----------
         places : MountingBounds
             Link, and box of positions on it.
-        each : int, default 9
+        points_per_edge : int, default 9
             Number of positions along each edge of the box, 1 to 100. 9 give 729 positions, with the middle and both
             ends of every edge.
 
@@ -292,11 +292,11 @@ class CostMap:
         --------
         >>> from adaptctl.design import CostMap, DesignTask, MountingBounds
         >>> costs = CostMap(DesignTask.within_limits(arm, samples=20), 0.5, "energy")
-        >>> found = costs.over(MountingBounds.of(arm, "lower"))
+        >>> found = costs.extremes(MountingBounds.for_link(arm, "lower"))
         >>> found.least < found.most
         True
         """
-        grid = places.grid(each)
+        grid = places.grid(points_per_edge)
         changes = self.at(places.link, grid)
         low, high = int(np.argmin(changes)), int(np.argmax(changes))
         at_center = float(self.at(places.link, self.task.center_of_mass(places.link)))

@@ -85,7 +85,7 @@ class Counterweights:
         Cost that is minimised, as `DesignTask.cost` computes it; for "components" the number of essential components.
     percent : float
         Largest error of the energy in percent at which essential components are counted.
-    within : tuple of MountingBounds
+    bounds : tuple of MountingBounds
         Bounds of masses (kg) and positions (m).
     weights : tuple of Counterweight
         Counterweights found, without those lighter than 1e-6 of the allowed mass.
@@ -104,7 +104,7 @@ class Counterweights:
     task: DesignTask
     objective: str
     percent: float
-    within: tuple[MountingBounds, ...]
+    bounds: tuple[MountingBounds, ...]
     weights: tuple[Counterweight, ...]
     evaluations: int
 
@@ -116,7 +116,7 @@ class Counterweights:
         """Inertial parameters (P,) with the counterweights in SI units, without friction."""
         D = np.array(self.task.parameters)
         for weight in self.weights:
-            first = 10 * self.task.link(weight.link)
+            first = 10 * self.task.link_index(weight.link)
             D[first : first + 10] += ball_tens(weight.mass, weight.place, weight.density)
         return frozen(D)
 
@@ -150,7 +150,7 @@ class Counterweights:
 
 def optimal_counterweights(
     task: DesignTask,
-    within: Sequence[MountingBounds],
+    bounds: Sequence[MountingBounds],
     objective: str = "energy",
     *,
     percent: float = ENERGY_ERROR_PERCENT,
@@ -164,7 +164,7 @@ def optimal_counterweights(
     ----------
     task : DesignTask
         Mechanism and states.
-    within : sequence of MountingBounds
+    bounds : sequence of MountingBounds
         Bounds of mass and position for each link that may carry a ball.
     objective : {"energy", "torque", "coupling", "components"}, default "energy"
         Cost that is minimised, as `DesignTask.cost` computes it; for "components" the number of essential components.
@@ -203,13 +203,13 @@ def optimal_counterweights(
     """
     if objective not in OBJECTIVES:
         raise InputError(f"objective: expected one of {', '.join(OBJECTIVES)}, got {objective!r}")
-    links = [places.link for places in within]
+    links = [places.link for places in bounds]
     if not links or len(set(links)) < len(links):
         raise InputError(f"counterweights: expected bounds for one or more different links, got {', '.join(links)}")
     seed = whole_number(seed, "counterweights: seed", 0, 2**32 - 1)
     task.components(percent)
     task.validate_energy()
-    search = _Search(task, tuple(within), objective, positive_number(density, "density: expected a positive number"))
+    search = _Search(task, tuple(bounds), objective, positive_number(density, "density: expected a positive number"))
     z = search.fewest(percent, seed) if objective == "components" else search.least(None, seed)
     masses, places = search.physical(z)
     found = [
@@ -217,20 +217,20 @@ def optimal_counterweights(
         for name, mass, place, most in zip(links, masses.tolist(), places, search.masses.tolist(), strict=True)
         if mass > MIN_MASS_SHARE * most
     ]
-    return Counterweights(task, objective, percent, tuple(within), tuple(found), search.evaluations)
+    return Counterweights(task, objective, percent, tuple(bounds), tuple(found), search.evaluations)
 
 
 class _Search:
     """Residuals M (D + change) over designs z (4 L,) in the unit cube."""
 
-    def __init__(self, task: DesignTask, within: tuple[MountingBounds, ...], objective: str, density: float) -> None:
-        M = task.matrix(objective)
-        firsts = [10 * task.link(places.link) for places in within]
+    def __init__(self, task: DesignTask, bounds: tuple[MountingBounds, ...], objective: str, density: float) -> None:
+        M = task.cost_matrix(objective)
+        firsts = [10 * task.link_index(places.link) for places in bounds]
         self.fixed = M @ task.parameters
         self.shares = np.stack([M[:, first : first + 10] for first in firsts])
-        self.masses = np.array([places.mass for places in within])
-        self.lower = np.stack([places.lower for places in within])
-        self.width = np.stack([places.upper for places in within]) - self.lower
+        self.masses = np.array([places.mass for places in bounds])
+        self.lower = np.stack([places.lower for places in bounds])
+        self.width = np.stack([places.upper for places in bounds]) - self.lower
         self.density, self.evaluations = density, 0
 
     def physical(self, z: Array) -> tuple[Array, Array]:

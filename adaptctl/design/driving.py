@@ -57,7 +57,7 @@ def driven(
     progress: Callable[[float], object] = lambda share: None,
 ) -> tuple[DrivenArm, ...]:
     """Runs with and without counterweights that adapt all parameters, few components, and none."""
-    mechanism, whole = study.task.mechanism, study.task.space.rank
+    mechanism, whole = study.task.mechanism, study.task.essential_space.rank
     if len(mechanism.parameter_names) != mechanism.num_energy_parameters:
         raise InputError(f"{mechanism.name} has friction, which has no energy components: use an arm without friction")
     few = min(NUM_COMPONENTS, whole) if components is None else components
@@ -77,8 +77,11 @@ def driven(
 
 
 def _laws(task: DesignTask, tuning: Tuning, count: int) -> Iterator[tuple[str, str, SlotineLi]]:
-    model, reduction = ReducedModel(task.mechanism, task.basis), reduce(task.space, task.parameters, components=count)
-    directions = task.space.basis[:, list(reduction.order)[:count]]
+    model, reduction = (
+        ReducedModel(task.mechanism, task.basis),
+        reduce(task.essential_space, task.parameters, components=count),
+    )
+    directions = task.essential_space.basis[:, list(reduction.order)[:count]]
     gains, given = tuning.gains, (tuning.control_period, tuning.workspace, tuning.torque_limits)
 
     def slotine_li(law: Any, first: Array | None = None) -> SlotineLi:

@@ -60,7 +60,9 @@ class MountingBounds:
         lower = frozen_array(self.lower, (3,), f"{self.link}: lower")
         upper = frozen_array(self.upper, (3,), f"{self.link}: upper")
         if np.any(lower > upper):
-            raise InputError(f"{self.link}: places: expected lower <= upper, got {lower.tolist()}, {upper.tolist()}")
+            raise InputError(
+                f"{self.link}: mounting bounds: expected lower <= upper, got {lower.tolist()}, {upper.tolist()}"
+            )
         mass = real_number(self.mass, f"{self.link}: mass")
         if not 0.0 <= mass < np.inf:
             raise InputError(f"{self.link}: expected a mass of at least 0 kg, got {mass}")
@@ -69,7 +71,7 @@ class MountingBounds:
         object.__setattr__(self, "upper", upper)
 
     @classmethod
-    def of(
+    def for_link(
         cls, mechanism: Mechanism, link: str, mass_ratio: float = MASS_SHARE, max_offset: float = OFFSET_SHARE
     ) -> MountingBounds:
         """
@@ -100,14 +102,17 @@ class MountingBounds:
         Examples
         --------
         >>> from adaptctl.design import MountingBounds
-        >>> round(MountingBounds.of(arm, "lower").mass, 2)
+        >>> round(MountingBounds.for_link(arm, "lower").mass, 2)
         0.24
         """
-        mass_ratio, max_offset = real_number(mass_ratio, "places: share"), real_number(max_offset, "places: beyond")
+        mass_ratio, max_offset = (
+            real_number(mass_ratio, "mounting bounds: mass_ratio"),
+            real_number(max_offset, "mounting bounds: max_offset"),
+        )
         if not 0.0 <= mass_ratio < np.inf or not 0.0 <= max_offset < np.inf:
             raise InputError(
-                f"places: expected ratios of at least 0, got {mass_ratio} for the mass and {max_offset} for the "
-                "overhang"
+                f"mounting bounds: mass_ratio, max_offset: expected ratios of at least 0, "
+                f"got {mass_ratio} and {max_offset}"
             )
         i = _index(mechanism, link)
         own = mechanism.links[i]
@@ -137,27 +142,27 @@ class MountingBounds:
             low, high = np.round(self.lower, 4).tolist(), np.round(self.upper, 4).tolist()
             raise InputError(f"{self.link}: the position {x.tolist()} is outside the bounds {low} to {high} m")
 
-    def grid(self, each: int) -> Array:
+    def grid(self, points_per_edge: int) -> Array:
         """
         Return evenly spaced positions over the box, faces included.
 
         Parameters
         ----------
-        each : int
+        points_per_edge : int
             Number of positions along each edge, 1 to 100; 1 gives the lower corner.
 
         Returns
         -------
         numpy.ndarray
-            Positions (each^3, 3) in m, z changing fastest.
+            Positions (points_per_edge^3, 3) in m, z changing fastest.
 
         Raises
         ------
         InputError
             If the number is out of range.
         """
-        whole_number(each, "grid: places along an edge", 1, 100)
-        axes = [np.linspace(a, b, each) for a, b in zip(self.lower, self.upper, strict=True)]
+        whole_number(points_per_edge, "grid: points_per_edge", 1, 100)
+        axes = [np.linspace(a, b, points_per_edge) for a, b in zip(self.lower, self.upper, strict=True)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
@@ -168,7 +173,7 @@ def bounds(
     names = tuple(links)
     if len(set(names)) < len(names) or not names:
         raise InputError(f"links: expected one or more different links, got {', '.join(names) or 'none'}")
-    return tuple(MountingBounds.of(mechanism, name, mass_ratio, max_offset) for name in names)
+    return tuple(MountingBounds.for_link(mechanism, name, mass_ratio, max_offset) for name in names)
 
 
 def _index(mechanism: Mechanism, link: str) -> int:

@@ -163,7 +163,7 @@ def _log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleto
         if (own := found.link == i).any():
             shown = rr.Points3D(found.place[own], radii=found.radius[own], colors=colors(found.change[own], scale))
             recording.log(f"{WORLD}/arm/{entity(link.name)}/cost", shown, static=True)
-    for places in study.within:
+    for places in study.bounds:
         grid = places.grid(GRID_POINTS)
         shades = colors(np.clip(study.map.at(places.link, grid), scale.vmin, scale.vmax), scale)
         small = rr.Points3D(grid, radii=[0.004], colors=shades)

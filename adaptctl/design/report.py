@@ -153,7 +153,8 @@ def _sections(study: DesignStudy, detail: AddedMass | None, runs: Sequence[Drive
     if runs:
         yield Section("Closed loop", (IN_LOOP, _runs(runs), *_run_drawings(study, runs)))
     equations = [
-        Lines(r.before, beside=r.after, title=r.description) for r, _ in study.recommended[:MAX_EXPLAINED_CHANGES]
+        Lines(r.equations_before, beside=r.equations_after, title=r.description)
+        for r, _ in study.recommended[:MAX_EXPLAINED_CHANGES]
     ]
     yield Section("Eliminated parameters", (EACH_ALONE, _removals(study), *equations))
 
@@ -172,7 +173,7 @@ def _links(study: DesignStudy) -> Table:
 
 
 def _bodies(study: DesignStudy) -> Table:
-    names, links = list(study.bodies), [places.link for places in study.within]
+    names, links = list(study.bodies), [places.link for places in study.bounds]
     rows = [(link, *(change(study.bodies[name][link]) for name in names)) for link in links]
     title = "Effect of common bodies, centred at the centre of mass of the link"
     return Table(("link", *names), rows, title=title, align="l" + "r" * len(names))
@@ -189,7 +190,7 @@ def _detail(added: AddedMass) -> Table:
         *table.rows,
         ("energy of the body alone", "", f"{added.own_energy:.4g} J"),
         ("newly identifiable", "", ", ".join(added.newly_identifiable) or "none"),
-        *((f"{name}*", "", f"{value:+.4g}") for name, value in added.changed),
+        *((f"{name}*", "", f"{value:+.4g}") for name, value in added.base_parameter_changes),
     ]
     return Table(table.header, rows, align=table.align)
 
@@ -244,7 +245,7 @@ def _components_figure(study: DesignStudy) -> Figure:
     axes = figure.subplots()
     tasks = {"as described": study.task, "with counterweights": study.counterweights.balanced_task}
     for i, (label, task) in enumerate(tasks.items()):
-        errors = percent_errors(np.sort(np.abs(task.matrix("components") @ task.parameters))[::-1])
+        errors = percent_errors(np.sort(np.abs(task.cost_matrix("components") @ task.parameters))[::-1])
         shown = errors > 1e-8
         axes.semilogy(np.arange(len(errors))[shown], errors[shown], "o-", ms=3, color=run_color(1 - i).hex, label=label)
     axes.axhline(study.percent, linestyle=(0, (4, 3)), color=run_color(4).hex)
@@ -265,7 +266,7 @@ def as_builtins(study: DesignStudy, detail: AddedMass | None = None, runs: Seque
         "links": [
             {
                 "link": cost.link,
-                "mass": added.task.parameters[10 * task.link(cost.link)],
+                "mass": added.task.parameters[10 * task.link_index(cost.link)],
                 "cheapest": {"place": cost.cheapest.tolist(), "energy_change": cost.least},
                 "dearest": {"place": cost.dearest.tolist(), "energy_change": cost.most},
                 "at_center_of_mass": _added(added),
@@ -301,13 +302,13 @@ def _added(added: AddedMass) -> dict[str, Any]:
         **{name: getattr(added, name) for name in names},
         "torques": added.torques.tolist(),
         "newly_identifiable": list(added.newly_identifiable),
-        "changed": dict(added.changed),
+        "changed": dict(added.base_parameter_changes),
     }
 
 
 def _counterweights(study: DesignStudy) -> dict[str, Any]:
     found = study.counterweights
-    bounds = [(p.link, p.lower.tolist(), p.upper.tolist(), p.mass) for p in found.within]
+    bounds = [(p.link, p.lower.tolist(), p.upper.tolist(), p.mass) for p in found.bounds]
     return {
         **{name: getattr(found, name) for name in ("objective", "cost_before", "cost_after", "relative_reduction")},
         "bounds": [dict(zip(("link", "lower", "upper", "mass"), bound, strict=True)) for bound in bounds],
@@ -318,7 +319,11 @@ def _counterweights(study: DesignStudy) -> dict[str, Any]:
 
 
 def _removal(removal: Simplification) -> dict[str, Any]:
-    lists = {name: list(getattr(removal, name)) for name in ("eliminated", "before", "after")}
+    lists = {
+        "eliminated": list(removal.eliminated),
+        "before": list(removal.equations_before),
+        "after": list(removal.equations_after),
+    }
     place = None if removal.place is None else removal.place.tolist()
     what = {"kind": removal.kind, "link": removal.link, "what": removal.description, "rank": removal.rank}
     return what | {"mass": removal.mass, "place": place} | lists

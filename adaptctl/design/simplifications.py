@@ -58,13 +58,13 @@ class Simplification:
         Mass in kg that is added or moved; 0 for a symmetry.
     place : numpy.ndarray, optional
         Position (3,) of that mass in the link's frame in m; None for a symmetry.
-    condition : bool, default False
+    already_symmetric : bool, default False
         True if the mechanism already has the symmetry, so that nothing need be changed.
 
     Examples
     --------
     >>> from adaptctl.design import DesignTask, MountingBounds, simplifications
-    >>> found = simplifications(DesignTask.within_limits(arm, samples=20), [MountingBounds.of(arm, "lower")])
+    >>> found = simplifications(DesignTask.within_limits(arm, samples=20), [MountingBounds.for_link(arm, "lower")])
     >>> found[0].description
     'lower is symmetric along y already'
     """
@@ -78,7 +78,7 @@ class Simplification:
     zero: tuple[str, ...]
     mass: float = 0.0
     place: Array | None = None
-    condition: bool = False
+    already_symmetric: bool = False
 
     def __repr__(self) -> str:
         return f"<Simplification: {self.description}>"
@@ -102,19 +102,19 @@ class Simplification:
         if self.place is None:
             axes = [axis for axis, names in MIRRORED.items() if f"{self.link}.{names[0]}" in self.known]
             mirror = f"symmetric along {' and '.join(axes)}"
-            return f"{self.link} is {mirror} already" if self.condition else f"make {self.link} {mirror}"
+            return f"{self.link} is {mirror} already" if self.already_symmetric else f"make {self.link} {mirror}"
         x = ", ".join(f"{value:.3f}" for value in self.place + 0.0)
         if self.kind == "balance":
             return f"add {self.mass:.3g} kg to {self.link} at ({x}) m"
         return f"move {self.mass:.3g} kg of {self.link} from its centre of mass to ({x}) m"
 
     @cached_property
-    def before(self) -> tuple[str, ...]:
+    def equations_before(self) -> tuple[str, ...]:
         """Regrouping equations before the change, in SI units."""
         return tuple(equation for equation in self.basis.equations() if equation not in self._left)
 
     @cached_property
-    def after(self) -> tuple[str, ...]:
+    def equations_after(self) -> tuple[str, ...]:
         """Regrouping equations after the change, in SI units."""
         own = set(self.basis.equations())
         return (*(f"{name}* = 0" for name in self.zero), *(equation for equation in self._left if equation not in own))
@@ -128,12 +128,14 @@ def operations_saved(task: DesignTask, removal: Simplification) -> int:
     """Floating-point operations that a controller saves in each control period."""
     mechanism = task.mechanism
     friction = range(mechanism.num_energy_parameters, len(mechanism.parameter_names))
-    before, after = (equation_costs(mechanism, (*c, *friction)).tick for c in (task.basis.columns, removal.columns))
+    before, after = (
+        equation_costs(mechanism, (*c, *friction)).control_law for c in (task.basis.columns, removal.columns)
+    )
     return before - after
 
 
 def simplifications(
-    task: DesignTask, within: Sequence[MountingBounds], density: float = STEEL_DENSITY
+    task: DesignTask, bounds: Sequence[MountingBounds], density: float = STEEL_DENSITY
 ) -> tuple[Simplification, ...]:
     """
     Find the changes of a design that remove base parameters.
@@ -142,7 +144,7 @@ def simplifications(
     ----------
     task : DesignTask
         Mechanism and states.
-    within : sequence of MountingBounds
+    bounds : sequence of MountingBounds
         Bounds of mass and position for each link that may change.
     density : float, default 7850.0
         Density of added balls in kg/m^3, steel's by default.
@@ -167,17 +169,17 @@ def simplifications(
     Examples
     --------
     >>> from adaptctl.design import DesignTask, MountingBounds, simplifications
-    >>> found = simplifications(DesignTask.within_limits(arm, samples=20), [MountingBounds.of(arm, "lower")])
+    >>> found = simplifications(DesignTask.within_limits(arm, samples=20), [MountingBounds.for_link(arm, "lower")])
     >>> found[0].eliminated
     ('lower.mc_y',)
     """
     positive_number(density, "density: expected a positive number of kg/m^3")
-    within = tuple(within)
-    links = [places.link for places in within]
-    if len({task.link(link) for link in links}) < len(links):
+    bounds = tuple(bounds)
+    links = [places.link for places in bounds]
+    if len({task.link_index(link) for link in links}) < len(links):
         raise InputError(f"simplifications: expected bounds for different links, got {', '.join(links)}")
-    found = [removal for places in within for removal in _of_link(task, places, density)]
-    so_already = dict.fromkeys(name for removal in found if removal.condition for name in removal.known)
+    found = [removal for places in bounds for removal in _of_link(task, places, density)]
+    so_already = dict.fromkeys(name for removal in found if removal.already_symmetric for name in removal.known)
     together = by_symmetry(task, tuple(so_already)) if so_already else None
     if together is not None:
         found.append(together)
@@ -200,7 +202,7 @@ def by_symmetry(task: DesignTask, known: Sequence[str], link: str = "") -> Simpl
     solved = np.linalg.lstsq(K[:, columns], K, rcond=None)[0]
     regrouping: Array = np.where(np.abs(solved) < ZERO_COEFFICIENT, 0.0, solved)
     holds = not np.any(task.parameters[places])
-    return Simplification(basis, "symmetry", link, tuple(known), columns, regrouping, zero, condition=holds)
+    return Simplification(basis, "symmetry", link, tuple(known), columns, regrouping, zero, already_symmetric=holds)
 
 
 def _of_link(task: DesignTask, places: MountingBounds, density: float) -> Iterator[Simplification]:
@@ -217,7 +219,7 @@ def _of_link(task: DesignTask, places: MountingBounds, density: float) -> Iterat
 
 def _by_mass(task: DesignTask, places: MountingBounds, density: float, row: int) -> Iterator[Simplification]:
     """Balance and relocation that make a parameter zero."""
-    first = 10 * task.link(places.link)
+    first = 10 * task.link_index(places.link)
     share = task.basis.regrouping[row, first : first + 10]
     if not np.any(share):
         return

@@ -42,7 +42,7 @@ class DesignStudy:
         Mechanism and states.
     body : Payload
         Body whose addition to each link is studied.
-    within : tuple of MountingBounds
+    bounds : tuple of MountingBounds
         Bounds of mass and position on every link.
     percent : float
         Largest error of the energy in percent at which essential components are counted.
@@ -54,7 +54,7 @@ class DesignStudy:
     Examples
     --------
     >>> from adaptctl.design import Counterweights, DesignStudy, DesignTask, MountingBounds, point
-    >>> task, bounds = DesignTask.within_limits(arm, samples=20), MountingBounds.of(arm, "lower")
+    >>> task, bounds = DesignTask.within_limits(arm, samples=20), MountingBounds.for_link(arm, "lower")
     >>> study = DesignStudy(task, point(1.0), (bounds,), 1.0, Counterweights(task, "energy", 1.0, (), (), 0), ())
     >>> [cost.link for cost in study.links]
     ['lower']
@@ -62,13 +62,13 @@ class DesignStudy:
 
     task: DesignTask
     body: Payload
-    within: tuple[MountingBounds, ...]
+    bounds: tuple[MountingBounds, ...]
     percent: float
     counterweights: Counterweights
     simplifications: tuple[Simplification, ...]
 
     def __repr__(self) -> str:
-        return f"<DesignStudy of {self.task.mechanism.name!r}: {len(self.within)} links>"
+        return f"<DesignStudy of {self.task.mechanism.name!r}: {len(self.bounds)} links>"
 
     @cached_property
     def map(self) -> CostMap:
@@ -78,19 +78,19 @@ class DesignStudy:
     @cached_property
     def links(self) -> tuple[LinkCost, ...]:
         """Positions of the least and greatest relative change of the energy on every link."""
-        return tuple(self.map.over(places) for places in self.within)
+        return tuple(self.map.extremes(places) for places in self.bounds)
 
     @cached_property
     def added(self) -> tuple[AddedMass, ...]:
         """Effects of adding the body at each link's center of mass."""
-        centers = (self.task.center_of_mass(places.link) for places in self.within)
-        pairs = zip(self.within, centers, strict=True)
+        centers = (self.task.center_of_mass(places.link) for places in self.bounds)
+        pairs = zip(self.bounds, centers, strict=True)
         return tuple(added_mass(self.task, p.link, self.body, x, percent=self.percent) for p, x in pairs)
 
     @cached_property
     def bodies(self) -> dict[str, dict[str, float]]:
         """Relative changes of the energy, by added body (gripper, camera or motor) and link."""
-        task, links = self.task, [places.link for places in self.within]
+        task, links = self.task, [places.link for places in self.bounds]
         return {
             name: {link: added_mass(task, link, body(), task.center_of_mass(link)).energy_change for link in links}
             for name, body in CATALOGUE.items()
@@ -136,7 +136,7 @@ def design_study(
     mass_ratio : float, default 0.2
         Largest mass of a counterweight as a fraction of its link's, without unit.
     max_offset : float, default 0.5
-        Margin around the link in which it may be mounted, a fraction without unit, as in `MountingBounds.of`.
+        Margin around the link in which it may be mounted, a fraction without unit, as in `MountingBounds.for_link`.
     objective : {"energy", "torque", "coupling", "components"}, default "energy"
         Cost that counterweights minimise, as `DesignTask.cost` computes it.
     percent : float, default 1.0

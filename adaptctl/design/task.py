@@ -147,7 +147,7 @@ class DesignTask:
         return cls(mechanism, p, np.clip(v, -fastest, fastest), a, words)
 
     @classmethod
-    def along(
+    def from_reference(
         cls, mechanism: Mechanism, reference: Reference, duration: float, samples: int = NUM_SAMPLES
     ) -> DesignTask:
         """
@@ -177,7 +177,7 @@ class DesignTask:
         Examples
         --------
         >>> from adaptctl.design import DesignTask
-        >>> DesignTask.along(arm, reference, 2.0, samples=50).p.shape
+        >>> DesignTask.from_reference(arm, reference, 2.0, samples=50).p.shape
         (50, 2)
         """
         whole_number(samples, "task: samples", 2, MAX_SAMPLES)
@@ -186,14 +186,14 @@ class DesignTask:
         return cls(mechanism, p, v, a, f"{samples} states of the reference over {duration:g} s")
 
     @cached_property
-    def space(self) -> EssentialSpace:
+    def essential_space(self) -> EssentialSpace:
         """Essential space of the task's energies."""
         return replace(essential_space(self.mechanism), states=self.origin, energies=partial(np.asarray, self._energy))
 
     @cached_property
     def basis(self) -> FundamentalBasis:
         """Fundamental basis, for the default order in which parameters are removed."""
-        return fundamental_basis(self.space, Priority())
+        return fundamental_basis(self.essential_space, Priority())
 
     @cached_property
     def parameters(self) -> Array:
@@ -230,7 +230,7 @@ class DesignTask:
                 "velocities"
             )
 
-    def matrix(self, objective: str) -> Array:
+    def cost_matrix(self, objective: str) -> Array:
         """
         Return the matrix M for which the norm of M times the inertial parameters is the cost.
 
@@ -258,7 +258,7 @@ class DesignTask:
         Examples
         --------
         >>> from adaptctl.design import DesignTask
-        >>> DesignTask.within_limits(arm, samples=50).matrix("energy").shape
+        >>> DesignTask.within_limits(arm, samples=50).cost_matrix("energy").shape
         (20, 20)
         """
         if not isinstance(objective, str) or objective not in OBJECTIVES:
@@ -287,7 +287,7 @@ class DesignTask:
         InputError
             If the objective is unknown or the shape is wrong.
         """
-        return float(np.linalg.norm(self._applied(self.matrix(objective), parameters)))
+        return float(np.linalg.norm(self._applied(self.cost_matrix(objective), parameters)))
 
     def torques(self, parameters: ArrayLike | None = None) -> Array:
         """
@@ -365,10 +365,12 @@ class DesignTask:
         if math.isnan(real_number(share, "task: share")):
             raise InputError("task: share: expected a number, got nan")
         return tuple(
-            name for name, weight in zip(self.basis.names, self.weights(parameters), strict=True) if weight > share
+            name
+            for name, weight in zip(self.basis.names, self.energy_fractions(parameters), strict=True)
+            if weight > share
         )
 
-    def weights(self, parameters: ArrayLike | None = None) -> Array:
+    def energy_fractions(self, parameters: ArrayLike | None = None) -> Array:
         """
         Compute the root mean square energy due to each base parameter, divided by the whole.
 
@@ -392,7 +394,7 @@ class DesignTask:
         each = np.linalg.norm(self._energy[:, list(self.basis.columns)], axis=0)
         return each * np.abs(self.basis.regrouping @ D) / self.cost("energy", D)
 
-    def link(self, name: str) -> int:
+    def link_index(self, name: str) -> int:
         """
         Return the index of a link among those that own inertial parameters.
 
@@ -435,7 +437,7 @@ class DesignTask:
         InputError
             If the link is unknown.
         """
-        ten = self.parameters[10 * self.link(link) :][:4]
+        ten = self.parameters[10 * self.link_index(link) :][:4]
         return np.asarray(ten[1:4] / ten[0]) if ten[0] > 0.0 else np.zeros(3)
 
     def with_parameters(self, parameters: ArrayLike) -> DesignTask:
@@ -489,7 +491,7 @@ class DesignTask:
 
     @cached_property
     def _components(self) -> Array:
-        return self.space.singular_values[: self.space.rank, None] * self.space.basis.T
+        return self.essential_space.singular_values[: self.essential_space.rank, None] * self.essential_space.basis.T
 
     @cached_property
     def _joint_torques(self) -> Array:

@@ -38,7 +38,7 @@ class ConstrainedMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """Scalars from which `remembered` rebuilds this motion."""
+        """Scalars from which `restored_motion` rebuilds this motion."""
         return self.whole.numbers
 
 
@@ -66,26 +66,26 @@ class ConstrainedEquations(Equations):
         return len(self.spread)
 
     @property
-    def has_known_share(self) -> bool:
+    def has_constraint_bias(self) -> bool:
         """True if the constraints fix parameters at nonzero values (D0)."""
         return any(self.known)
 
     @property
-    def closing_numbers(self) -> object:
+    def closure_key(self) -> object:
         """Values that a compiled closure of the loops depends on."""
-        return self.whole.closing_numbers
+        return self.whole.closure_key
 
     def closed(self, p: Column, guess: Column) -> Column:
         """Closed configuration (n,) at primary positions (r,)."""
         return self.whole.closed(p, guess)
 
-    def projected(self, q: Column) -> Column:
+    def nearest_closed(self, q: Column) -> Column:
         """Configuration (n,) with the loops closed."""
-        return self.whole.projected(q)
+        return self.whole.nearest_closed(q)
 
-    def rates(self, q: Column, v: Column) -> Column:
+    def joint_velocities(self, q: Column, v: Column) -> Column:
         """Velocities (n,) of the tree's joints."""
-        return self.whole.rates(q, v)
+        return self.whole.joint_velocities(q, v)
 
     def energy_regressor(self, q: Column, v: Column) -> Column:
         """Energy regressor (P,)."""
@@ -99,9 +99,9 @@ class ConstrainedEquations(Equations):
         """Motion at one instant."""
         return ConstrainedMotion(self, self.whole.motion(q, v, v_r, a_r))
 
-    def remembered(self, numbers: Column) -> ConstrainedMotion:
+    def restored_motion(self, numbers: Column) -> ConstrainedMotion:
         """Motion rebuilt from its `numbers`."""
-        return ConstrainedMotion(self, self.whole.remembered(numbers))
+        return ConstrainedMotion(self, self.whole.restored_motion(numbers))
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
         """Accelerations (r,) under a torque (r,)."""

@@ -19,7 +19,7 @@ class EquationCosts(NamedTuple):
     ----------
     regressor : int
         Operations of the Slotine-Li regressor.
-    tick : int
+    control_law : int
         Operations of an adaptive law in a control period, without the regressor: the torque, and the regressor's
         transpose times the tracking error s.
     forward_dynamics : int or None
@@ -29,12 +29,12 @@ class EquationCosts(NamedTuple):
     --------
     >>> from adaptctl.dynamics import equation_costs
     >>> costs = equation_costs(arm)
-    >>> costs.tick < costs.regressor + costs.forward_dynamics
+    >>> costs.control_law < costs.regressor + costs.forward_dynamics
     True
     """
 
     regressor: int
-    tick: int
+    control_law: int
     forward_dynamics: int | None
 
 
@@ -86,7 +86,7 @@ def equation_costs(mechanism: Mechanism, columns: Sequence[int] | None = None) -
         return equations.forward_dynamics(q, v, torque, spread(beta, kept, P))
 
     def flops(function: Callable[..., object], *more: str) -> int:
-        sizes = {"q": equations.joints, "beta": len(kept)}
+        sizes = {"q": equations.num_joints, "beta": len(kept)}
         return trace(function, {name: sizes.get(name, r) for name in ("q", "v", *more)}).operations.flops
 
     given = "v_r", "a_r"

@@ -124,7 +124,7 @@ class Motion(ABC):
     @property
     @abstractmethod
     def numbers(self) -> Column:
-        """Column of scalars from which `Equations.remembered` rebuilds this motion."""
+        """Column of scalars from which `Equations.restored_motion` rebuilds this motion."""
 
 
 class Equations(ABC):
@@ -159,7 +159,7 @@ class Equations(ABC):
         """Geometry of the tree's n links, lengths in m."""
 
     @property
-    def joints(self) -> int:
+    def num_joints(self) -> int:
         """Number n of the tree's joints."""
         return len(self.links)
 
@@ -169,12 +169,12 @@ class Equations(ABC):
         """Number P of parameters; with linear constraints, of free parameters."""
 
     @property
-    def has_known_share(self) -> bool:
+    def has_constraint_bias(self) -> bool:
         """True if linear constraints fix parameters at nonzero values, whose torque the regressors leave out."""
         return False
 
     @property
-    def closing_numbers(self) -> object:
+    def closure_key(self) -> object:
         """Values that a compiled closure of the loops depends on; None for a tree."""
         return None
 
@@ -199,7 +199,7 @@ class Equations(ABC):
         """
 
     @abstractmethod
-    def projected(self, q: Column) -> Column:
+    def nearest_closed(self, q: Column) -> Column:
         """
         Compute the configuration with loops closed that is near a given one.
 
@@ -215,7 +215,7 @@ class Equations(ABC):
         """
 
     @abstractmethod
-    def rates(self, q: Column, v: Column) -> Column:
+    def joint_velocities(self, q: Column, v: Column) -> Column:
         """
         Compute the velocities of all joints of the tree.
 
@@ -286,7 +286,7 @@ class Equations(ABC):
         """
 
     @abstractmethod
-    def remembered(self, numbers: Column) -> Motion:
+    def restored_motion(self, numbers: Column) -> Motion:
         """
         Rebuild a motion from its stored numbers, without sines and the recursion over links.
 
@@ -304,7 +304,7 @@ class Equations(ABC):
     @cached_property
     def motion_memory(self) -> MotionMemory:
         """Choice of the numbers that a controller stores of a motion, without constants and repetitions."""
-        sizes = {"q": self.joints, "v": self.dof, "v_r": self.dof, "a_r": self.dof}
+        sizes = {"q": self.num_joints, "v": self.dof, "v_r": self.dof, "a_r": self.dof}
         return MotionMemory.of(lambda q, v, v_r, a_r: self.motion(q, v, v_r, a_r).numbers, sizes)
 
     @abstractmethod

@@ -160,7 +160,7 @@ class Tip:
         equations, joints = self.mechanism.equations, column(q)
         moving = moving_point(equations.links, joints, self._link, Vec(*self.offset.tolist()))
         units = [Column(float(i == j) for j in range(self.mechanism.dof)) for i in range(self.mechanism.dof)]
-        ways = [tuple(moving.velocity(equations.rates(joints, unit))) for unit in units]
+        ways = [tuple(moving.velocity(equations.joint_velocities(joints, unit))) for unit in units]
         rows = [Column(way[i] for way in ways) for i in range(3)]
         return stacked(list(moving.position), q.shape[:-1]), stacked_rows(rows, q.shape[:-1])
 

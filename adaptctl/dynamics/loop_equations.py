@@ -45,7 +45,7 @@ class LoopMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """Scalars from which `remembered` rebuilds this motion."""
+        """Scalars from which `restored_motion` rebuilds this motion."""
         return Column((*(x for slope in self.following.slopes for x in slope), *self.tree.numbers))
 
 
@@ -74,20 +74,20 @@ class LoopEquations(Equations):
 
     def closed(self, p: Column, guess: Column) -> Column:
         """Closed configuration (n,) at primary positions (r,)."""
-        if isinstance(p, ClosedPositions) and self.rules and p.equations.closing_numbers == self.closing_numbers:
+        if isinstance(p, ClosedPositions) and self.rules and p.equations.closure_key == self.closure_key:
             return p.configuration
         entries = dict(zip(self.closing.primary, p, strict=True))
-        q = Column(entries.get(i, guess[i]) for i in range(self.joints))
+        q = Column(entries.get(i, guess[i]) for i in range(self.num_joints))
         for _ in range(1 if self.rules else NEWTON_STEPS):
-            q = self.projected(q)
+            q = self.nearest_closed(q)
         return q
 
     @cached_property
-    def closing_numbers(self) -> object:
+    def closure_key(self) -> object:
         """Values that a compiled closure of the loops depends on."""
         return content((self.tree.segments, self.closing, self.rules))
 
-    def projected(self, q: Column) -> Column:
+    def nearest_closed(self, q: Column) -> Column:
         """Configuration (n,) with the loops closed."""
         return self._placed(q) if self.rules else self._stepped(q)
 
@@ -122,7 +122,7 @@ class LoopEquations(Equations):
         columns = self.closing.jacobian(placements(self.tree.segments, q))
         return [columns[d] for d in self.closing.dependent]
 
-    def rates(self, q: Column, v: Column) -> Column:
+    def joint_velocities(self, q: Column, v: Column) -> Column:
         """Velocities (n,) of the tree's joints."""
         return self.posture(q).tree(v)
 
@@ -138,11 +138,11 @@ class LoopEquations(Equations):
         """Motion at one instant."""
         return self._motion(self.posture(q), q, v, v_r, a_r)
 
-    def remembered(self, numbers: Column) -> LoopMotion:
+    def restored_motion(self, numbers: Column) -> LoopMotion:
         """Motion rebuilt from its `numbers`."""
         rest, size = iter(numbers), len(self.closing.dependent)
         slopes = [Column(islice(rest, size)) for _ in self.closing.primary]
-        return LoopMotion(Following(self.closing, slopes), self.tree.remembered(Column(rest)))
+        return LoopMotion(Following(self.closing, slopes), self.tree.restored_motion(Column(rest)))
 
     def forward_dynamics(self, q: Column, v: Column, torque: Column, parameters: Column) -> Column:
         """Accelerations (r,) under a torque (r,)."""

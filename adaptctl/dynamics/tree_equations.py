@@ -67,7 +67,7 @@ class TreeMotion(Motion):
 
     @property
     def numbers(self) -> Column:
-        """Scalars from which `remembered` rebuilds this motion."""
+        """Scalars from which `restored_motion` rebuilds this motion."""
         placed = (x for place in self.places for x in place.coordinates)
         return Column((*placed, *(x for link in self.links for x in link.numbers), *self.drives))
 
@@ -108,11 +108,11 @@ class TreeEquations(Equations):
         """Closed configuration (n,) at primary positions (r,)."""
         return p
 
-    def projected(self, q: Column) -> Column:
+    def nearest_closed(self, q: Column) -> Column:
         """Configuration (n,) with the loops closed."""
         return q
 
-    def rates(self, q: Column, v: Column) -> Column:
+    def joint_velocities(self, q: Column, v: Column) -> Column:
         """Velocities (n,) of the tree's joints."""
         return v
 
@@ -135,7 +135,7 @@ class TreeEquations(Equations):
         drives = [term.torque(v_r, a_r) for term in self.layout.drives]
         return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
 
-    def remembered(self, numbers: Column) -> TreeMotion:
+    def restored_motion(self, numbers: Column) -> TreeMotion:
         """Motion rebuilt from its `numbers`."""
         rest = iter(numbers)
         coordinates = [tuple(islice(rest, link.coordinates)) for link in self.segments]

@@ -1,7 +1,7 @@
 from adaptctl.identifiability.certificate import Certificate as Certificate
 from adaptctl.identifiability.certificate import NearRightAngle as NearRightAngle
 from adaptctl.identifiability.certificate import ResidualSingularValue as ResidualSingularValue
-from adaptctl.identifiability.consistency import Lift as Lift
+from adaptctl.identifiability.consistency import ConsistentParameters as ConsistentParameters
 from adaptctl.identifiability.consistency import nearest_consistent as nearest_consistent
 from adaptctl.identifiability.constraints import Constraints as Constraints
 from adaptctl.identifiability.constraints import Relation as Relation

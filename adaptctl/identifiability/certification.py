@@ -141,7 +141,7 @@ def certified_by_transfers(
         rank_exact=None if proof is None else proof.rank,
         proof_method="" if proof is None else proof.method,
     )
-    _validate_accepted(mechanism, certificate, once.weakest)
+    _validate_accepted(mechanism, certificate, once.singular_values)
 
     def energies() -> Array:
         some, _ = random_halves(mechanism, samples, np.random.default_rng(seed))

@@ -30,7 +30,7 @@ MIN_EIGENVALUE_RATIO = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Lift:
+class ConsistentParameters:
     """
     Physically consistent parameters of a mechanism for given base parameters, in SI units.
 
@@ -47,8 +47,8 @@ class Lift:
 
     Examples
     --------
-    >>> from adaptctl.identifiability import Lift
-    >>> lift = Lift(arm.inertial_parameters, model.fundamental_parameters, model.fundamental_parameters)
+    >>> from adaptctl.identifiability import ConsistentParameters
+    >>> lift = ConsistentParameters(arm.inertial_parameters, model.fundamental_parameters, model.fundamental_parameters)
     >>> lift.distance, lift.is_feasible
     (0.0, True)
     """
@@ -58,11 +58,11 @@ class Lift:
     target: Array
 
     def __repr__(self) -> str:
-        return f"<Lift of {len(self.target)} to {len(self.parameters)} parameters: distance {self.distance:.3g}>"
+        return f"<ConsistentParameters: {len(self.parameters)}, distance {self.distance:.3g}>"
 
     @cached_property
     def distance(self) -> float:
-        """Relative distance |fundamental - target| / |target|."""
+        """Relative distance |fundamental - target| / |target|, without unit."""
         return float(np.linalg.norm(self.fundamental - self.target)) / _size(self.target)
 
     @property
@@ -71,7 +71,7 @@ class Lift:
         return self.distance < FEASIBLE_DISTANCE
 
 
-def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | None = None) -> Lift:
+def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | None = None) -> ConsistentParameters:
     r"""
     Compute the physically consistent parameters closest to a prior that have given base parameters.
 
@@ -86,7 +86,7 @@ def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | 
 
     Returns
     -------
-    Lift
+    ConsistentParameters
         Parameters, and the distance of their base parameters from `beta`.
 
     Raises
@@ -131,9 +131,9 @@ def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | 
     known = frozen_array(own if prior is None else prior, own.shape, "prior")
     bodies = _Bodies(model, known)
     nearest = bodies.nearest(wanted)
-    away = Lift(nearest, model.regrouping @ nearest, wanted)
+    away = ConsistentParameters(nearest, model.regrouping @ nearest, wanted)
     parameters = bodies.likeliest_near(wanted, away)
-    return Lift(parameters, model.regrouping @ parameters, wanted)
+    return ConsistentParameters(parameters, model.regrouping @ parameters, wanted)
 
 
 class _Bodies:
@@ -167,13 +167,15 @@ class _Bodies:
             divergence = divergence + cp.sum(self._share - cp.log(self._share))
         return self._solved(divergence, [away == 0 if within is None else cp.norm(away) <= within])
 
-    def likeliest_near(self, wanted: Array, nearest: Lift) -> Array:
+    def likeliest_near(self, wanted: Array, nearest: ConsistentParameters) -> Array:
         """Consistent parameters closest to the prior, almost as close to beta as possible."""
         least = max(nearest.distance, 0.5 * FEASIBLE_DISTANCE)
         for within in (*([None] if nearest.is_feasible else []), *(least * (1.0 + slack) for slack in SLACKS)):
             with suppress(AdaptctlError):
                 found = self.likeliest(wanted, within)
-                if Lift(found, self._regrouping @ found, wanted).distance < (within or FEASIBLE_DISTANCE):
+                if ConsistentParameters(found, self._regrouping @ found, wanted).distance < (
+                    within or FEASIBLE_DISTANCE
+                ):
                     return found
         return nearest.parameters
 

@@ -114,7 +114,7 @@ class Constraints:
             raise InputError(f"relations: expected Relations, got {printable(repr(odd[0]))}")
 
     @classmethod
-    def of(cls, matrix: ArrayLike, names: Sequence[str], values: ArrayLike | None = None) -> Constraints:
+    def from_matrix(cls, matrix: ArrayLike, names: Sequence[str], values: ArrayLike | None = None) -> Constraints:
         """
         Return the constraints `matrix` times parameters equals `values`.
 
@@ -141,7 +141,7 @@ class Constraints:
         Examples
         --------
         >>> from adaptctl.identifiability import Constraints
-        >>> len(Constraints.of([[1.0, -1.0]], ["upper.m", "lower.m"]).relations)
+        >>> len(Constraints.from_matrix([[1.0, -1.0]], ["upper.m", "lower.m"]).relations)
         1
         """
         rows = np.atleast_2d(numbers(matrix, "relations: matrix"))
@@ -197,7 +197,7 @@ class Constraints:
             raise FileError(f"{path}: {error}") from error
 
     @property
-    def every(self) -> tuple[Relation, ...]:
+    def all_relations(self) -> tuple[Relation, ...]:
         """All constraints as relations, known values first."""
         known = (Relation({name: 1.0}, value, f"{name} = {value:g}") for name, value in self.known.items())
         return (*known, *self.relations)
@@ -241,9 +241,9 @@ def constrained(
     validate_kind(mechanism, Mechanism, "constrained", "as load(...) gives one")
     validate_kind(constraints, Constraints, "constrained", "as Constraints({...}) is one")
     names = mechanism.parameter_names[: mechanism.num_energy_parameters]
-    A, b = _system(constraints.every, names)
+    A, b = _system(constraints.all_relations, names)
     scales = length_scales(names, characteristic_length(mechanism))
-    kept = _independent(constraints.every, A * scales, b)
+    kept = _independent(constraints.all_relations, A * scales, b)
     order = or_default(priority).indices(names)
     return ConstrainedMechanism(mechanism, _parametrisation(A[kept] * scales, b[kept], scales, order, mechanism))
 

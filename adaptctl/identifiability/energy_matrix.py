@@ -42,7 +42,7 @@ def energies(mechanism: Mechanism, states: States) -> Array:
 def energy_blocks(mechanism: Mechanism, states: Iterable[States]) -> Iterator[Array]:
     """Energy regressors in blocks of at most max(1024, 4 P) states."""
     for some in states:
-        for part in some.parts(max(BLOCK_STATES, 4 * mechanism.num_energy_parameters)):
+        for part in some.split(max(BLOCK_STATES, 4 * mechanism.num_energy_parameters)):
             yield energies(mechanism, part)
 
 

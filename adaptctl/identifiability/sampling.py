@@ -137,13 +137,13 @@ class States:
     def __len__(self) -> int:
         return len(self.p)
 
-    def parts(self, most: int) -> Iterator[States]:
+    def split(self, max_size: int) -> Iterator[States]:
         """
         Split the states into successive parts, for example to limit memory.
 
         Parameters
         ----------
-        most : int
+        max_size : int
             Number of states in each part, at least 2; the last may have fewer, or one more.
 
         Returns
@@ -154,15 +154,15 @@ class States:
         Raises
         ------
         InputError
-            If `most` is no whole number of at least 2.
+            If `max_size` is no whole number of at least 2.
 
         Examples
         --------
         >>> from adaptctl.identifiability import States
-        >>> [len(part) for part in States(np.zeros((5, 2)), np.ones((5, 2)), "a test").parts(2)]
+        >>> [len(part) for part in States(np.zeros((5, 2)), np.ones((5, 2)), "a test").split(2)]
         [2, 3]
         """
-        spans = _spans(len(self), whole_number(most, "parts: most", 2, sys.maxsize))
+        spans = _spans(len(self), whole_number(max_size, "split: max_size", 2, sys.maxsize))
         return (States(self.p[begin:end], self.v[begin:end], self.origin) for begin, end in spans)
 
 
@@ -239,7 +239,7 @@ def random_halves(
     if 2 * samples > MAX_STATES_AT_ONCE:
         return _blocks(mechanism, samples, generator), _blocks(mechanism, samples, generator)
     both = random_states(mechanism, 2 * samples, generator)
-    first, second = both.parts(samples)
+    first, second = both.split(samples)
     return [first], [second]
 
 

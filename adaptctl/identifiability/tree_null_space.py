@@ -185,7 +185,7 @@ class TransferEvidence:
     gap: float
     smallest: float
     residual: float
-    weakest: Array
+    singular_values: Array
     leftover: float
     worst: int
 
@@ -219,7 +219,7 @@ def transfer_evidence(found: InertialTransfers, changes: Array) -> TransferEvide
         gap=float(ratios[last].min()),
         smallest=float(relative[last].min()),
         residual=_residual(found, changes),
-        weakest=values[ratios[last].argmin()],
+        singular_values=values[ratios[last].argmin()],
         leftover=float(relative[beyond].max()),
         worst=int(relative[beyond].argmax()),
     )

@@ -261,7 +261,7 @@ class Drives:
         given = (motor.torque_constant for motor in self.motors)
         return np.array([math.nan if k == "unknown" else 1.0 if k is None else float(k) for k in given])
 
-    def of(self, mechanism: Mechanism) -> Drives:
+    def ordered_like(self, mechanism: Mechanism) -> Drives:
         """
         Return the drives in the order of a mechanism's joints.
 
@@ -297,7 +297,7 @@ class Drives:
             self.source,
         )
 
-    def on_joints(self) -> tuple[Drive, ...]:
+    def joint_drives(self) -> tuple[Drive, ...]:
         """
         Return the drive of each joint for a mechanism's description, without rotor inertia and friction.
 

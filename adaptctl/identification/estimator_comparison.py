@@ -90,7 +90,7 @@ def compared_estimators(
     if not 0.01 <= window <= 2.0:
         raise InputError(f"energy differences: expected windows of 0.01 to 2 s, got {window:g}")
     mechanism = load(robot, snap=True)
-    own = read_drives(drives).of(mechanism)
+    own = read_drives(drives).ordered_like(mechanism)
     read = joint_log(read_log(log), own)
     evidence = gathered(mechanism, own, [read])[0]
     model = _model(evidence)

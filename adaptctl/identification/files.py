@@ -61,7 +61,7 @@ def summary(found: Identification) -> dict[str, Any]:
         "cutoff": settings.cutoff,
         "consistent": not found.mechanism.description.inconsistent_links,
         "training_misfit_over_least_squares": found.misfit_ratio,
-        "deviations_over_nominal": found.inflation,
+        "deviations_over_nominal": found.deviation_ratio,
         "essential_components": {"rank": found.space.rank, "for_energy_to_1_percent": found.components},
         "unexcited": [combination.words for combination in found.unexcited],
         "trials": [trial._asdict() for trial in found.choice.trials],
@@ -99,7 +99,7 @@ def estimates(found: Identification) -> dict[str, Any]:
         "robot_sha256": found.mechanism.description.sha256,
         "fundamental": fundamental,
         "parameters": dict(zip(found.mechanism.parameter_names, found.mechanism.inertial_parameters, strict=True)),
-        "load_dependent_friction": dict(zip(joints, found.load.tolist(), strict=True)),
+        "load_dependent_friction": dict(zip(joints, found.load_friction.tolist(), strict=True)),
     }
 
 

@@ -63,7 +63,7 @@ def with_all_friction(mechanism: Mechanism, drives: Drives) -> Mechanism:
             "`mechanism.unconstrained`"
         )
     terms = dict.fromkeys(DriveParameter, 0.0)
-    own = {name: drive.with_terms(terms) for name, drive in zip(drives.joints, drives.on_joints(), strict=True)}
+    own = {name: drive.with_terms(terms) for name, drive in zip(drives.joints, drives.joint_drives(), strict=True)}
     each = [own.get(link.joint.name, link.joint.drive) for link in mechanism.links]
     return mechanism.with_drives(each)
 

@@ -36,7 +36,7 @@ class Identification:
         the prior decides.
     nominal_deviations : numpy.ndarray
         Standard deviations (k,) in SI units if torque residuals were white, which is mostly too optimistic.
-    load : numpy.ndarray
+    load_friction : numpy.ndarray
         Coefficients (r,) of load-dependent friction without unit, zero where the friction model has none.
     validation : Validation
         Measured and predicted torques on rows of the logs that were not used for the validated fit.
@@ -78,7 +78,7 @@ class Identification:
     model: ReducedModel
     deviations: Array
     nominal_deviations: Array
-    load: Array
+    load_friction: Array
     validation: Validation
     alternatives: dict[str, Validation]
     choice: Choice
@@ -106,7 +106,7 @@ class Identification:
         return self.model.names
 
     @property
-    def inflation(self) -> float:
+    def deviation_ratio(self) -> float:
         """Median ratio of `deviations` to `nominal_deviations`: 1 if torque residuals are white."""
         known = self.nominal_deviations > 0.0
         return float(np.median(self.deviations[known] / self.nominal_deviations[known])) if known.any() else 1.0
@@ -144,5 +144,5 @@ class Identification:
 
     @property
     def unexcited(self) -> list[Combination]:
-        """Combinations of base parameters that the logs hardly excite: those of strength below 3 times `inflation`."""
-        return unexcited(self.combinations, self.inflation)
+        """Combinations of base parameters that the logs hardly excite: strength below 3 times `deviation_ratio`."""
+        return unexcited(self.combinations, self.deviation_ratio)

@@ -139,7 +139,7 @@ def identify(
     known = read_drives(drives) if isinstance(drives, str | Path) else drives
     if known is None:
         known = joint_columns(mechanism, read_log(given[0], topic), columns, units)
-    turned = known.of(mechanism)
+    turned = known.ordered_like(mechanism)
     train = [joint_log(read_log(path, topic), turned, sample_rate) for path in given]
     test = [joint_log(read_log(path, topic), turned, sample_rate) for path in _paths(validate)]
     terms = None if friction is None else FrictionModel.named(friction)

@@ -135,10 +135,12 @@ def _parameters(found: Identification) -> Section:
     rows = [(name, typeset(parameter_unit(name, found.mechanism)), f"{x:.4g}", f"{s:.2g}") for name, x, s in columns]
     head = (
         f"{consistency(found)} Standard deviations are by the block jackknife, plus the uncertainty of the prior; they "
-        f"are {found.inflation:.1f} times those for white residuals (median)."
+        f"are {found.deviation_ratio:.1f} times those for white residuals (median)."
     )
     table = Table(("parameter", "unit", "estimate", "deviation"), rows, align="csrr", layout=TableLayout.HALVES)
-    loads = ", ".join(f"{j.name} {x:.3f}" for j, x in zip(found.mechanism.primary_joints, found.load, strict=True) if x)
+    loads = ", ".join(
+        f"{j.name} {x:.3f}" for j, x in zip(found.mechanism.primary_joints, found.load_friction, strict=True) if x
+    )
     grows = f"Load-dependent friction, relative to the rigid-body torque (not in robot.toml and robot.urdf): {loads}."
     basis = found.model.basis
     equations = Lines([str(equation) for equation in basis.equations()] if basis is not None else [])

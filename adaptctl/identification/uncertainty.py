@@ -99,7 +99,7 @@ def combinations(curvature: Array, names: Sequence[str], ranges: PriorRanges | N
 
 
 def unexcited(found: Sequence[Combination], inflation: float) -> list[Combination]:
-    """Combinations that a log hardly excites: those of strength below 3 times `inflation`."""
+    """Combinations that a log hardly excites: those of strength below 3 times `deviation_ratio`."""
     return [c for c in found if c.strength < MIN_STRENGTH * inflation]
 
 

@@ -108,7 +108,7 @@ def held_motion(
 
 def _rigid(equations: Equations, integrator: Integrator, friction: Sequence[JointEffect], dt: float) -> Bodies:
     def explicit(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
-        return equations.rates(q, v), equations.forward_dynamics(q, v, torque, parameters)
+        return equations.joint_velocities(q, v), equations.forward_dynamics(q, v, torque, parameters)
 
     shared = outlined(explicit) if integrator.stages > 1 else explicit
 
@@ -120,9 +120,9 @@ def _rigid(equations: Equations, integrator: Integrator, friction: Sequence[Join
             return shared(q, v, braked, parameters)
         secants = [*([_secants(friction, v)] if friction else []), *firm]
         more = tuple(sum(secants[1:], secants[0])) if secants else ()
-        return equations.rates(q, v), equations.damped_dynamics(q, v, braked, parameters, dt, more)
+        return equations.joint_velocities(q, v), equations.damped_dynamics(q, v, braked, parameters, dt, more)
 
-    return Bodies(equations.rates, moved, equations.projected)
+    return Bodies(equations.joint_velocities, moved, equations.nearest_closed)
 
 
 def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodies:

@@ -127,7 +127,10 @@ class Plant(Tunable):
         """Lengths of the state columns "q", "v", "drives" and "sensors"."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
-        joints, motors = {"q": self.mechanism.equations.joints, "v": self.dof}, 2 * self.dof if self.is_elastic else 0
+        joints, motors = (
+            {"q": self.mechanism.equations.num_joints, "v": self.dof},
+            2 * self.dof if self.is_elastic else 0,
+        )
         return joints | {"drives": len(memories[0]) + motors, "sensors": len(memories[1])}
 
     def parameters(self, own: Array, time: float) -> Array:

@@ -120,7 +120,7 @@ def watched(loop: ClosedLoop, precision: Precision) -> SlotineLi | None:
         return None
     if not isinstance(law, SlotineLi) or not has_sliding_variable(law) or plant.loads or plant.is_elastic:
         return None
-    if law.model.mechanism.equations != plant.mechanism.equations or plant.mechanism.equations.has_known_share:
+    if law.model.mechanism.equations != plant.mechanism.equations or plant.mechanism.equations.has_constraint_bias:
         return None
     start = np.asarray(law.initial)
     known = law.adaptation_law is None or law.adaptation_law.lyapunov_distance(law.model, start, start) is not None

@@ -105,7 +105,7 @@ def momentum_columns(model: ReducedModel) -> list[list[int]]:
     def terms(q: Column, v: Column) -> list[Column]:
         return [row + change for row, change in zip(*momentum_terms(equations, q, v, model.columns), strict=True)]
 
-    k, entries = len(model.columns), trace(terms, {"q": equations.joints, "v": r}).outputs
+    k, entries = len(model.columns), trace(terms, {"q": equations.num_joints, "v": r}).outputs
     always_zero = [isinstance(x, float) and x == 0.0 for x in entries]
     return [[j for j in range(k) if not always_zero[k * i + j]] for i in range(r)]
 
@@ -131,7 +131,7 @@ def validate_predicted(law: str, model: ReducedModel, weight: ArrayLike, cutoff:
     mechanism = model.mechanism
     positive_per_joint(weight, mechanism.dof, f"{law}: prediction_weight")
     validate_cutoff(cutoff, control_period)
-    if mechanism.equations.has_known_share:
+    if mechanism.equations.has_constraint_bias:
         fixed = mechanism.with_parameters(np.zeros(len(mechanism.parameter_names))).description
         pairs = zip(fixed.parameter_names, fixed.inertial_parameters.tolist(), strict=True)
         raise InputError(

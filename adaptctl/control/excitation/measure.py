@@ -162,7 +162,7 @@ def regressor_of(model: ReducedModel) -> Callable[[Array, Array, Array, Array], 
         found = equations.torque_regressor(q, v, v_r, a_r, model.columns)
         return Column(entry for row in found for entry in row)
 
-    kernel = compile_function(rows, {"q": equations.joints, "v": r, "v_r": r, "a_r": r}, name="regressor")
+    kernel = compile_function(rows, {"q": equations.num_joints, "v": r, "v_r": r, "a_r": r}, name="regressor")
 
     def regressor(p: Array, v: Array, v_r: Array, a_r: Array) -> Array:
         found: Array = kernel.map(mechanism.configuration(p), v, v_r, a_r)

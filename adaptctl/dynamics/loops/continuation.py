@@ -168,7 +168,7 @@ class Continuation:
         return compile_function(lambda p, q: (self._ahead(p, q),), sizes, name="closed")
 
     def _ahead(self, p: Column, q: Column) -> Column:
-        ahead = self.equations.rates(q, p - Column(q[i] for i in self.primary))
+        ahead = self.equations.joint_velocities(q, p - Column(q[i] for i in self.primary))
         return self.equations.closed(p, q + ahead)
 
     @cached_property

@@ -73,10 +73,10 @@ class MomentumTerms(NamedTuple):
 
 def momentum_terms(equations: Equations, q: Column, v: Column, columns: Sequence[int]) -> MomentumTerms:
     """Regressors of the momenta M v and their forces."""
-    if equations.has_known_share:
+    if equations.has_constraint_bias:
         raise InputError("filtered torque prediction needs constraints with zero values")
     still = Column.zeros(equations.dof)
-    moving = Column(map(Dual, q, equations.rates(q, v)))
+    moving = Column(map(Dual, q, equations.joint_velocities(q, v)))
     rows = equations.without_gravity().torque_regressor(moving, still, still, v, columns)
     momentum = [Column(_value(x) for x in row) for row in rows]
     change = [Column(_slope(x) for x in row) for row in rows]
