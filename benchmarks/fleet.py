@@ -69,6 +69,6 @@ class Fleet:
         """A course of `steps` control periods from the start."""
         ensemble, (p, v) = self.stepper.ensemble(self.arms), self.task.starts(self.arms)
         ensemble.held["parameters"] = self.task.arm.inertial_parameters
-        self.loop.begin(ensemble, self.plant.init(p, v), self.task.controller.init(p, v))
+        self.loop.set_state(ensemble, self.plant.init(p, v), self.task.controller.init(p, v))
         reference = dict(zip(self.loop.reference, self.task.references(steps), strict=True))
         return Course(ensemble, ensemble.state.blocks.copy(), reference | {"noise": np.zeros((steps, 0))})

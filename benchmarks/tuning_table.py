@@ -28,7 +28,7 @@ from benchmarks.real_robots import robots as urdfs
 PAGE = Path(__file__).parent.parent / "docs" / "tuning.md"
 COMMAND = "python -m benchmarks.tuning_table"
 CASES = ("nominal", "one-period delay", "link errors ±30%", "both")
-FIELDS = ("first", "last", "parameter_error", "largest", "limited")
+FIELDS = ("initial_rms_error", "final_rms_error", "final_rms_error_adaptation_off", "max_error", "limited_share")
 
 
 def files() -> Iterator[tuple[str, Path]]:
@@ -126,8 +126,8 @@ def _counts(who: str, found: list[dict[str, Any]], count: int) -> str:
     """Counts of robots that learn, by how well they do."""
     runs = [one["nominal"] for one in found]
     learning = {name: sum(one[name]["is_learning"] for one in found) for name in CASES}
-    tenth = sum(run["is_learning"] and run["last"] <= 0.1 * run["first"] for run in runs)
-    median = float(np.median([np.inf if run["last"] is None else run["last"] for run in runs]))
+    tenth = sum(run["is_learning"] and run["final_rms_error"] <= 0.1 * run["initial_rms_error"] for run in runs)
+    median = float(np.median([np.inf if run["final_rms_error"] is None else run["final_rms_error"] for run in runs]))
     return (
         f"{who}: {learning['nominal']} of {count} learn nominally, {tenth} of them to a tenth of the first second's "
         f"error, {learning['one-period delay']} with a one-period delay, {learning['link errors ±30%']} with link "
@@ -138,8 +138,10 @@ def _counts(who: str, found: list[dict[str, Any]], count: int) -> str:
 def _line(entry: dict[str, Any]) -> tuple[str, ...]:
     """Cells of a row; errors of runs that do not learn are in brackets."""
     runs = [entry["rule"][name] for name in CASES]
-    first, off = _mrad(runs[0]["first"]), _mrad(runs[0]["parameter_error"])
-    last = [_mrad(run["last"]) if run["is_learning"] else f"({_mrad(run['last'])})" for run in runs]
+    first, off = _mrad(runs[0]["initial_rms_error"]), _mrad(runs[0]["final_rms_error_adaptation_off"])
+    last = [
+        _mrad(run["final_rms_error"]) if run["is_learning"] else f"({_mrad(run['final_rms_error'])})" for run in runs
+    ]
     return entry["name"], str(entry["dof"]), first, last[0], off, *last[1:]
 
 

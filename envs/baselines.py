@@ -76,7 +76,7 @@ def _laws(env: TrackingEnv) -> dict[str, Controller[Any]]:
         "PD": PDGravity(mechanism, stiffness, damping, nothing),
         "PD with gravity": PDGravity(mechanism, stiffness, damping),
         "Slotine-Li from zero estimates": tuning.controller(model, anyway=True),
-        "computed torque": ComputedTorque.on(model, tuning.gains.bandwidth),
+        "computed torque": ComputedTorque.from_model(model, tuning.gains.bandwidth),
     }
 
 

@@ -29,23 +29,23 @@ class GainRange:
     highest: float
 
     @classmethod
-    def of(cls, controller: Controller[Any], names: Iterable[str], span: float) -> GainRange:
-        """Range from 1/`span` to `span` times the gains, within what the controller accepts."""
+    def of(cls, controller: Controller[Any], names: Iterable[str], max_factor: float) -> GainRange:
+        """Range from 1/`max_factor` to `max_factor` times the gains, within what the controller accepts."""
         validate_controller(controller)
         chosen = names_of(names)
         controller.tuned({name: controller.numbers.get(name, 0.0) for name in chosen})
         if not chosen:
             raise NotFoundError(f"gains: expected at least one of {', '.join(controller.numbers) or '(none)'}")
-        if positive_number(span, "span: expected a number above 1") <= 1.0:
-            raise InputError(f"span: expected a number above 1, got {span}")
-        low, high = 0.0, float(np.log(span))
-        if not cls(controller, chosen, 1.0 / span, float(span))._carried():
+        if positive_number(max_factor, "max_factor: expected a number above 1") <= 1.0:
+            raise InputError(f"max_factor: expected a number above 1, got {max_factor}")
+        low, high = 0.0, float(np.log(max_factor))
+        if not cls(controller, chosen, 1.0 / max_factor, float(max_factor))._carried():
             for _ in range(HALVINGS):
                 middle = 0.5 * (low + high)
-                carried = cls(controller, chosen, 1.0 / span, float(np.exp(middle)))._carried()
+                carried = cls(controller, chosen, 1.0 / max_factor, float(np.exp(middle)))._carried()
                 low, high = (middle, high) if carried else (low, middle)
             high = low
-        return cls(controller, chosen, 1.0 / span, float(np.exp(high)))
+        return cls(controller, chosen, 1.0 / max_factor, float(np.exp(high)))
 
     @property
     def space(self) -> gymnasium.spaces.Box:
@@ -93,14 +93,14 @@ class TuningEnv(ControlledEnv):
         Controller that drives the robot.
     gains : str or iterable of str
         Names of the gains in `controller.numbers`.
-    span : float, default 4.0
-        Largest factor without a unit, above 1: an action x scales a gain by span^x, by default from a quarter to four
-        times.
+    max_factor : float, default 4.0
+        Largest factor without a unit, above 1: an action x scales a gain by max_factor^x, by
+        default from a quarter to four times.
 
     Raises
     ------
     InputError
-        If the controller does not fit, the span is out of range, or the environment is no tracking environment or a
+        If the controller does not fit, the factor is out of range, or the environment is no tracking environment or a
         wrapper has changed its spaces.
     NotFoundError
         If a gain is unknown or none is given.
@@ -110,8 +110,8 @@ class TuningEnv(ControlledEnv):
     ## Action space
 
     `Box(-1, 1, (a,), float32)`, clipped: one action per joint for gains such as `bandwidth`, one for all values of
-    others, such as `adaptation.gain`. Zero leaves the gains unchanged, 1 gives the largest stable factor up to `span`,
-    `env.range.highest`. A wrong shape raises `InputError`, NaN and infinity `NonFiniteError`.
+    others, such as `adaptation.gain`. Zero leaves the gains unchanged, 1 gives the largest stable factor up to
+    `max_factor`. A wrong shape raises `InputError`, NaN and infinity `NonFiniteError`.
 
     ## Observation space
 
@@ -125,11 +125,11 @@ class TuningEnv(ControlledEnv):
     """
 
     def __init__(
-        self, env: gymnasium.Env[Any, Any], controller: Controller[Any], gains: Iterable[str], span: float = 4.0
+        self, env: gymnasium.Env[Any, Any], controller: Controller[Any], gains: Iterable[str], max_factor: float = 4.0
     ) -> None:
         gains = names_of(gains)
-        gymnasium.utils.RecordConstructorArgs.__init__(self, controller=controller, gains=gains, span=span)
-        self.range = GainRange.of(controller, gains, span)
+        gymnasium.utils.RecordConstructorArgs.__init__(self, controller=controller, gains=gains, max_factor=max_factor)
+        self.range = GainRange.of(controller, gains, max_factor)
         super().__init__(env, controller, self.range.space)
 
     def _torque(self, action: Array) -> tuple[Array, Any, dict[str, Any]]:
@@ -153,14 +153,14 @@ class TuningVectorEnv(ControlledVectorEnv):
         Controller that drives the arms.
     gains : str or iterable of str
         Names of the gains in `controller.numbers`.
-    span : float, default 4.0
-        Largest factor without a unit, above 1: an action x scales a gain by span^x, by default from a quarter to four
-        times.
+    max_factor : float, default 4.0
+        Largest factor without a unit, above 1: an action x scales a gain by max_factor^x, by
+        default from a quarter to four times.
 
     Raises
     ------
     InputError
-        If the environment or the controller does not fit or the span is out of range.
+        If the environment or the controller does not fit or the factor is out of range.
     NotFoundError
         If a gain is unknown or none is given.
 
@@ -176,9 +176,9 @@ class TuningVectorEnv(ControlledVectorEnv):
     """
 
     def __init__(
-        self, env: VectorTrackingEnv, controller: Controller[Any], gains: Iterable[str], span: float = 4.0
+        self, env: VectorTrackingEnv, controller: Controller[Any], gains: Iterable[str], max_factor: float = 4.0
     ) -> None:
-        self.range = GainRange.of(controller, gains, span)
+        self.range = GainRange.of(controller, gains, max_factor)
         super().__init__(env, controller, self.range.space.shape[0])
 
     def _torques(self, actions: Array) -> tuple[Array, Any, dict[str, Any]]:

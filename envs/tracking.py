@@ -298,7 +298,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         episode.state = state = self.plant.step(episode.state, torque, parameters, self._noise())
         episode.step += 1
         episode.clipped += state.clipped
-        rewards, over = self._judged(state.q, state.v, self._reference(episode), state.applied)
+        rewards, over = self._judged(state.q, state.v, self._reference(episode), state.applied_torque)
         reward, terminated, truncated = float(rewards), bool(over), episode.step >= self.steps
         episode.over = terminated or truncated
         info = self._info(episode.parameters, state, episode.step, episode.clipped)
@@ -393,14 +393,14 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         info: dict[str, Any] = {
             "time": time,
             "parameters": parameters.copy(),  # Gymnasium: what is returned is the caller's to change
-            "applied_torque": state.applied if steps else np.zeros(self.plant.dof),
+            "applied_torque": state.applied_torque if steps else np.zeros(self.plant.dof),
             "energy": self.plant.energy(state, parameters) if energy is None else energy,
             "clipped": clipped,
         }
         if self.plant.effects:
             flags = dict(zip(self.plant.flags, state.flags.tolist(), strict=True))
             if self.plant.loads:
-                flags["payload"] = self.plant.payload(time)
+                flags["payload"] = self.plant.payload_mass(time)
             info |= {"p": state.p.copy(), "v": state.v.copy(), "flags": flags}
         return info
 

@@ -164,7 +164,7 @@ class AdaptiveTracking(Learning):
         """Tuned adaptation gain."""
         tuning = self.tuning(model.mechanism)
         everything = len(model.columns) == len(model.mechanism.parameter_names)
-        return tuning.adaptation if everything else tuning.gain_on(model)
+        return tuning.adaptation if everything else tuning.adaptation_gain_for(model)
 
     def gains(self, mechanism: Mechanism) -> Gains:
         """Bandwidth (r,), 1/s, and damping (r,), N m s/rad."""

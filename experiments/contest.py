@@ -33,16 +33,16 @@ from adaptctl.recording import (
     ControllerRun,
     Failure,
     Finding,
-    Leading,
     Progress,
     Result,
     Setting,
-    TickCost,
+    StepCost,
+    TaskError,
     shown,
 )
 from adaptctl.recording.comparison import ADAPTATION_OFF as ADAPTATION_OFF
 from adaptctl.recording.comparison import NO_MODEL as NO_MODEL
-from adaptctl.recording.comparison import color_places
+from adaptctl.recording.comparison import color_indices
 from adaptctl.simulation import Plant, Rollout, rollout, simulate
 from adaptctl.simulation.rollout import known_steps
 
@@ -68,14 +68,14 @@ class Contender:
 
     name: str
     label: str
-    knows: str
+    prior_knowledge: str
     make: Callable[[], Controller[Any]]
     env: Callable[[], gymnasium.Env[Any, Any]] | None = None
 
     @classmethod
-    def of(cls, name: str, label: str, knows: str, controller: Controller[Any]) -> Contender:
+    def of(cls, name: str, label: str, prior_knowledge: str, controller: Controller[Any]) -> Contender:
         """`Contender` for an existing `controller`."""
-        return cls(name, label, knows, lambda: controller)
+        return cls(name, label, prior_knowledge, lambda: controller)
 
     @cached_property
     def controller(self) -> Controller[Any]:
@@ -98,12 +98,12 @@ class Outcome:
 
 
 class Told(NamedTuple):
-    """Findings, answer, drawings and leading curves."""
+    """Findings, answer, drawings and task errors."""
 
     findings: Iterable[Finding] = ()
     answer: str | None = None
     drawings: Iterable[Drawing] = ()
-    leading: Leading | None = None
+    task_error: TaskError | None = None
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class Learning(ClosedLoopExperiment):
     """Base class of experiments that compare controllers, the subject first."""
 
     robot: str = setting("puma560", "a built-in robot or a file (.urdf, .xml, .toml)")
-    time_ticks: bool = setting(
+    measure_step_time: bool = setting(
         False, "also measure the time of a control step of each law, called from Python; needs another compilation"
     )
 
@@ -172,7 +172,7 @@ class Learning(ClosedLoopExperiment):
         basis = fundamental_basis(space)
         progress(OFFLINE, 1.0)
         contenders = self.contenders(mechanism, basis)
-        outcome = contest(env, mechanism, contenders, self.seed, progress, self.options, self.time_ticks)
+        outcome = contest(env, mechanism, contenders, self.seed, progress, self.options, self.measure_step_time)
         told = self.told(outcome, basis)
         return Comparison(
             experiment=self.name,
@@ -190,7 +190,7 @@ class Learning(ClosedLoopExperiment):
             complete=outcome.complete,
             more_drawings=tuple(told.drawings),
             answer=told.answer if outcome.complete else None,
-            leading=told.leading,
+            task_error=told.task_error,
             expected=self.expected,
             live=live_subject(env, contenders[0].controller, self.seed, self.options) if outcome.complete else "",
         )
@@ -236,7 +236,7 @@ def over_time(runs: Sequence[ControllerRun], values: Mapping[str, Array], ylabel
     """Figure of values (T,) on a logarithmic scale."""
     from adaptctl.recording.drawing import run_style, sheet, thinned
 
-    figure, places = sheet(4.2), color_places(runs)
+    figure, places = sheet(4.2), color_indices(runs)
     axes = figure.subplots()
     for run in runs:
         if (own := values.get(run.name)) is not None:
@@ -270,12 +270,12 @@ def contest(
                 own, mechanism, one.controller, record_every=every, seed=seed, options=dict(options), progress=told
             )
             if len(result.time):
-                runs.append(ControllerRun(one.name, one.label, one.knows, result))
+                runs.append(ControllerRun(one.name, one.label, one.prior_knowledge, result))
             if not result.complete:
                 break
             known = "payload" not in options  # else the truth is not the mechanism's own
             V = _lyapunov(one.controller, result, mechanism) if known else None
-            runs[-1] = replace(runs[-1], lyapunov=V, cost=tick_cost(one.controller, result, timed))
+            runs[-1] = replace(runs[-1], lyapunov=V, cost=step_cost(one.controller, result, timed))
             progress(one.label, 1.0)
         else:
             complete = True
@@ -331,7 +331,7 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
     return lyapunov(controller, run, mechanism)
 
 
-def tick_cost(controller: Controller[Any], run: Rollout, timed: bool) -> TickCost:
+def step_cost(controller: Controller[Any], run: Rollout, timed: bool) -> StepCost:
     """Floating-point operations of a control step and, where `timed`, its median time in s."""
     kernel, called = controller.kernel, list[float]()
     memory = controller.init(run.p[0], run.v[0])
@@ -341,4 +341,4 @@ def tick_cost(controller: Controller[Any], run: Rollout, timed: bool) -> TickCos
         controller.step(memory, run.p[k], run.v[k], point)
         called.append(time.perf_counter() - started)
     flops = None if kernel is None else kernel.operations.flops
-    return TickCost(float(np.median(called)) if called else None, flops=flops)
+    return StepCost(float(np.median(called)) if called else None, flops=flops)

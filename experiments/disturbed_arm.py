@@ -254,7 +254,7 @@ class DisturbedArm(Learning):
                 "use puma560_friction"
             )
         excess = self.stribeck * np.array([drive.coulomb or 0.0 for drive in drives])
-        return Friction(stribeck=excess, speed=STRIBECK_SPEED)
+        return Friction(stribeck=excess, stribeck_speed=STRIBECK_SPEED)
 
     def _elastic(self, mechanism: Mechanism, stiffness: float) -> Effect:
         """Springs of one stiffness, damped by joint."""

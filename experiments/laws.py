@@ -48,9 +48,11 @@ class Laws(DisturbedArm):
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Controllers to compare, the last without adaptation."""
-        model, knows = ReducedModel(mechanism, basis), f"links within {100 * self.parameter_error:.0f} %"
+        model, prior_knowledge = ReducedModel(mechanism, basis), f"links within {100 * self.parameter_error:.0f} %"
         names = (*self.laws, ADAPTATION_OFF)
-        return [Contender(name, LABELS[name], knows, partial(controller, self, name, model)) for name in names]
+        return [
+            Contender(name, LABELS[name], prior_knowledge, partial(controller, self, name, model)) for name in names
+        ]
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:
         """Parameter errors and internal states of all laws."""

@@ -164,9 +164,9 @@ def _control_law(draft: Draft, name: str) -> Controller[Any] | None:
         case "computed-torque-smooth":
             return control.ComputedTorque(without_friction(mechanism), bandwidth)
         case "computed-torque":
-            return control.ComputedTorque.on(model, bandwidth, parameters=first)
+            return control.ComputedTorque.from_model(model, bandwidth, parameters=first)
         case "pd-gravity":
-            return control.PDGravity.on(model, bandwidth * damping, damping, first)
+            return control.PDGravity.from_model(model, bandwidth * damping, damping, first)
         case "passivity-integral":
             return control.PassivityIntegral(model, bandwidth, damping, draft.gain, first, of.control_period)
         case "adaptive-computed-torque":

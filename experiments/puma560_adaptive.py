@@ -166,7 +166,7 @@ class Puma560Adaptive(FromRanges):
         self._validate_components(mechanism, model, len(reduction.weights))
         ordered = essential[:, reduction.order]
         directions = model.regrouping @ ordered
-        gains = self.gain_scale * (ordered.T**2 @ self.ranges.of(mechanism.parameter_names) ** 2)
+        gains = self.gain_scale * (ordered.T**2 @ self.ranges.for_parameters(mechanism.parameter_names) ** 2)
         found = []
         for s in self.components:
             some = Subspace(gains[:s], directions[:, :s])

@@ -34,7 +34,7 @@ from adaptctl.experiments.contest import (
 )
 from adaptctl.experiments.experiment import setting, validate_count
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import Finding, Leading, Setting, wording
+from adaptctl.recording import Finding, Setting, TaskError, wording
 
 if TYPE_CHECKING:
     import gymnasium
@@ -205,4 +205,4 @@ class TaskSpaceTracking(FromRanges):
         caption = "Distance of the tool from its path, one line per controller (logarithmic scale)."
         millimetres = {name: 1e3 * values for name, values in errors.items()}
         drawing = Drawing("tool-error", caption, partial(over_time, outcome.runs, millimetres, "tool error [mm]"))
-        return Told(findings, answer, (drawing,), Leading("Distance of the tool from its path", "mm", errors))
+        return Told(findings, answer, (drawing,), TaskError("Distance of the tool from its path", "mm", errors))

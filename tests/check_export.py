@@ -104,7 +104,7 @@ class Check:
 
     def lines(self, name: str, law: Controller[Any]) -> Iterator[str]:
         """What was found of one law."""
-        made = adaptctl.export(law, self.place / name, name=name, unguarded=True, large_stack=True)
+        made = adaptctl.export(law, self.place / name, name=name, without_safety_filter=True, large_stack=True)
         package, trial = Package(made.directory, name, law.dof), Trial(law)
         ticks = trial.recorded()
         found = {tool.name: differing(tool, package, ticks) for tool in self.tools}
@@ -132,7 +132,7 @@ class Check:
 
     def _single(self, name: str, law: Controller[Any]) -> Iterator[str]:
         """What single precision takes on a microcontroller."""
-        made = adaptctl.export(law, self.place / f"{name}_float", name=name, scalar="float", unguarded=True)
+        made = adaptctl.export(law, self.place / f"{name}_float", name=name, scalar="float", without_safety_filter=True)
         if shutil.which("arm-none-eabi-gcc") and shutil.which("qemu-system-arm"):
             self.found.cortex[name] = on_cortex_m(Package(made.directory, name, law.dof))
             yield f"  Cortex-M4F, float: {self.found.cortex[name]}"

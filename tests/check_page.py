@@ -75,7 +75,7 @@ def in_python(task: Task) -> Array:
     plant, state, parameters = started(task)
     loop, points = ClosedLoop(plant, task.controller), task.references(PERIODS)
     arms = loop.compiled().ensemble(1)
-    loop.begin(arms, state, task.controller.init(state.p, state.v))
+    loop.set_state(arms, state, task.controller.init(state.p, state.v))
     arms.held["parameters"] = parameters
     signals = dict(zip(REFERENCE, points, strict=True)) | {"noise": np.zeros((PERIODS, 0))}
     return np.array(Sample(*(x[:, 0] for x in arms.run(PERIODS, signals, record=True))).torque)

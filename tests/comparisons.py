@@ -13,7 +13,7 @@ from adaptctl.control import Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.experiment import Experiment
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.recording import Comparison, ControllerRun, Finding, Setting, TickCost
+from adaptctl.recording import Comparison, ControllerRun, Finding, Setting, StepCost
 from adaptctl.recording.report import summary
 from adaptctl.simulation import Rollout
 
@@ -60,7 +60,7 @@ def comparison(mechanism: Mechanism, samples: int = 1500, complete: bool = True)
     share = -np.expm1(-3.0 * PERIOD * np.arange(samples))
     learnt = rollout(mechanism, samples, 4.0, share[:, None] * truth, complete)
     lyapunov = 3.0 + 2.0 * np.exp(-PERIOD * np.arange(samples))
-    runs = [ControllerRun("adaptive", "Slotine-Li, <learning>", "none", learnt, lyapunov, TickCost(5e-6, 2e-7, 1470))]
+    runs = [ControllerRun("adaptive", "Slotine-Li, <learning>", "none", learnt, lyapunov, StepCost(5e-6, 2e-7, 1470))]
     if complete:
         runs.append(
             ControllerRun("adaptation-off", "Slotine-Li, adaptation off", "none", rollout(mechanism, samples, 0.2))

@@ -148,7 +148,7 @@ def reduced_law(name: str) -> Controller[Any]:
             more: Any = {"reference_in_joints": True, "singularity": 0.1}
             return TaskSpaceSlotineLi(model, own.bandwidth, own.damping, gain, **more)
         case _:
-            return ComputedTorque.on(model, 8.0)
+            return ComputedTorque.from_model(model, 8.0)
 
 
 REDUCED = ("reduced", "drives", "loop", "guarded loop", "loop composite", "loop tool", "loop computed torque")

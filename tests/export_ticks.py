@@ -63,7 +63,7 @@ class Trial:
         law, plant, points = self.law, self.plant, self.points(ticks)
         loop, start, rest = ClosedLoop(plant, law), self.started(points), np.zeros(law.dof)
         arms = loop.compiled().ensemble(1)
-        loop.begin(arms, plant.init(start, rest), law.init(start, rest))
+        loop.set_state(arms, plant.init(start, rest), law.init(start, rest))
         arms.held["parameters"] = plant.mechanism.inertial_parameters
         signals = dict(zip(REFERENCE, points, strict=True)) | {"noise": np.zeros((ticks, 0))}
         sample = Sample(*(x[:, 0] for x in arms.run(ticks, signals, record=True)))

@@ -129,7 +129,7 @@ LISTED: tuple[Listed, ...] = (
     Listed(
         "no torque limits after the actuators",
         "adaptctl/simulation/period.py",
-        "applied = self.limited(driven)",
+        "applied = self.clip_torque(driven)",
         "applied = driven",
         ("tests/test_effects.py::test_what_reached_the_joints_is_within_the_limits",),
     ),

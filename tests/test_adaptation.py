@@ -201,9 +201,9 @@ def silent(
 
 
 def test_a_dead_zone_for_a_disturbance_holds_it() -> None:
-    """Where s'Ks <= d'K^-1 d the disturbance may win: the zone of `against` is exactly that."""
+    """Where s'Ks <= d'K^-1 d the disturbance may win: the zone of `for_disturbance` is exactly that."""
     K, torque = np.array([10.0, 20.0, 5.0]), np.array([1.0, 2.0, 0.5])
-    zone = DeadZone.against(np.ones(3), K, torque)
+    zone = DeadZone.for_disturbance(np.ones(3), K, torque)
     s = np.random.default_rng(0).normal(size=(1000, 3))
     np.testing.assert_allclose(
         ((s / zone.width) ** 2).sum(axis=1), (s**2 * K).sum(axis=1) / (torque**2 / K).sum(), rtol=1e-12

@@ -71,7 +71,9 @@ def test_each_tick_has_its_price(said: dict[str, Any]) -> None:
 
 def test_ticks_are_timed_where_it_is_asked() -> None:
     for run in (
-        Laws(robot=SMALL, laws=("gradient",), duration=0.5, time_ticks=True).compare(lambda what, share: None).runs
+        Laws(robot=SMALL, laws=("gradient",), duration=0.5, measure_step_time=True)
+        .compare(lambda what, share: None)
+        .runs
     ):
         assert run.cost is not None
         assert 0.0 < (run.cost.called or 0.0) < 1.0

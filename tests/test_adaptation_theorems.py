@@ -324,7 +324,7 @@ def test_e_modification_keeps_its_bound(name: str, rate: float, size: float, see
 def test_dead_zone_learns_only_where_v_falls(name: str, size: float, mass: float, seed: int) -> None:
     """Whatever disturbs within the bound: inside the zone estimates stand still, outside V falls."""
     mechanism, K, true = arm(name), gains(name).damping, loaded(arm(name), mass)
-    adaptation = DeadZone.against(own_gain(name), K, size * K)
+    adaptation = DeadZone.for_disturbance(own_gain(name), K, size * K)
     law = slotine_li(name, adaptation)
     run = loop(law, mechanism, swinging(mechanism, seed), 0.5, disturbance=shaken(mechanism, size * K), parameters=true)  # type: ignore[arg-type]
     V = kinetic(mechanism.with_parameters(true), run) + distance(law, run, true)

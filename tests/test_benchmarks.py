@@ -106,7 +106,14 @@ def test_subjects_measure(subject: str) -> None:
 
 def tuned(name: str, last: float | None, learns: bool, **more: object) -> dict[str, object]:
     """A row of the table of tuned robots, all four runs alike."""
-    run = {"first": 0.04, "last": last, "parameter_error": None, "largest": 0.1, "limited": 0.0, "is_learning": learns}
+    run = {
+        "initial_rms_error": 0.04,
+        "final_rms_error": last,
+        "final_rms_error_adaptation_off": None,
+        "max_error": 0.1,
+        "limited_share": 0.0,
+        "is_learning": learns,
+    }
     found = dict.fromkeys(tuning_table.CASES, run)
     return {"name": name, "dof": 7, "cpu": 0.5, "rule": found, **more}
 

@@ -11,7 +11,7 @@ from comparisons import comparison
 from adaptctl.dynamics import load
 from adaptctl.experiments.disturbed_arm import LAWS
 from adaptctl.recording import Comparison
-from adaptctl.recording.comparison import color_places
+from adaptctl.recording.comparison import color_indices
 from adaptctl.recording.drawing import GOAL, JOINT_COLORS, LIMIT, RUN_COLORS, Color, run_color
 from adaptctl.recording.report import report
 
@@ -29,12 +29,12 @@ def test_adaptation_off_is_orange_wherever_it_stands(two: Comparison) -> None:
     learning, off = two.runs
     others = tuple(replace(learning, name=f"other-{i}", label=f"Other {i}") for i in range(9))
     for runs in ((learning, off, *others), (learning, *others, off)):
-        places = replace(two, runs=runs).color_places
+        places = replace(two, runs=runs).color_indices
         assert places["adaptive"] == 0
         assert places["adaptation-off"] == 1
         assert [places[run.name] for run in others] == list(range(2, 11))
-    assert color_places((learning, *others))["other-0"] == 2  # orange stays what it is
-    assert color_places((off, *others)) == {"adaptation-off": 0} | {run.name: i for i, run in enumerate(others, 1)}
+    assert color_indices((learning, *others))["other-0"] == 2  # orange stays what it is
+    assert color_indices((off, *others)) == {"adaptation-off": 0} | {run.name: i for i, run in enumerate(others, 1)}
 
 
 def test_a_report_shows_each_run_in_its_own_colour(two: Comparison) -> None:

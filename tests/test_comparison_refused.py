@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from adaptctl.dynamics import load
 from adaptctl.errors import FileError, InputError, NonFiniteError
-from adaptctl.recording import Comparison, Finding, Leading, write_artifacts
+from adaptctl.recording import Comparison, Finding, TaskError, write_artifacts
 from adaptctl.recording.drawing import Drawing
 from adaptctl.recording.figures import lyapunov
 from adaptctl.recording.judgement import facts
@@ -52,12 +52,12 @@ def test_two_runs_of_one_name_are_refused(shown: Comparison) -> None:
         replace(shown, runs=(shown.subject, shown.subject))
 
 
-def test_every_run_has_its_leading_errors(shown: Comparison) -> None:
+def test_every_run_has_its_task_errors(shown: Comparison) -> None:
     errors = {run.name: np.zeros(SAMPLES) for run in shown.runs}
-    assert replace(shown, leading=Leading("Distance", "mm", errors)).leading is not None
+    assert replace(shown, task_error=TaskError("Distance", "mm", errors)).task_error is not None
     for wrong in ({"adaptive": np.zeros(SAMPLES)}, {**errors, "adaptation-off": np.zeros(3)}):
-        with pytest.raises(InputError, match=r"leading: errors of 'adaptation-off': expected shape \(1200,\), got"):
-            replace(shown, leading=Leading("Distance", "mm", wrong))
+        with pytest.raises(InputError, match=r"task_error: errors of 'adaptation-off': expected shape \(1200,\), got"):
+            replace(shown, task_error=TaskError("Distance", "mm", wrong))
 
 
 @pytest.mark.parametrize("window", [np.nan, np.inf, -1.0, 0.0, "x"])

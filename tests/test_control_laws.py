@@ -68,8 +68,8 @@ def rough(name: str) -> Array:
 
 
 LAWS: dict[str, Callable[[str], Controller[Any]]] = {
-    "pd": lambda name: PDGravity.on(reduced(name), 300.0, gains(name).damping),
-    "computed torque": lambda name: ComputedTorque.on(reduced(name), 8.0),
+    "pd": lambda name: PDGravity.from_model(reduced(name), 300.0, gains(name).damping),
+    "computed torque": lambda name: ComputedTorque.from_model(reduced(name), 8.0),
     "adaptive computed torque": lambda name: AdaptiveComputedTorque(reduced(name), 8.0, rough(name), 0.05 * gain(name)),
     "integral": lambda name: PassivityIntegral(reduced(name), 8.0, gains(name).damping, gain(name)),
     "task space": lambda name: TaskSpaceSlotineLi(
@@ -106,10 +106,13 @@ def test_reduced_parameters_give_the_torques_of_all(name: str, law: Any) -> None
     p, v = posture(arm(name)) + 0.1, np.linspace(-1.0, 1.0, arm(name).dof)
     point = swinging(arm(name))(1.0)
     torques = []
-    for controller in (law(arm(name), *numbers), law.on(reduced(name), *numbers)):
+    for controller in (law(arm(name), *numbers), law.from_model(reduced(name), *numbers)):
         torques.append(controller.step(controller.init(p, v), p, v, point)[0])
     np.testing.assert_allclose(torques[0], torques[1], atol=1e-10 * np.abs(torques[0]).max())
-    assert law.on(reduced(name), *numbers).kernel.operations.flops <= law(arm(name), *numbers).kernel.operations.flops
+    assert (
+        law.from_model(reduced(name), *numbers).kernel.operations.flops
+        <= law(arm(name), *numbers).kernel.operations.flops
+    )
 
 
 @settings(max_examples=5, deadline=None)
@@ -289,7 +292,10 @@ SMALL = "puma560_arm3"
         (lambda: PDGravity(arm(SMALL), -1.0, 1.0), "stiffness: expected positive"),
         (lambda: PDGravity(arm(SMALL), 1.0, np.ones(2)), r"damping: expected a number or 3 of them, got shape \(2,\)"),
         (lambda: PDGravity(arm(SMALL), 1.0, 1.0, np.ones(3)), r"parameters: expected shape \(30,\), got \(3,\)"),
-        (lambda: ComputedTorque.on(reduced(SMALL), 8.0, parameters=np.ones(30)), r"shape \(\.\.\., 15\), got \(30,\)"),
+        (
+            lambda: ComputedTorque.from_model(reduced(SMALL), 8.0, parameters=np.ones(30)),
+            r"shape \(\.\.\., 15\), got \(30,\)",
+        ),
         (lambda: AdaptiveComputedTorque(reduced(SMALL), 8.0, None), "positive definite everywhere"),
         (lambda: AdaptiveComputedTorque(reduced(SMALL), 8.0, -rough(SMALL)), "use SlotineLi"),
         (

@@ -30,6 +30,6 @@ def test_designs_and_workspaces_print_their_mechanism() -> None:
 def test_tunings_print_their_verdict() -> None:
     tuning = tune(ARM)
     assert repr(tuning) == "<Tuning of 'two_link': learns>"
-    failed = replace(tuning, verified=(replace(tuning.verified[0], largest=2.0),))
+    failed = replace(tuning, verified=(replace(tuning.verified[0], max_error=2.0),))
     assert repr(failed) == "<Tuning of 'two_link': does not learn>"
     assert repr(replace(tuning, verified=())) == "<Tuning of 'two_link': not verified>"

@@ -54,7 +54,10 @@ def fitted(effect: Any) -> None:
         (lambda: ActuatorLag(TEXT), "actuator lag: expected a positive number of s, got 'a'"),
         (lambda: ActuatorLag(cast(Any, [1.0, 2.0])), "actuator lag: expected a positive number of s"),
         (lambda: FilteredDifferences(TEXT), "filtered differences: cutoff: expected a positive number of Hz, got 'a'"),
-        (lambda: Friction(speed=TEXT), "friction: speed: expected a positive number of rad/s, got 'a'"),
+        (
+            lambda: Friction(stribeck_speed=TEXT),
+            "friction: stribeck_speed: expected a positive number of rad/s, got 'a'",
+        ),
         (lambda: fitted(Friction(viscous=TEXT)), "friction: viscous: expected numbers, got 'a'"),
         (lambda: fitted(Encoder(noise=TEXT)), "encoder: noise: expected numbers, got 'a'"),
         (lambda: fitted(TorqueLimit(TEXT)), "torque limit: expected numbers, got 'a'"),

@@ -157,7 +157,7 @@ def test_friction_takes_energy_out_and_is_odd(viscous: float, coulomb: float, st
 
 def test_friction_falls_from_static_to_coulomb_and_rises_again() -> None:
     """Hess and Soom's curve, far above the smoothing."""
-    friction, speeds = Friction(2.0, 10.0, 5.0, speed=1.0), np.array([0.2, 1.0, 5.0, 1000.0])
+    friction, speeds = Friction(2.0, 10.0, 5.0, stribeck_speed=1.0), np.array([0.2, 1.0, 5.0, 1000.0])
     expected = 2.0 * speeds + (10.0 + 5.0 / (1.0 + speeds**2)) * speeds / np.sqrt(
         speeds**2 + COULOMB_SMOOTHING_SPEED**2
     )
@@ -298,7 +298,7 @@ def test_many_arms_step_as_one_does(puma: Mechanism, effects: Sequence[Effect]) 
         outputs = arms.run(1, {"torque": torque[None], "noise": noise[None]})
         states = [plant.step(states[k], torque[k], true, noise[k]) for k in range(members)]
         for k, state in enumerate(states):
-            expected = (state.measured_p, state.measured_v, state.applied, [state.clipped], state.flags)
+            expected = (state.measured_p, state.measured_v, state.applied_torque, [state.clipped], state.flags)
             for got, wanted in zip(outputs, expected, strict=True):
                 np.testing.assert_allclose(got[k], wanted, rtol=1e-11, atol=1e-11)
             np.testing.assert_allclose(arms.state["q"][k], state.q, rtol=1e-11)
@@ -312,11 +312,11 @@ def test_what_reached_the_joints_is_within_the_limits(puma: Mechanism) -> None:
     alone = Plant(puma, PERIOD, torque_limits=10.0)
     for _ in range(2):
         after = plant.step(state, np.zeros(6))
-        assert np.abs(after.applied).max() == 10.0
-        same = alone.step(alone.init(state.p, state.v), after.applied)
+        assert np.abs(after.applied_torque).max() == 10.0
+        same = alone.step(alone.init(state.p, state.v), after.applied_torque)
         np.testing.assert_array_equal(after.v, same.v)
         state = after
-    np.testing.assert_array_equal(plant.step(state, np.zeros(6)).applied, 0.0)
+    np.testing.assert_array_equal(plant.step(state, np.zeros(6)).applied_torque, 0.0)
 
 
 def test_a_plant_loads_what_its_effects_hold_at_its_own_time(puma: Mechanism) -> None:

@@ -38,7 +38,7 @@ from adaptctl.simulation.effects import (
         (lambda: ActuatorLag(True), InputError, "actuator lag: expected a positive number of s, got True"),
         (lambda: ActuatorLag(0.0), InputError, "actuator lag: expected a positive number of s, got 0"),
         (lambda: FilteredDifferences(-3.0), InputError, "cutoff: expected a positive number of Hz"),
-        (lambda: Friction(speed=0.0), InputError, "friction: speed: expected a positive number"),
+        (lambda: Friction(stribeck_speed=0.0), InputError, "friction: stribeck_speed: expected a positive number"),
         (lambda: PayloadHeld(1.0, 2.0, 1.0), InputError, "expected a start before its stop, got 2.0 and 1.0 s"),
         (lambda: PayloadHeld(-1.0), InputError, "expected a mass of at least 0 kg"),
         (lambda: Payload(1.0, inertia=np.array([[1, 1e-3, 0], [0, 1, 0], [0, 0, 1]])), InputError, "symmetric tensor"),

@@ -10,7 +10,7 @@ from comparisons import comparison
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
-from adaptctl.recording import Comparison, Failure, Leading, judged
+from adaptctl.recording import Comparison, Failure, TaskError, judged
 from adaptctl.recording.judgement import facts
 from adaptctl.recording.result import answers
 from adaptctl.simulation import Rollout
@@ -117,13 +117,13 @@ def test_errors_of_joints_that_turn_and_of_those_that_slide_are_told_apart() -> 
         assert run.final_rms_error_of(joints) == pytest.approx(expected, rel=1e-14)
 
 
-def test_leading_errors_are_of_the_last_two_seconds() -> None:
+def test_task_errors_are_of_the_last_two_seconds() -> None:
     errors = np.where(np.arange(60) < 40, 7.0, np.where(np.arange(60) < 50, 3.0, -4.0))
     what = shown(run_of(1, 0.1, 60, STILL, STILL))
-    leading = Leading("distance", "mm", {"adaptive": errors})
-    assert leading.final_rms(what.subject) == pytest.approx(np.sqrt(12.5), rel=1e-14)
+    task_error = TaskError("distance", "mm", {"adaptive": errors})
+    assert task_error.final_rms(what.subject) == pytest.approx(np.sqrt(12.5), rel=1e-14)
     short = shown(run_of(1, 0.1, 19, np.zeros(19), np.zeros(19))).subject
-    assert Leading("distance", "mm", {"adaptive": errors[:19]}).final_rms(short) is None
+    assert TaskError("distance", "mm", {"adaptive": errors[:19]}).final_rms(short) is None
 
 
 def test_a_run_of_two_seconds_in_half_a_second_is_four_times_as_fast_as_time() -> None:

@@ -91,7 +91,7 @@ def test_ranges_are_held_where_a_light_wrist_would_ring() -> None:
     free, held = adaptation_gain(model), adaptation_gain(model, gains=gains, control_period=PERIOD)
     h = sampling_ratio(model.mechanism, gains.damping, PERIOD, gains.bandwidth).value
     u = parameter_sampling_ratios(model, gains.bandwidth, PERIOD)
-    range_of = PriorRanges().of(model.names)
+    range_of = PriorRanges().for_parameters(model.names)
     np.testing.assert_allclose(held, 0.6 * np.minimum(range_of, 0.2 * (2.0 - h) / np.maximum(u, 1e-300)) ** 2)
     assert np.all(held <= free)
     lightest = model.names.index("link6.I_zz")

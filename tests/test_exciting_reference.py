@@ -24,7 +24,11 @@ K = len(MODEL.columns)
 
 @pytest.mark.parametrize(
     ("scale", "expected"),
-    [(None, PriorRanges().of(MODEL.names)), (2.0, np.full(K, 2.0)), (np.arange(1.0, K + 1.0), np.arange(1.0, K + 1.0))],
+    [
+        (None, PriorRanges().for_parameters(MODEL.names)),
+        (2.0, np.full(K, 2.0)),
+        (np.arange(1.0, K + 1.0), np.arange(1.0, K + 1.0)),
+    ],
 )
 def test_ranges_are_one_number_one_a_parameter_or_those_of_the_prior(scale: object, expected: Array) -> None:
     found = _checked(MODEL, 0.2, 1, 1.0, scale, None)  # type: ignore[arg-type]
@@ -65,7 +69,7 @@ def test_counts_are_whole_numbers(name: str, wrong: Any) -> None:
 @pytest.mark.parametrize("share", [0.0, -1.0, 1.1, np.nan, np.inf, "a", None])
 def test_limits_are_a_share_of_the_joints_own(share: Any) -> None:
     with pytest.raises(InputError, match="share: expected a"):
-        MotionLimits.of(MODEL, share)
+        MotionLimits.from_model(MODEL, share)
 
 
 ONES, GONE = np.ones(3), np.full(3, np.nan)

@@ -37,7 +37,7 @@ FILES = {"a.h", "a.c", "a.hpp", "CMakeLists.txt", "test_a.c", "vectors.h", "exam
 
 
 def exported(tmp_path: Path, law: Controller[Any], **more: Any) -> Exported:
-    return adaptctl.export(law, tmp_path / "out", name="a", **{"unguarded": True, **more})
+    return adaptctl.export(law, tmp_path / "out", name="a", **{"without_safety_filter": True, **more})
 
 
 def lists(fields: Any, values: list[Array]) -> SimpleNamespace:
@@ -187,9 +187,9 @@ def test_nothing_but_math_and_mem_is_called_and_nothing_is_global(tmp_path: Path
 
 
 def test_the_same_controller_gives_the_same_bytes(tmp_path: Path) -> None:
-    first = adaptctl.export(LAWS["composite"], tmp_path / "one", name="a", unguarded=True)
+    first = adaptctl.export(LAWS["composite"], tmp_path / "one", name="a", without_safety_filter=True)
     again = slotine_li(LAWS["composite"].adaptation)  # type: ignore[attr-defined]
-    second = adaptctl.export(again, tmp_path / "two", name="a", unguarded=True)
+    second = adaptctl.export(again, tmp_path / "two", name="a", without_safety_filter=True)
     assert first.manifest == second.manifest
     for file in first.files:
         assert (first.directory / file).read_bytes() == (second.directory / file).read_bytes()
@@ -271,7 +271,7 @@ def test_a_name_that_is_no_identifier_is_refused(name: Any, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ({"unguarded": False}, "SlotineLi has no safety limits: wrap it in `SafetyFilter`"),
+        ({"without_safety_filter": False}, "SlotineLi has no safety limits: wrap it in `SafetyFilter`"),
         ({"scalar": "half"}, "scalar: expected double or float, got 'half'"),
         ({"language": "rust"}, "language: expected c or wasm, got 'rust'"),
     ],
@@ -317,7 +317,9 @@ def test_loops_that_single_precision_cannot_close_are_refused(tmp_path: Path) ->
     validate_single_precision(loop.model.mechanism, "scalar")
     far = adaptctl.load(write_scaled(tmp_path, 1e4))
     with pytest.raises(InputError, match=r"stay open by .* use double"):
-        adaptctl.export(ComputedTorque(far, np.full(3, 8.0)), tmp_path / "out", scalar="float", unguarded=True)
+        adaptctl.export(
+            ComputedTorque(far, np.full(3, 8.0)), tmp_path / "out", scalar="float", without_safety_filter=True
+        )
 
 
 def write_scaled(tmp_path: Path, scale: float) -> Path:

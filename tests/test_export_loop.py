@@ -28,7 +28,7 @@ DAMPING = np.array([2.0, 3.0, 4.0])
 @contextlib.contextmanager
 def running(law: Controller[Any], folder: Path) -> Iterator[tuple[subprocess.Popen[str], socket.socket]]:
     """The example's program, and a socket to it."""
-    done = adaptctl.export(law, folder, name="arm", unguarded=True)
+    done = adaptctl.export(law, folder, name="arm", without_safety_filter=True)
     program = build(done.directory, "arm.c", "example.c", f"-DWATCHDOG={WATCHDOG}", f"-DPATIENCE={PATIENCE}")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
         link.bind(("localhost", 0))

@@ -35,12 +35,14 @@ BAD_REFERENCES: dict[str, tuple[Any, type[InputError], str]] = {
 def test_wrong_references_are_refused(case: str, check: bool, tmp_path: Path) -> None:
     reference, kind, message = BAD_REFERENCES[case]
     with pytest.raises(kind, match=message):
-        adaptctl.export(LAWS["gradient"], tmp_path / "out", unguarded=True, check=check, reference=reference)
+        adaptctl.export(
+            LAWS["gradient"], tmp_path / "out", without_safety_filter=True, check=check, reference=reference
+        )
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_reference_that_fits_is_followed(tmp_path: Path) -> None:
-    done = adaptctl.export(LAWS["gradient"], tmp_path / "out", unguarded=True, reference=held(0.1))
+    done = adaptctl.export(LAWS["gradient"], tmp_path / "out", without_safety_filter=True, reference=held(0.1))
     assert done.manifest["vectors"] == 100
 
 

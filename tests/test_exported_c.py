@@ -28,7 +28,7 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     folder, laws = tmp_path_factory.mktemp("laws"), arms()["two"]
     names = {law: f"law_{re.sub(r'[^a-z]', '_', law)}" for law in laws}
     for law, name in names.items():
-        adaptctl.export(laws[law], folder / name, name=name, unguarded=True, large_stack=True)
+        adaptctl.export(laws[law], folder / name, name=name, without_safety_filter=True, large_stack=True)
         (folder / f"{name}.c").write_text(f'#define main {name}_test\n#include "{name}/test_{name}.c"\n')
     declared = "\n".join(f"int {name}_test(void);" for name in names.values())
     called = "\n".join(f'    printf("{name}\\n"); {name}_test();' for name in names.values())

@@ -30,7 +30,9 @@ def test_the_check_states_the_errors_of_the_first_and_of_the_last_ten_seconds(tm
     sinusoid is at another place at the end than at the beginning."""
     law = PDGravity(load(EXAMPLE), [90.0, 60.0], [9.0, 6.0])
     reference = Sinusoids([0.3, -0.5], [0.6, 0.5], [0.0104, 0.0136])
-    checked = adaptctl.export(law, tmp_path / "arm", unguarded=True, check=True, reference=reference).manifest["check"]
+    checked = adaptctl.export(
+        law, tmp_path / "arm", without_safety_filter=True, check=True, reference=reference
+    ).manifest["check"]
     plant, period = Plant(law.mechanism, 1e-3), 1e-3
     time = period * np.arange(600_000)
     squares = {}
@@ -114,8 +116,8 @@ def test_each_flag_of_a_state_is_a_bit_of_its_own_beside_those_of_faults() -> No
         assert status_of(interface, marked) == bits[name] >= 8
     every = state._replace(flags=type(state.flags)(*(np.ones(1) for _ in state.flags)))
     assert status_of(interface, every) == sum(bits[name] for name in interface.flags)
-    unguarded = arms()["two"]["gradient"]
-    assert status_of(Interface(unguarded), unguarded.init([0.1, 0.2], [0.0, 0.0])) == 0
+    plain = arms()["two"]["gradient"]
+    assert status_of(Interface(plain), plain.init([0.1, 0.2], [0.0, 0.0])) == 0
 
 
 class Held(NamedTuple):
@@ -146,5 +148,5 @@ class SlowlySeen(Controller[Held]):
 def test_memory_that_is_put_back_may_be_used_in_the_torque_too(tmp_path: Path) -> None:
     law = SlowlySeen(load(EXAMPLE))
     fast = Sinusoids([0.2, 0.4], [0.5, 0.5], [0.9, 0.9])
-    made = adaptctl.export(law, tmp_path / "arm", name="arm", unguarded=True, reference=fast)
+    made = adaptctl.export(law, tmp_path / "arm", name="arm", without_safety_filter=True, reference=fast)
     assert re.fullmatch(r"passed: .*\n", said(build(made.directory, "arm.c", "test_arm.c")))

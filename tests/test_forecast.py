@@ -105,7 +105,10 @@ def test_combinations_worth_less_than_three_deviations_are_unexcited(inflation: 
 def test_combinations_are_eigenvectors_of_what_is_scaled_by_ranges() -> None:
     """Two masses of which a log tells the difference well and the sum badly, in kg: by the eigenvalues 1 and 9."""
     curvature = np.array([[5.0, -4.0], [-4.0, 5.0]])
-    for ranges, factor in ((PriorRanges(), float(PriorRanges().of(("a.m", "b.m"))[0])), (PriorRanges(mass=7.0), 7.0)):
+    for ranges, factor in (
+        (PriorRanges(), float(PriorRanges().for_parameters(("a.m", "b.m"))[0])),
+        (PriorRanges(mass=7.0), 7.0),
+    ):
         found = combinations(curvature, ("a.m", "b.m"), ranges)
         assert [one.strength for one in found] == pytest.approx([factor, 3.0 * factor])
         assert sorted(re.findall(r"0\.71 [ab]\.m", found[0].words)) == ["0.71 a.m", "0.71 b.m"]

@@ -76,14 +76,14 @@ def test_the_least_inertia_of_a_joint_alone_is_its_rods_and_typical() -> None:
 @pytest.mark.parametrize("delay", [0, 1])
 def test_the_fastest_is_what_the_period_just_carries(puma: Mechanism, delay: int) -> None:
     asked = GainDesign.from_bandwidth(puma, 50.0, control_period=2e-3, delay=delay)
-    limit = GainDesign.from_bandwidth(puma, 50.0 * asked.max_bandwidth, control_period=2e-3, delay=delay)
+    limit = GainDesign.from_bandwidth(puma, 50.0 * asked.max_bandwidth_factor, control_period=2e-3, delay=delay)
     assert limit.sampled_gain == pytest.approx(limit.largest_sampled_gain, rel=1e-4)
     assert GainDesign.from_bandwidth(
-        puma, 50.0 * 0.99 * asked.max_bandwidth, control_period=2e-3, delay=delay
+        puma, 50.0 * 0.99 * asked.max_bandwidth_factor, control_period=2e-3, delay=delay
     ).check_sample_time()
     with pytest.raises(GainError, match=r"The largest stable gains have all poles at 0\.99"):
         GainDesign.from_bandwidth(
-            puma, 50.0 * 1.01 * asked.max_bandwidth, control_period=2e-3, delay=delay
+            puma, 50.0 * 1.01 * asked.max_bandwidth_factor, control_period=2e-3, delay=delay
         ).check_sample_time()
 
 
@@ -178,9 +178,9 @@ def near(rule: DefaultGains) -> Workspace:
 def test_a_design_of_gains_has_their_poles(puma: Mechanism) -> None:
     """A joint of inertia m under K and Lambda has the poles -Lambda and -K/m; its samples are those of the loop that is
     held, so the poles are the sampled ones to the first order in the period."""
-    rule = DefaultGains.on(puma, control_period=1e-4)
+    rule = DefaultGains.for_mechanism(puma, control_period=1e-4)
     gains = rule.carried(5.0, 0.1).gains
-    design = GainDesign.of_gains(puma, gains, near(rule), control_period=1e-4)
+    design = GainDesign.from_gains(puma, gains, near(rule), control_period=1e-4)
     assert design.gains.damping == pytest.approx(gains.damping, rel=0.0)
     for i, feedback in enumerate(design.feedback):
         slow, fast = sorted((5.0, gains.damping[i] / design.inertia[i]))
@@ -196,8 +196,8 @@ def test_viscous_friction_is_inertia_to_a_held_torque() -> None:
     for viscous in (0.0, 30.0, 3000.0):
         one = random_chain(3, 1).with_drives([Drive(viscous=viscous)]) if viscous else random_chain(3, 1)
         m, period = float(random_chain(3, 1).mass_matrix(np.zeros(1))[0, 0]), 1e-2
-        rule = DefaultGains.on(one, control_period=period)
-        design = GainDesign.of_gains(one, rule.carried().gains, near(rule), control_period=period)
+        rule = DefaultGains.for_mechanism(one, control_period=period)
+        design = GainDesign.from_gains(one, rule.carried().gains, near(rule), control_period=period)
         x = period * viscous / m
         limit = 2.0 * m / period if x == 0.0 else (1.0 + np.exp(-x)) * viscous / (1.0 - np.exp(-x))
         assert design.inertia[0] == pytest.approx(0.5 * period * limit, rel=1e-6)

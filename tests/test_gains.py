@@ -59,7 +59,7 @@ def test_configurations_stay_within_the_limits() -> None:
 
 def test_kinds_of_parameters_have_their_own_range() -> None:
     ranges = PriorRanges(mass=7.0, first_moment=3.0, inertia=0.5)
-    np.testing.assert_array_equal(ranges.of(("a.m", "a.mc_x", "b.c.I_xy")), [7.0, 3.0, 0.5])
+    np.testing.assert_array_equal(ranges.for_parameters(("a.m", "a.mc_x", "b.c.I_xy")), [7.0, 3.0, 0.5])
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, float("nan"), float("inf")])

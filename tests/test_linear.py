@@ -46,7 +46,7 @@ def test_a_system_is_the_controller_that_it_is_there(arm: adaptctl.Mechanism) ->
     pid = control.tf([30.0, -59.0, 29.1], [1.0, -1.2, 0.2], PERIOD)
     single = control.ss(pid)
     system = control.ss(control.append(single, 0.5 * single), inputs=["error[0]", "error[1]"], outputs=2)
-    law = LinearController.of_system(system, PERIOD)
+    law = LinearController.from_system(system, PERIOD)
     errors = np.random.default_rng(1).normal(size=(50, 2))
     expected = control.forced_response(system, U=errors.T).outputs.T
     zero, found = np.zeros(2), []
@@ -60,7 +60,7 @@ def test_a_system_is_the_controller_that_it_is_there(arm: adaptctl.Mechanism) ->
 @pytest.mark.parametrize("stated", [True, None, 2e-3])
 def test_a_system_whose_period_is_not_stated_takes_the_controllers(stated: bool | float | None) -> None:
     system = control.ss([[0.5]], [[1.0]], [[3.0]], [[2.0]], stated, inputs=["p[0]"])
-    law = LinearController.of_system(system, 2e-3)
+    law = LinearController.from_system(system, 2e-3)
     np.testing.assert_array_equal(law.D[:, 0], [2.0])
 
 
@@ -90,7 +90,7 @@ def test_closed_loops_are_the_same_there_and_here(arm: adaptctl.Mechanism) -> No
 )
 def test_systems_that_are_refused(system: object, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        LinearController.of_system(system, PERIOD)  # type: ignore[arg-type]
+        LinearController.from_system(system, PERIOD)  # type: ignore[arg-type]
 
 
 def test_gains_that_are_refused(arm: adaptctl.Mechanism) -> None:

@@ -50,7 +50,7 @@ def test_the_loop_in_the_page_is_the_one_that_is_simulated(name: str) -> None:
     plant = Plant(mechanism, 1e-3)
     loop, started = ClosedLoop(plant, law), plant.init(mechanism.neutral_configuration + 0.05, np.zeros(3))
     arms = loop.compiled().ensemble(1)
-    loop.begin(arms, started, law.init(started.p, started.v))
+    loop.set_state(arms, started, law.init(started.p, started.v))
     arms.held["parameters"] = mechanism.inertial_parameters
     points = reference(1e-3 * np.arange(4))
     signals = dict(zip(REFERENCE, points, strict=True)) | {"noise": np.zeros((4, 0))}

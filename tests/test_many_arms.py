@@ -78,7 +78,7 @@ LAWS: dict[str, Callable[[str], Controller[Any]]] = {
         reduced(name), 8.0, 1.3 * reduced(name).fundamental_parameters, 0.05 * gain(name)
     ),
     "computed torque": lambda name: ComputedTorque(arm(name), 8.0),
-    "pd": lambda name: PDGravity.on(reduced(name), 300.0, gains(name).damping),
+    "pd": lambda name: PDGravity.from_model(reduced(name), 300.0, gains(name).damping),
     "guarded": lambda name: SafetyFilter(slotine_li(name), torque_limits=40.0, rate_limits=20_000.0),
     "guarded learning": lambda name: SafetyFilter(
         slotine_li(name, CompositeLearning(gain(name), 0.1)), torque_limits=40.0, rate_limits=20_000.0

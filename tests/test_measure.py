@@ -24,7 +24,7 @@ def test_a_scaled_regressor_is_the_torque_per_range_of_each_parameter(model: Red
     np.testing.assert_allclose(scaled_regressor(model, *motion, ranges), expected, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(
         scaled_regressor(model, *motion),
-        scaled_regressor(model, *motion, 1.0) * PriorRanges().of(model.names),
+        scaled_regressor(model, *motion, 1.0) * PriorRanges().for_parameters(model.names),
         rtol=1e-12,
     )
 

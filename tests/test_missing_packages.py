@@ -52,7 +52,7 @@ env = TrackingEnv(arm, tuning.reference, duration=0.1)
 run = adaptctl.simulate(env, tuning.controller(model), seed=0)
 assert np.isfinite(run.p).all()
 try:
-    adaptctl.export(tuning.controller(model), "nowhere", unguarded=True)
+    adaptctl.export(tuning.controller(model), "nowhere", without_safety_filter=True)
 except MissingExtraError as error:
     print(error)
 """

@@ -82,7 +82,7 @@ def test_half_the_excess_of_static_friction_is_gone_at_its_speed_and_falls_by_th
     both: Mechanism, speed: float
 ) -> None:
     """By torques that hold a steady speed: at twice it a fifth is left, at three times a tenth."""
-    plant = Plant(both, 1e-7, effects=[Friction(coulomb=1.0, stribeck=[2.0, 4.0], speed=speed)])
+    plant = Plant(both, 1e-7, effects=[Friction(coulomb=1.0, stribeck=[2.0, 4.0], stribeck_speed=speed)])
     for times, left in ((1.0, 1 / 2), (2.0, 1 / 5), (3.0, 1 / 10), (-2.0, 1 / 5)):
         v = times * speed
         smooth = v / np.hypot(v, 0.01)
@@ -112,13 +112,13 @@ def test_clipped_is_a_torque_beyond_the_plants_limits_and_nothing_else(both: Mec
     ):
         state = plant.step(plant.init([0.0, 0.0], [0.0, 0.0]), torque)
         assert bool(state.clipped) is clipped
-        np.testing.assert_allclose(state.applied, applied, rtol=1e-13)
+        np.testing.assert_allclose(state.applied_torque, applied, rtol=1e-13)
         limited = dict(zip(plant.flags, state.flags.tolist(), strict=True))
         assert limited["rate_limited"] == float(np.abs(torque).max() > 1.0)
     fast = Plant(both, DT, effects=[TorqueLimit(6.0)])
     state = fast.step(fast.init([0.0, 0.0], [0.0, 0.0]), [7.0, 0.0])
     assert not state.clipped
-    np.testing.assert_array_equal(state.applied, [6.0, 0.0])
+    np.testing.assert_array_equal(state.applied_torque, [6.0, 0.0])
 
 
 def test_runs_count_what_was_clipped_and_not_what_drives_are_too_slow_for(both: Mechanism) -> None:

@@ -31,7 +31,7 @@ def plant(puma: Mechanism) -> Plant:
 def in_python(plant: Plant, state: PlantState, torque: Array, parameters: Array) -> Array:
     """The same control period by the equations on floats."""
     p, v, dt = column(state.p), column(state.v), plant.control_period / plant.substeps
-    held, true = column(plant.limited(torque)), column(parameters)
+    held, true = column(plant.clip_torque(torque)), column(parameters)
 
     def acceleration(p: Column, v: Column) -> Column:
         return plant.mechanism.equations.forward_dynamics(p, v, held, true)
@@ -115,7 +115,7 @@ def test_power_is_the_rate_of_energy(plant: Plant) -> None:
 def test_torque_is_held_within_the_limits(plant: Plant, puma: Mechanism) -> None:
     state = plant.init(np.zeros(6), np.zeros(6))
     far, limits = np.array([1e6, -1e6, 1e6, 1.0, 0.0, -1e6]), puma.effort_limits
-    limited = plant.limited(far)
+    limited = plant.clip_torque(far)
     np.testing.assert_array_equal(limited, np.clip(far, -limits, limits))
     np.testing.assert_array_equal(plant.step(state, far).v, plant.step(state, limited).v)
     free = replace(plant, torque_limits=np.full(6, np.inf))
@@ -163,11 +163,11 @@ def test_bad_arguments_are_refused(plant: Plant) -> None:
     with pytest.raises(NonFiniteError, match=r"torque: expected finite numbers, got nan at index \(2,\)"):
         plant.step(state, nan)
     with pytest.raises(NonFiniteError, match="torque"):
-        plant.limited(np.full(6, np.inf))
+        plant.clip_torque(np.full(6, np.inf))
     with pytest.raises(InputError, match=r"torque: expected shape .*got \(5,\)"):
         plant.step(state, np.zeros(5))
     with pytest.raises(InputError, match="torque: expected shape"):
-        plant.limited(np.zeros((2, 6)))
+        plant.clip_torque(np.zeros((2, 6)))
     with pytest.raises(NonFiniteError, match="p: expected finite"):
         plant.init(nan, torque)
     with pytest.raises(NonFiniteError, match="v: expected finite"):

@@ -12,7 +12,7 @@ import pytest
 from comparisons import comparison
 
 from adaptctl.dynamics import load
-from adaptctl.recording import Comparison, Fact, Whose, write_artifacts
+from adaptctl.recording import Comparison, Fact, RunRole, write_artifacts
 from adaptctl.recording.judgement import outcome_words
 from adaptctl.recording.report import report
 from docs.making.gallery import PAGE, PICTURES, SHOWN, outcome_of
@@ -135,13 +135,13 @@ def test_only_what_learns_and_what_does_not_are_coloured(folder: Path, shown: Co
 def test_colours_of_tiles_are_those_of_the_facts_whatever_their_words(
     shown: Comparison, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told = [Fact("before", "1"), Fact("ours", "2", Whose.SUBJECT), Fact("theirs", "3", Whose.BASELINE)]
+    told = [Fact("before", "1"), Fact("ours", "2", RunRole.SUBJECT), Fact("theirs", "3", RunRole.BASELINE)]
     monkeypatch.setattr("adaptctl.recording.report.facts", lambda _comparison: told)
     html = report(shown).html({})
     assert re.findall(r'<div class="(tile[ a-z]*)"><span>(.*?)</span><b>(.*?)</b>', html) == [
         ("tile", "before", "1"), ("tile subject", "ours", "2"), ("tile off", "theirs", "3"),
     ]  # fmt: skip
-    assert all(f".{fact.whose.value} b {{" in html for fact in told[1:])
+    assert all(f".{fact.role.value} b {{" in html for fact in told[1:])
 
 
 def test_the_gallery_tells_what_a_report_says_first(folder: Path, shown: Comparison, tmp_path: Path) -> None:

@@ -190,14 +190,14 @@ def of_laws() -> Any:
 def of_recording() -> Any:
     made = comparison(ARM, 200)
     verdict = recording.Verdict.of([(recording.Failure.STOPPED, "it fell")])
-    leading = recording.Leading("Distance", "mm", {"adaptive": np.zeros(3)})
+    task_error = recording.TaskError("Distance", "mm", {"adaptive": np.zeros(3)})
     return (
         made,
         verdict,
-        leading,
+        task_error,
         codegen.Exported(Path("arm"), "arm", ("arm.c",), {}),
         recording.Setting("a", "1", "b"),
-        recording.Fact("a", "1", recording.Whose.SUBJECT),
+        recording.Fact("a", "1", recording.RunRole.SUBJECT),
         EXPERIMENTS,
     )
 

@@ -71,8 +71,8 @@ def task() -> DesignTask:
         (lambda: Composite(ONES, cutoff=-1.0), "cutoff: expected a positive number in rad/s"),
         (lambda: ConcurrentLearning(ONES, cutoff=np.nan), "cutoff: expected a positive number in rad/s"),
         (lambda: CompositeLearning(ONES, cutoff=0.0), "cutoff: expected a positive number in rad/s"),
-        (lambda: DeadZone.against(ONES, 5.0, -1.0), "dead zone: torque: expected numbers of at least 0"),
-        (lambda: DeadZone.against(ONES, 5.0, TEXT), "dead zone: torque: expected numbers"),
+        (lambda: DeadZone.for_disturbance(ONES, 5.0, -1.0), "dead zone: torque: expected numbers of at least 0"),
+        (lambda: DeadZone.for_disturbance(ONES, 5.0, TEXT), "dead zone: torque: expected numbers"),
         (lambda: adaptation_gain(model(), gain_scale=-1.0), "gain_scale: expected a positive number"),
         (lambda: adaptation_gain(model(), gain_scale=np.nan), "gain_scale: expected a positive number"),
         (lambda: sampling_ratio(arm("puma560_arm3"), 5.0, 1e-3, 8.0, estimate=[1.0]), "expected shape"),
@@ -152,9 +152,9 @@ def test_bounds_that_leave_nothing_or_are_no_pair_are_refused(off: Any) -> None:
 
 def test_a_prior_range_is_that_of_a_known_kind_of_parameter() -> None:
     arm_with_drives = arm("puma560_geared")
-    assert np.all(PriorRanges().of(arm_with_drives.parameter_names) > 0.0)
+    assert np.all(PriorRanges().for_parameters(arm_with_drives.parameter_names) > 0.0)
     with pytest.raises(NotFoundError, match=r"'link1.I_yyy': expected one .* \(did you mean 'I_yy'\?\)"):
-        PriorRanges().of(("link1.m", "link1.I_yyy"))
+        PriorRanges().for_parameters(("link1.m", "link1.I_yyy"))
 
 
 @pytest.mark.parametrize(
@@ -173,7 +173,7 @@ def test_the_distance_of_what_are_not_the_parameters_is_refused(estimate: Any, t
 
 
 def test_one_torque_serves_all_joints_of_a_dead_zone() -> None:
-    one, each = (DeadZone.against(ONES, [5.0, 6.0, 7.0], torque) for torque in (0.5, [0.5] * 3))
+    one, each = (DeadZone.for_disturbance(ONES, [5.0, 6.0, 7.0], torque) for torque in (0.5, [0.5] * 3))
     np.testing.assert_array_equal(one.width, each.width)
 
 

@@ -83,8 +83,8 @@ def on(name: str, adaptation: AdaptationLaw[Any]) -> SlotineLi:
 
 
 CONTROLLERS: dict[str, Callable[[str], Controller[Any]]] = {
-    "pd": lambda name: PDGravity.on(reduced(name), 300.0, gains(name).damping),
-    "computed torque": lambda name: ComputedTorque.on(reduced(name), 8.0),
+    "pd": lambda name: PDGravity.from_model(reduced(name), 300.0, gains(name).damping),
+    "computed torque": lambda name: ComputedTorque.from_model(reduced(name), 8.0),
     "adaptive computed torque": lambda name: AdaptiveComputedTorque(
         reduced(name), 8.0, 1.2 * reduced(name).fundamental_parameters, 0.05 * gain(name)
     ),
@@ -101,7 +101,9 @@ CONTROLLERS: dict[str, Callable[[str], Controller[Any]]] = {
     "bounded-gain forgetting": lambda name: on(name, BoundedGainForgetting(gain(name), 0.1)),
     "subspace": lambda name: on(name, Subspace(np.ones(4), np.eye(len(gain(name)))[:, 1:5])),
     "guarded": lambda name: SafetyFilter(on(name, Gradient(gain(name))), 25.0, 3e3, estimate_bounds=(-50.0, 50.0)),
-    "guarded, not adaptive": lambda name: SafetyFilter(ComputedTorque.on(reduced(name), 8.0), 20.0, stop_damping=5.0),
+    "guarded, not adaptive": lambda name: SafetyFilter(
+        ComputedTorque.from_model(reduced(name), 8.0), 20.0, stop_damping=5.0
+    ),
 }
 
 

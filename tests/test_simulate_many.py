@@ -134,12 +134,12 @@ def test_arms_of_another_loop_and_those_there_are_not_are_refused() -> None:
     state = own.plant.init(np.zeros(3), np.zeros(3))
     says = "closed loop: expected memory_0 of length 3, got 15"
     with pytest.raises(InputError, match=says):
-        own.begin(others, state, own.controller.init(state.p, state.v))
+        own.set_state(others, state, own.controller.init(state.p, state.v))
     with pytest.raises(InputError, match=says):
-        own.now(others, 0.0)
+        own.get_state(others, 0.0)
     for wrong in (-1, 2, 0.5):
         with pytest.raises(InputError, match="closed loop: member: expected a whole number from 0 to 1"):
-            own.now(arms, 0.0, wrong)  # type: ignore[arg-type]
+            own.get_state(arms, 0.0, wrong)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("name", "effects"), turn_by_turn([SMALL, LOOP], [REAL, []]))
@@ -154,7 +154,7 @@ def test_a_period_in_lanes_is_one_on_floats(name: str, effects: list[Effect]) ->
     for lanes in (1, 2, 4, 8):
         given = {"state": loop.state, "constants": loop.held, "per_member_inputs": loop.reference | loop.noise}
         arms = compile_step(loop.step, **given, lanes=lanes).ensemble(members)
-        loop.begin(arms, start, loop.controller.init(start.p, start.v))
+        loop.set_state(arms, start, loop.controller.init(start.p, start.v))
         arms.held["parameters"] = true
         states = {part: arms.state[part] for part in loop.state}
         outputs = arms.run(1, {part: values[None] for part, values in columns.items()})

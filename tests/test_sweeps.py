@@ -334,7 +334,7 @@ class TestCommand:
             (["--jobs", "0"], "--jobs: expected 1"),
             (["--jobs", "1", "--scheduler", "tcp://x:1"], "expected one of --jobs"),
             (["--tls-ca", "ca.pem"], "TLS needs --tls-ca"),
-            (["--shard", "0"], "shard: expected"),
+            (["--shard-size", "0"], "shard-size: expected"),
         ],
     )
     def test_bad_input_is_one_line(

@@ -25,7 +25,7 @@ DURATION = "10"
 TRIALS = int(os.environ.get("AT_RANDOM", "1"))
 SWEEP = [
     *(sys.executable, "-m", "adaptctl", "sweep", "puma560-adaptive", "--duration", DURATION),
-    *("--controllers", "adaptive", "--seed", f"0..{RUNS - 1}", "--shard", "1", "--jobs", "2"),
+    *("--controllers", "adaptive", "--seed", f"0..{RUNS - 1}", "--shard-size", "1", "--jobs", "2"),
 ]
 
 

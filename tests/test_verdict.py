@@ -15,8 +15,7 @@ from nightly import turn_by_turn
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.experiments.adaptive import AdaptiveTracking
-from adaptctl.recording import Comparison, Failure, Finding, judged
-from adaptctl.recording.comparison import Leading
+from adaptctl.recording import Comparison, Failure, Finding, TaskError, judged
 from adaptctl.recording.judgement import facts, outcome_words
 from adaptctl.recording.report import report, summary, write_artifacts
 from adaptctl.recording.rerun_recording import finite_part, summary_markdown
@@ -135,9 +134,9 @@ def test_what_is_finite_is_drawn_as_a_whole_and_errors_of_one_s_own_as_far_as_ru
     assert finite_part(SHOWN) is SHOWN
     lost = changed(SHOWN, p=off_by(np.nan, after=2.0))
     errors = {run.name: np.arange(1500.0) for run in lost.runs}
-    drawn = finite_part(replace(lost, leading=Leading("Distance", "mm", errors)))
-    assert drawn.leading is not None
-    assert [len(drawn.leading.errors[run.name]) for run in drawn.runs] == [1000, 1500]
+    drawn = finite_part(replace(lost, task_error=TaskError("Distance", "mm", errors)))
+    assert drawn.task_error is not None
+    assert [len(drawn.task_error.errors[run.name]) for run in drawn.runs] == [1000, 1500]
     never = finite_part(changed(SHOWN, p=off_by(np.nan)))
     assert len(never.subject.rollout.time) == 1
 

@@ -61,18 +61,18 @@ def test_a_gripper_whose_fingers_move_together_hides_no_posture(name: str) -> No
 def test_gains_of_an_arm_with_such_a_gripper_are_judged_off_its_reference() -> None:
     """Judged on the reference alone, the Panda was given gains that rang when links were off and torques late."""
     panda = load(urdf("panda.urdf"))
-    rule = DefaultGains.on(panda, reference=reference(panda).reference, initial_error=0.1)
+    rule = DefaultGains.for_mechanism(panda, reference=reference(panda).reference, initial_error=0.1)
     np.testing.assert_allclose(np.abs(rule.errors), 0.1)
-    away = np.abs(rule.postures - rule.points.p).max(axis=0)
+    away = np.abs(rule.postures - rule.reference_points.p).max(axis=0)
     assert np.all(away[:7] > 0.1)
     assert away[7] > 0.01
 
 
 def test_gains_of_a_closed_loop_are_judged_where_it_can_be() -> None:
     arm = load("semi_direct_drive_parallelogram")
-    rule = DefaultGains.on(arm, reference=reference(arm).reference, initial_error=0.1)
+    rule = DefaultGains.for_mechanism(arm, reference=reference(arm).reference, initial_error=0.1)
     assert arm.continuation is not None
-    for p in (rule.postures, rule.points.p + rule.errors):
+    for p in (rule.postures, rule.reference_points.p + rule.errors):
         assert arm.continuation.reachable(p).all()
 
 

@@ -32,7 +32,7 @@ def export(
     language: Literal["c", "wasm"] = "c",
     control_period: Period = 1e-3,
     bandwidth: float = 4.0,
-    unguarded: bool = False,
+    without_safety_filter: bool = False,
     check: bool = False,
     anyway: bool = False,
     floating_base: FloatingBase = False,
@@ -55,7 +55,7 @@ def export(
         C99 or WebAssembly.
     bandwidth : float
         Largest Λ, 1/s.
-    unguarded : bool
+    without_safety_filter : bool
         Omit the limits of torques, positions and velocities.
     check : bool
         Simulate 600 s first; compile and run the C code with the installed compilers.
@@ -93,10 +93,10 @@ def export(
         tuning.validate_learning("--anyway")
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
     chosen = named_law(law, tuning, model)
-    controller = chosen if unguarded else guarded(chosen, tuning)
+    controller = chosen if without_safety_filter else guarded(chosen, tuning)
     done = exported(
-        controller, out, name=name, scalar=scalar, language=language, unguarded=unguarded, check=check,
-        reference=tuning.reference, anyway=anyway,
+        controller, out, name=name, scalar=scalar, language=language,
+        without_safety_filter=without_safety_filter, check=check, reference=tuning.reference, anyway=anyway,
     )  # fmt: skip
     made = builds(done) if check and language == "c" else ()
     if json:

@@ -129,11 +129,11 @@ def _by_rule(
     from adaptctl.tuning.default_gains import DEFAULT_BANDWIDTH, DEFAULT_SAMPLING_RATIO, DefaultGains, near_reference
     from adaptctl.tuning.feasible_gains import limitations
 
-    rule = DefaultGains.on(mechanism, control_period=control_period)
+    rule = DefaultGains.for_mechanism(mechanism, control_period=control_period)
     hold = DEFAULT_SAMPLING_RATIO * largest_with_delay(delay) / largest_with_delay(0)
     carried = rule.carried(DEFAULT_BANDWIDTH if bandwidth is None else bandwidth, hold)
     place = near_reference(mechanism, rule.reference, rule.initial_error)
-    design = GainDesign.of_gains(mechanism, carried.gains, place, control_period=control_period, delay=delay)
+    design = GainDesign.from_gains(mechanism, carried.gains, place, control_period=control_period, delay=delay)
     return design, limitations(mechanism, carried)
 
 
@@ -182,7 +182,7 @@ def as_builtins(design: GainDesign, limited: tuple[str, ...] = ()) -> dict[str, 
         "joints": joints,
         "sampled_gain": design.sampled_gain,
         "largest_sampled_gain": design.largest_sampled_gain,
-        "fastest": finite_or_none(design.max_bandwidth),
+        "fastest": finite_or_none(design.max_bandwidth_factor),
     }
 
 
@@ -218,12 +218,12 @@ def _together(design: GainDesign) -> Iterator[str]:
         f"T_c λ_max(M⁻¹K) = {design.sampled_gain:.3g} at the worst configuration found; up to "
         f"{design.largest_sampled_gain:.3g} is allowed, with a margin to instability"
     )
-    fastest = design.max_bandwidth * design.max_gain
+    fastest = design.max_bandwidth_factor * design.max_pole_magnitude
     yield (
         "Any poles are stable at this period."
-        if math.isinf(design.max_bandwidth)
-        else f"At this period, poles up to {design.max_bandwidth:.3g} times as fast are stable: the fastest at "
-        f"{fastest:.4g} 1/s instead of {design.max_gain:.4g}."
+        if math.isinf(design.max_bandwidth_factor)
+        else f"At this period, poles up to {design.max_bandwidth_factor:.3g} times as fast are stable: the fastest at "
+        f"{fastest:.4g} 1/s instead of {design.max_pole_magnitude:.4g}."
     )
     if not design.is_well_damped:
         yield "Λ and K need a damping ratio of at least 1."

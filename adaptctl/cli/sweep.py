@@ -42,7 +42,7 @@ def sweep(
     tls_ca: Annotated[Path | None, Parameter(group=WHERE)] = None,
     tls_cert: Annotated[Path | None, Parameter(group=WHERE)] = None,
     tls_key: Annotated[Path | None, Parameter(group=WHERE)] = None,
-    shard: Annotated[int, Parameter(group=WHERE)] = 256,
+    shard_size: Annotated[int, Parameter(group=WHERE)] = 256,
     **settings: Annotated[str, Parameter(help="Values of a setting: 4,8,12, 0..99, 0..5:11, or 0..5 to sample.")],
 ) -> int:
     """
@@ -83,7 +83,7 @@ def sweep(
         Certificate of this client.
     tls_key : Path
         Key of this client.
-    shard : int
+    shard_size : int
         Number of runs that are computed and stored together.
 
     Raises
@@ -104,8 +104,8 @@ def sweep(
     from adaptctl.sweeps.report import write_report
     from adaptctl.sweeps.study import SweepStudy
 
-    if not 1 <= shard <= 100_000:
-        raise InputError(f"--shard: expected 1 to 100000 runs, got {shard}")
+    if not 1 <= shard_size <= 100_000:
+        raise InputError(f"--shard-size: expected 1 to 100000 runs, got {shard_size}")
     names = tuple(name.strip() for name in controllers.split(",") if name.strip())
     options: dict[str, Any] = {
         "controllers": names,
@@ -123,7 +123,7 @@ def sweep(
     if len(tls) not in (0, 3):
         raise InputError("TLS needs --tls-ca, --tls-cert and --tls-key")
     cluster = Cluster(jobs, scheduler, scheduler_file, (tls[0], tls[1], tls[2]) if tls else None)
-    folder = Folder.opened(out, study, shard, sys.argv[1:])
+    folder = Folder.opened(out, study, shard_size, sys.argv[1:])
     with interruptible() as interruption, shown_progress() as progress:
         heeded = interruption.heeded(progress)
         swept(folder, cluster, lambda share: heeded(f"{study.count} runs", share))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from adaptctl.tuning import Tuning, Verification
 
-SCHEMA = "adaptctl/tuning/2"
+SCHEMA = "adaptctl/tuning/3"
 DONE, FAILED = 0, 3
 
 
@@ -104,8 +104,7 @@ def as_builtins(tuning: Tuning) -> dict[str, Any]:
     dict
         For each of `joints` gains, error, limits and reference; control period, adaptation gain and integration;
         `sampling_ratio` and `achieved_adaptation_ratio`, the greatest along the reference, stable below 2; each run of
-        `verified` with root mean square errors over its `first` second, its `last` two and with adaptation `off`;
-        `notes`.
+        `verified` with the fields of `Verification`; `notes`.
     """
     mechanism, reference = tuning.mechanism, tuning.reference
     joints = [
@@ -138,7 +137,14 @@ def as_builtins(tuning: Tuning) -> dict[str, Any]:
 
 def _verified(run: Verification) -> dict[str, Any]:
     numbers = {
-        name: finite_or_none(getattr(run, name)) for name in ("first", "last", "parameter_error", "largest", "limited")
+        name: finite_or_none(getattr(run, name))
+        for name in (
+            "initial_rms_error",
+            "final_rms_error",
+            "final_rms_error_adaptation_off",
+            "max_error",
+            "limited_share",
+        )
     }
     return {"name": run.name, "is_learning": run.is_learning, **numbers}
 

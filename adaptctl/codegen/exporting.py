@@ -57,7 +57,7 @@ class Exported:
 
     Examples
     --------
-    >>> exported = adaptctl.export(law, tmp / "code", language="wasm", unguarded=True)
+    >>> exported = adaptctl.export(law, tmp / "code", language="wasm", without_safety_filter=True)
     >>> exported.manifest["control_period"], exported.files[-1]
     (0.001, 'manifest.json')
     >>> len(repr(exported).splitlines())
@@ -82,7 +82,7 @@ def export(
     name: str | None = None,
     scalar: Kind = "double",
     language: Language = "c",
-    unguarded: bool = False,
+    without_safety_filter: bool = False,
     check: bool = False,
     reference: Reference | None = None,
     large_stack: bool = False,
@@ -104,7 +104,7 @@ def export(
         Floating-point type of the code; "float" is for C alone. "double" gives the numbers of the simulation.
     language : {"c", "wasm"}, default "c"
         Language of the code. C99 compiles for nearly every processor; WebAssembly runs in browsers.
-    unguarded : bool, default False
+    without_safety_filter : bool, default False
         If true, a controller without a `SafetyFilter` is accepted. By default it is refused, as the code is to drive a
         robot.
     check : bool, default False
@@ -143,7 +143,7 @@ def export(
 
     Examples
     --------
-    >>> exported = adaptctl.export(law, tmp / "code", unguarded=True)
+    >>> exported = adaptctl.export(law, tmp / "code", without_safety_filter=True)
     >>> f"{exported.name}.c" in exported.files
     True
     """
@@ -151,10 +151,10 @@ def export(
     _validate_choice("scalar", scalar, get_args(Kind))
     _validate_choice("language", language, get_args(Language))
     interface = Interface(controller)
-    if not (interface.guarded or unguarded):
+    if not (interface.guarded or without_safety_filter):
         raise InputError(
             f"controller: {type(controller).__name__} has no safety limits: wrap it in `SafetyFilter` with the limits "
-            "of torques, rates and positions, or pass unguarded=True"
+            "of torques, rates and positions, or pass without_safety_filter=True"
         )
     chosen = _name(interface, name)
     target = _absent(directory)

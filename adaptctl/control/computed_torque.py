@@ -117,7 +117,7 @@ class ComputedTorque(ModelBased):
         self._settle()
 
     @classmethod
-    def on(
+    def from_model(
         cls, model: ReducedModel, bandwidth: ArrayLike, damping_ratio: float = 1.0, parameters: ArrayLike | None = None
     ) -> ComputedTorque:
         """
@@ -227,7 +227,7 @@ class PDGravity(ModelBased):
         self._settle()
 
     @classmethod
-    def on(
+    def from_model(
         cls, model: ReducedModel, stiffness: ArrayLike, damping: ArrayLike, parameters: ArrayLike | None = None
     ) -> PDGravity:
         """

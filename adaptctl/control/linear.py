@@ -109,7 +109,7 @@ class LinearController(Controller[LinearState]):
         return cls(np.zeros((0, 0)), np.zeros((0, 5 * r)), np.zeros((r, 0)), D, feedforward)
 
     @classmethod
-    def of_system(
+    def from_system(
         cls, system: control.StateSpace, control_period: float, feedforward: Mechanism | None = None
     ) -> LinearController:
         """

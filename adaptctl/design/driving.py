@@ -88,7 +88,7 @@ def _laws(task: DesignTask, tuning: Tuning, count: int) -> Iterator[tuple[str, s
         return SlotineLi(model, gains.bandwidth, gains.damping, law, first, *given)
 
     few = Subspace(directions.T**2 @ tuning.adaptation, model.regrouping @ directions)
-    yield "all", "All adapted", slotine_li(tuning.gain_on(model))
+    yield "all", "All adapted", slotine_li(tuning.adaptation_gain_for(model))
     yield "few", f"{count} adapted", slotine_li(few)
     yield "held", f"True {count}", slotine_li(None, model.regrouping @ reduction.parameters(count))
 

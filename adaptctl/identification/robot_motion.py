@@ -280,7 +280,7 @@ def exciting_motion(
     if not 0.0 < 2.0 * fade < duration:
         raise InputError(f"fade: expected a time up to half of the duration of {duration:g} s, got {fade:g}")
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
-    space = MotionLimits.of(model, limit_share)
+    space = MotionLimits.from_model(model, limit_share)
     middle = 0.5 * (space.lower + space.upper)
     first, last = (middle if pose is None else checked(pose, mechanism.dof, "pose") for pose in (start, end))
     _validate_poses(mechanism, first, last, limits, allowed)

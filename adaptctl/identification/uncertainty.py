@@ -90,7 +90,7 @@ class Combination(NamedTuple):
 
 def combinations(curvature: Array, names: Sequence[str], ranges: PriorRanges | None = None) -> list[Combination]:
     """Eigenvectors of a normal matrix, parameters scaled by their prior ranges, the least excited first."""
-    scale = (ranges or PriorRanges()).of(tuple(names))
+    scale = (ranges or PriorRanges()).for_parameters(tuple(names))
     values, vectors = np.linalg.eigh(curvature * np.outer(scale, scale))
     return [
         Combination(_words(vector, names), float(np.sqrt(max(value, 0.0))))
@@ -158,7 +158,7 @@ def forecast(mechanism: Mechanism, motion: RobotMotion, noise: ArrayLike | None 
     _, p, v, a, _ = motion.sampled(INDEPENDENT_ROW_RATE)
     expected = _expected(mechanism.inverse_dynamics(p, v, a)) if given is None else given
     Y = (model.torque_regressor(p, v, a) / expected[:, None]).reshape(-1, len(model.columns))
-    condition, deviations = _least_squares(Y, PriorRanges().of(model.names))
+    condition, deviations = _least_squares(Y, PriorRanges().for_parameters(model.names))
     return Forecast(model, condition, deviations, tuple(combinations(Y.T @ Y, model.names)))
 
 

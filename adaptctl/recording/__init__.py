@@ -1,11 +1,11 @@
 """A finished comparison made visible."""
 
 from adaptctl.recording.compared_runs import compared_runs
-from adaptctl.recording.comparison import Comparison, ControllerRun, Finding, Leading, Setting, TickCost
+from adaptctl.recording.comparison import Comparison, ControllerRun, Finding, Setting, StepCost, TaskError
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.live import Live
 from adaptctl.recording.report import shown, write_artifacts
-from adaptctl.recording.result import Fact, Failure, Fault, Progress, Result, Verdict, Whose
+from adaptctl.recording.result import Fact, Failure, Fault, Progress, Result, RunRole, Verdict
 
 __all__ = [
     "Comparison",
@@ -14,14 +14,14 @@ __all__ = [
     "Failure",
     "Fault",
     "Finding",
-    "Leading",
     "Live",
     "Progress",
     "Result",
+    "RunRole",
     "Setting",
-    "TickCost",
+    "StepCost",
+    "TaskError",
     "Verdict",
-    "Whose",
     "compared_runs",
     "judged",
     "shown",

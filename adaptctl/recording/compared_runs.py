@@ -85,7 +85,7 @@ def compared_runs(
     own = fundamental_basis(space) if basis is None else basis
     limits = finite_torque_limits(mechanism) if torque_limits is None else torque_limits
     made = tuple(
-        ControllerRun(name=f"run{k}", label=label, knows=NOT_STATED, rollout=rollout)
+        ControllerRun(name=f"run{k}", label=label, prior_knowledge=NOT_STATED, rollout=rollout)
         for k, (label, rollout) in enumerate(runs.items(), 1)
     )
     off = next((run.name for run in made if run.label == adaptation_off), "")

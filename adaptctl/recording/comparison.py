@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 FINAL_ERROR_TIME = 2.0
 # Time in s at the start of a run over which its first error is taken.
 FIRST_ERROR_TIME = 1.0
-# `knows` of a controller that starts from zero estimates, or has no model.
+# `prior_knowledge` of a controller that starts from zero estimates, or has no model.
 NO_MODEL = "none"
 # Name of the run of a subject's controller with adaptation off, unless a comparison says another
 ADAPTATION_OFF = "adaptation-off"
@@ -38,7 +38,7 @@ ALL_JOINTS = slice(None)
 
 
 @dataclass(frozen=True)
-class TickCost:
+class StepCost:
     """
     Cost of a control tick, the computation of one torque vector; None where it is not known.
 
@@ -55,8 +55,8 @@ class TickCost:
 
     Examples
     --------
-    >>> from adaptctl.recording import TickCost
-    >>> TickCost(flops=420).flops
+    >>> from adaptctl.recording import StepCost
+    >>> StepCost(flops=420).flops
     420
     """
 
@@ -78,13 +78,13 @@ class ControllerRun:
         Short name, fit for a file, and unique in a comparison.
     label : str
         Label for legends and tables.
-    knows : str
+    prior_knowledge : str
         Prior knowledge of the controller in words, or "".
     rollout : Rollout
         Run of T samples of r joints.
     lyapunov : numpy.ndarray, optional
         Values (T,) of the Lyapunov function in J; None where the law has none.
-    cost : TickCost, optional
+    cost : StepCost, optional
         Cost of a control tick; None where it was not measured.
 
     Examples
@@ -97,10 +97,10 @@ class ControllerRun:
 
     name: str
     label: str
-    knows: str
+    prior_knowledge: str
     rollout: Rollout
     lyapunov: Array | None = None
-    cost: TickCost | None = None
+    cost: StepCost | None = None
 
     def __repr__(self) -> str:
         return f"<ControllerRun {self.name!r}: {self.duration:.3g} s>"
@@ -308,7 +308,7 @@ def _thousandths(value: float | None) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Leading:
+class TaskError:
     """
     Errors that recording and report show before the joints' errors, such as a tool's.
 
@@ -325,8 +325,8 @@ class Leading:
 
     Examples
     --------
-    >>> from adaptctl.recording import Leading
-    >>> Leading("distance of the tool from its path", "mm", {"adaptive": np.zeros(201)}).unit
+    >>> from adaptctl.recording import TaskError
+    >>> TaskError("distance of the tool from its path", "mm", {"adaptive": np.zeros(201)}).unit
     'mm'
     """
 
@@ -336,7 +336,7 @@ class Leading:
 
     def final_rms(self, run: ControllerRun) -> float | None:
         """
-        Compute the root mean square of a run's leading errors over its last two seconds.
+        Compute the root mean square of a run's task errors over its last two seconds.
 
         Parameters
         ----------
@@ -359,13 +359,13 @@ class Leading:
         return float(np.sqrt(np.mean(np.square(self.errors[run.name][late]))))
 
 
-def _validate_errors(leading: Leading, run: ControllerRun) -> None:
+def _validate_errors(task_error: TaskError, run: ControllerRun) -> None:
     samples = run.rollout.time.shape
-    if (given := np.shape(leading.errors.get(run.name, ()))) != samples:
-        raise InputError(f"leading: errors of {run.name!r}: expected shape {samples}, got {given}")
+    if (given := np.shape(task_error.errors.get(run.name, ()))) != samples:
+        raise InputError(f"task_error: errors of {run.name!r}: expected shape {samples}, got {given}")
 
 
-def color_places(runs: Sequence[ControllerRun], without_adaptation: str = ADAPTATION_OFF) -> dict[str, int]:
+def color_indices(runs: Sequence[ControllerRun], without_adaptation: str = ADAPTATION_OFF) -> dict[str, int]:
     """Index of each run's color: 0 for the first run, 1 for the one without adaptation, then the others."""
     first, *others = [run.name for run in runs]
     others.sort(key=lambda name: name != without_adaptation)
@@ -421,7 +421,7 @@ class Comparison:
         Outcome in a sentence; made from the errors with and without adaptation by default.
     truth_known : bool, default True
         False where the mechanism's parameters are not the arm's.
-    leading : Leading, optional
+    task_error : TaskError, optional
         Errors that are shown before the joints'.
     expected : mapping of Failure to str, optional
         Reasons why the experiment expects a failure of the subject. Default: none, every failure counts.
@@ -431,7 +431,7 @@ class Comparison:
     Raises
     ------
     InputError
-        If there are no runs or samples, names are not unique, limits are not positive and finite, or leading errors are
+        If there are no runs or samples, names are not unique, limits are not positive and finite, or task errors are
         missing.
 
     Examples
@@ -461,7 +461,7 @@ class Comparison:
     more_drawings: tuple[Drawing, ...] = ()
     answer: str | None = None
     truth_known: bool = True
-    leading: Leading | None = None
+    task_error: TaskError | None = None
     expected: Mapping[Failure, str] = field(default_factory=dict)
     live: InPage | str = ""
 
@@ -474,9 +474,9 @@ class Comparison:
         limits = checked(self.torque_limits, self.mechanism.dof, "torque_limits")
         if limits.ndim != 1 or not (limits > 0.0).all():
             raise InputError(f"torque_limits: expected {self.mechanism.dof} positive numbers, got {limits.tolist()}")
-        if self.leading is not None:
+        if self.task_error is not None:
             for run in self.runs:
-                _validate_errors(self.leading, run)
+                _validate_errors(self.task_error, run)
 
     def __repr__(self) -> str:
         return f"<Comparison {self.experiment!r}: {len(self.runs)} runs of {self.mechanism.name!r}>"
@@ -490,7 +490,13 @@ class Comparison:
             "seconds",
         )
         rows = [
-            (run.label, run.knows, _thousandths(run.first_rms_error), _thousandths(run.final_rms_error), run.duration)
+            (
+                run.label,
+                run.prior_knowledge,
+                _thousandths(run.first_rms_error),
+                _thousandths(run.final_rms_error),
+                run.duration,
+            )
             for run in self.runs
         ]
         return titled(self.title, "RMS errors") + table(heads, rows)
@@ -501,9 +507,9 @@ class Comparison:
         return self.runs[0]
 
     @cached_property
-    def color_places(self) -> dict[str, int]:
+    def color_indices(self) -> dict[str, int]:
         """Index of every run's color by name: 0 for the subject, 1 for adaptation off, then the others."""
-        return color_places(self.runs, self.without_adaptation)
+        return color_indices(self.runs, self.without_adaptation)
 
     @property
     def baseline(self) -> ControllerRun | None:

@@ -79,7 +79,7 @@ def tracking_error(comparison: Comparison) -> Figure:
     figure = sheet(4.2)
     axes = figure.subplots()
     for run in reversed(comparison.runs):
-        i = comparison.color_places[run.name]
+        i = comparison.color_indices[run.name]
         every, foremost = thinned(len(run.rollout.time), MAX_DRAWN_SAMPLES), run is comparison.subject
         axes.semilogy(
             run.rollout.time[every],

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from adaptctl.recording.comparison import FINAL_ERROR_TIME, NO_MODEL, Comparison, ControllerRun, Joints
-from adaptctl.recording.result import Fact, Failure, Verdict, Whose
+from adaptctl.recording.result import Fact, Failure, RunRole, Verdict
 from adaptctl.recording.wording import error, number
 
 # Error in rad or m at the end of a run with which nothing is tracked.
@@ -109,7 +109,7 @@ def _worth(comparison: Comparison) -> str:
     subject = comparison.subject
     first, final = subject.first_rms_error, subject.final_rms_error
     start = {"": "The", NO_MODEL: "Starting from zero parameter estimates, the"}.get(
-        subject.knows, f"With an initial model ({subject.knows}), the"
+        subject.prior_knowledge, f"With an initial model ({subject.prior_knowledge}), the"
     )
     if first is None or final is None:
         short = _in_each_unit(comparison, lambda joints: subject.rms_error(joints=joints))
@@ -145,17 +145,17 @@ def outcome(run: ControllerRun) -> str:
 
 def facts(comparison: Comparison) -> Iterator[Fact]:
     """Questions that a person asks first, and their answers in words with units."""
-    subject, leading, baseline = comparison.subject, comparison.leading, comparison.baseline
-    if leading is not None:
-        yield Fact(leading.meaning, f"{error(leading.final_rms(subject), leading.unit)} in the last 2 s (RMS)")
-    whose = "RMS error" if leading is None else "Joint RMS error"
+    subject, task_error, baseline = comparison.subject, comparison.task_error, comparison.baseline
+    if task_error is not None:
+        yield Fact(task_error.meaning, f"{error(task_error.final_rms(subject), task_error.unit)} in the last 2 s (RMS)")
+    whose = "RMS error" if task_error is None else "Joint RMS error"
     yield Fact(f"{whose}, first second", first_error(comparison, subject))
-    marked = Whose.SUBJECT if baseline else Whose.NOBODY
+    marked = RunRole.SUBJECT if baseline else RunRole.NOBODY
     yield Fact(f"{whose}, last 2 s", final_error(comparison, subject), marked)
     if baseline:
         fell = baseline.rollout.terminated
         answer = outcome(baseline) if fell else final_error(comparison, baseline)
-        yield Fact("… without adaptation", answer, Whose.BASELINE)
+        yield Fact("… without adaptation", answer, RunRole.BASELINE)
     if subject.lyapunov_max_increase is not None:
         yield Fact("Lyapunov function", lyapunov_words(subject.lyapunov_max_increase))
     elif subject.lyapunov is not None and len(subject.lyapunov):

@@ -158,7 +158,7 @@ def _run_parts(comparison: Comparison) -> Iterator[Part]:
     yield from comparison.more_drawings
     rows = [
         (
-            run.knows or "–",
+            run.prior_knowledge or "–",
             first_error(comparison, run),
             final_error(comparison, run),
             f"{comparison.limited_steps(run)}",
@@ -181,7 +181,7 @@ def _run_parts(comparison: Comparison) -> Iterator[Part]:
 def _of_runs(
     comparison: Comparison, heads: Sequence[str], rows: Sequence[Sequence[str]], align: str, note: str = ""
 ) -> Table:
-    colors = (run_color(comparison.color_places[run.name]).hex for run in comparison.runs)
+    colors = (run_color(comparison.color_indices[run.name]).hex for run in comparison.runs)
     labels = [Cell(run.label, swatch=color) for run, color in zip(comparison.runs, colors, strict=True)]
     cells: list[tuple[str | Cell, ...]] = [(label, *row) for label, row in zip(labels, rows, strict=True)]
     return Table(("controller", *heads), cells, align=align, layout=TableLayout.ROWS, marked=(0,), note=note)

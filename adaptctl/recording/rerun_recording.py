@@ -75,7 +75,7 @@ def log_scene(
     goal = log_arm(recording, f"{within}desired", mechanism, parts, time, desired, GOAL, ghost=True)
     log_path(recording, f"{within}path/desired", goal, GOAL)
     moving = [(subject, color)]
-    moving += [(baseline, run_color(comparison.color_places[baseline.name]))] if baseline else []
+    moving += [(baseline, run_color(comparison.color_indices[baseline.name]))] if baseline else []
     for run, paint in moving:
         every = thinned(len(run.rollout.time), MAX_POSES)
         time, p, ghost = run.rollout.time[every], run.rollout.p[every], run is not subject
@@ -97,13 +97,13 @@ def torque_shares(path: str, comparison: Comparison) -> Iterator[Curves]:
 
 
 def _curves(comparison: Comparison) -> Iterator[Curves]:
-    rollout, leading, V = comparison.subject.rollout, comparison.leading, comparison.subject.lyapunov
+    rollout, task_error, V = comparison.subject.rollout, comparison.task_error, comparison.subject.lyapunov
     time, applied = rollout.time, rollout.applied
     for run in comparison.runs:
         yield joint_errors(f"error/{run.name}", run, comparison.joint_names)
-        label, colors = (run.label,), (run_color(comparison.color_places[run.name]),)
+        label, colors = (run.label,), (run_color(comparison.color_indices[run.name]),)
         of_run = [("error_decades", run.moving_rms_error(AVERAGING_TIME))]
-        of_run += [("leading", leading.errors[run.name])] if leading else []
+        of_run += [("task_error", task_error.errors[run.name])] if task_error else []
         for path, errors in of_run:
             yield Curves(f"{path}/{run.name}", run.rollout.time, in_decades(errors), label, colors, width=2.0)
     yield from torque_shares("torque_share", comparison)
@@ -175,11 +175,11 @@ def blueprint(comparison: Comparison, parts: Skeleton) -> rrb.Blueprint:
 
 
 def _overview(comparison: Comparison, viewpoint: Viewpoint) -> rrb.Container:
-    end, leading, rise = comparison.subject.duration, comparison.leading, comparison.subject.lyapunov_max_increase
+    end, task_error, rise = comparison.subject.duration, comparison.task_error, comparison.subject.lyapunov_max_increase
     arm = views.arm(WORLD, "The arm · desired: green ghost · adaptation off: orange ghost", viewpoint)
     left = rrb.Vertical(arm, views.text("summary", "Summary"), row_shares=[11, 9])
-    title = f"{leading.meaning}, log10 [{leading.unit}]" if leading else ""
-    curves = [views.curves("/leading", title, end, room=views.LONG_LEGEND)] if leading else []
+    title = f"{task_error.meaning}, log10 [{task_error.unit}]" if task_error else ""
+    curves = [views.curves("/task_error", title, end, room=views.LONG_LEGEND)] if task_error else []
     curves += _error_views(comparison, legend=True)[: 2 - len(curves)]
     if rise is None:
         curves.append(views.curves("/energy", "Energy [J]", end))
@@ -245,15 +245,15 @@ affect no torque.
 
 def summary_markdown(comparison: Comparison) -> str:
     """Summary of a comparison in Markdown: outcome, facts and runs."""
-    leading = comparison.leading
+    task_error = comparison.task_error
     heads = ["first second", "last 2 s"]
-    if leading is not None:
-        heads = [f"{leading.meaning}, last 2 s", "joints, first second", "joints, last 2 s"]
+    if task_error is not None:
+        heads = [f"{task_error.meaning}, last 2 s", "joints, first second", "joints, last 2 s"]
     rows = []
     for run in comparison.runs:
-        first = [] if leading is None else [error(leading.final_rms(run), leading.unit)]
+        first = [] if task_error is None else [error(task_error.final_rms(run), task_error.unit)]
         errors = [*first, first_error(comparison, run), final_error(comparison, run)]
-        rows.append([run.label, run.knows or "–", *errors, outcome(run)])
+        rows.append([run.label, run.prior_knowledge or "–", *errors, outcome(run)])
     runs = Table(["controller", "knows", *heads, "outcome"], rows)
     head = Report(comparison.experiment, comparison.title, outcome_words(comparison), complete=comparison.complete)
     return head.markdown(answers_table(tuple(facts(comparison))), runs, on_truth(comparison))
@@ -264,11 +264,13 @@ def finite_part(comparison: Comparison) -> Comparison:
     counts = {run.name: _finite_samples(run) for run in comparison.runs}
     if all(counts[run.name] == len(run.rollout.time) for run in comparison.runs):
         return comparison
-    leading = comparison.leading
-    if leading is not None:
-        leading = replace(leading, errors={name: leading.errors[name][:count] for name, count in counts.items()})
+    task_error = comparison.task_error
+    if task_error is not None:
+        task_error = replace(
+            task_error, errors={name: task_error.errors[name][:count] for name, count in counts.items()}
+        )
     runs = tuple(_beginning(run, counts[run.name]) for run in comparison.runs)
-    return replace(comparison, runs=runs, leading=leading)
+    return replace(comparison, runs=runs, task_error=task_error)
 
 
 def _finite_samples(run: ControllerRun) -> int:

@@ -15,14 +15,14 @@ from adaptctl.files import name_beside, reason, remove_stale_temporaries, valida
 from adaptctl.folders import made_folder
 
 
-class Whose(Enum):
+class RunRole(Enum):
     """
     Run that a fact is about, by which the report colors it: the subject, the baseline without adaptation, or none.
 
     Examples
     --------
-    >>> from adaptctl.recording import Whose
-    >>> Whose.SUBJECT.value
+    >>> from adaptctl.recording import RunRole
+    >>> RunRole.SUBJECT.value
     'subject'
     """
 
@@ -41,7 +41,7 @@ class Fact(NamedTuple):
         Question in words.
     answer : str
         Answer in words, with its unit.
-    whose : Whose, optional
+    role : RunRole, optional
         Run that it is about; none by default.
 
     Examples
@@ -53,7 +53,7 @@ class Fact(NamedTuple):
 
     question: str
     answer: str
-    whose: Whose = Whose.NOBODY
+    role: RunRole = RunRole.NOBODY
 
 
 def answers(facts: Iterable[Fact]) -> dict[str, str]:
@@ -156,7 +156,7 @@ class Verdict:
         return cls(tuple(Fault(failure, sentence, reasons.get(failure)) for failure, sentence in found))
 
     @classmethod
-    def together(cls, verdicts: Iterable[Verdict]) -> Verdict:
+    def merge(cls, verdicts: Iterable[Verdict]) -> Verdict:
         """
         Join verdicts on several controllers.
 
@@ -173,7 +173,7 @@ class Verdict:
         Examples
         --------
         >>> from adaptctl.recording import Verdict
-        >>> Verdict.together([Verdict(), Verdict()]).passed
+        >>> Verdict.merge([Verdict(), Verdict()]).passed
         True
         """
         return cls(tuple(fault for verdict in verdicts for fault in verdict.faults))

@@ -143,7 +143,14 @@ class ClosedLoop:
         flags = Column((*outcome.flags, *(flag[0] for flag in guards(after))))
         estimate = Column(getattr(after, "estimate", ()))
         energy = Column((self.plant.energy_equation(q, v, columns["parameters"], columns["drives"]),))
-        done = torque, outcome.applied, outcome.clipped, estimate, flags, Column(getattr(after, "logged_state", ()))
+        done = (
+            torque,
+            outcome.applied_torque,
+            outcome.clipped,
+            estimate,
+            flags,
+            Column(getattr(after, "logged_state", ())),
+        )
         return [*outcome[:4], *next_measured, *leaves(after)], Sample(q, v, *measured, energy, *done)
 
     @cached_property
@@ -201,7 +208,7 @@ class ClosedLoop:
         passed_on, sample = self.equation(**columns)
         return (*passed_on, *sample)
 
-    def begin(self, arms: Ensemble, state: PlantState, memory: Any) -> None:
+    def set_state(self, arms: Ensemble, state: PlantState, memory: Any) -> None:
         """
         Set M robots to the beginning of a run.
 
@@ -229,7 +236,7 @@ class ClosedLoop:
         for name in self.controller.gain_sizes:
             arms.held[name] = self.controller.packed
 
-    def now(self, arms: Ensemble, time: float, member: int = 0) -> tuple[PlantState, Any]:
+    def get_state(self, arms: Ensemble, time: float, member: int = 0) -> tuple[PlantState, Any]:
         """
         Return the state of one robot.
 
@@ -245,7 +252,8 @@ class ClosedLoop:
         Returns
         -------
         tuple
-            The `PlantState`, whose `applied`, `clipped` and `flags` are zero, and the controller's internal state.
+            The `PlantState`, whose `applied_torque`, `clipped` and `flags` are zero, and the controller's internal
+            state.
 
         Raises
         ------

@@ -80,7 +80,7 @@ class MuJoCoPlant(Plant):
     ) -> PlantState:
         """State of one arm a control period later."""
         given = self._finite(torque)
-        applied = self.limited(given)
+        applied = self.clip_torque(given)
         p, v, drives = self._scene.having(parameters).moved(state.drives, applied)
         if not math.isfinite(p.dot(p) + v.dot(v)):
             raise NonFiniteError(

@@ -177,7 +177,7 @@ class PlantState(NamedTuple):
         Positions (n,) of the spanning tree's joints in rad (m); p itself without loops.
     measured_p, measured_v : ndarray
         Measured positions in rad (m) and velocities in rad/s (m/s), (r,); the motors' where encoders sit on these.
-    applied : ndarray
+    applied_torque : ndarray
         Torque (r,) that reached the joints in the last period, N m (N).
     clipped : bool
         True if the commanded torque was beyond the plant's limits.
@@ -201,7 +201,7 @@ class PlantState(NamedTuple):
     q: Array
     measured_p: Array
     measured_v: Array
-    applied: Array
+    applied_torque: Array
     clipped: bool
     flags: Array
     drives: Array
@@ -217,7 +217,7 @@ class PeriodOutcome(NamedTuple):
     sensors: Column
     measured_p: Column
     measured_v: Column
-    applied: Column
+    applied_torque: Column
     clipped: Column
     flags: Column
 
@@ -235,12 +235,12 @@ class ControlPeriod:
     def __call__(self, columns: Mapping[str, Column]) -> PeriodOutcome:
         """Outcome of the columns "q", "v", "drives", "sensors", "torque", "noise" and "parameters"."""
         q, v, torque = columns["q"], columns["v"], columns["torque"]
-        applied = limited = self.limited(torque)
+        applied = limited = self.clip_torque(torque)
         drives, flags, springs = columns["drives"], Column(()), 2 * len(v) if self.effects.elastic is not None else 0
         drives, motors = Column(drives.of[: len(drives) - springs]), Column(drives.of[len(drives) - springs :])
         if self.effects.actuators:
             driven, drives, flags = self.effects.driven(limited, drives, self.length)
-            applied = self.limited(driven)
+            applied = self.clip_torque(driven)
         q, v, motors = self._moved(q, v, motors, applied, columns["parameters"])
         motor_side = (Column(motors.of[: len(v)]), Column(motors.of[len(v) :])) if self.effects.senses_motors else None
         p = Column(q[i] for i in self.primary)
@@ -258,6 +258,6 @@ class ControlPeriod:
         x, u = self.motion(joined(q, Column(motors.of[:r])), joined(v, Column(motors.of[r:])), torque, parameters)
         return Column(x.of[:n]), Column(u.of[:r]), joined(Column(x.of[n:]), Column(u.of[r:]))
 
-    def limited(self, torque: Column) -> Column:
+    def clip_torque(self, torque: Column) -> Column:
         """Torque (r,) clipped to the limits."""
         return Column(clip(x, -bound, bound) for x, bound in zip(torque, self.limits, strict=True))

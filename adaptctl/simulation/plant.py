@@ -172,7 +172,7 @@ class Plant(Tunable):
         """
         return min((load.next_change_time(time) for load in self.loads), default=math.inf)
 
-    def payload(self, time: float) -> float:
+    def payload_mass(self, time: float) -> float:
         """
         Return the total mass of the loads.
 
@@ -288,7 +288,7 @@ class Plant(Tunable):
         time = state.time + self.control_period
         return PlantState(time, p, v, q, measured_p, measured_v, applied, clipped > 0.0, flags, drives, sensors)
 
-    def limited(self, torque: ArrayLike) -> Array:
+    def clip_torque(self, torque: ArrayLike) -> Array:
         """
         Clip a torque to `torque_limits`.
 
@@ -451,7 +451,7 @@ class Plant(Tunable):
         def period(**columns: Column) -> tuple[Any, ...]:
             outcome = self.equation({"drives": empty, "sensors": empty, "noise": empty, **columns})
             after = outcome.measured_p, outcome.measured_v, outcome.flags, outcome.drives, outcome.sensors
-            return outcome.q, outcome.v, outcome.applied, outcome.clipped[0], *(after if chained else ())
+            return outcome.q, outcome.v, outcome.applied_torque, outcome.clipped[0], *(after if chained else ())
 
         moving = {name: self.sizes[name] for name in ("q", "v")} | {"torque": self.dof}
         kept = {name: self.sizes[name] for name in ("drives", "sensors")} | {"noise": self.noise_size}

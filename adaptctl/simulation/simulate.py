@@ -164,7 +164,7 @@ class EpisodeRun(Driven):
         self.loop, self.episode, self.kept, self.file = ClosedLoop(episode.plant, controller), episode, kept, file
         self.steps, self.control_period = episode.steps, episode.plant.control_period
         self.arms = self.loop.compiled().ensemble(1)
-        self.loop.begin(self.arms, episode.state, controller.init(*_measured(episode.state)))
+        self.loop.set_state(self.arms, episode.state, controller.init(*_measured(episode.state)))
         self.whole = file is None and kept == KeptSamples()  # then the buffers are the result, and nothing is copied
         self.longest = self.steps if self.whole else min(MAX_CHUNK, self.steps)
         self.records, self.signals = (
@@ -204,8 +204,8 @@ class EpisodeRun(Driven):
             sample = self._taken(count)
             if not over:
                 self._fail(time[count], ReferencePoint(*(part[count] for part in reference)))
-        payload = np.full(count, self.episode.plant.payload(time[0]))
-        payload[-1:] = self.episode.plant.payload(time[count])
+        payload = np.full(count, self.episode.plant.payload_mass(time[0]))
+        payload[-1:] = self.episode.plant.payload_mass(time[count])
         stretch = Stretch(time[: count + 1], sample, reference, reward, payload)
         self._keep(stretch)
         end, place = self._last(time[count], sample), self._place()
@@ -218,8 +218,8 @@ class EpisodeRun(Driven):
         self._return()
         if not self.count:
             return self.end
-        own = {name: getattr(self.end, name) for name in ("applied", "clipped", "flags")}
-        return self.loop.now(self.arms, self.end.time)[0]._replace(**own)
+        own = {name: getattr(self.end, name) for name in ("applied_torque", "clipped", "flags")}
+        return self.loop.get_state(self.arms, self.end.time)[0]._replace(**own)
 
     @property
     def _first(self) -> int:
@@ -255,7 +255,7 @@ class EpisodeRun(Driven):
     def _last(self, time: float, sample: Sample) -> PlantState:
         """Time and plant state after the last sample."""
         flags, clipped = sample.flags[-1, : len(self.episode.plant.flags)].copy(), bool(sample.clipped[-1, 0])
-        return self.end._replace(time=time, applied=sample.applied[-1].copy(), clipped=clipped, flags=flags)
+        return self.end._replace(time=time, applied_torque=sample.applied[-1].copy(), clipped=clipped, flags=flags)
 
     def _judged(self, sample: Sample, reference: ReferencePoint) -> tuple[Array, bool]:
         """Rewards of finite periods, and whether the episode ended."""
@@ -303,7 +303,7 @@ class EpisodeRun(Driven):
     def _fail(self, time: float, reference: ReferencePoint) -> NoReturn:
         """Raise the error of the first non-finite step."""
         plant, controller, self.lost = self.episode.plant, self.loop.controller, time
-        state, memory = self.loop.now(self.arms, time)
+        state, memory = self.loop.get_state(self.arms, time)
         torque, _ = controller.step(memory, *_measured(state), reference)
         plant.step(state, torque, self._parameters(time))
         raise NonFiniteError(f"the closed loop diverged after {time:g} s")

@@ -353,7 +353,7 @@ class _Runs(Driven):
         loop, arms, own = self.loop, batch.arms, self.parameters[batch.members]
         state = loop.plant.init(p, v, loop.plant.parameters(own, 0.0), batch.noise.drawn(1)[0])
         new = loop.controller.init(state.measured_p, state.measured_v, gains) if memory is None else memory
-        loop.begin(arms, state, new)
+        loop.set_state(arms, state, new)
         rise, true = first_rise(watched(loop, self.precision), own, gains)
         largest = float(np.finfo(arms.stepper.dtype).max)
         held: dict[str, Any] = {"parameters": own, **batch.references.held, "final": float(self.final), **true}

@@ -59,12 +59,12 @@ class DefaultGains:
     limits: Array
     found: FeasibleReference
     initial_error: Array
-    points: ReferencePoint
+    reference_points: ReferencePoint
     postures: Array
     errors: Array
 
     @classmethod
-    def on(
+    def for_mechanism(
         cls,
         mechanism: Mechanism,
         *,
@@ -110,7 +110,7 @@ class DefaultGains:
     def proposed(self, bandwidth: float, hold: float, adaptation: float, shares: Shares) -> Proposal:
         """Proposal with this adaptation ratio."""
         adaptation = at_most("adaptation_ratio", adaptation, 1.0)
-        mechanism, points, carried = self.mechanism, self.points, self.carried(bandwidth, hold)
+        mechanism, points, carried = self.mechanism, self.reference_points, self.carried(bandwidth, hold)
         rates, damping = carried.gains.bandwidth, carried.gains.damping
         v_r, a_r = points.v - rates * self.errors, points.a + rates**2 * self.errors
         regressor = mechanism.slotine_li_regressor(points.p + self.errors, points.v, v_r, a_r)
@@ -163,7 +163,7 @@ def prior_ranges(mechanism: Mechanism, heaviest: float = MAX_MASS_RANGE) -> Arra
         # A link owns its ten, its joint the drive's.
         by_owner[link.name] = by_owner[link.joint.name] = PriorRanges(mass, float(np.sqrt(mass * moment)), moment)
     names = mechanism.parameter_names
-    return np.concatenate([by_owner[name.rpartition(".")[0]].of((name,)) for name in names])
+    return np.concatenate([by_owner[name.rpartition(".")[0]].for_parameters((name,)) for name in names])
 
 
 def achieved_adaptation_ratio(regressor: Array, damping: Array, gain: Array, control_period: float) -> float:

@@ -69,7 +69,7 @@ def named_law(law: str, tuning: Tuning, model: ReducedModel) -> Controller[Any]:
                 model, gains.bandwidth, true, gain, control_period=period, torque_limits=limits
             )
         case "computed-torque":
-            return ComputedTorque.on(model, gains.bandwidth)
+            return ComputedTorque.from_model(model, gains.bandwidth)
         case _:
             return PDGravity(mechanism, gains.bandwidth * gains.damping, gains.damping)
 

@@ -124,7 +124,7 @@ class Tuning:
         verdict = "learns" if self.is_learning else "does not learn" if self.failed else "not verified"
         return f"<Tuning of {self.mechanism.name!r}: {verdict}>"
 
-    def gain_on(self, model: ReducedModel) -> Array:
+    def adaptation_gain_for(self, model: ReducedModel) -> Array:
         """
         Return the adaptation gain on a reduced model.
 
@@ -179,7 +179,7 @@ class Tuning:
         """
         if adaptation and not anyway:
             self.validate_learning("anyway=True")
-        gain, gains = self.gain_on(model) if adaptation else None, self.gains
+        gain, gains = self.adaptation_gain_for(model) if adaptation else None, self.gains
         given = None, self.control_period, self.workspace, self.torque_limits
         return SlotineLi(model, gains.bandwidth, gains.damping, gain, *given)
 
@@ -281,7 +281,7 @@ def tune(
     """
     bandwidth, sampling_ratio = at_most("bandwidth", bandwidth, 1e3), at_most("sampling_ratio", sampling_ratio, 1.5)
     adaptation_ratio, search = at_most("adaptation_ratio", adaptation_ratio, 1.0), whole_count(search, "search")
-    rule = DefaultGains.on(
+    rule = DefaultGains.for_mechanism(
         mechanism, control_period=control_period, reference=reference, initial_error=initial_error, seed=seed
     )
     first, limits = rule.proposed(bandwidth, sampling_ratio, adaptation_ratio, "mixed"), rule.limits
@@ -376,6 +376,6 @@ def _run_remarks(verified: tuple[Verification, ...], possible: bool) -> Iterator
     if not possible:
         yield "too many links to compile: the gains were neither searched nor verified"
     for run in verified[:1]:
-        ratio = run.parameter_error / run.last if run.last > 0.0 else math.inf
+        ratio = run.final_rms_error_adaptation_off / run.final_rms_error if run.final_rms_error > 0.0 else math.inf
         if ratio < MIN_LEARNING_RATIO:
             yield "without adaptation, tracking is almost as good: this reference hardly excites the parameters"

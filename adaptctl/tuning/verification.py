@@ -119,15 +119,15 @@ class Verification:
     ----------
     name : str
         Run: "as described", "torque late", "links off" (inertial parameters 30 % up or down) or "both".
-    first : float
+    initial_rms_error : float
         RMS error over the first second in rad (m).
-    last : float
+    final_rms_error : float
         RMS error over the last 2 s in rad (m).
-    parameter_error : float
+    final_rms_error_adaptation_off : float
         RMS error over the last 2 s with adaptation off in rad (m), infinite if it reached 1.
-    largest : float
+    max_error : float
         Largest error of any joint in rad (m).
-    limited : float
+    limited_share : float
         Fraction (0 to 1) of the second half with a torque at its limit.
     unit : str, default "mrad"
         Unit of a thousandth of the errors, in messages: mrad, "mm" if prismatic, both for mixed joints.
@@ -140,30 +140,37 @@ class Verification:
     """
 
     name: str
-    first: float
-    last: float
-    parameter_error: float
-    largest: float
-    limited: float
+    initial_rms_error: float
+    final_rms_error: float
+    final_rms_error_adaptation_off: float
+    max_error: float
+    limited_share: float
     unit: str = "mrad"
 
     @property
     def is_bounded(self) -> bool:
         """True if errors stayed below 1 rad (m), and torques were limited in at most 5 % of the second half."""
-        return self.largest < MAX_ERROR and self.limited <= MAX_LIMITED_SHARE
+        return self.max_error < MAX_ERROR and self.limited_share <= MAX_LIMITED_SHARE
 
     @property
     def is_learning(self) -> bool:
         """True if bounded, and the last error at most a third of both others."""
-        return self.is_bounded and self.last <= MAX_ERROR_RATIO * min(self.first, self.parameter_error)
+        return self.is_bounded and self.final_rms_error <= MAX_ERROR_RATIO * min(
+            self.initial_rms_error, self.final_rms_error_adaptation_off
+        )
 
     def __str__(self) -> str:
         if not self.is_bounded:
-            astray = self.largest >= MAX_ERROR
-            why = f"tracking error {self.largest:.2g}" if astray else f"{self.limited:.0%} at a torque limit"
+            astray = self.max_error >= MAX_ERROR
+            why = f"tracking error {self.max_error:.2g}" if astray else f"{self.limited_share:.0%} at a torque limit"
             return f"{self.name}: failed, {why}"
-        without = f"{1e3 * self.parameter_error:.3g} {self.unit}" if np.isfinite(self.parameter_error) else "unstable"
-        return f"{self.name}: {1e3 * self.first:.3g} to {1e3 * self.last:.3g} {self.unit}; without adaptation {without}"
+        without = (
+            f"{1e3 * self.final_rms_error_adaptation_off:.3g} {self.unit}"
+            if np.isfinite(self.final_rms_error_adaptation_off)
+            else "unstable"
+        )
+        first, last = 1e3 * self.initial_rms_error, 1e3 * self.final_rms_error
+        return f"{self.name}: {first:.3g} to {last:.3g} {self.unit}; without adaptation {without}"
 
 
 def verifications(trials: Trials, gains: Gains, gain: Array, seed: int) -> tuple[Verification, ...]:

@@ -224,7 +224,7 @@ class Arms:
         row, after = self._row(**columns), plant.equation(columns)
         p, wanted_p = plant.primary(after.q), Column(row.of[: plant.dof])
         wanted_v = Column(row.of[plant.dof : 2 * plant.dof])
-        judged = self.single.judgement.equation(p, after.v, wanted_p, wanted_v, after.applied)
+        judged = self.single.judgement.equation(p, after.v, wanted_p, wanted_v, after.applied_torque)
         facts = Facts(
             judged.reward,
             where(after.q @ after.q + after.v @ after.v < MAX_SQUARED_SUM, 1.0, 0.0),
@@ -234,7 +234,7 @@ class Arms:
             after.clipped[0],
         )
         observation = Column((*after.measured_p, *after.measured_v, *row))
-        return *after[:4], observation, Column((*facts, *after.flags)), Column((*p, *after.v, *after.applied))
+        return *after[:4], observation, Column((*facts, *after.flags)), Column((*p, *after.v, *after.applied_torque))
 
     def _surely_works(self, q: Column, p: Column) -> Scalar:
         """1 where loops are away from singularities and limits, else 0."""
@@ -256,7 +256,7 @@ class Arms:
         for time in np.unique(times).tolist() if plant.loads else ():
             now = times == time
             rows[now] = plant.parameters(rows[now], time)
-            self.payload[arms[now]], self._until[arms[now]] = plant.payload(time), plant.next_change_time(time)
+            self.payload[arms[now]], self._until[arms[now]] = plant.payload_mass(time), plant.next_change_time(time)
         parameters = self.parameters.copy()
         parameters[arms] = rows
         self.parameters = frozen(parameters)

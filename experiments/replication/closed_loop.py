@@ -93,7 +93,7 @@ def side_by_side(seed: int, duration: float, period: float, progress: Progress) 
     except KeyboardInterrupt:
         if not found:
             raise
-    verdict = Verdict.together(map(judged, found.values()))
+    verdict = Verdict.merge(map(judged, found.values()))
     arms = {arm.name: _summary(arm, one) for arm, one in found.items()}
     answers = list(map(_answers, arms.values()))
     rows = [(what, *(one[what] for one in answers)) for what in answers[0]]
@@ -173,7 +173,7 @@ def _answer(arms: dict[str, dict[str, Any]]) -> str:
 
 def _sections(found: Compared, rows: Sequence[Sequence[str]]) -> Iterator[Section]:
     runs = [replace(one.subject, name=arm.name, label=arm.label) for arm, one in found.items()]
-    errors = {arm.name: 1e3 * one.leading.errors[ADAPTIVE] for arm, one in found.items() if one.leading}
+    errors = {arm.name: 1e3 * one.task_error.errors[ADAPTIVE] for arm, one in found.items() if one.task_error}
     caption = "Distance of each arm's tip from the common path (logarithmic scale)."
     drawing = Drawing("tip-error", caption, partial(over_time, runs, errors, "distance from the path [mm]"))
     table = Table(("what", *(arm.label for arm in found)), rows, note=NOTE, align="lrr")

@@ -186,7 +186,7 @@ class DeadZone(Descent[NoMemory]):
         Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
     width : array_like, default 0.05
         Half-widths w of the ellipsoidal zone in rad/s (m/s), one number or (r,). 0.05 is a start where disturbances are
-        not known; `against` computes widths for known ones.
+        not known; `for_disturbance` computes widths for known ones.
 
     Raises
     ------
@@ -205,7 +205,7 @@ class DeadZone(Descent[NoMemory]):
 
     Examples
     --------
-    >>> zone = adaptctl.control.DeadZone.against(np.full(6, 0.1), damping=[6.0, 2.0], torque=[0.3, 0.1])
+    >>> zone = adaptctl.control.DeadZone.for_disturbance(np.full(6, 0.1), damping=[6.0, 2.0], torque=[0.3, 0.1])
     >>> zone.width.shape
     (2,)
     """
@@ -219,7 +219,7 @@ class DeadZone(Descent[NoMemory]):
         positive_numbers(self.width, "dead zone: width")
 
     @classmethod
-    def against(cls, gain: ArrayLike, damping: ArrayLike, torque: ArrayLike) -> DeadZone:
+    def for_disturbance(cls, gain: ArrayLike, damping: ArrayLike, torque: ArrayLike) -> DeadZone:
         """
         Choose the zone for disturbance torques of a known size.
 

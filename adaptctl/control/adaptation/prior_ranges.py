@@ -181,7 +181,7 @@ class PriorRanges:
 
     Examples
     --------
-    >>> adaptctl.PriorRanges(mass=2.0).of(("upper.m", "upper.mc_x"))
+    >>> adaptctl.PriorRanges(mass=2.0).for_parameters(("upper.m", "upper.mc_x"))
     array([2., 2.])
     """
 
@@ -196,7 +196,7 @@ class PriorRanges:
             positive_number(getattr(self, kind), f"prior range of {kind}: expected a positive number")
 
     @lru_cache(maxsize=64)  # noqa: B019  # a few numbers each, asked for by every controller of a sweep
-    def of(self, names: tuple[str, ...]) -> Array:
+    def for_parameters(self, names: tuple[str, ...]) -> Array:
         """
         Return the ranges of parameters by name.
 
@@ -273,7 +273,7 @@ def adaptation_gain(
     validate_kind(model, ReducedModel, "adaptation gain", "as ReducedModel(mechanism, basis) is one")
     known = PriorRanges() if ranges is None else ranges
     validate_kind(known, PriorRanges, "adaptation gain: ranges", "as PriorRanges() is one")
-    reach = known.of(model.names)
+    reach = known.for_parameters(model.names)
     if gains is not None:
         held = sampling_ratio(
             model.mechanism, gains.damping, control_period, gains.bandwidth, workspace=workspace

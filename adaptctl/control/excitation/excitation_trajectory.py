@@ -61,7 +61,7 @@ class ExcitationTrajectory:
     complete: bool
 
     @property
-    def gain(self) -> float:
+    def condition_improvement(self) -> float:
         """Median condition of the random references over the optimised one's."""
         return float(np.median(self.random_conditions)) / self.condition
 
@@ -82,7 +82,7 @@ class MotionLimits:
 
     Examples
     --------
-    >>> adaptctl.control.MotionLimits.of(model, share=0.5).velocity
+    >>> adaptctl.control.MotionLimits.from_model(model, share=0.5).velocity
     array([3., 3.])
     """
 
@@ -92,7 +92,7 @@ class MotionLimits:
     torque: Array
 
     @classmethod
-    def of(cls, model: ReducedModel, share: float) -> MotionLimits:
+    def from_model(cls, model: ReducedModel, share: float) -> MotionLimits:
         """
         Return a fraction of the joints' own limits.
 
@@ -345,11 +345,11 @@ def _checked(
     if limits is not None:
         _validate_limits(limits, model.mechanism.dof)
     k = len(model.columns)
-    ranges = PriorRanges().of(model.names) if scale is None else numbers(scale, "scale")
+    ranges = PriorRanges().for_parameters(model.names) if scale is None else numbers(scale, "scale")
     ranges = frozen_array(np.broadcast_to(ranges, (k,)) if ranges.ndim == 0 else ranges, (k,), "scale")
     if not np.all(ranges > 0.0):
         raise InputError(f"scale: expected positive numbers, got {ranges.tolist()}")
-    return FourierSearch(model, limits or MotionLimits.of(model, share), frequency, harmonics, ranges)
+    return FourierSearch(model, limits or MotionLimits.from_model(model, share), frequency, harmonics, ranges)
 
 
 def _validate_share(share: float) -> None:

@@ -146,7 +146,7 @@ def scaled_regressor(
     model: ReducedModel, p: Array, v: Array, v_r: Array, a_r: Array, scale: ArrayLike | None = None
 ) -> Array:
     """Regressor (T, r, k) scaled by prior ranges."""
-    ranges = PriorRanges().of(model.names) if scale is None else np.asarray(scale, dtype=np.float64)
+    ranges = PriorRanges().for_parameters(model.names) if scale is None else np.asarray(scale, dtype=np.float64)
     ranges = np.broadcast_to(ranges, (len(model.columns),)) if ranges.ndim == 0 else ranges
     return regressor_of(model)(p, v, v_r, a_r) * frozen_array(ranges, (len(model.columns),), "scale")
 

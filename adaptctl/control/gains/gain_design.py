@@ -71,7 +71,7 @@ class GainDesign:
         return f"<GainDesign of {self.mechanism.name!r} by {self.method}>"
 
     @classmethod
-    def of_gains(
+    def from_gains(
         cls, mechanism: Mechanism, gains: Gains, workspace: Workspace, *, control_period: float = 1e-3, delay: int = 0
     ) -> GainDesign:
         """
@@ -279,12 +279,12 @@ class GainDesign:
         return largest_with_delay(self.delay)
 
     @property
-    def max_gain(self) -> float:
+    def max_pole_magnitude(self) -> float:
         """Greatest magnitude of a pole, 1/s."""
         return max(abs(pole) for feedback in self.feedback for pole in feedback.poles)
 
     @property
-    def max_bandwidth(self) -> float:
+    def max_bandwidth_factor(self) -> float:
         """Largest allowed factor of all poles, 0 to infinity."""
         if self.given is not None:  # the sampling ratio is in proportion to both gains
             return self.largest_sampled_gain / self.sampled_gain
@@ -295,7 +295,9 @@ class GainDesign:
             )
             return sampled_gain(self.mechanism, self.inertia * rates, self.control_period) - self.largest_sampled_gain
 
-        slowest, quickest = (float(np.log(angle / (self.max_gain * self.control_period))) for angle in POLE_ANGLE_RANGE)
+        slowest, quickest = (
+            float(np.log(angle / (self.max_pole_magnitude * self.control_period))) for angle in POLE_ANGLE_RANGE
+        )
         if excess(quickest) <= 0.0:
             return np.inf
         if excess(slowest) > 0.0:
@@ -326,9 +328,10 @@ class GainDesign:
             raise GainError(
                 f"{self.mechanism.name}: the gains are too stiff for a control period of {self.control_period:g} "
                 f"s{late}: T_c lambda_max(M^-1 K) = {self.sampled_gain:.3g}, above the limit of "
-                f"{self.largest_sampled_gain:.3g}. The largest stable gains have all poles at {self.max_bandwidth:.3g} "
-                f"times these, the fastest at {self.max_bandwidth * self.max_gain:.4g} 1/s instead of "
-                f"{self.max_gain:.4g}; or shorten the period"
+                f"{self.largest_sampled_gain:.3g}. The largest stable gains have all poles at "
+                f"{self.max_bandwidth_factor:.3g} times these, the fastest at "
+                f"{self.max_bandwidth_factor * self.max_pole_magnitude:.4g} 1/s instead of "
+                f"{self.max_pole_magnitude:.4g}; or shorten the period"
             )
         return self
 

@@ -25,13 +25,13 @@ class ControlDelay(ActuatorEffect):
 
     Parameters
     ----------
-    ticks : int
+    periods : int
         Control periods, 0 to 64, by which a torque arrives late.
 
     Raises
     ------
     InputError
-        If `ticks` is not an int from 0 to 64.
+        If `periods` is not an int from 0 to 64.
 
     Notes
     -----
@@ -50,17 +50,17 @@ class ControlDelay(ActuatorEffect):
     4
     """
 
-    ticks: int
+    periods: int
 
     rank: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
-        if isinstance(self.ticks, bool) or not isinstance(self.ticks, int | np.integer) or self.ticks < 0:
-            raise InputError(f"control delay: expected a whole number of control periods, got {self.ticks!r}")
-        if self.ticks > MAX_DELAY_PERIODS:
+        if isinstance(self.periods, bool) or not isinstance(self.periods, int | np.integer) or self.periods < 0:
+            raise InputError(f"control delay: expected a whole number of control periods, got {self.periods!r}")
+        if self.periods > MAX_DELAY_PERIODS:
             raise InputError(
-                f"control delay: {self.ticks} control periods are more than the buffer length of {MAX_DELAY_PERIODS}: "
-                "reduce the delay, or lengthen the control period"
+                f"control delay: {self.periods} control periods are more than the buffer length of "
+                f"{MAX_DELAY_PERIODS}: reduce the delay, or lengthen the control period"
             )
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
@@ -68,11 +68,11 @@ class ControlDelay(ActuatorEffect):
 
     def initial_state(self, torque: Array, control_period: float) -> Array:
         """Initial internal state."""
-        return np.tile(torque, self.ticks)
+        return np.tile(torque, self.periods)
 
     def apply(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
         """Torque and internal state after the period."""
-        if self.ticks == 0:
+        if self.periods == 0:
             return torque, memory
         dof = len(torque)
         return Column(memory.of[:dof]), Column((*memory.of[dof:], *torque))
@@ -186,7 +186,7 @@ class ActuatorLag(ActuatorEffect):
     >>> from adaptctl.simulation.effects import ActuatorLag
     >>> lag = adaptctl.Plant(arm, period, effects=[ActuatorLag(0.002)])
     >>> state = lag.step(lag.init(p, [0.0, 0.0]), [0.0, 0.0])
-    >>> bool(np.all(np.abs(state.applied) > 0.0))
+    >>> bool(np.all(np.abs(state.applied_torque) > 0.0))
     True
     """
 

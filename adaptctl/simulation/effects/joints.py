@@ -36,7 +36,7 @@ class Friction(JointEffect):
         Coulomb friction in N m (N), one number or (r,). Zero for none.
     stribeck : array_like, default 0.0
         Excess of static over Coulomb friction in N m (N), one number or (r,). Zero for none.
-    speed : float, default 0.1
+    stribeck_speed : float, default 0.1
         Speed in rad/s (m/s) at which half of that excess is gone.
 
     Raises
@@ -68,10 +68,10 @@ class Friction(JointEffect):
     viscous: ArrayLike = 0.0
     coulomb: ArrayLike = 0.0
     stribeck: ArrayLike = 0.0
-    speed: float = 0.1
+    stribeck_speed: float = 0.1
 
     def __post_init__(self) -> None:
-        validate_positive(self.speed, "friction: speed", "rad/s")
+        validate_positive(self.stribeck_speed, "friction: stribeck_speed", "rad/s")
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Check the settings against a plant."""
@@ -81,7 +81,7 @@ class Friction(JointEffect):
     def torque(self, v: Column) -> Column:
         """Resisting torque (r,)."""
         terms = zip(KINDS, self._each(len(v)).tolist(), strict=True)
-        each = (Column(values) * Column(friction(kind, x, self.speed) for x in v) for kind, values in terms)
+        each = (Column(values) * Column(friction(kind, x, self.stribeck_speed) for x in v) for kind, values in terms)
         return sum(each, Column.zeros(len(v)))
 
     def max_slope(self, dof: int) -> Array:
@@ -356,7 +356,7 @@ class PayloadHeld(LoadEffect):
     --------
     >>> from adaptctl.simulation.effects import PayloadHeld
     >>> carrying = adaptctl.Plant(arm, period, effects=[PayloadHeld(0.5, start=1.0, stop=2.0)])
-    >>> [carrying.payload(t) for t in (0.0, 1.5, 2.5)]
+    >>> [carrying.payload_mass(t) for t in (0.0, 1.5, 2.5)]
     [0.0, 0.5, 0.0]
     """
 
