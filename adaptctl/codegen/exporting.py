@@ -94,7 +94,7 @@ def export(
     Parameters
     ----------
     controller : Controller
-        Controller to export: a `SafetyFilter` around a control law, unless `unguarded`.
+        Controller to export: a `SafetyFilter` around a control law, unless `without_safety_filter`.
     directory : str or Path
         Folder to create; it must not exist. If the export fails, no folder is left behind.
     name : str, optional
