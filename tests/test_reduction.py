@@ -1,4 +1,4 @@
-"""Model reduction: its percentages are those of the energies it leaves out, on the states it was made for."""
+"""Model reduction: its percentages are those of the energies it leaves out, on states it was not fitted to."""
 
 from __future__ import annotations
 
@@ -35,18 +35,42 @@ def test_percent_errors_are_those_of_the_energies(
     """Equation 23 against equation 22, which takes the energies themselves."""
     H = energy_differences(puma, states)
     e = H @ puma.inertial_parameters
-    reduction = reduce(space, puma, components=count)
+    reduction = reduce(space, puma, components=count, states=states)
     direct = 100.0 * np.linalg.norm(e - H @ reduction.parameters()) / np.linalg.norm(e)
     assert reduction.percent_error == pytest.approx(direct, rel=1e-6, abs=1e-10)
     assert reduction.states == states.origin
 
 
-def test_all_components_are_the_essential_parameters(puma: Mechanism, space: EssentialSpace) -> None:
+@pytest.mark.parametrize("energy_error", [10.0, 5.0, 1.0])
+@pytest.mark.parametrize("robot", ["puma560_measured", "puma560_arm3", "semi_direct_drive"])
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+def test_the_stated_error_is_that_of_new_states(robot: str, energy_error: float) -> None:
+    arm = load(robot)
+    few = 2 * arm.num_energy_parameters + 1
+    reduction = reduce(essential_space(arm, states=states_within_limits(arm, few)), arm, energy_error=energy_error)
+    H = energy_differences(arm, states_within_limits(arm, 10_000, seed=5))
+    left_out = H @ (reduction.parameters() - arm.inertial_parameters[: H.shape[1]])
+    error = 100.0 * np.linalg.norm(left_out) / np.linalg.norm(H @ reduction.parameters(len(reduction.weights)))
+    assert reduction.percent_error == pytest.approx(error, rel=0.05)
+
+
+def test_states_judge_by_their_origin(puma: Mechanism, states: States) -> None:
+    """Random ones by others of their kind; of recorded ones, which have none, it is said."""
+    random = reduce(essential_space(puma), puma, components=10)
+    assert random.states == "20000 other random states over the full circle"
+    assert reduce(essential_space(puma, states=states), puma, components=10).states.startswith("20000 other random")
+    recorded = essential_space(puma, states=States(states.p, states.v, "a motion"))
+    own = reduce(recorded, puma, components=10)
+    assert own.states == "a motion, to which the components were fitted"
+    assert 1.2 * own.percent_error < random.percent_error
+
+
+def test_all_components_are_the_essential_parameters(puma: Mechanism, space: EssentialSpace, states: States) -> None:
     reduction = reduce(space, puma, components=36)
     np.testing.assert_allclose(reduction.parameters(), space.project(puma.inertial_parameters), atol=1e-12)
     assert reduction.percent_errors[0] == 100.0
     assert reduction.percent_errors[-1] == 0.0
-    assert np.all(np.diff(reduction.percent_errors) <= 0.0)
+    assert np.all(np.diff(reduce(space, puma, components=36, states=states).percent_errors) <= 0.0)
     assert np.all(np.diff(np.abs(reduction.weights)) <= 0.0)
     assert sorted(reduction.order) == list(range(36))
 

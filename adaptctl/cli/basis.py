@@ -41,6 +41,8 @@ BAR_LENGTH = 32
 """characters of the longest bar of the spectrum"""
 GAP_NEIGHBOURS = 6
 """values of the spectrum shown on either side of its gap, besides the first"""
+STATES_PER_PARAMETER = 50
+"""to which the components of a reduction are fitted"""
 MIN_BAR_RATIO = 1e-18
 """Of the largest: where bars end. What is smaller is round-off, or zero."""
 
@@ -142,7 +144,7 @@ def _reduction(mechanism: Mechanism, energy_error: float) -> Reduction:
     """Model reduction within the joints' limits, which is where the robot works."""
     from adaptctl.identifiability import essential_space, reduce, states_within_limits
 
-    states = states_within_limits(mechanism, 2 * len(mechanism.parameter_names) + 1)
+    states = states_within_limits(mechanism, STATES_PER_PARAMETER * len(mechanism.parameter_names))
     return reduce(essential_space(mechanism, states=states, prove=False), mechanism, energy_error=energy_error)
 
 
@@ -219,9 +221,9 @@ def equations(basis: FundamentalBasis) -> Group:
 def energy_error(reduction: Reduction) -> Text:
     """Sentence on the components that a reduction keeps and the error of the energy."""
     return words(
-        f"{reduction.num_components} of {len(reduction.weights)} components keep the energy error below "
-        f"{reduction.percent_error:.3g} % (equation 23 of Sheu and Walker), over {reduction.states}, "
-        "with this robot's parameters."
+        f"{reduction.num_components} of {len(reduction.weights)} components keep the energy error at "
+        f"{reduction.percent_error:.3g} % (equation 23 of Sheu and Walker), over {reduction.states} than those that "
+        "the components are fitted to, with this robot's parameters."
     )
 
 

@@ -17,7 +17,7 @@ from adaptctl.design.simplifications import Simplification
 from adaptctl.design.study import DesignStudy
 from adaptctl.design.task import DesignTask
 from adaptctl.dynamics.joint_units import error_unit
-from adaptctl.identifiability.essential_space import percent_errors
+from adaptctl.identifiability.reduction import percent_errors
 from adaptctl.recording.drawing import Drawing, run_color, sheet, thinned
 from adaptctl.recording.page import SHEU_WALKER, Lines, Report, Section, Table, TableLayout
 from adaptctl.recording.result import Fact, Progress, silent

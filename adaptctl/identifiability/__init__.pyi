@@ -7,13 +7,13 @@ from adaptctl.identifiability.constraints import Constraints as Constraints
 from adaptctl.identifiability.constraints import Relation as Relation
 from adaptctl.identifiability.constraints import constrained as constrained
 from adaptctl.identifiability.essential_space import EssentialSpace as EssentialSpace
-from adaptctl.identifiability.essential_space import Reduction as Reduction
 from adaptctl.identifiability.essential_space import essential_space as essential_space
-from adaptctl.identifiability.essential_space import reduce as reduce
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis as FundamentalBasis
 from adaptctl.identifiability.fundamental_basis import fundamental_basis as fundamental_basis
 from adaptctl.identifiability.priority import Priority as Priority
 from adaptctl.identifiability.reduced_model import ReducedModel as ReducedModel
+from adaptctl.identifiability.reduction import Reduction as Reduction
+from adaptctl.identifiability.reduction import reduce as reduce
 from adaptctl.identifiability.sampling import States as States
 from adaptctl.identifiability.sampling import random_states as random_states
 from adaptctl.identifiability.sampling import states_within_limits as states_within_limits

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, frozen, frozen_array, real_number, whole_number
-from adaptctl.caching import cached_property, sent_as_made
+from adaptctl.arrays import Array, checked, frozen_array, whole_number
+from adaptctl.caching import cached_property
 from adaptctl.compilation.object_cache import kept
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, printable, validate_kind
@@ -74,6 +74,9 @@ class EssentialSpace:
     energies : callable, optional
         Function that returns the triangular factor (n, P), n at most P, of the states' energy differences in J per SI
         unit. Default: those of the search's random states.
+    others : callable, optional
+        Function that draws a number of other states, on which `reduce` judges errors; None where `energies` are of
+        states that cannot be drawn again.
 
     Notes
     -----
@@ -96,6 +99,7 @@ class EssentialSpace:
     certificate: Certificate
     states: str
     energies: Callable[[], Array] | None = None
+    others: Callable[[int], States] | None = None
 
     def __repr__(self) -> str:
         return (
@@ -145,13 +149,13 @@ class EssentialSpace:
     @cached_property
     def singular_values(self) -> Array:
         """Singular values (P,) of H, descending, in J per SI unit."""
-        return frozen_array(singular_values(self._triangle), (len(self.parameter_names),), "singular values")
+        return frozen_array(singular_values(self.triangle), (len(self.parameter_names),), "singular values")
 
     @cached_property
     def basis(self) -> Array:
         """Right singular vectors V1 (P, k) of the k largest singular values."""
         complement = self._bases[1]
-        V1 = complement @ right_vectors(self._triangle @ complement)
+        V1 = complement @ right_vectors(self.triangle @ complement)
         return frozen_array(V1, (len(self.parameter_names), self.rank), "basis")
 
     def _repr_html_(self) -> str:
@@ -186,8 +190,32 @@ class EssentialSpace:
         return (checked(parameters, len(self.parameter_names), "parameters") @ self.basis) @ self.basis.T
 
     @cached_property
-    def _triangle(self) -> Array:
+    def triangle(self) -> Array:
+        """Triangular factor (n, P) of H."""
         return (self.energies or self.search.found.energies)()
+
+    def draw_others(self, samples: int) -> States | None:
+        """
+        Draw other states of the kind whose energies make the singular values.
+
+        Parameters
+        ----------
+        samples : int
+            Number of states, at least 2.
+
+        Returns
+        -------
+        States or None
+            States; None where their kind is not known, as of a recorded motion.
+
+        Examples
+        --------
+        >>> len(space.draw_others(100))
+        100
+        """
+        if self.others is not None:
+            return self.others(samples)
+        return None if self.energies is not None else _other_random_states(self.search, samples)
 
     @cached_property
     def _bases(self) -> tuple[Array, Array]:
@@ -256,7 +284,7 @@ def essential_space(
     """
     validate_kind(mechanism, Mechanism, "essential_space", "as load(...) gives one")
     seed = whole_number(seed, "seed", 0, 2**32 - 1)
-    given = None if states is None else partial(_same, _triangle(mechanism, states))
+    given = None if states is None else partial(_same, energy_triangle(mechanism, states))
     search = Search(
         mechanism,
         method,
@@ -267,7 +295,9 @@ def essential_space(
     )
     inputs, kind = search.inputs, tuple[Certificate, str]
     certificate, random = kept("certificate", inputs, kind, lambda: (search.found.certificate, search.found.states))
-    return EssentialSpace(search, certificate, random if states is None else states.origin, given)
+    if states is None:
+        return EssentialSpace(search, certificate, random)
+    return EssentialSpace(search, certificate, states.origin, given, states.others)
 
 
 def _sample_count(asked: int | None, parameters: int) -> int:
@@ -289,7 +319,14 @@ def _same(energies: Array) -> Array:
     return energies
 
 
-def _triangle(mechanism: Mechanism, states: States) -> Array:
+def _other_random_states(search: Search, samples: int) -> States:
+    from adaptctl.identifiability.sampling import other_random_states
+
+    return other_random_states(search.mechanism, search.seed, samples)
+
+
+def energy_triangle(mechanism: Mechanism, states: States) -> Array:
+    """Triangular factor (n, P) of the energy differences of states."""
     from adaptctl.identifiability.energy_matrix import EnergyFactor, energy_blocks
     from adaptctl.identifiability.sampling import States
 
@@ -297,163 +334,3 @@ def _triangle(mechanism: Mechanism, states: States) -> Array:
         raise InputError(f"states: expected States or None, got {printable(repr(states))}")
 
     return EnergyFactor.of(energy_blocks(mechanism, [states])).triangle
-
-
-@sent_as_made
-@dataclass(frozen=True, eq=False)
-class Reduction:
-    """
-    Inertial parameters as a sum of essential components, of which the most important are kept.
-
-    `reduce` makes it, for given parameters and states. Arrays are read-only; nothing is checked at construction.
-
-    Parameters
-    ----------
-    states : str
-        Origin, in words, of the states for which the errors hold.
-    components : numpy.ndarray
-        Components (k, P) in SI units, in descending order of the size of their weights.
-    weights : numpy.ndarray
-        Weights (k,) in J. The size of a weight is the root of the sum of squares of the component's energy differences.
-    order : tuple of int
-        Column (k,) of the space's `basis` of each component.
-    percent_errors : numpy.ndarray
-        Energy errors (k + 1,) in percent if only the first 0, 1, ... k components are kept.
-    num_components : int
-        Number of components that are kept.
-
-    Notes
-    -----
-    The error of reduced parameters :math:`D'` is :math:`100 |H (D' - D)| / |H D|`, with the energy differences
-    :math:`H D` between successive states [1]_.
-
-    References
-    ----------
-    .. [1] Sheu and Walker, 1991. Identifying the independent inertial parameter space of robot manipulators.
-       International Journal of Robotics Research, section 3.2, equation 23.
-
-    Examples
-    --------
-    >>> reduction = adaptctl.reduce(space, arm, components=3)
-    >>> reduction.parameters().shape, reduction.percent_error < 100.0
-    ((20,), True)
-    """
-
-    states: str
-    components: Array
-    weights: Array
-    order: tuple[int, ...]
-    percent_errors: Array
-    num_components: int
-
-    def __repr__(self) -> str:
-        kept = f"{self.num_components} of {len(self.weights)} components"
-        return f"<Reduction to {kept}: energy error {self.percent_error:.3g} %>"
-
-    @property
-    def percent_error(self) -> float:
-        """Energy error of the kept components' sum in percent."""
-        return float(self.percent_errors[self.num_components])
-
-    def parameters(self, components: int | None = None) -> Array:
-        """
-        Return the sum of the most important components.
-
-        Parameters
-        ----------
-        components : int, optional
-            Number of components, from 0 to k; those that are kept by default.
-
-        Returns
-        -------
-        numpy.ndarray
-            Reduced inertial parameters (P,) in SI units, without friction.
-
-        Raises
-        ------
-        InputError
-            If the number is out of range.
-        """
-        count = self.num_components if components is None else _checked_count(components, len(self.weights))
-        return self.components[:count].sum(axis=0)
-
-
-def reduce(
-    space: EssentialSpace,
-    parameters: Mechanism | ArrayLike,
-    *,
-    energy_error: float | None = None,
-    components: int | None = None,
-) -> Reduction:
-    """
-    Reduce inertial parameters to the fewest essential components, within an energy error.
-
-    Parameters
-    ----------
-    space : EssentialSpace
-        Essential space; the energies of its states weight the components.
-    parameters : Mechanism or array_like
-        Inertial parameters (P,) in SI units, without friction, or a mechanism that has them.
-    energy_error : float, optional
-        Largest energy error in percent; the fewest components within it are kept. None where `components` are given.
-    components : int, optional
-        Number of components to keep, from 0 to the rank; None where `energy_error` is given.
-
-    Returns
-    -------
-    Reduction
-        Components, weights and errors.
-
-    Raises
-    ------
-    InputError
-        If both or neither of error and number are given, one is out of range, or the parameters have a wrong shape, are
-        not finite or make no energy differences.
-
-    Examples
-    --------
-    >>> adaptctl.reduce(space, arm, energy_error=1.0).percent_error <= 1.0
-    True
-    """
-    validate_kind(space, EssentialSpace, "reduce", "as essential_space(mechanism) gives one")
-    if (energy_error is None) == (components is None):
-        raise InputError("give either energy_error (percent) or components (a number)")
-    if isinstance(parameters, Mechanism):
-        parameters = np.asarray(parameters.inertial_parameters)[: parameters.num_energy_parameters]
-    D = frozen_array(parameters, (len(space.parameter_names),), "parameters")
-    alpha = space.basis.T @ D
-    beta = space.singular_values[: space.rank] * alpha
-    order = np.argsort(-np.abs(beta), kind="stable")
-    errors = percent_errors(beta[order])
-    count = _enough(errors, energy_error) if energy_error is not None else components
-    return Reduction(
-        states=space.states,
-        components=frozen(alpha[order, None] * space.basis[:, order].T),
-        weights=frozen(beta[order]),
-        order=tuple(order.tolist()),
-        percent_errors=frozen(errors),
-        num_components=_checked_count(count, space.rank),
-    )
-
-
-def percent_errors(weights: Array) -> Array:
-    """Return the energy errors (k + 1,) in percent of the first 0, 1, ... k components by descending `weights`."""
-    # Summed from the smallest, so that the last ones keep their digits.
-    tails = np.append(np.cumsum(weights[::-1] ** 2)[::-1], 0.0)
-    if tails[0] == 0.0:
-        raise InputError("these parameters have no energy in any of the states")
-    return np.asarray(100.0 * np.sqrt(tails / tails[0]))
-
-
-def _enough(errors: Array, energy_error: float) -> int:
-    if not 0.0 <= real_number(energy_error, "energy_error") < np.inf:
-        raise InputError(f"energy_error: expected a percentage of at least 0, got {energy_error}")
-    return int(np.argmax(errors <= energy_error))
-
-
-def _checked_count(count: int | None, most: int) -> int:
-    if isinstance(count, int | np.integer) and not 0 <= count <= most:
-        raise InputError(f"components: expected 0..{most}, got {count}")
-    if isinstance(count, bool):
-        raise InputError(f"components: expected a whole number from 0 to {most}, got {count}")
-    return whole_number(count, "components", 0, most)

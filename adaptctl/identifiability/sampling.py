@@ -30,6 +30,9 @@ MAX_DRAWS = 100
 MIN_DRAWN_POSITIONS = 100
 
 
+# Second word of the seed of states that judge what was fitted to those of the first.
+OTHERS = 1
+
 # Most states drawn at a time.
 MAX_STATES_AT_ONCE = 4096
 
@@ -105,6 +108,9 @@ class States:
         Velocities (samples, r) in rad/s or m/s.
     origin : str
         Origin of the states in words, for reports.
+    others : callable, optional
+        Function that draws a number of other states of the same distribution; None where there are none, as for a
+        recorded motion.
 
     Raises
     ------
@@ -121,6 +127,7 @@ class States:
     p: Array
     v: Array
     origin: str
+    others: Callable[[int], States] | None = None
 
     def __post_init__(self) -> None:
         if np.ndim(self.p) != 2 or np.shape(self.p) != np.shape(self.v) or len(self.p) < 2:
@@ -226,6 +233,12 @@ def random_states(mechanism: Mechanism, samples: int, generator: np.random.Gener
     return States(p, v, f"random states {whereabouts(mechanism)}")
 
 
+def other_random_states(mechanism: Mechanism, seed: int, samples: int) -> States:
+    """Return other random states than those that a seed draws."""
+    drawn = random_states(mechanism, samples, np.random.default_rng([seed, OTHERS]))
+    return States(drawn.p, drawn.v, f"{samples} other {drawn.origin}")
+
+
 def whereabouts(mechanism: Mechanism) -> str:
     """Return the description of the region of random states."""
     return "over the full circle" if mechanism.description.loops is None else "on the branch of the reference"
@@ -297,7 +310,19 @@ def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> S
     """
     validate_kind(mechanism, Mechanism, "states_within_limits", "as load(...) gives one")
     samples = whole_number(samples, "samples", 2, sys.maxsize)
-    generator = np.random.default_rng(whole_number(seed, "seed", 0, 2**32 - 1))
+    seed = whole_number(seed, "seed", 0, 2**32 - 1)
+    p, v = _within_all_limits(mechanism, samples, np.random.default_rng(seed))
+    words = f"{samples} random states within the joint limits, seed {seed}"
+    return States(p, v, words, partial(_others_within_limits, mechanism, seed))
+
+
+def _others_within_limits(mechanism: Mechanism, seed: int, samples: int) -> States:
+    p, v = _within_all_limits(mechanism, samples, np.random.default_rng([seed, OTHERS]))
+    return States(p, v, f"{samples} other random states within the joint limits")
+
+
+def _within_all_limits(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> tuple[Array, Array]:
+    """Draw positions and velocities (samples, r), uniform within the joints' limits."""
     length, turns = characteristic_length(mechanism), _turns(mechanism)
     limits = [joint.limits for joint in mechanism.primary_joints]
     reach = np.where(turns, np.pi, length)
@@ -305,10 +330,8 @@ def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> S
     lower, upper = _range(lower, upper, 2.0 * reach, mechanism.neutral_configuration)
     speed = np.array([b.velocity for b in limits])
     speed = np.where(np.isfinite(speed), speed, characteristic_rate(mechanism) * np.where(turns, 1.0, length))
-    draw = partial(_uniform, generator, lower, upper)
-    p = reachable_positions(mechanism, samples, draw)
-    v = generator.uniform(-speed, speed, p.shape)
-    return States(p, v, f"{samples} random states within the joint limits, seed {seed}")
+    p = reachable_positions(mechanism, samples, partial(_uniform, generator, lower, upper))
+    return p, generator.uniform(-speed, speed, p.shape)
 
 
 def _uniform(generator: np.random.Generator, lower: Array, upper: Array, samples: int) -> Array:

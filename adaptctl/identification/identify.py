@@ -367,8 +367,7 @@ def _with_terms(drive: Drive, joint: str, names: Sequence[str]) -> Drive:
 
 
 def _states(mechanism: Mechanism, evidence: LogEvidence) -> tuple[Mechanism, Array, Array]:
-    """Mechanism with a thinned selection (about a thousand) of the logs' positions and velocities."""
+    """Mechanism with the logs' positions and velocities."""
     p = np.concatenate([motion.position for motion in evidence.motions])
     v = np.concatenate([motion.velocity for motion in evidence.motions])
-    every = max(1, len(p) // 1000)
-    return mechanism, p[::every], v[::every]
+    return mechanism, p, v

@@ -137,7 +137,7 @@ class Arm:
 
     @cached_property
     def reductions(self) -> tuple[Reduction, ...]:
-        """Reductions to essential components by energy, one per seed."""
+        """Reductions to essential components, one per seed; errors are on the same states, as in the paper."""
         _, values, right = np.linalg.svd(self.differences @ self.space.basis, full_matrices=False)
         energies = values[..., None] * (right @ self.space.basis.T)
         drawn = (replace(self.space, energies=partial(np.asarray, own), states="a draw") for own in energies)

@@ -125,7 +125,7 @@ def figure3(study: Study) -> Computation:
     titles = ("PUMA 560", "semi-direct-drive, generic", f"… with sides equal up to {percent(study.unequal)}")
     points = (printed, *2 * [{**arm, **{s: -limit for s, limit in limits.items()}}])
     panels = {title: (x.percent_errors[:, :-1], own) for title, x, own in zip(titles, arms, points, strict=True)}
-    caption = "Figure 3: error of the energy over the number of components kept"
+    caption = "Figure 3: error of the energy, at the states fitted, over the number of components kept"
     return Computation(
         {
             "above": sum(value > puma[:, s].max() for s, value in printed.items()),
