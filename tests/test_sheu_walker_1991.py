@@ -46,7 +46,7 @@ def study(**settings: float) -> Study:
 @pytest.fixture(scope="module")
 def replication() -> Replication:
     """The whole paper, as it is run by default."""
-    with pytest.warns(match="no rigid body"):
+    with pytest.warns(match="not physically consistent"):
         return SheuWalker1991().replication(untold)
 
 

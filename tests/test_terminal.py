@@ -116,7 +116,7 @@ def test_experiments_are_told_as_json_and_notes_come_last(tmp_path: Path) -> Non
     assert (found["schema"], found["complete"]) == ("adaptctl/experiment/1", True)
     assert found["folder"] == str(tmp_path / "out")
     assert done.returncode == (0 if found["verdict"]["passed"] else 3)
-    assert note.startswith(f"adaptctl: note: {ARM}: no rigid body")
+    assert note.startswith(f"adaptctl: note: {ARM}: physically inconsistent")
 
 
 def test_list_is_told_as_json(capsys: pytest.CaptureFixture[str]) -> None:
