@@ -224,6 +224,14 @@ class LaneArray:
         ------
         InputError
             If there are several members or lanes, or the name is unknown.
+
+        Examples
+        --------
+        >>> from adaptctl.compilation import LaneArray
+        >>> array = LaneArray({"x": 2}, members=1)
+        >>> array.view("x")[:] = 3.0
+        >>> array["x"].tolist()
+        [[3.0, 3.0]]
         """
         if self.members != 1 or self.lanes != 1:
             raise InputError(f"view: expected one member and one lane, got {self.members} and {self.lanes}")
@@ -263,6 +271,14 @@ class LaneArray:
         ------
         InputError
             If an index, the name or the values do not fit, or the array has axes of steps.
+
+        Examples
+        --------
+        >>> from adaptctl.compilation import LaneArray
+        >>> array = LaneArray({"x": 2}, members=3)
+        >>> array.put("x", [0, 2], [1.0, 5.0])
+        >>> array["x"].tolist()
+        [[1.0, 5.0], [0.0, 0.0], [1.0, 5.0]]
         """
         if self.blocks.ndim > 3:
             raise InputError(f"put: expected an array without axes of steps, got steps {self.blocks.shape[:-3]}")

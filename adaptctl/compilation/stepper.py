@@ -232,6 +232,13 @@ class Stepper:
         ------
         InputError
             If the number is wrong.
+
+        Examples
+        --------
+        >>> from adaptctl.compilation import compile_step
+        >>> step = compile_step(lambda x, u: (x + u, x), state={"x": 1}, inputs={"u": 1}, name="sum")
+        >>> step.ensemble(3).state["x"].shape
+        (3, 1)
         """
         return Ensemble(self, members)
 
@@ -347,6 +354,15 @@ class Ensemble:
         ------
         InputError
             If a number is wrong, or signals have other names or shapes or are not real.
+
+        Examples
+        --------
+        >>> from adaptctl.compilation import compile_step
+        >>> step = compile_step(lambda x, u: (x + u, x), state={"x": 1}, inputs={"u": 1}, name="sum")
+        >>> members = step.ensemble(3)
+        >>> (last,) = members.run(steps=2, signals={"u": [[1.0], [2.0]]})
+        >>> last.ravel().tolist(), members.state["x"].ravel().tolist()
+        ([1.0, 1.0, 1.0], [3.0, 3.0, 3.0])
         """
         if type(steps) is not int or steps < 0:
             steps = whole_count(steps, "steps")
@@ -398,6 +414,17 @@ class Ensemble:
         ------
         InputError
             If the number is wrong.
+
+        Examples
+        --------
+        >>> from adaptctl.compilation import compile_step
+        >>> step = compile_step(lambda x, u: (x + u, x), state={"x": 1}, inputs={"u": 1}, name="sum")
+        >>> members = step.ensemble(3)
+        >>> signals, outputs = members.signals(2), members.allocate_outputs(2)
+        >>> signals.shared["u"] = [[[1.0]], [[2.0]]]
+        >>> members.record_into(outputs, 0, 2, signals)
+        >>> outputs["0"][:, 0].tolist()
+        [[0.0], [1.0]]
         """
         columns = self.stepper.columns
         shared = LaneArray(columns[Source.SHARED], 1, 1, (steps,), self.stepper.dtype, np.empty)

@@ -399,6 +399,12 @@ class Description:
         InputError
             If the number of values is wrong, one is not finite or above 1e20 in size, or a rotor inertia, viscous or
             Coulomb friction is negative.
+
+        Examples
+        --------
+        >>> heavy = arm.description.with_parameters(2.0 * arm.inertial_parameters)
+        >>> float(heavy.inertial_parameters[0] / arm.inertial_parameters[0])
+        2.0
         """
         values = frozen_array(parameters, (len(self.parameter_names),), f"{self.name}: parameters")
         links, tens = list(self.links), 10 * len(self.bodies)
@@ -427,6 +433,12 @@ class Description:
         ------
         InputError
             If the number of drives is wrong, one is not a `Drive`, or a motor turns with a joint that does not exist.
+
+        Examples
+        --------
+        >>> from adaptctl.description.drive import Drive
+        >>> arm.description.with_drives(Drive(viscous=0.1)).parameter_names[-1]
+        'elbow.viscous'
         """
         several = isinstance(drives, Iterable) and not isinstance(drives, str)
         each: list[Any] = list(drives) if several else [drives] * len(self.links)  # type: ignore[arg-type]  # told by `several`

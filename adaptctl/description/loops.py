@@ -249,6 +249,12 @@ class Loops:
         ------
         NotFoundError
             If a name is unknown.
+
+        Examples
+        --------
+        >>> from adaptctl.description import Coupling, Loops
+        >>> loops = Loops(("thumb",), couplings=(Coupling("gears", "finger", "thumb"),))
+        >>> loops.validate_known([], ["finger", "thumb"])
         """
         named_links = {link: c.name for c in self.closures for link in (c.first, c.second) if link is not None}
         named_joints = {joint: c.name for c in self.couplings for joint in (c.follower, c.leader)}

@@ -102,6 +102,12 @@ class Pose:
         -------
         Pose
             Pose with the identity as rotation and zero translation.
+
+        Examples
+        --------
+        >>> from adaptctl.description import Pose
+        >>> Pose.identity().translation.tolist()
+        [0.0, 0.0, 0.0]
         """
         return cls(np.eye(3), np.zeros(3))
 

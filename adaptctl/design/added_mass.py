@@ -252,6 +252,13 @@ class CostMap:
         ------
         InputError
             If the link is unknown or the shape is wrong (`NonFiniteError` for NaN, infinity and overflow).
+
+        Examples
+        --------
+        >>> from adaptctl.design import DesignTask, cost_map
+        >>> costs = cost_map(DesignTask.within_limits(arm, samples=20))
+        >>> costs.at("lower", [[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]).shape
+        (2,)
         """
         x = checked(positions, 3, f"{link}: positions")
         M, first = self.task.cost_matrix(self.objective), 10 * self.task.link_index(link)

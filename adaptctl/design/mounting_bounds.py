@@ -136,6 +136,11 @@ class MountingBounds:
         ------
         InputError
             If the position is outside, or not three finite numbers.
+
+        Examples
+        --------
+        >>> from adaptctl.design import MountingBounds
+        >>> MountingBounds("upper", np.zeros(3), np.ones(3), 2.0).validate([0.5, 0.5, 0.5])
         """
         x = frozen_array(place, (3,), f"{self.link}: place")
         if np.any(x < self.lower - POSITION_TOLERANCE) or np.any(x > self.upper + POSITION_TOLERANCE):
@@ -160,6 +165,12 @@ class MountingBounds:
         ------
         InputError
             If the number is out of range.
+
+        Examples
+        --------
+        >>> from adaptctl.design import MountingBounds
+        >>> MountingBounds("upper", np.zeros(3), np.ones(3), 2.0).grid(2)[:2].tolist()
+        [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
         """
         whole_number(points_per_edge, "grid: points_per_edge", 1, 100)
         axes = [np.linspace(a, b, points_per_edge) for a, b in zip(self.lower, self.upper, strict=True)]

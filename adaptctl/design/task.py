@@ -130,6 +130,12 @@ class DesignTask:
         ------
         InputError
             If a number is out of range, the mechanism is constrained, or too few states of its loops are found.
+
+        Examples
+        --------
+        >>> from adaptctl.design import DesignTask
+        >>> DesignTask.within_limits(arm, samples=50, seed=1).v.shape
+        (50, 2)
         """
         samples, seed = (
             whole_number(samples, "task: samples", 2, MAX_SAMPLES),
@@ -286,6 +292,13 @@ class DesignTask:
         ------
         InputError
             If the objective is unknown or the shape is wrong.
+
+        Examples
+        --------
+        >>> from adaptctl.design import DesignTask
+        >>> task = DesignTask.within_limits(arm, samples=20)
+        >>> round(task.cost("energy", 2.0 * task.parameters) / task.cost("energy"), 6)
+        2.0
         """
         return float(np.linalg.norm(self._applied(self.cost_matrix(objective), parameters)))
 
@@ -307,6 +320,13 @@ class DesignTask:
         ------
         InputError
             If the shape is wrong.
+
+        Examples
+        --------
+        >>> from adaptctl.design import DesignTask
+        >>> task = DesignTask.within_limits(arm, samples=20)
+        >>> bool(np.allclose(task.torques(2.0 * task.parameters), 2.0 * task.torques()))
+        True
         """
         return np.linalg.norm(self._applied(self._joint_torques, parameters), axis=-1)
 
@@ -361,6 +381,13 @@ class DesignTask:
         ------
         InputError
             If the energy is constant, the shape is wrong, or the fraction is no number.
+
+        Examples
+        --------
+        >>> from adaptctl.design import DesignTask
+        >>> task = DesignTask.within_limits(arm, samples=20)
+        >>> task.nonzero_parameters(share=0.1)
+        ('upper.mc_x', 'lower.mc_x')
         """
         if math.isnan(real_number(share, "task: share")):
             raise InputError("task: share: expected a number, got nan")
@@ -388,6 +415,13 @@ class DesignTask:
         ------
         InputError
             If the energy is constant or the shape is wrong.
+
+        Examples
+        --------
+        >>> from adaptctl.design import DesignTask
+        >>> task = DesignTask.within_limits(arm, samples=20)
+        >>> task.energy_fractions().shape == (task.basis.rank,)
+        True
         """
         self.validate_energy(parameters)
         D = self._given(parameters)
@@ -412,6 +446,13 @@ class DesignTask:
         ------
         InputError
             If no such link has this name.
+
+        Examples
+        --------
+        >>> from adaptctl.design import DesignTask
+        >>> task = DesignTask.within_limits(arm, samples=20)
+        >>> task.link_index("lower")
+        1
         """
         names = self.mechanism.description.body_names
         if name not in names:
@@ -436,6 +477,13 @@ class DesignTask:
         ------
         InputError
             If the link is unknown.
+
+        Examples
+        --------
+        >>> from adaptctl.design import DesignTask
+        >>> task = DesignTask.within_limits(arm, samples=20)
+        >>> task.center_of_mass("lower").shape
+        (3,)
         """
         ten = self.parameters[10 * self.link_index(link) :][:4]
         return np.asarray(ten[1:4] / ten[0]) if ten[0] > 0.0 else np.zeros(3)

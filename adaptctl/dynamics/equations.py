@@ -95,6 +95,14 @@ class Motion(ABC):
         ------
         IndexError
             If an index is P or more.
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> still = column([0.0, 0.0])
+        >>> motion = arm.equations.motion(column(p), column(v), column(v), still)
+        >>> [len(row) for row in motion.regressor([0, 1, 9])]
+        [3, 3]
         """
 
     @abstractmethod
@@ -119,6 +127,16 @@ class Motion(ABC):
         ------
         IndexError
             If an index is P or more.
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> still = column([0.0, 0.0])
+        >>> motion = arm.equations.motion(column(p), column(v), column(v), still)
+        >>> rows = motion.regressor([0, 1, 9])
+        >>> product = motion.regressor_transpose_product(column([1.0, 2.0]), [0, 1, 9])
+        >>> bool(np.allclose(list(product), list(1.0 * rows[0] + 2.0 * rows[1])))
+        True
         """
 
     @property
@@ -196,6 +214,12 @@ class Equations(ABC):
         Column
             Positions (n,) in rad (m), in closed form or by three Newton steps, which are exact to round-off from a
             guess within 0.05 rad.
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> list(arm.equations.closed(column([0.3, 0.5]), column([0.0, 0.0])))  # a tree has no loops to close
+        [0.3, 0.5]
         """
 
     @abstractmethod
@@ -230,6 +254,12 @@ class Equations(ABC):
         -------
         Column
             Velocities J v (n,) in rad/s (m/s), with the Jacobian J of q with respect to the primary positions.
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> list(arm.equations.joint_velocities(column([0.3, 0.5]), column([1.0, 2.0])))  # those of a tree are primary
+        [1.0, 2.0]
         """
 
     @abstractmethod
@@ -248,6 +278,13 @@ class Equations(ABC):
         -------
         Column
             Regressor (P,) in J per unit of each parameter; the potential energy is zero at the ground frame's origin.
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> energies = arm.equations.energy_regressor(column(p), column(v))
+        >>> bool(np.isclose(energies @ column(arm.inertial_parameters), arm.energy(p, v)))
+        True
         """
 
     @abstractmethod
@@ -323,6 +360,13 @@ class Equations(ABC):
         -------
         list of list
             Rows of the matrix (r, r) in kg m^2 (kg between prismatic joints, kg m between one of each).
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> rows = arm.equations.mass_matrix(column(p), column(arm.inertial_parameters))
+        >>> bool(np.allclose([list(row) for row in rows], arm.mass_matrix(p)))
+        True
         """
 
     @abstractmethod
@@ -343,6 +387,14 @@ class Equations(ABC):
         -------
         list of list
             Rows of the symmetric matrix (r, r) in N m s/rad (N s/m): friction divided by velocity.
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> from adaptctl.description.drive import Drive
+        >>> robot = arm.with_drives(Drive(viscous=0.1))
+        >>> robot.equations.damping(column(p), column(v), column(robot.inertial_parameters))
+        [[0.1, 0.0], [0.0, 0.1]]
         """
 
     @abstractmethod
@@ -354,6 +406,13 @@ class Equations(ABC):
         -------
         Equations
             Equations without gravity's torque and potential energy.
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> still = column([0.0, 0.0])
+        >>> list(arm.equations.without_gravity().potential_regressor(still)) == [0.0] * 20
+        True
         """
 
     def torque_regressor(self, q: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
@@ -379,6 +438,13 @@ class Equations(ABC):
         ------
         IndexError
             If an index is P or more.
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> rows = arm.equations.torque_regressor(column(p), column(v), column(v), column([0.0, 0.0]), [0, 9])
+        >>> len(rows), len(rows[0])
+        (2, 2)
         """
         return self.motion(q, v, v_r, a_r).regressor(columns)
 
@@ -400,6 +466,14 @@ class Equations(ABC):
         -------
         Column
             Torque (r,) in N m (N if prismatic).
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> q, rates, D = column(p), column(v), column(arm.inertial_parameters)
+        >>> torque = arm.equations.inverse_dynamics(q, rates, rates, column([1.0, 2.0]), D)
+        >>> bool(np.allclose(list(torque), arm.inverse_dynamics(p, v, [1.0, 2.0])))
+        True
         """
         return self.motion(q, v, v_r, a_r).torque(parameters)
 
@@ -422,6 +496,14 @@ class Equations(ABC):
         -------
         Column
             Accelerations (r,) in rad/s^2 (m/s^2).
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> torque, D = column([5.0, 1.0]), column(arm.inertial_parameters)
+        >>> a = arm.equations.forward_dynamics(column(p), column(v), torque, D)
+        >>> bool(np.allclose(list(a), arm.forward_dynamics(p, v, [5.0, 1.0])))
+        True
         """
         inertia = factorised(self.mass_matrix(q, parameters))  # first: its divisions wait for each other
         bias = self.inverse_dynamics(q, v, v, Column.zeros(self.dof), parameters)

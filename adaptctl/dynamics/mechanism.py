@@ -601,6 +601,11 @@ class Mechanism:
         -----
         SimplificationWarning
             If friction other than viscous and Coulomb's is left out.
+
+        Examples
+        --------
+        >>> arm.to_pinocchio().nv
+        2
         """
         from adaptctl.description.readers.pinocchio_model import to_pinocchio
 
@@ -623,6 +628,11 @@ class Mechanism:
             joints.
         MissingExtraError
             If Pinocchio is not installed.
+
+        Examples
+        --------
+        >>> arm.to_pinocchio_constraints()  # a tree has no loops
+        []
         """
         from adaptctl.description.readers.pinocchio_model import to_pinocchio_constraints
 
@@ -655,6 +665,11 @@ class Mechanism:
         -----
         SimplificationWarning
             If limits are zero, which are taken as no limits.
+
+        Examples
+        --------
+        >>> adaptctl.Mechanism.from_pinocchio(arm.to_pinocchio()).dof
+        2
         """
         from adaptctl.description.readers.pinocchio_model import from_pinocchio
 
@@ -723,6 +738,13 @@ class Mechanism:
         -----
         SimplificationWarning
             If friction other than viscous and Coulomb's is left out.
+
+        Examples
+        --------
+        >>> heavy = arm.with_parameters(2.0 * arm.inertial_parameters)
+        >>> model = heavy.in_pinocchio(arm.to_pinocchio())
+        >>> bool(model.inertias[1].mass == heavy.inertial_parameters[0])
+        True
         """
         from adaptctl.description.readers.pinocchio_model import with_inertias
 

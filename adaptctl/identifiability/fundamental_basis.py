@@ -232,6 +232,11 @@ class FundamentalBasis:
         -------
         tuple of str
             An equation in SI units for each kept parameter; a star marks the base parameter.
+
+        Examples
+        --------
+        >>> basis.equations()[3:5]
+        ('lower.mc_x* = lower.mc_x + 0.3 lower.m', 'lower.mc_y* = lower.mc_y')
         """
         return regrouping_equations(self.regrouping, self.columns, self.parameter_names)
 

@@ -145,6 +145,11 @@ class Priority:
             If the priority names an unknown parameter.
         InputError
             If a name is given twice or is no inertial parameter.
+
+        Examples
+        --------
+        >>> adaptctl.Priority(order=("b.m",), keep=("a.m",)).indices(("a.m", "a.mc_x", "b.m"))
+        (2, 1, 0)
         """
         named = (*self.order, *self.keep)
         _validate_known(named, parameter_names, "parameter")

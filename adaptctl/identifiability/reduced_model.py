@@ -161,6 +161,12 @@ class ReducedModel(Keyed):
             If a shape is wrong (`NonFiniteError` for NaN and infinity).
         SingularityError
             If closed loops are near a singularity.
+
+        Examples
+        --------
+        >>> torque = model.torque_regressor(p, v, v) @ model.fundamental_parameters
+        >>> bool(np.allclose(torque, arm.inverse_dynamics(p, v, v)))
+        True
         """
         equation = self._torque_regressor
         return equation.call(p, v, a) if out is None else equation.into(out, p, v, a)
@@ -240,6 +246,12 @@ class ReducedModel(Keyed):
             If a shape is wrong (`NonFiniteError` for NaN and infinity).
         SingularityError
             If closed loops are near a singularity.
+
+        Examples
+        --------
+        >>> bool(np.allclose(model.inverse_dynamics(p, v, v, beta=2.0 * model.fundamental_parameters),
+        ...                  2.0 * model.inverse_dynamics(p, v, v)))
+        True
         """
         equation, values = self._inverse_dynamics, self.fundamental_parameters if beta is None else beta
         return equation.call(p, v, a, values) if out is None else equation.into(out, p, v, a, values)

@@ -206,6 +206,15 @@ class Drives:
         ------
         InputError
             If the shape is wrong (`NonFiniteError` for NaN and infinity).
+
+        Examples
+        --------
+        >>> from adaptctl.identification.drives_file import Drives, MotorEntry, Units
+        >>> motors = tuple(MotorEntry(name=name, position=name, torque=f"{name}.i") for name in ("m1", "m2"))
+        >>> ratios = np.array([[50.0, 0.0], [10.0, 50.0]])
+        >>> drives = Drives(("shoulder", "elbow"), ratios, np.zeros(2), motors, "t", Units(1.0, 1.0, 1.0))
+        >>> drives.position([5.0, 6.0]).round(3).tolist()
+        [0.1, 0.1]
         """
         return checked(motor, len(self.joints), "drives: positions") @ self._inverse.T + self.offsets
 
@@ -227,6 +236,15 @@ class Drives:
         ------
         InputError
             If the shape is wrong (`NonFiniteError` for NaN and infinity).
+
+        Examples
+        --------
+        >>> from adaptctl.identification.drives_file import Drives, MotorEntry, Units
+        >>> motors = tuple(MotorEntry(name=name, position=name, torque=f"{name}.i") for name in ("m1", "m2"))
+        >>> ratios = np.array([[50.0, 0.0], [10.0, 50.0]])
+        >>> drives = Drives(("shoulder", "elbow"), ratios, np.zeros(2), motors, "t", Units(1.0, 1.0, 1.0))
+        >>> drives.velocity([5.0, 6.0]).round(3).tolist()
+        [0.1, 0.1]
         """
         return checked(motor, len(self.joints), "drives: velocities") @ self._inverse.T
 
@@ -248,6 +266,15 @@ class Drives:
         ------
         InputError
             If the shape is wrong (`NonFiniteError` for NaN and infinity).
+
+        Examples
+        --------
+        >>> from adaptctl.identification.drives_file import Drives, MotorEntry, Units
+        >>> motors = tuple(MotorEntry(name=name, position=name, torque=f"{name}.i") for name in ("m1", "m2"))
+        >>> ratios = np.array([[50.0, 0.0], [10.0, 50.0]])
+        >>> drives = Drives(("shoulder", "elbow"), ratios, np.zeros(2), motors, "t", Units(1.0, 1.0, 1.0))
+        >>> drives.torque([0.1, 0.2]).round(3).tolist()
+        [7.0, 10.0]
         """
         return checked(motor, len(self.joints), "drives: torques") @ self.transmission
 
@@ -279,6 +306,15 @@ class Drives:
         ------
         InputError
             If the mechanism has joints of other names.
+
+        Examples
+        --------
+        >>> from adaptctl.identification.drives_file import Drives, MotorEntry, Units
+        >>> motors = tuple(MotorEntry(name=name, position=name, torque=f"{name}.i") for name in ("m1", "m2"))
+        >>> ratios = np.array([[50.0, 0.0], [10.0, 50.0]])
+        >>> drives = Drives(("shoulder", "elbow"), ratios, np.zeros(2), motors, "t", Units(1.0, 1.0, 1.0))
+        >>> drives.ordered_like(arm).joints
+        ('shoulder', 'elbow')
         """
         names = [joint.name for joint in mechanism.primary_joints]
         if sorted(names) != sorted(self.joints):
@@ -310,6 +346,15 @@ class Drives:
         ------
         InputError
             If a ratio overflows.
+
+        Examples
+        --------
+        >>> from adaptctl.identification.drives_file import Drives, MotorEntry, Units
+        >>> motors = tuple(MotorEntry(name=name, position=name, torque=f"{name}.i") for name in ("m1", "m2"))
+        >>> ratios = np.array([[50.0, 0.0], [10.0, 50.0]])
+        >>> drives = Drives(("shoulder", "elbow"), ratios, np.zeros(2), motors, "t", Units(1.0, 1.0, 1.0))
+        >>> drives.joint_drives()[1].turns_with
+        (('shoulder', 0.2),)
         """
         ratios = self.transmission / np.diag(self.transmission)[:, None]
         coupled = [

@@ -140,6 +140,12 @@ class Mat:
             If the shape is wrong or an entry is not a number.
         NonFiniteError
             If an entry is NaN or infinite.
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import Mat
+        >>> Mat.of([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]).T.x.y
+        1.0
         """
         entries = checked(rows, 3, "matrix")
         if entries.shape != (3, 3):
@@ -243,6 +249,12 @@ class Column:
         -------
         Column
             Column (n,) of floats.
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import Column
+        >>> list(Column.zeros(2))
+        [0.0, 0.0]
         """
         return cls((0.0,) * n)
 

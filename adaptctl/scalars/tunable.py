@@ -152,6 +152,17 @@ class Tunable:
         ------
         InputError
             If their number is wrong.
+
+        Examples
+        --------
+        >>> from dataclasses import dataclass
+        >>> from adaptctl.scalars import Column, Tunable
+        >>> @dataclass(frozen=True)
+        ... class Spring(Tunable):
+        ...     stiffness: float
+        ...     tunable = ("stiffness",)
+        >>> float(Spring(2.0).substituted(Column([3.0])).stiffness)
+        3.0
         """
         return self._having(self.unpacked(packed))
 
@@ -173,6 +184,17 @@ class Tunable:
         ------
         InputError
             If their number is wrong.
+
+        Examples
+        --------
+        >>> from dataclasses import dataclass
+        >>> from adaptctl.scalars import Column, Tunable
+        >>> @dataclass(frozen=True)
+        ... class Spring(Tunable):
+        ...     stiffness: float
+        ...     tunable = ("stiffness",)
+        >>> Spring(2.0).unpacked(Column([3.0]))
+        {'stiffness': 3.0}
         """
         if len(packed) != self.packed.size:
             raise InputError(f"{type(self).__name__}: packed: expected {self.packed.size} numbers, got {len(packed)}")
@@ -199,6 +221,17 @@ class Tunable:
         ------
         NotFoundError
             If a name is unknown.
+
+        Examples
+        --------
+        >>> from dataclasses import dataclass
+        >>> from adaptctl.scalars import Column, Tunable
+        >>> @dataclass(frozen=True)
+        ... class Spring(Tunable):
+        ...     stiffness: float
+        ...     tunable = ("stiffness",)
+        >>> Spring(2.0).having({"stiffness": np.array([1.0, 2.0])}).stiffness.tolist()  # two samples
+        [1.0, 2.0]
         """
         self._validate_named(numbers, self._names)
         return self._having(numbers)
@@ -249,6 +282,17 @@ class Tunable:
         ------
         NotFoundError
             If a name is unknown.
+
+        Examples
+        --------
+        >>> from dataclasses import dataclass
+        >>> from adaptctl.scalars import Column, Tunable
+        >>> @dataclass(frozen=True)
+        ... class Spring(Tunable):
+        ...     stiffness: float
+        ...     tunable = ("stiffness",)
+        >>> Spring(2.0).tuned({"stiffness": 4.0})
+        Spring(stiffness=4.0)
         """
         self._validate_named(numbers, self.numbers)
         own: dict[str, Any] = {name: value for name, value in numbers.items() if "." not in name}
