@@ -25,7 +25,8 @@ class Reduction:
     """
     Inertial parameters as a sum of essential components, of which the most important are kept.
 
-    `reduce` makes it, for given parameters and states. Arrays are read-only; nothing is checked at construction.
+    A component is the parameters' part along one singular vector of the energy differences. `reduce` makes the
+    reduction. Arrays are read-only; nothing is checked at construction.
 
     Parameters
     ----------
@@ -83,7 +84,7 @@ class Reduction:
         Parameters
         ----------
         components : int, optional
-            Number of components, from 0 to k; those that are kept by default.
+            Number of components, from 0 to k. Default: those that are kept.
 
         Returns
         -------
@@ -94,6 +95,12 @@ class Reduction:
         ------
         InputError
             If the number is out of range.
+
+        Examples
+        --------
+        >>> reduction = adaptctl.reduce(space, arm, components=3)
+        >>> bool(np.allclose(reduction.parameters(6), space.project(arm.inertial_parameters)))
+        True
         """
         count = self.num_components if components is None else _checked_count(components, len(self.weights))
         return self.components[:count].sum(axis=0)
