@@ -28,7 +28,7 @@ def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]
     env : gymnasium.Env or gymnasium.vector.VectorEnv
         A `TrackingEnv`, one in wrappers, or a vector environment, of which one arm is taken; a copy is driven.
     episodes : int, default 1
-        Episodes that each return is the mean of. One suffices where the reference is fixed.
+        Number of episodes that each return is averaged over. One is enough for a fixed reference.
     seed : int, default 0
         Seed of the first episode; the next ones count up.
 
@@ -36,7 +36,7 @@ def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]
     -------
     dict
         Mean returns by name: "zero torque", "PD", "PD with gravity" and "computed torque" (both by the true parameters)
-        and "Slotine-Li from nothing" (initial estimate of zero).
+        and "Slotine-Li from nothing" (adaptive, with an initial estimate of zero).
 
     Raises
     ------

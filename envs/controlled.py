@@ -136,8 +136,8 @@ class ResidualEnv(ControlledEnv):
     Raises
     ------
     InputError
-        If the controller does not fit, the share is out of range, or the environment is no tracking environment or a
-        wrapper has changed its spaces.
+        If the controller does not fit, `residual_scale` is out of range, or the environment is no tracking environment
+        or a wrapper has changed its spaces.
 
     Notes
     -----
@@ -186,7 +186,7 @@ class ResidualVectorEnv(ControlledVectorEnv):
     Raises
     ------
     InputError
-        If the environment or the controller does not fit or the share is out of range.
+        If the environment or the controller does not fit or `residual_scale` is out of range.
 
     Notes
     -----

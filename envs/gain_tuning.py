@@ -100,7 +100,7 @@ class TuningEnv(ControlledEnv):
     Raises
     ------
     InputError
-        If the controller does not fit, the factor is out of range, or the environment is no tracking environment or a
+        If the controller does not fit, `max_factor` is out of range, or the environment is no tracking environment or a
         wrapper has changed its spaces.
     NotFoundError
         If a gain is unknown or none is given.
@@ -160,7 +160,7 @@ class TuningVectorEnv(ControlledVectorEnv):
     Raises
     ------
     InputError
-        If the environment or the controller does not fit or the factor is out of range.
+        If the environment or the controller does not fit or `max_factor` is out of range.
     NotFoundError
         If a gain is unknown or none is given.
 

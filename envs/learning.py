@@ -84,8 +84,8 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     ## Observation space
 
-    `Box(-1, 1, (5r + r L,), float32)`: numbers x as x/(|x| + c), with h half the joint's range (1 rad or m without
-    limits) and b a tenth of h, or of the error bound where that is less.
+    `Box(-1, 1, (5r + r L,), float32)` for L look-ahead times: each number x is scaled to x/(|x| + c), with h half the
+    joint's range (1 rad or m without limits) and b a tenth of h, or of the error bound where that is less.
 
     - 0 to r: position errors, c = b
     - r to 2r: velocity errors, c = 5 b/s

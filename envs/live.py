@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
     """
-    Wrapper of a single-arm environment that shows each control period in a live view.
+    Wrapper that shows each control period of an environment in a live view.
 
     Parameters
     ----------
@@ -29,11 +29,22 @@ class LiveView(gymnasium.Wrapper[Array, Array, Array, Array]):
     Raises
     ------
     InputError
-        If the environment is another or wrappers change its observations: these belong around this one.
+        If the environment is another or wrappers have changed its observations. Put those around this one.
 
     Notes
     -----
     A failure of the view is a `LiveViewWarning`.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> from adaptctl.envs import LiveView
+    >>> from adaptctl.recording import Live
+    >>> with warnings.catch_warnings(action="ignore"), Live(arm, "127.0.0.1:9", start_viewer=False) as live:
+    ...     seen = LiveView(env, live)
+    ...     observation, info = seen.reset(seed=0)
+    >>> observation.shape
+    (14,)
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], live: Live) -> None:

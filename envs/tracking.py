@@ -376,7 +376,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     @cached_property
     def judgement(self) -> Judgement:
-        """Rule for reward and termination."""
+        """Function that computes rewards and terminations."""
         return Judgement(self.reward_weights, self.error_bound, self._limits)
 
     def _reference(self, episode: RunningEpisode) -> ReferencePoint:

@@ -56,17 +56,17 @@ class AdaptiveTracking(Learning):
 
     robot: str = setting("puma560_measured", "a built-in robot or a file (.urdf, .xml, .toml)")
     floating_base: bool = setting(False, "the root link of a URDF file floats instead of being fixed")
-    bandwidth: float = setting(4.0, "largest bandwidth: decay rate of errors, 1/s", symbol="Λ", low=0.1, high=100.0)
+    bandwidth: float = setting(4.0, "largest bandwidth, the decay rate of errors, 1/s", symbol="Λ", low=0.1, high=100.0)
     sampling_ratio: float = setting(
         0.5,
-        "damping, normalised: largest T_c λ_max((M + T_c B)⁻¹K) along the reference; stable below 2",
+        "normalised damping, the largest T_c λ_max((M + T_c B)⁻¹K) along the reference; stable below 2",
         symbol="K",
         low=0.01,
         high=1.0,
     )
     adaptation_ratio: float = setting(
         0.5,
-        "adaptation gain, normalised: T_c λ_max(K⁻¹ Y Γ Y') along the reference; stable below 2",
+        "normalised adaptation gain, T_c λ_max(K⁻¹ Y Γ Yᵀ) along the reference; stable below 2",
         symbol="Γ",
         low=1e-4,
         high=1.0,

@@ -112,7 +112,7 @@ class Learning(ClosedLoopExperiment):
 
     robot: str = setting("puma560", "a built-in robot or a file (.urdf, .xml, .toml)")
     measure_step_time: bool = setting(
-        False, "also measure the time of a control step of each law, called from Python; needs another compilation"
+        False, "also measure the computing time of a control step of each law in Python; compiles each law once more"
     )
 
     @property
@@ -200,9 +200,9 @@ class Learning(ClosedLoopExperiment):
 class FromRanges(Learning):
     """Base class of experiments with adaptation gains from prior ranges."""
 
-    bandwidth: float = setting(8.0, "bandwidth: decay rate of errors, 1/s", symbol="Λ", low=0.1, high=100.0)
+    bandwidth: float = setting(8.0, "bandwidth, the decay rate of errors, 1/s", symbol="Λ", low=0.1, high=100.0)
     gain_scale: float = setting(
-        0.6, "adaptation gain over the squared prior range of each parameter", symbol="Γ", low=1e-6, high=1e3
+        0.6, "adaptation gain divided by the squared prior range of each parameter, 1/J", symbol="Γ", low=1e-6, high=1e3
     )
     mass_range: float = setting(10.0, "prior range of masses, kg", low=1e-3, high=1e3)
     first_moment_range: float = setting(4.0, "prior range of first moments, kg m", low=1e-3, high=1e3)

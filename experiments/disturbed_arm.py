@@ -57,9 +57,13 @@ class DisturbedArm(Learning):
     laws: tuple[str, ...] = setting(LAWS, f"laws to run, the subject first; others: {', '.join(OTHERS)}")
     robot: str = setting("puma560_geared", "a built-in robot or a file with physically consistent links")
     duration: float = setting(20.0, "duration of every run, s", low=0.01, high=1000.0)
-    bandwidth: float = setting(8.0, "bandwidth: decay rate of errors, 1/s", symbol="Λ", low=0.1, high=2000.0)
+    bandwidth: float = setting(8.0, "bandwidth, the decay rate of errors, 1/s", symbol="Λ", low=0.1, high=2000.0)
     gain_scale: float = setting(
-        5.0, "adaptation gain over the squared prior deviation of each parameter", symbol="Γ", low=1e-6, high=1e6
+        5.0,
+        "adaptation gain divided by the squared prior deviation of each parameter, 1/J",
+        symbol="Γ",
+        low=1e-6,
+        high=1e6,
     )
     parameter_error: float = setting(0.5, "relative error of the links of the rough model", low=0.01, high=0.9)
     initial_error: float = setting(0.0, "initial error of every joint, rad or m", low=-1.0, high=1.0)
@@ -79,7 +83,9 @@ class DisturbedArm(Learning):
     payload_stop: float = setting(25.0, "time of the release, s", low=0.0, high=300.0)
     payload_cycles: int = setting(1, "number of pickups and releases, in equal parts of the run", low=1, high=100)
 
-    torque_limit_scale: float = setting(1.0, "torque limits of the motors over their nominal ones", low=0.01, high=1.0)
+    torque_limit_scale: float = setting(
+        1.0, "torque limits of the motors divided by their nominal ones", low=0.01, high=1.0
+    )
     torque_rate_limit: float = setting(0.0, "torque-rate limit, N m/s; 0 for no limit", low=0.0, high=1e9)
     encoder_resolution: float = setting(0.0, "resolution of the joint encoders, rad", low=0.0, high=0.1)
     position_noise: float = setting(
@@ -91,7 +97,7 @@ class DisturbedArm(Learning):
     )
     delay: int = setting(0, "delay from measurement to torque, in control periods", low=0, high=64)
     drive_time_constant: float = setting(0.0, "time constant of the drives, s; 0 for none", low=0.0, high=1.0)
-    stribeck: float = setting(0.0, "Stribeck friction over Coulomb friction", low=0.0, high=10.0)
+    stribeck: float = setting(0.0, "Stribeck friction divided by Coulomb friction", low=0.0, high=10.0)
     joint_stiffness: tuple[float, ...] = setting(
         (0.0,), "stiffness of every joint, N m/rad; 0 for rigid joints", low=0.0, high=1e9
     )
@@ -116,7 +122,7 @@ class DisturbedArm(Learning):
         100.0, "novelty threshold for samples that concurrent learning stores, 1/s", low=1e-9, high=1e9
     )
     acceleration_gain: float = setting(
-        1.0, "gain of adaptive computed torque over that of the other laws", low=1e-6, high=1.0
+        1.0, "gain of adaptive computed torque divided by that of the other laws", low=1e-6, high=1.0
     )
 
     def __init_subclass__(cls, **options: Any) -> None:

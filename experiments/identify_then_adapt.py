@@ -48,10 +48,16 @@ class IdentifyThenAdapt(Learning):
         0.6, "fraction of the log that the initial estimate is identified from", low=0.3, high=1.0
     )
     duration: float = setting(10.0, "duration of every run, s", low=2.5, high=300.0)
-    bandwidth: float = setting(8.0, "bandwidth: decay rate of errors, 1/s", symbol="Λ", low=0.1, high=100.0)
-    damping_scale: float = setting(2.0, "damping over Λ times the typical inertia", symbol="K", low=0.1, high=100.0)
+    bandwidth: float = setting(8.0, "bandwidth, the decay rate of errors, 1/s", symbol="Λ", low=0.1, high=100.0)
+    damping_scale: float = setting(
+        2.0, "damping divided by Λ and the typical inertia of the joint", symbol="K", low=0.1, high=100.0
+    )
     gain_scale: float = setting(
-        50.0, "adaptation gain over the squared prior deviation of each parameter", symbol="Γ", low=1e-6, high=1e6
+        50.0,
+        "adaptation gain divided by the squared prior deviation of each parameter, 1/J",
+        symbol="Γ",
+        low=1e-6,
+        high=1e6,
     )
     parameter_error: float = setting(0.9, "prior deviation of each link, relative to its size", low=0.01, high=0.9)
     initial_error: float = setting(0.0, "initial error of every joint, rad or m", low=-1.0, high=1.0)
@@ -131,7 +137,9 @@ class IdentifyThenAdapt(Learning):
             for name, value in first.items()
         ]
         if FROM_ZERO in first and first.get(ADAPTIVE):
-            meaning = f"RMS error of the first {FIRST_WINDOW:g} s, from zero over from the identified estimate"
+            meaning = (
+                f"RMS error of the first {FIRST_WINDOW:g} s, from zero, divided by that from the identified estimate"
+            )
             findings.append(Finding("zero_over_identified", first[FROM_ZERO] / first[ADAPTIVE], "1", meaning))
         if not {ADAPTIVE, FROM_ZERO, FROM_FILE} <= set(first):
             return Told(findings)

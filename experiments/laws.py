@@ -191,7 +191,7 @@ class Recovery(NamedTuple):
         if self.time is not None:
             meaning = f"time {after} until the error is below twice the earlier"
             return each([self.run], f"return_{name}", "s", meaning, lambda _: self.time)
-        meaning = f"no recovery {after}; final error over the earlier"
+        meaning = f"no recovery {after}; final error divided by the earlier one"
         return each([self.run], f"not_back_{name}", "1", meaning, lambda _: self.left)
 
 
@@ -279,7 +279,7 @@ def _saturated(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> T
         return Told(findings)
     frozen, never = (runs[name].rms_error() for name in ("gradient", "never-frozen"))
     if frozen is not None and never:
-        meaning = "RMS error of the whole run, with freezing over without"
+        meaning = "RMS error of the whole run with freezing, divided by that without"
         findings.append(Finding("freeze_over_none", frozen / never, "1", meaning))
     words = partial(wording.error, unit=error_unit(outcome.mechanism))
     start = f"With adaptation frozen during saturation, the RMS error of the run is {words(frozen)}"
@@ -303,7 +303,7 @@ def _rubbed(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told
     )
     findings = []
     if last[0] and last[1]:
-        meaning = "RMS error of the last two seconds, with friction parameters over without"
+        meaning = "RMS error of the last two seconds with friction parameters, divided by that without"
         findings.append(Finding("columns_over_none", last[0] / last[1], "1", meaning))
     learner = next((run for run in outcome.runs if run.rollout.estimate.shape[1] == len(model.names)), None)
     if learner is None:

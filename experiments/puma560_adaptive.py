@@ -83,7 +83,9 @@ class Puma560Adaptive(FromRanges):
     first_moment_range: float = setting(2.0, "prior range of first moments, kg m", low=1e-3, high=1e3)
     inertia_range: float = setting(0.6, "prior range of inertias, kg m^2", low=1e-3, high=1e3)
     components: tuple[int, ...] = setting(
-        (0,), "numbers of essential components of reduced controllers; 0: compare full controllers", low=0
+        (0,),
+        "numbers of essential components, one reduced controller for each; 0 for the controllers with all parameters",
+        low=0,
     )
     center: tuple[float, ...] = setting(
         (0.0, -0.6, 0.8, 0.0, 0.5, 0.0), "centre of the sinusoids, rad", low=-10.0, high=10.0

@@ -37,7 +37,7 @@ class SheuWalker1991(ClosedLoopExperiment):
     )
     seeds: int = setting(200, "number of seeds, from --seed on; the paper has one draw", low=2, high=10_000)
     samples: int = setting(101, "states per draw; 101 in the paper", low=62, high=10_000)
-    velocity_scale: float = setting(3**0.5, "velocity bound over that of the paper", low=0.01, high=100.0)
+    velocity_scale: float = setting(3**0.5, "velocity bound divided by that of the paper", low=0.01, high=100.0)
     frequency: float = setting(0.7, "frequency of the sinusoid for computed torques, Hz", low=0.01, high=10.0)
     motion_samples: int = setting(501, "samples per period of the sinusoid", low=11, high=5001)
     unequal: float = setting(0.005, "relative excess length of link 4 of the nearly parallel arm", low=1e-5, high=0.1)

@@ -78,7 +78,7 @@ class TaskSpaceTracking(FromRanges):
 
     robot: str = setting("puma560_arm3", "puma560_arm3, or semi_direct_drive, whose tool moves through a closed loop")
     damping_scale: float = setting(
-        3.0, "damping over Λ times the typical inertia", symbol="K/(Λ I)", low=0.1, high=100.0
+        3.0, "damping divided by Λ and the typical inertia of the joint", symbol="K/(Λ I)", low=0.1, high=100.0
     )
     singularity: float = setting(0.1, "damping of the damped Jacobian, m", symbol="μ", low=0.0, high=10.0)
     prediction_weight: float = setting(

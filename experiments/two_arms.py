@@ -46,7 +46,7 @@ class TwoArms(Puma560Adaptive):
         "joints; they may be distributed over the motors in any way."
     )
 
-    robot: str = setting("puma560_geared", "both arms: a PUMA 560, or one of its size")
+    robot: str = setting("puma560_geared", "robot of which there are two, a PUMA 560 or one of its size")
     damping: tuple[float, ...] = setting(
         (250.0, 250.0, 120.0, 70.0, 50.0, 5.0), DAMPING, symbol="K", low=1e-3, high=1e4
     )

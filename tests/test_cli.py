@@ -54,7 +54,7 @@ def test_help_of_an_experiment_tells_every_setting_its_symbol_and_default(
 ) -> None:
     assert main([*RUN, "--help"]) == 0
     shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "--bandwidth FLOAT Λ: bandwidth: decay rate of errors, 1/s [default: 8]" in shown
+    assert "--bandwidth FLOAT Λ: bandwidth, the decay rate of errors, 1/s [default: 8]" in shown
     assert "K: damping of each joint, N m s [default: 90 150 70 20 16 18]" in shown
     for flag in ("--seed INT", "--duration FLOAT", "--out DIR", "--overwrite", "--initial-error", "--robot"):
         assert flag in shown

@@ -68,11 +68,12 @@ def basis(
     Parameters
     ----------
     priority : Path
-        TOML file with the order of removal. Default: Table 4's rule.
+        TOML file with the order in which parameters are removed. Default: Sheu and Walker's Table 4.
     energy_error : float
-        Also print how many components keep the energy error below this, within the joint limits.
+        Also print how many essential components keep the energy error, %, below this within the joint limits.
     snap : bool
-        Snap angles within 1e-3 rad of right angles, or use them as given. Default: refuse them if they matter.
+        Round angles within 1e-3 rad of right angles to these, or use them as given. Default: refuse such a robot if
+        they matter.
     out : Path
         Also save the basis, as JSON for `FundamentalBasis.load`.
     overwrite : bool

@@ -61,25 +61,25 @@ def design(
     objective : str
         Quantity to minimise: energy, torque, coupling or components.
     mass_ratio : float
-        Largest counterweight mass over the mass of its link.
+        Largest counterweight mass divided by the mass of its link.
     max_offset : float
-        Overhang beyond the joints of a link, over its length.
+        Largest distance of a counterweight beyond the joints of its link, divided by the link's length.
     energy_error : float
-        Energy error at which components are counted.
+        Energy error, %, down to which essential components are counted.
     speed : float
-        Velocity of the random states of the task, over sqrt(g/L).
+        Speed of the random states, divided by sqrt(g/L) for an arm of length L.
     samples : int
-        Number of random states of the task.
+        Number of random states over which energies and torques are evaluated.
     seed : int
         Seed of all random numbers.
     drive : bool
-        Also run the robot in closed loop, as described and with the counterweights.
+        Also simulate the closed loop, without and with the counterweights.
     duration : float
         Duration of the closed-loop runs, s. Default: 20.
     control_period : float
         Control period of the closed-loop runs, s. Default: 0.001.
     components : int
-        Number of components of the reduced controllers. Default: 10, or all.
+        Number of essential components that the reduced controllers adapt. Default: 10, or all.
     out : Path
         Also write design.json, report, figures and recording.
 

@@ -181,6 +181,6 @@ def _print(motions: dict[str, RobotMotion], predicted: Forecast, collisions: boo
     print(f"  self-collision                       {'checked' if collisions else 'not checked: no collision geometry'}")
     print("  least excited parameter combinations")
     for combination in predicted.combinations[:5]:
-        print(f"    {combination.words}   (prior range over standard deviation: {combination.strength:.2g})")
+        print(f"    {combination.words}   (prior range divided by standard deviation: {combination.strength:.2g})")
     print(f"\nRun:      {folder / 'excitation.csv'} (or .yaml, .json), then {folder / 'validation.csv'}")
     print("Then:     adaptctl identify LOG --robot ROBOT --validate OTHER")

@@ -54,9 +54,9 @@ def export(
     language : str
         C99 or WebAssembly.
     bandwidth : float
-        Largest Λ, 1/s.
+        Largest bandwidth Λ, 1/s.
     without_safety_filter : bool
-        Omit the limits of torques, positions and velocities.
+        Export the controller without limits of torques, positions and velocities.
     check : bool
         Simulate 600 s first; compile and run the C code with the installed compilers.
     anyway : bool

@@ -69,9 +69,9 @@ def gains(
     method : str
         Design method.
     bandwidth : float
-        Largest Λ, 1/s, for --method bandwidth. Default: 4.
+        Largest bandwidth Λ, 1/s, for --method bandwidth. Default: 4.
     damping_ratio : float
-        Place two poles with this damping ratio instead of maximising K, for --method bandwidth.
+        Damping ratio of two poles of each joint, for --method bandwidth. Default: the largest damping K that is safe.
     poles : tuple of complex
         Two poles, 1/s, real or conjugate, such as -6+2j -6-2j, for --method poles. Default: -8 -12.
     weights : tuple of float
@@ -196,7 +196,7 @@ def report(design: GainDesign, limited: tuple[str, ...] = ()) -> Iterator[Render
     title = "Gains (SI units; ω and ζ for computed torque, Λ and K for Slotine and Li's law)"
     yield titled(title, WrappedTable(("joint", *GAINS.values()), gains))
     margins = [[joint["name"], *_margins(design, i)] for i, joint in enumerate(joints)]
-    title = "Stability margins of each loop (inertia: minimum over typical)"
+    title = "Stability margins of each loop (inertia: minimum divided by typical)"
     yield titled(title, WrappedTable(("joint", "gain", "inertia", "phase", "delay", "periods", "crossover"), margins))
     yield titled("Sampling condition for all joints together", *map(words, _together(design)))
     if limited:

@@ -76,7 +76,7 @@ def identify(
     instrumental_variables : bool
         Use instrumental variables, for coarse or noisy encoders.
     energy_differences : float
-        Also compare with energy differences over windows of this length, s.
+        Also estimate from energy balances over windows of this length, s, for comparison.
 
     Raises
     ------

@@ -62,7 +62,7 @@ def sweep(
     sampling : str
         Method of combining the settings.
     samples : int
-        Number of runs, if they are not a grid.
+        Number of runs, for a --sampling other than grid.
     precision : str
         Precision of batched runs: double by default; single is faster.
     search : int
@@ -84,7 +84,7 @@ def sweep(
     tls_key : Path
         Key of this client.
     shard_size : int
-        Number of runs that are computed and stored together.
+        Number of runs in a shard, a file of runs that are computed and stored together.
 
     Raises
     ------

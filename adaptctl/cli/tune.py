@@ -49,11 +49,12 @@ def tune(
     Parameters
     ----------
     bandwidth : float
-        Largest Λ, 1/s.
+        Largest bandwidth Λ, 1/s.
     sampling_ratio : float
-        Largest T λ_max((M + T B)⁻¹K) along the reference; 2 is the stability limit.
+        Damping K by its largest T λ_max((M + T B)⁻¹K) along the reference, with control period T,
+        mass matrix M and viscous friction B; stable below 2.
     adaptation_ratio : float
-        Normalised adaptation gain, T λ_max(K⁻¹ Y Γ Y') along the reference.
+        Adaptation gain Γ by its largest T λ_max(K⁻¹ Y Γ Yᵀ) along the reference, with regressor Y; stable below 2.
     search : int
         Number of settings to try in closed loop, in addition to the tuning rules.
     seed : int

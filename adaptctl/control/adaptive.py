@@ -34,15 +34,17 @@ class AdaptiveState(NamedTuple):
     estimate : ndarray
         Estimate (..., k) in SI units.
     q : ndarray
-        Positions (..., n) of the spanning tree's joints in the last period in rad (m).
+        Positions (..., n) of the n joints of the spanning tree in the last period in rad (m).
     regressor_state : ndarray
-        Scalars (..., m) in SI units of the last motion, from which the regressor is made.
+        Numbers (..., m) in SI units, m depending on the mechanism, from which the regressor of the last period is
+        computed.
     s : ndarray
         Sliding variable (..., r) in the last period in rad/s (m/s).
     torque : ndarray
-        Torque (..., r) held since in N m (N). If it is limited after the controller, put the applied torque here.
+        Torque (..., r) held over the last period in N m (N). If it is limited after the controller, put the applied
+        torque here.
     dt : ndarray
-        Time (..., 1) since in s; 0 if nothing is to be learned from the period.
+        Time (..., 1) in s for which it is held; 0 if nothing is to be learned from the period.
     law_state : tuple
         Internal state of the adaptation law.
     controller_state : tuple
@@ -66,7 +68,7 @@ class AdaptiveState(NamedTuple):
 
     @property
     def logged_state(self) -> Any:
-        """Part of the law's state stored in samples."""
+        """Numbers of the adaptation law's state that a run records."""
         return self.law_state.logged_state
 
 
@@ -81,8 +83,9 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     Examples
     --------
-    >>> isinstance(law, adaptctl.control.AdaptiveController)
-    True
+    >>> controller = adaptctl.SlotineLi(model, 5.0, 4.0, adaptation=np.full(6, 0.1))  # a subclass
+    >>> controller.adaptation_law.gain.shape, controller.init(p, v).estimate.shape
+    ((6,), (6,))
     """
 
     model: ReducedModel
@@ -117,7 +120,7 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @property
     def tunable_parts(self) -> Mapping[str, Tunable]:
-        """Adaptation law as "adaptation"."""
+        """Adaptation law by the name "adaptation", if there is one."""
         return {} if self.adaptation_law is None else {"adaptation": self.adaptation_law}
 
     @property
@@ -127,7 +130,7 @@ class AdaptiveController(Controller[AdaptiveState]):
 
     @property
     def neutral_configuration(self) -> Array:
-        """Home positions (r,), rad (m)."""
+        """Neutral positions (r,) in rad (m)."""
         return self.model.mechanism.neutral_configuration
 
     def initial_state(self, p: Array, v: Array) -> AdaptiveState:
@@ -208,7 +211,7 @@ def save_estimate(path: str | Path, model: ReducedModel, estimate: ArrayLike) ->
     path : str or Path
         Path of the file, which is replaced if it exists.
     model : ReducedModel
-        Model with k parameters.
+        Reduced model with k parameters.
     estimate : array_like
         Estimate (k,) in SI units.
 
@@ -240,7 +243,7 @@ def load_estimate(path: str | Path, model: ReducedModel) -> Array:
     path : str or Path
         Path of the file.
     model : ReducedModel
-        Model with k parameters.
+        Reduced model with k parameters.
 
     Returns
     -------

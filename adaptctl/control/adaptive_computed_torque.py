@@ -28,17 +28,17 @@ class AdaptiveComputedTorque(AdaptiveController):
     Parameters
     ----------
     model : ReducedModel
-        Model of the mechanism with k parameters and r joints.
+        Reduced model of the mechanism with k parameters and r primary joints.
     bandwidth : array_like
         Decay rate Lambda of the tracking error in 1/s, one number or (r,).
     initial : array_like
-        Initial estimate (k,) in SI units. Its mass matrix must be positive definite, unlike that of zero.
+        Initial estimate (k,) in SI units, not zero: its mass matrix must be positive definite.
     adaptation : AdaptationLaw or array_like, optional
         Adaptation law, or the gain of `Gradient`: its diagonal (k,) or the whole matrix (k, k), in units of the
         parameters squared per J. None switches adaptation off.
     prediction_weight : array_like, optional
-        Weight W of the sliding variable in kg m^2 (kg), one number or (r,). The joints' typical inertias unless given,
-        which makes gains comparable to those of `SlotineLi`.
+        Weight W of the sliding variable in kg m^2 (kg), one number or (r,). Default: the typical inertia of each joint,
+        so that gains compare with those of `SlotineLi`.
     control_period : float, default 0.001
         Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
     torque_limits : array_like, optional
@@ -102,7 +102,7 @@ class AdaptiveComputedTorque(AdaptiveController):
         p, v : Column
             Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
         reference : ReferencePoint
-            Desired positions, velocities and accelerations.
+            Desired positions, velocities and accelerations (r,) in rad, rad/s and rad/s^2 (m, m/s, m/s^2).
         memory : AdaptiveState
             Internal state of the last control period.
 

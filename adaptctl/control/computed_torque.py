@@ -47,7 +47,7 @@ class ModelBased(Controller[BranchState]):
 
     @property
     def neutral_configuration(self) -> Array:
-        """Home positions (r,), rad (m)."""
+        """Neutral positions (r,) in rad (m)."""
         return self.mechanism.neutral_configuration
 
     def initial_state(self, p: Array, v: Array) -> BranchState:
@@ -121,23 +121,23 @@ class ComputedTorque(ModelBased):
         cls, model: ReducedModel, bandwidth: ArrayLike, damping_ratio: float = 1.0, parameters: ArrayLike | None = None
     ) -> ComputedTorque:
         """
-        Return computed torque on a reduced model.
+        Return computed torque with the k parameters of a reduced model.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         bandwidth : array_like
             Natural frequency of the error loop in rad/s, one number or (r,).
         damping_ratio : float, default 1.0
             Damping ratio zeta of the error loop without a unit; 1 is critical: the fastest without overshoot.
         parameters : array_like, optional
-            Parameters (k,) in SI units, the true ones unless given.
+            Parameters (k,) in SI units. Default: those of the model's mechanism.
 
         Returns
         -------
         ComputedTorque
-            Controller with the same torques as the k parameters have.
+            Controller whose torques are those of the model with these parameters.
 
         Raises
         ------
@@ -155,7 +155,7 @@ class ComputedTorque(ModelBased):
         p, v : Column
             Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
         reference : ReferencePoint
-            Desired positions, velocities and accelerations.
+            Desired positions, velocities and accelerations (r,) in rad, rad/s and rad/s^2 (m, m/s, m/s^2).
         memory : BranchState
             Internal state of the last control period.
 
@@ -231,23 +231,23 @@ class PDGravity(ModelBased):
         cls, model: ReducedModel, stiffness: ArrayLike, damping: ArrayLike, parameters: ArrayLike | None = None
     ) -> PDGravity:
         """
-        Return PD control with gravity compensation on a reduced model.
+        Return PD control with gravity compensation by the k parameters of a reduced model.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         stiffness : array_like
             Stiffness in N m/rad (N/m for a prismatic joint), one number or (r,).
         damping : array_like
             Damping in N m s/rad (N s/m), one number or (r,).
         parameters : array_like, optional
-            Parameters (k,) in SI units, the true ones unless given.
+            Parameters (k,) in SI units. Default: those of the model's mechanism.
 
         Returns
         -------
         PDGravity
-            Controller with the gravity torques of the k parameters.
+            Controller whose gravity torques are those of the model with these parameters.
 
         Raises
         ------
@@ -265,7 +265,7 @@ class PDGravity(ModelBased):
         p, v : Column
             Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
         reference : ReferencePoint
-            Desired positions, velocities and accelerations.
+            Desired positions, velocities and accelerations (r,) in rad, rad/s and rad/s^2 (m, m/s, m/s^2).
         memory : BranchState
             Internal state of the last control period.
 

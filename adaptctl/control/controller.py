@@ -144,18 +144,18 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def neutral_configuration(self) -> Array:
-        """Home positions (r,), rad (m), for compilation."""
+        """Neutral positions (r,) in rad (m), near which the law is traced."""
         return np.zeros(self.dof)
 
     @property
     def reference_size(self) -> int:
-        """Length of a reference point's parts."""
+        """Number of coordinates of a reference point: r, or d in task space."""
         return self.dof
 
     @abstractmethod
     def initial_state(self, p: Array, v: Array) -> Memory:
         """
-        Return the internal state for `init`.
+        Return the internal state before the first control period; `init` calls it with checked arrays.
 
         Parameters
         ----------
@@ -171,14 +171,14 @@ class Controller(Tunable, ABC, Generic[Memory]):
     @abstractmethod
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Memory) -> tuple[Column, Memory]:
         """
-        Compute the torque for one control period, over scalars of any kind.
+        Compute the torque for one control period; traced, so without branches on values.
 
         Parameters
         ----------
         p, v : Column
             Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
         reference : ReferencePoint
-            Desired positions, velocities and accelerations.
+            Desired positions, velocities and accelerations (r,) in rad, rad/s and rad/s^2 (m, m/s, m/s^2).
         memory : tuple
             Internal state of the last control period.
 
@@ -197,13 +197,13 @@ class Controller(Tunable, ABC, Generic[Memory]):
         p, v : array_like
             Measured positions (..., r) in rad (m) and velocities (..., r) in rad/s (m/s). Leading axes are arms.
         gains : dict, optional
-            Tunable numbers of each arm by name, as in `numbers`, each with the leading axes of p. Those of the
-            controller unless given.
+            Tunable gains of each arm by their names in `numbers`, each with the leading axes of p. Default: those of
+            the controller.
 
         Returns
         -------
         tuple
-            Named tuple of arrays (..., n).
+            Named tuple of arrays, each with the leading axes of p.
 
         Raises
         ------
@@ -315,7 +315,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
         Parameters
         ----------
         gains : ndarray
-            Tunable numbers (N, g) in the order of `numbers`, matrices row by row. They are not checked.
+            Tunable gains (N, g) of N arms, g numbers in the order of `numbers`, matrices row by row. They are not
+            checked.
         state : tuple
             Internal states of N arms.
         p, v : array_like
@@ -435,7 +436,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def python_step(self) -> OnFloats:
-        """Law as a Python function on arrays."""
+        """Law evaluated in Python on arrays, without native code."""
         sizes = self._given_sizes | self._memory_sizes
         return OnFloats(self._equation(), sizes, name=type(self).__name__, finite=self.finite)
 
@@ -476,7 +477,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @property
     def gain_sizes(self) -> dict[str, int]:
-        """Number of tunable gains as {"gains": g}, or empty."""
+        """Count g of tunable numbers, as {"gains": g}; empty without any."""
         return {GAINS: self.packed.size} if self.packed.size else {}
 
     @cached_property

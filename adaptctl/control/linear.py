@@ -32,13 +32,13 @@ class LinearState(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class LinearController(Controller[LinearState]):
     r"""
-    Linear controller in discrete time.
+    Linear discrete-time controller with n state variables for r joints.
 
     Parameters
     ----------
     A, B, C, D : array_like
-        Matrices (n, n), (n, 5 r), (r, n) and (r, 5 r) in SI units, designed for the control period at which the loop
-        runs.
+        Matrices (n, n), (n, 5 r), (r, n) and (r, 5 r) of n state variables and r joints in SI units, designed for the
+        control period at which the loop runs.
     feedforward : Mechanism, optional
         Tree of r joints whose inverse dynamics on the reference are added to the torque. Default: none, the linear law
         alone.
@@ -158,7 +158,7 @@ class LinearController(Controller[LinearState]):
 
     def initial_state(self, p: Array, v: Array) -> LinearState:
         """
-        Return state variables of zero.
+        Return the initial state, n state variables of zero.
 
         Parameters
         ----------
@@ -181,7 +181,7 @@ class LinearController(Controller[LinearState]):
         p, v : Column
             Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
         reference : ReferencePoint
-            Desired positions, velocities and accelerations.
+            Desired positions, velocities and accelerations (r,) in rad, rad/s and rad/s^2 (m, m/s, m/s^2).
         memory : LinearState
             Internal state of the last control period.
 

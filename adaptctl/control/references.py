@@ -32,7 +32,7 @@ def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 
 
 class SinusoidNumbers(NamedTuple):
-    """Numbers of `Sinusoids` as flat arrays or columns."""
+    """Settings of `Sinusoids` as flat arrays or Columns."""
 
     center: Any
     amplitude: Any
@@ -112,7 +112,7 @@ def quintic_kernel(joints: int) -> Callable[..., ReferencePoint]:
 @dataclass(frozen=True, eq=False)
 class Sinusoids:
     """
-    Reference trajectory of sums of sinusoids about a centre.
+    Reference trajectory of one sinusoid or a sum of sinusoids in each joint.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ class Sinusoids:
 
     def at(self, t: float) -> ReferencePoint:
         """
-        Return the reference point at one time, fast.
+        Return the reference point at one time, without the checks of a call.
 
         Parameters
         ----------
@@ -203,7 +203,7 @@ class Sinusoids:
 
     @property
     def numbers(self) -> SinusoidNumbers:
-        """Numbers as flat arrays, harmonic by harmonic."""
+        """Settings as flat arrays, harmonic by harmonic."""
         phase = np.zeros_like(self.amplitude) if self.phase is None else self.phase
         amplitude, frequency, phase = (np.ravel(values) for values in (self.amplitude, self.frequency, phase))
         return SinusoidNumbers(self.center, amplitude, frequency, phase, np.array([self.start_time]))
@@ -212,7 +212,7 @@ class Sinusoids:
 @dataclass(frozen=True, eq=False)
 class Spline:
     """
-    Reference trajectory by a spline of degree 5 through samples.
+    Reference trajectory of a spline of degree 5 through given positions.
 
     Parameters
     ----------
@@ -266,7 +266,7 @@ class Spline:
 
     def at(self, t: float) -> ReferencePoint:
         """
-        Return the reference point at one time, fast.
+        Return the reference point at one time, without the checks of a call.
 
         Parameters
         ----------
@@ -372,7 +372,7 @@ class MinimumJerk:
 
     def at(self, t: float) -> ReferencePoint:
         """
-        Return the reference point at one time, fast.
+        Return the reference point at one time, without the checks of a call.
 
         Parameters
         ----------
@@ -401,7 +401,7 @@ class MinimumJerk:
 @dataclass(frozen=True, eq=False)
 class StoppedReference:
     """
-    Reference trajectory that comes to rest along another's path.
+    Reference trajectory that follows another one and then comes to rest on its path.
 
     Parameters
     ----------
@@ -469,7 +469,7 @@ class StoppedReference:
 @dataclass(frozen=True, eq=False)
 class FadeIn:
     """
-    Reference trajectory from rest at the arm's position to another one.
+    Reference trajectory that starts at rest at the arm's position and changes smoothly into another one.
 
     Parameters
     ----------
@@ -487,7 +487,8 @@ class FadeIn:
 
     Notes
     -----
-    No position is beyond both; the fade adds at most 1.875/duration times their distance to the speed.
+    Positions lie between the start and the other trajectory. The fade-in adds at most 1.875/duration times their
+    distance to the speed.
 
     Examples
     --------
@@ -528,7 +529,7 @@ class FadeIn:
 
     def at(self, t: float) -> ReferencePoint:
         """
-        Return the reference point at one time, fast.
+        Return the reference point at one time, without the checks of a call.
 
         Parameters
         ----------

@@ -18,13 +18,12 @@ from adaptctl.scalars import Column, minimum, where
 
 class StabilityMonitor(NamedTuple):
     """
-    Stability numbers at samples of a run.
+    Adaptation ratio, sampling ratio and ringing at T samples of a run.
 
     Parameters
     ----------
     adaptation_ratio : ndarray
-        Largest eigenvalue (T,) without a unit of the adaptation step over the damping, stable below 2; 0 with
-        adaptation off.
+        Largest eigenvalue (T,) of T_c K^-1 Y Gamma Y^T, without a unit, stable below 2; 0 with adaptation off.
     sampling_ratio : ndarray
         Sampling ratio (T,) of the held torque, stable below 2; infinite if the mass matrix is not positive definite.
     ringing : ndarray
@@ -48,7 +47,7 @@ class _Run(LearningRun, SampledRun, Protocol):
 
 def monitor_stability(controller: SlotineLi, run: _Run, mechanism: Mechanism, every: int = 1) -> StabilityMonitor:
     r"""
-    Compute stability numbers along a run of Slotine and Li's law.
+    Compute how near a run of Slotine and Li's law is to sampled instability.
 
     Parameters
     ----------
@@ -59,7 +58,8 @@ def monitor_stability(controller: SlotineLi, run: _Run, mechanism: Mechanism, ev
     mechanism : Mechanism
         True mechanism.
     every : int, default 1
-        Samples from one evaluated to the next. By default all; each costs a regressor and a mass matrix.
+        Number of samples from one evaluation to the next. By default all are evaluated; each costs a regressor and a
+        mass matrix.
 
     Returns
     -------

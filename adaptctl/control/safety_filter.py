@@ -27,7 +27,7 @@ Parts = TypeVar("Parts", bound=tuple[Any, ...])
 
 class SafetyFlags(NamedTuple):
     """
-    Flags (1,), 1 or 0, of the filter in a control period.
+    Flags (1,), 1 or 0, of the limits that a safety filter enforced in a control period.
 
     Parameters
     ----------
@@ -45,6 +45,13 @@ class SafetyFlags(NamedTuple):
     stopped : ndarray
         1 while the arm is braked until `init` makes a new state, shape (1,): a number was not finite, a joint left its
         limits, or its correlation was below -0.9 for 25 periods.
+
+    Examples
+    --------
+    >>> safe = adaptctl.control.SafetyFilter(law, torque_limits=1e-6)
+    >>> _, state = safe.step(safe.init(p, v), p, v, reference(0.0))
+    >>> float(state.flags.torque_limited[0])
+    1.0
     """
 
     torque_limited: Any
@@ -68,7 +75,7 @@ class SafetyFilterState(NamedTuple):
     ringing : Ringing
         Detector of ringing.
     flags : SafetyFlags
-        What the filter did in the last control period, 1 or 0 each.
+        Limits that the filter enforced in the last control period, 1 or 0 each.
 
     Examples
     --------
@@ -89,7 +96,7 @@ class SafetyFilterState(NamedTuple):
 
     @property
     def logged_state(self) -> Any:
-        """Part of the law's state stored in samples."""
+        """Numbers of the adaptation law's state that a run records."""
         return self.inner.logged_state
 
 
@@ -199,7 +206,7 @@ class SafetyFilter(Controller[SafetyFilterState]):
 
     @property
     def neutral_configuration(self) -> Array:
-        """Home positions (r,), rad (m)."""
+        """Neutral positions (r,) in rad (m)."""
         return self.inner.neutral_configuration
 
     @property
@@ -235,7 +242,7 @@ class SafetyFilter(Controller[SafetyFilterState]):
         p, v : array_like
             Positions (..., r) in rad (m) and velocities (..., r) in rad/s (m/s).
         gains : dict, optional
-            Tunable numbers of each arm by name, as in `Controller.init`.
+            Tunable gains of each arm by their names in `numbers`.
         torque : array_like, optional
             Torque (..., r) in N m (N) that is applied now, from which limited rates count. Zero unless given, which is
             for an arm that nothing drives.
@@ -263,14 +270,14 @@ class SafetyFilter(Controller[SafetyFilterState]):
         self, p: Column, v: Column, reference: ReferencePoint, memory: SafetyFilterState
     ) -> tuple[Column, SafetyFilterState]:
         """
-        Compute the limited torque, 0 where not finite.
+        Compute the torque within the limits, or that of the brake; 0 where a number is not finite.
 
         Parameters
         ----------
         p, v : Column
             Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
         reference : ReferencePoint
-            Desired positions, velocities and accelerations.
+            Desired positions, velocities and accelerations (r,) in rad, rad/s and rad/s^2 (m, m/s, m/s^2).
         memory : SafetyFilterState
             Internal state of the last control period.
 

@@ -38,7 +38,7 @@ class SlotineLi(AdaptiveController):
     Parameters
     ----------
     model : ReducedModel
-        Model of the mechanism with k parameters and r joints.
+        Reduced model of the mechanism with k parameters and r primary joints.
     bandwidth : array_like
         Decay rate Lambda of the tracking error in 1/s, one number or (r,).
     damping : array_like
@@ -119,7 +119,7 @@ class SlotineLi(AdaptiveController):
         p, v : Column
             Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
         reference : ReferencePoint
-            Desired positions, velocities and accelerations.
+            Desired positions, velocities and accelerations (r,) in rad, rad/s and rad/s^2 (m, m/s, m/s^2).
         memory : AdaptiveState
             Internal state of the last control period.
 
@@ -153,11 +153,11 @@ class SlotineLi(AdaptiveController):
         Parameters
         ----------
         q : Column
-            Positions (n,) of all joints of the spanning tree in rad (m).
+            Positions (n,) in rad (m) of the n joints of the spanning tree.
         p, v : Column
             Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
         reference : ReferencePoint
-            Desired positions, velocities and accelerations (r,).
+            Desired positions, velocities and accelerations (r,) in rad, rad/s and rad/s^2 (m, m/s, m/s^2).
         memory : AdaptiveState
             Internal state of the last control period.
 
@@ -224,7 +224,7 @@ class PassivityIntegral(SlotineLi):
     Parameters
     ----------
     model : ReducedModel
-        Model of the mechanism with k parameters and r joints.
+        Reduced model of the mechanism with k parameters and r primary joints.
     bandwidth : array_like
         Decay rate Lambda of the tracking error in 1/s, one number or (r,).
     damping : array_like
@@ -280,11 +280,11 @@ class PassivityIntegral(SlotineLi):
         Parameters
         ----------
         q : Column
-            Positions (n,) of all joints of the spanning tree in rad (m).
+            Positions (n,) in rad (m) of the n joints of the spanning tree.
         p, v : Column
             Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
         reference : ReferencePoint
-            Desired positions, velocities and accelerations (r,).
+            Desired positions, velocities and accelerations (r,) in rad, rad/s and rad/s^2 (m, m/s, m/s^2).
         memory : AdaptiveState
             Internal state of the last control period.
 

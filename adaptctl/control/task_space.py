@@ -37,12 +37,12 @@ class Goal(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class TaskSpaceSlotineLi(SlotineLi):
     r"""
-    Slotine and Li's controller for a point of a link in task space.
+    Slotine and Li's controller whose error is that of a point of a link in task space.
 
     Parameters
     ----------
     model : ReducedModel
-        Model of the mechanism with k parameters and r joints.
+        Reduced model of the mechanism with k parameters and r primary joints.
     bandwidth : array_like
         Decay rate Lambda of the point's error in 1/s, one number or (d,).
     damping : array_like
@@ -73,7 +73,7 @@ class TaskSpaceSlotineLi(SlotineLi):
     posture : array_like, optional
         Positions (r,) in rad (m) to which the remaining motion tends for d < r, home unless given.
     posture_rate : float, default 1.0
-        Rate of that motion in 1/s.
+        Rate in 1/s at which the posture is approached. At 1 the time constant is 1 s.
     reference_in_joints : bool, default False
         True if reference points are joint positions (r,), as in an environment, instead of the point's (d,) in m.
 
@@ -151,7 +151,7 @@ class TaskSpaceSlotineLi(SlotineLi):
         Parameters
         ----------
         q : Column
-            Positions (n,) of all joints of the spanning tree in rad (m).
+            Positions (n,) in rad (m) of the n joints of the spanning tree.
         p, v : Column
             Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
         reference : ReferencePoint
@@ -176,7 +176,7 @@ class TaskSpaceSlotineLi(SlotineLi):
         Parameters
         ----------
         q : Column
-            Configuration (n,) of the spanning tree in rad (m).
+            Positions (n,) in rad (m) of the n joints of the spanning tree.
 
         Returns
         -------

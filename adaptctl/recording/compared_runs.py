@@ -29,7 +29,7 @@ def compared_runs(
     truth_known: bool = False,
 ) -> Comparison:
     """
-    Compare runs of one mechanism, such as logs of a bench.
+    Make a comparison of runs of one mechanism, such as logs from a test bench.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ ALL_JOINTS = slice(None)
 @dataclass(frozen=True)
 class StepCost:
     """
-    Cost of a control tick, the computation of one torque vector; None where it is not known.
+    Computing cost of a control step, which computes one torque vector.
 
     Nothing is checked at construction.
 
@@ -79,13 +79,13 @@ class ControllerRun:
     label : str
         Label for legends and tables.
     prior_knowledge : str
-        Prior knowledge of the controller in words, or "".
+        What the controller knows of the arm before the run, in words; empty for nothing.
     rollout : Rollout
         Run of T samples of r joints.
     lyapunov : numpy.ndarray, optional
         Values (T,) of the Lyapunov function in J; None where the law has none.
     cost : StepCost, optional
-        Cost of a control tick; None where it was not measured.
+        Computing cost of a control step. Default: None, not measured.
 
     Examples
     --------
@@ -235,7 +235,7 @@ class ControllerRun:
 
     @property
     def realtime_factor(self) -> float | None:
-        """Simulated over computing time."""
+        """Simulated time divided by computing time."""
         return self.duration / self.rollout.wall_time if self.rollout.wall_time > 0.0 else None
 
     @property
@@ -310,7 +310,7 @@ def _thousandths(value: float | None) -> str:
 @dataclass(frozen=True, eq=False)
 class TaskError:
     """
-    Errors that recording and report show before the joints' errors, such as a tool's.
+    Error of the task in each run, such as a tool's distance from its path, shown before the joint errors.
 
     Nothing is checked at construction; `Comparison` checks the shapes.
 
@@ -319,9 +319,9 @@ class TaskError:
     meaning : str
         Meaning in words.
     unit : str
-        Unit in which they are shown, such as mm: a thousandth of their own.
+        Unit in which they are shown, a thousandth of that of `errors`, such as mm.
     errors : mapping of str to numpy.ndarray
-        Errors (T,) by run, in a unit such as m.
+        Errors (T,) by the run's name, in a unit such as m.
 
     Examples
     --------
@@ -336,22 +336,22 @@ class TaskError:
 
     def final_rms(self, run: ControllerRun) -> float | None:
         """
-        Compute the root mean square of a run's task errors over its last two seconds.
+        Compute the root mean square of the task error over the last two seconds of a run.
 
         Parameters
         ----------
         run : ControllerRun
-            Run with errors here.
+            Run, one of those in `errors`.
 
         Returns
         -------
         float or None
-            Root mean square in the errors' own unit; None where the run is shorter.
+            Root mean square in the unit of `errors`; None where the run is shorter.
 
         Raises
         ------
         KeyError
-            If the run has no errors here.
+            If the run is none of these.
         """
         if run.final_rms_error is None:
             return None
@@ -383,7 +383,7 @@ class InPage(Protocol):
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """
-    Closed-loop runs on one arm, one reference and one seed; the first is the subject.
+    Closed-loop runs of several controllers on one arm and reference. The first is the subject, which is judged.
 
     Parameters
     ----------
@@ -422,7 +422,7 @@ class Comparison:
     truth_known : bool, default True
         False where the mechanism's parameters are not the arm's.
     task_error : TaskError, optional
-        Errors that are shown before the joints'.
+        Errors of the task, shown before those of the joints. Default: none.
     expected : mapping of Failure to str, optional
         Reasons why the experiment expects a failure of the subject. Default: none, every failure counts.
     live : InPage or str, default ""
@@ -508,7 +508,7 @@ class Comparison:
 
     @cached_property
     def color_indices(self) -> dict[str, int]:
-        """Index of every run's color by name: 0 for the subject, 1 for adaptation off, then the others."""
+        """Index of each run's color by the run's name, 0 for the subject and 1 for adaptation off."""
         return color_indices(self.runs, self.without_adaptation)
 
     @property
@@ -563,5 +563,5 @@ class Comparison:
 
     @property
     def peak_torque_shares(self) -> Array:
-        """Largest torques (r,) of the subject over their limits: 1 at the limit."""
+        """Largest torques (r,) of the subject divided by their limits."""
         return np.asarray(np.abs(self.subject.rollout.applied).max(axis=0) / self.torque_limits)

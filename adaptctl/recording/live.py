@@ -105,7 +105,7 @@ class Live:
 
     def show(self, time: float, p: ArrayLike, reference_p: ArrayLike, torque: ArrayLike) -> None:
         """
-        Send a sample to the viewer, without waiting.
+        Send a sample to the viewer without blocking the loop.
 
         Samples that follow sooner than `rate` allows are left out. Invalid values end the view with a
         `LiveViewWarning`; no error is raised, so that the control loop goes on.

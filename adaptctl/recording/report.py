@@ -46,7 +46,7 @@ COSTS = (
 
 def shown(comparison: Comparison) -> Result:
     """
-    Return a comparison's result, as the command line shows it.
+    Return the result of a comparison, which the command line prints and writes.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from adaptctl.folders import made_folder
 
 class RunRole(Enum):
     """
-    Run that a fact is about, by which the report colors it: the subject, the baseline without adaptation, or none.
+    Run that a fact describes: the subject, the run with adaptation off, or neither. The report colors the fact by it.
 
     Examples
     --------
@@ -33,7 +33,7 @@ class RunRole(Enum):
 
 class Fact(NamedTuple):
     """
-    Question that a person asks first about a result, and its answer.
+    Question about a result and its answer, shown at the top of a report.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Fact(NamedTuple):
     answer : str
         Answer in words, with its unit.
     role : RunRole, optional
-        Run that it is about; none by default.
+        Run that the fact describes, which sets its color in the report. Default: none.
 
     Examples
     --------
@@ -185,7 +185,7 @@ class Verdict:
 
     def before(self, answer: str) -> str:
         """
-        Join an experiment's answer with the sentences on its failures.
+        Return the sentences on the failures together with an experiment's answer.
 
         Parameters
         ----------
@@ -295,7 +295,7 @@ class Result:
     headline : str
         Outcome in a sentence or two.
     facts : tuple of Fact
-        Questions that a person asks first, with answers.
+        Most important questions about the result, with answers.
     verdict : Verdict
         Failures of the controllers, which decide the exit code.
     write : callable

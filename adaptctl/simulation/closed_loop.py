@@ -47,7 +47,7 @@ class Sample(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
     """
-    Plant and controller as one step (a control period) over scalars of any kind.
+    Closed loop of a plant and a controller, whose control period is compiled to native code.
 
     Parameters
     ----------
@@ -90,19 +90,19 @@ class ClosedLoop:
 
     @cached_property
     def state(self) -> dict[str, int]:
-        """Lengths, by name, of the columns that carry the state."""
+        """Lengths by name of the columns of plant and controller state."""
         measured = dict.fromkeys(("measured_p", "measured_v"), self.controller.dof if self._senses else 0)
         memory = {f"memory_{k}": len(part) for k, part in enumerate(leaves(self._blank))}
         return self.plant.sizes | measured | memory
 
     @property
     def held(self) -> dict[str, int]:
-        """Lengths of the constant columns "parameters" and "gains"."""
+        """Lengths by name of the columns that are constant over a run, "parameters" and "gains"."""
         return {"parameters": self.plant.mechanism.equations.parameters} | self.controller.gain_sizes
 
     @property
     def reference(self) -> dict[str, int]:
-        """Lengths, by name, of a reference point's columns."""
+        """Lengths by name of the input columns of a reference point."""
         return dict.fromkeys(REFERENCE, self.controller.reference_size)
 
     @property
@@ -112,7 +112,7 @@ class ClosedLoop:
 
     def equation(self, **columns: Column) -> tuple[list[Column], Sample]:
         """
-        Write one control period over scalars of any kind.
+        Compute one control period from Columns of floats, arrays or graph nodes.
 
         Parameters
         ----------
@@ -155,7 +155,7 @@ class ClosedLoop:
 
     @cached_property
     def flags(self) -> tuple[str, ...]:
-        """Names of a `Sample`'s flags, the plant's first."""
+        """Names of the flags of a sample, those of the plant first."""
         return (*self.plant.flags, *getattr(guards(self._blank), "_fields", ()))
 
     def __eq__(self, other: object) -> bool:
@@ -188,7 +188,7 @@ class ClosedLoop:
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
         """
-        Return `equation` as one flat tuple.
+        Compute `equation`, with its results in one flat tuple.
 
         Parameters
         ----------
@@ -210,12 +210,12 @@ class ClosedLoop:
 
     def set_state(self, arms: Ensemble, state: PlantState, memory: Any) -> None:
         """
-        Set M robots to the beginning of a run.
+        Set plant and controller states of M robots.
 
         Parameters
         ----------
         arms : Ensemble
-            Copies of the compiled step.
+            Robots, as `compiled().ensemble` returns them.
         state : PlantState
             State of `Plant.init`, for one robot or M.
         memory : object
@@ -243,7 +243,7 @@ class ClosedLoop:
         Parameters
         ----------
         arms : Ensemble
-            Copies of the compiled step.
+            Robots, as `compiled().ensemble` returns them.
         time : float
             Time in s, put into the state as it is.
         member : int, default 0
@@ -349,7 +349,7 @@ def _untold(parameters: Array, state: PlantState, steps: int, clipped: int, ener
 @sent_as_made
 class Episode(NamedTuple):
     """
-    Episode of one robot that `simulate` can run in native code.
+    Episode of one robot, with all that `simulate` needs to run it in native code.
 
     Parameters
     ----------

@@ -46,8 +46,9 @@ class Integrator(Protocol):
 
     Examples
     --------
-    >>> isinstance(adaptctl.simulation.RungeKutta4().stages, int)
-    True
+    >>> method = adaptctl.simulation.RungeKutta4()
+    >>> method.stages, method.implicit
+    (4, False)
     """
 
     stages: ClassVar[int]
@@ -284,7 +285,7 @@ def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> 
 
 
 class Integration(NamedTuple):
-    """Integration method and number of equal steps per control period."""
+    """Integration method, and number of equal steps in a control period."""
 
     substeps: int
     integrator: Integrator

@@ -209,7 +209,7 @@ class PlantState(NamedTuple):
 
 
 class PeriodOutcome(NamedTuple):
-    """Next state, measurements and applied torques."""
+    """Result of one control period: next state, measurements, applied torque and flags."""
 
     q: Column
     v: Column

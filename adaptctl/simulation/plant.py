@@ -348,12 +348,12 @@ class Plant(Tunable):
         return float(energy)
 
     def compile(self) -> None:
-        """Compile a control period and the energy now, not at first use."""
+        """Compile the code of a control period and of the energy now, instead of at first use."""
         _ = self._advance, self._energy
 
     def positions(self, q: Array) -> Array:
         """
-        Select the primary joints among all joints of the spanning tree.
+        Return the positions of the primary joints, from an array of all joints.
 
         Parameters
         ----------
@@ -369,7 +369,7 @@ class Plant(Tunable):
 
     def is_valid_configuration(self, q: Array) -> NDArray[np.bool_]:
         """
-        Tell which configurations are regular and within the description's bounds.
+        Return which configurations are away from singularities and within the bounds of the description.
 
         Parameters
         ----------
@@ -396,7 +396,7 @@ class Plant(Tunable):
 
     def energy_equation(self, q: Column, v: Column, parameters: Column, drives: Column) -> Scalar:
         """
-        Write the energy over scalars of any kind.
+        Compute the energy from Columns of floats, arrays or graph nodes.
 
         Parameters
         ----------
@@ -426,7 +426,7 @@ class Plant(Tunable):
 
     def primary(self, q: Column) -> Column:
         """
-        Select the primary joints' positions from a Column.
+        Return the positions of the primary joints, from a Column of all joints.
 
         Parameters
         ----------

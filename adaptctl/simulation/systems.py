@@ -52,6 +52,13 @@ def mechanism_system(mechanism: Mechanism, name: str = "mechanism") -> control.N
     -----
     An evaluation with loops follows p from the reference configuration: `SingularityError` where it cannot,
     `NonFiniteError` for NaN or infinity. A tree of up to 100 joints is not checked.
+
+    Examples
+    --------
+    >>> from adaptctl.simulation.systems import mechanism_system
+    >>> system = mechanism_system(arm)
+    >>> system.nstates, system.ninputs
+    (4, 2)
     """
     r, accelerations = mechanism.dof, _accelerations(mechanism)
 
@@ -89,6 +96,13 @@ def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem
     Notes
     -----
     An evaluation raises `NonFiniteError` for non-finite numbers, `SingularityError` where loops cannot be closed.
+
+    Examples
+    --------
+    >>> from adaptctl.simulation.systems import plant_system
+    >>> system = plant_system(plant)
+    >>> system.nstates, system.dt
+    (4, 0.001)
     """
     r = plant.dof
     if any(not isinstance(effect, JointEffect) for effect in plant.effects):
@@ -130,6 +144,13 @@ def controller_system(
         If the period is not positive and finite or not the controller's own.
     MissingExtraError
         If python-control is not installed.
+
+    Examples
+    --------
+    >>> from adaptctl.simulation.systems import controller_system
+    >>> system = controller_system(law, period)
+    >>> system.ninputs, system.noutputs
+    (10, 2)
     """
     import control
 
@@ -179,6 +200,12 @@ def controller_start(controller: Controller[Any], p: Array, v: Array) -> Array:
         If a number is NaN or infinite.
     SingularityError
         If kinematic loops cannot be closed.
+
+    Examples
+    --------
+    >>> from adaptctl.simulation.systems import controller_start
+    >>> controller_start(law, p, v)[:6].shape
+    (6,)
     """
     for what, given in (("p", numbers(p, "p")), ("v", numbers(v, "v"))):
         if given.shape != (controller.dof,):
@@ -214,6 +241,13 @@ def closed_loop_system(
         If joints or periods differ, or the plant has effects other than in the joints.
     MissingExtraError
         If python-control is not installed.
+
+    Examples
+    --------
+    >>> from adaptctl.simulation.systems import closed_loop_system
+    >>> loop = closed_loop_system(plant, law)
+    >>> loop.ninputs, loop.noutputs
+    (6, 4)
     """
     import control
 

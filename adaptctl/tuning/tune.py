@@ -89,11 +89,11 @@ class Tuning:
         Greatest T lambda_max(K^-1 Y Gamma Y') without a unit along the reference, regressor Y and gain Gamma, stable
         below 2.
     limited_by : tuple of str
-        What limits each joint's gains.
+        Limit of each joint's gains in words, r of them, such as the sampling or the torque.
     verified : tuple of Verification
-        Simulated runs with these gains, none above 100 links.
+        Results of simulated runs with these gains; empty for a mechanism of more than 100 links.
     notes : tuple of str
-        Further remarks.
+        Sentences for the user, such as on a load beyond the torque limits.
 
     Examples
     --------
@@ -131,12 +131,12 @@ class Tuning:
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
 
         Returns
         -------
         ndarray
-            Gain (k, k) in units of the parameters squared per J, with which adaptation is that of all parameters.
+            Gain (k, k) in units of the parameters squared per J, with which the k parameters adapt as all P would.
 
         Raises
         ------
@@ -171,7 +171,7 @@ class Tuning:
         Raises
         ------
         VerdictError
-            If the arm as described does not learn with these gains.
+            If the arm does not learn with these gains in the nominal simulation.
         GainError
             If the gains are too large for the control period in the workspace.
         InputError

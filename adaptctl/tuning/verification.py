@@ -40,7 +40,7 @@ class Delayed(Controller[AdaptiveState]):
 
     @property
     def neutral_configuration(self) -> Array:
-        """Home positions (r,), rad (m)."""
+        """Neutral positions (r,) in rad (m)."""
         return self.inner.neutral_configuration
 
     def initial_state(self, p: Array, v: Array) -> AdaptiveState:
@@ -118,13 +118,13 @@ class Verification:
     Parameters
     ----------
     name : str
-        Run: "as described", "torque late", "links off" (inertial parameters 30 % up or down) or "both".
+        Case: "nominal", "one-period delay", "link errors ±30%" (inertial parameters 30 % up or down) or "both".
     initial_rms_error : float
         RMS error over the first second in rad (m).
     final_rms_error : float
         RMS error over the last 2 s in rad (m).
     final_rms_error_adaptation_off : float
-        RMS error over the last 2 s with adaptation off in rad (m), infinite if it reached 1.
+        RMS error over the last 2 s with adaptation off in rad (m); infinite if an error reached 1 rad (m).
     max_error : float
         Largest error of any joint in rad (m).
     limited_share : float
@@ -135,7 +135,7 @@ class Verification:
     Examples
     --------
     >>> from adaptctl.tuning import Verification
-    >>> Verification("as described", 0.04, 0.0006, 0.055, 0.1, 0.0).is_learning
+    >>> Verification("nominal", 0.04, 0.0006, 0.055, 0.1, 0.0).is_learning
     True
     """
 
@@ -154,7 +154,7 @@ class Verification:
 
     @property
     def is_learning(self) -> bool:
-        """True if bounded, and the last error at most a third of both others."""
+        """True if bounded, and the final error is at most a third of the initial one and of that without adaptation."""
         return self.is_bounded and self.final_rms_error <= MAX_ERROR_RATIO * min(
             self.initial_rms_error, self.final_rms_error_adaptation_off
         )

@@ -17,7 +17,28 @@ from adaptctl.errors import InputError
 
 
 class LearnerView:
-    """Vector environment with one flag `done`."""
+    """
+    Vector environment for learners that expect one flag `done` instead of two.
+
+    Parameters
+    ----------
+    env : gymnasium.vector.VectorEnv
+        A `VectorTrackingEnv` of N arms, wrapped or not, with `autoreset_mode` "SameStep".
+
+    Raises
+    ------
+    InputError
+        If the environment is another or resets its arms at another time.
+
+    Examples
+    --------
+    >>> from adaptctl.envs import VectorTrackingEnv
+    >>> from adaptctl.envs.many.learner_view import LearnerView
+    >>> settings = {"robot": arm, "reference": reference, "duration": 0.1}
+    >>> view = LearnerView(VectorTrackingEnv(3, autoreset_mode="SameStep", **settings))
+    >>> view.reset([0, 1, 2], [{}, {}, {}]).shape
+    (3, 14)
+    """
 
     def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
         inner = env.unwrapped

@@ -36,9 +36,9 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     num_envs : int, default 1
         Arms N that are simulated side by side, at least 1. One by default, as in `gymnasium.make_vec`.
     autoreset_mode : AutoresetMode or str, default "NextStep"
-        Way in which an arm begins again, see Notes.
+        Time at which an arm whose episode ended is reset, see Notes.
     reset_options : Mapping, optional
-        Options of every reset that is not given others, those at which arms begin again included. Default: none.
+        Options of every reset that is not given others, automatic ones included. Default: none.
     precision : {"double", "single"}, default "double"
         Single precision fits twice as many arms in a register, with 7 digits instead of 16: some 1e-6 rad in 100 steps.
     **settings : object
@@ -47,8 +47,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     Raises
     ------
     InputError
-        If a number, mode or precision is not as above, the mechanism has more than 100 links, or single precision
-        leaves its loops open.
+        If a number, mode or precision is not as above, the mechanism has more than 100 links, or its loops cannot be
+        closed in single precision.
     NotFoundError
         If an option is unknown. Other errors are those of `TrackingEnv`; those in `reset_options` and lists of
         references are raised at the reset.
@@ -325,7 +325,7 @@ class Puma560VectorTrackingEnv(VectorTrackingEnv):
     num_envs : int, default 1
         Arms N that are simulated side by side, at least 1. One by default, as in `gymnasium.make_vec`.
     autoreset_mode : AutoresetMode or str, default "NextStep"
-        Way in which an arm begins again.
+        Time at which an arm whose episode ended is reset, as in `VectorTrackingEnv`.
     reset_options : Mapping, optional
         Options of every reset that is not given others.
     precision : {"double", "single"}, default "double"
@@ -352,7 +352,7 @@ class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
     num_envs : int, default 1
         Arms N that are simulated side by side, at least 1. One by default, as in `gymnasium.make_vec`.
     autoreset_mode : AutoresetMode or str, default "NextStep"
-        Way in which an arm begins again.
+        Time at which an arm whose episode ended is reset, as in `VectorTrackingEnv`.
     reset_options : Mapping, optional
         Options of every reset that is not given others.
     precision : {"double", "single"}, default "double"

@@ -52,19 +52,19 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,). At 1 an error of 1 N m moves
         the estimate as much as s = 1 rad/s does.
     cutoff : float, default 20.0
-        Corner frequency of the torque filter in rad/s. Choose it about as fast as the motion: noise enters with this
-        gain.
+        Corner frequency in rad/s of the low-pass filter of torques and regressor. 20 is about as fast as an arm moves;
+        a higher one lets more noise in.
     forgetting : float, default 1.0
         Rate in 1/s at which the past is forgotten along directions that are excited now. At 1 the time constant is 1 s.
     recall : float, default 2.0
-        Rate rho in 1/s of convergence to the stored information, at most 0.5 over the control period. By default twice
-        the rate of forgetting: information is used before it fades.
+        Rate rho in 1/s of convergence to the stored information, at most 0.5 divided by the control period. By default
+        twice the rate of forgetting: information is used before it fades.
     excitation_threshold : float, default 0.0
-        Excitation in 1/s of a joint's equation at or below which it counts as noise. Zero counts every equation that is
-        excited at all.
+        Excitation in 1/s at or below which a joint's equation counts as noise and is not stored. By default every
+        equation that is excited at all is stored.
     reset_power : float, default inf
-        Power in W of the prediction error beyond which all is forgotten in proportion to the excess. Infinity is never,
-        so that noise erases nothing.
+        Power in W of the prediction error above which stored information is reduced, in proportion to the excess. By
+        default never, so that noise erases nothing.
 
     Raises
     ------
@@ -120,12 +120,12 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Check the law against model and period.
+        Raise an error if the law does not fit the model and the control period.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters and r joints.
+            Reduced model with k parameters and r primary joints.
         initial : ndarray
             Initial estimate (k,) in SI units.
         control_period : float
@@ -134,7 +134,8 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         Raises
         ------
         InputError
-            If a size, cutoff or recall does not fit, or constraints fix parameters at values other than zero.
+            If a size is wrong, the cutoff or the recall is too high for the control period, or linear constraints fix
+            parameters at values other than zero.
         """
         super().validate(model, initial, control_period)
         if self.recall * control_period > 0.5:
@@ -147,24 +148,24 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
     ) -> LearningMemory:
         """
-        Return zero information and zero torque filters.
+        Return the initial state, an information matrix and torque filters of zero.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         initial : ndarray
             Initial estimate (k,) in SI units.
         q, v : ndarray
-            Positions (..., n) of the spanning tree's joints in rad (m) and velocities (..., r) of the primary joints in
-            rad/s (m/s).
+            Positions (..., n) in rad (m) of the n joints of the spanning tree, and velocities (..., r) of the primary
+            joints in rad/s (m/s).
         control_period : float
             Control period in s.
 
         Returns
         -------
         LearningMemory
-            Internal state, with the leading axes of q where it depends on q.
+            Internal state of the law. Leading axes of q are arms; a part that does not depend on q is without them.
 
         Raises
         ------
@@ -179,16 +180,16 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: LearningMemory
     ) -> tuple[Column, LearningMemory]:
         """
-        Forget and learn each joint's equation, then descend.
+        Forget along excited directions, store each joint's equation, and take a gradient step.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate : Column
             Estimate (k,) before the period, in SI units.
         period : Period
-            Data of the control period.
+            Sliding variable, torque and regressor of the control period, see `Period`.
         memory : LearningMemory
             Internal state before the period.
 

@@ -53,8 +53,8 @@ class ConcurrentLearning(Descent[Stack]):
         Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,). At 1 an error of 1 N m moves
         the estimate as much as s = 1 rad/s does.
     cutoff : float, default 20.0
-        Corner frequency of the torque filter in rad/s. Choose it about as fast as the motion: noise enters with this
-        gain.
+        Corner frequency in rad/s of the low-pass filter of torques and regressor. 20 is about as fast as an arm moves;
+        a higher one lets more noise in.
     stack_size : int, default 12
         Samples stored, 1 to 64, of r equations each. Full rank needs at least k/r of them: 12 allow 12 parameters for
         each joint.
@@ -111,12 +111,12 @@ class ConcurrentLearning(Descent[Stack]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Check the law against model and period.
+        Raise an error if the law does not fit the model and the control period.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters and r joints.
+            Reduced model with k parameters and r primary joints.
         initial : ndarray
             Initial estimate (k,) in SI units.
         control_period : float
@@ -125,31 +125,32 @@ class ConcurrentLearning(Descent[Stack]):
         Raises
         ------
         InputError
-            If a size or the cutoff does not fit, or constraints fix parameters at values other than zero.
+            If a size is wrong, the cutoff is too high for the control period, or linear constraints fix parameters at
+            values other than zero.
         """
         super().validate(model, initial, control_period)
         validate_predicted("concurrent learning", model, self.prediction_weight, self.cutoff, control_period)
 
     def initial_state(self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float) -> Stack:
         """
-        Return an empty stack and zero torque filters.
+        Return the initial state, an empty stack of samples and torque filters of zero.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         initial : ndarray
             Initial estimate (k,) in SI units.
         q, v : ndarray
-            Positions (..., n) of the spanning tree's joints in rad (m) and velocities (..., r) of the primary joints in
-            rad/s (m/s).
+            Positions (..., n) in rad (m) of the n joints of the spanning tree, and velocities (..., r) of the primary
+            joints in rad/s (m/s).
         control_period : float
             Control period in s.
 
         Returns
         -------
         Stack
-            Internal state, with the leading axes of q where it depends on q.
+            Internal state of the law. Leading axes of q are arms; a part that does not depend on q is without them.
 
         Raises
         ------
@@ -167,11 +168,11 @@ class ConcurrentLearning(Descent[Stack]):
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate : Column
             Estimate (k,) before the period, in SI units.
         period : Period
-            Data of the control period.
+            Sliding variable, torque and regressor of the control period, see `Period`.
         memory : Stack
             Internal state before the period.
 

@@ -44,34 +44,34 @@ class ConsistentState(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
     r"""
-    Natural adaptation that keeps fundamental parameters physically consistent.
+    Adaptation of base parameters that stays physically consistent (natural adaptation of all bodies).
 
     Parameters
     ----------
     gain : array_like
-        Rate of adaptation in 1/J: one number, or (m,), one for each link with a body, then one for each drive's
-        parameter.
+        Rate of adaptation in 1/J, one number, or one for each link with inertia and then one for each drive parameter.
     lift : array_like
-        Initial parameters (P,) of all bodies and drives in SI units, physically consistent. The initial estimate is
-        `model.regrouping @ lift`.
+        Initial values (P,) of all inertial and drive parameters in SI units, physically consistent. The initial
+        estimate of the k base parameters is `model.regrouping @ lift`.
     prediction_weight : array_like, optional
-        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,). None leaves prediction out.
+        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,). Default: None, the
+        prediction error is not used.
     cutoff : float, default 20.0
-        Corner frequency of the torque filter in rad/s. Choose it about as fast as the motion: noise enters with this
-        gain.
+        Corner frequency in rad/s of the low-pass filter of torques and regressor. 20 is about as fast as an arm moves;
+        a higher one lets more noise in.
 
     Raises
     ------
     InputError
-        If a number is not positive, a shape is wrong, the lift is not consistent or not the initial estimate's, or
-        constraints take away parameters of bodies.
+        If a number is not positive, a shape is wrong, `lift` is not physically consistent or does not give the initial
+        estimate, or linear constraints eliminate parameters of bodies.
     NonFiniteError
         If a weight is NaN.
 
     Notes
     -----
-    The lift D moves by `Natural` [1]_ along :math:`K^\top(Y^\top s+W^\top R(W\hat\beta-F[\tau]))`, K the regrouping
-    matrix. The mass matrix of KD is always positive definite.
+    The parameters D of all bodies move by `Natural` [1]_ along :math:`K^\top(Y^\top s+W^\top R(W\hat\beta-F[\tau]))`, K
+    the regrouping matrix. The mass matrix of KD is always positive definite.
 
     References
     ----------
@@ -103,12 +103,12 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Check the law against model, initial estimate and period.
+        Raise an error if the law does not fit the model, the initial estimate and the control period.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters and r joints.
+            Reduced model with k parameters and r primary joints.
         initial : ndarray
             Initial estimate (k,) in SI units.
         control_period : float
@@ -117,8 +117,8 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
         Raises
         ------
         InputError
-            If a size or the cutoff does not fit, the lift is not consistent or not the initial estimate's (to 1e-9), or
-            constraints take away parameters of bodies.
+            If a size is wrong, the cutoff is too high for the control period, `lift` is not physically consistent or
+            does not give the initial estimate (to 1e-9), or linear constraints eliminate parameters of bodies.
         """
         validate_whole_links(model, "consistent adaptation")
         P = len(model.mechanism.parameter_names)
@@ -134,24 +134,24 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
     ) -> ConsistentState:
         """
-        Return the initial lift and zero torque filters.
+        Return the initial parameters of all bodies, and torque filters of zero.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         initial : ndarray
             Initial estimate (k,) in SI units.
         q, v : ndarray
-            Positions (..., n) of the spanning tree's joints in rad (m) and velocities (..., r) of the primary joints in
-            rad/s (m/s).
+            Positions (..., n) in rad (m) of the n joints of the spanning tree, and velocities (..., r) of the primary
+            joints in rad/s (m/s).
         control_period : float
             Control period in s.
 
         Returns
         -------
         ConsistentState
-            Internal state, with the leading axes of q where it depends on q.
+            Internal state of the law. Leading axes of q are arms; a part that does not depend on q is without them.
 
         Raises
         ------
@@ -169,16 +169,16 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: ConsistentState
     ) -> tuple[Column, ConsistentState]:
         """
-        Move the lift along geodesics and regroup it.
+        Move the parameters of all bodies along geodesics, and regroup them into the estimate.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate : Column
             Estimate (k,) before the period, in SI units.
         period : Period
-            Data of the control period.
+            Sliding variable, torque and regressor of the control period, see `Period`.
         memory : ConsistentState
             Internal state before the period.
 

@@ -102,9 +102,11 @@ class Gradient(Descent[NoMemory]):
     gain : array_like
         Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
     theta : float, default 1.0
-        Weight of the sliding variable at the period's end: 1 is the backward rule, 1/2 the trapezium, 0 Euler's.
+        Weight of the sliding variable at the end of the period, without a unit. 1 is backward Euler, the most stable,
+        1/2 the trapezoidal rule, 0 forward Euler.
     cap : float, default 2.0
-        Bound of the step's power: at most the damping's power divided by this. 0 leaves the bound out.
+        Bound of the power of an adaptation step, which is at most the power of the damping divided by this. 0 is no
+        bound.
 
     Raises
     ------
@@ -149,11 +151,11 @@ class Gradient(Descent[NoMemory]):
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate : Column
             Estimate (k,) before the period, in SI units.
         period : Period
-            Data of the control period.
+            Sliding variable, torque and regressor of the control period, see `Period`.
         memory : NoMemory
             Internal state before the period.
 
@@ -178,15 +180,15 @@ class Gradient(Descent[NoMemory]):
 @dataclass(frozen=True, eq=False)
 class DeadZone(Descent[NoMemory]):
     r"""
-    Gradient adaptation that pauses while the sliding variable is within a zone.
+    Gradient adaptation that pauses while the sliding variable is small (dead zone).
 
     Parameters
     ----------
     gain : array_like
         Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
     width : array_like, default 0.05
-        Half-widths w of the ellipsoidal zone in rad/s (m/s), one number or (r,). 0.05 is a start where disturbances are
-        not known; `for_disturbance` computes widths for known ones.
+        Half-widths w of the dead zone, an ellipsoid, in rad/s (m/s), one number or (r,). 0.05 is a first choice where
+        disturbances are not known; `for_disturbance` computes widths for known ones.
 
     Raises
     ------
@@ -221,7 +223,7 @@ class DeadZone(Descent[NoMemory]):
     @classmethod
     def for_disturbance(cls, gain: ArrayLike, damping: ArrayLike, torque: ArrayLike) -> DeadZone:
         """
-        Choose the zone for disturbance torques of a known size.
+        Return the law with the dead zone for disturbance torques of a known size.
 
         Parameters
         ----------
@@ -241,7 +243,7 @@ class DeadZone(Descent[NoMemory]):
         Raises
         ------
         InputError
-            If a number is negative, sizes differ, or all torques are zero.
+            If a number is negative, sizes differ, the gain is not positive definite, or all torques are zero.
         """
         joints = max(np.size(torque), np.size(damping))
         d, K = per_joint(torque, joints, "dead zone: torque"), positive_per_joint(damping, joints, "damping")
@@ -251,12 +253,12 @@ class DeadZone(Descent[NoMemory]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Check gain and width against the model.
+        Raise an error if gain or width do not fit the model.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters and r joints.
+            Reduced model with k parameters and r primary joints.
         initial : ndarray
             Initial estimate (k,) in SI units.
         control_period : float
@@ -277,11 +279,11 @@ class DeadZone(Descent[NoMemory]):
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate : Column
             Estimate (k,) before the period, in SI units.
         period : Period
-            Data of the control period.
+            Sliding variable, torque and regressor of the control period, see `Period`.
         memory : NoMemory
             Internal state before the period.
 
@@ -319,14 +321,14 @@ class _Leaking(Descent[NoMemory]):
 @dataclass(frozen=True, eq=False)
 class SigmaModification(_Leaking):
     r"""
-    Gradient adaptation with a constant leak to a prior estimate.
+    Gradient adaptation with constant leakage towards a prior estimate (sigma-modification).
 
     Parameters
     ----------
     gain : array_like
         Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
     leakage : float, default 0.1
-        Rate sigma of the leak in 1/s. At 0.1 the time constant is 10 s, long beside adaptation.
+        Rate sigma of the leakage in 1/s. At 0.1 its time constant is 10 s, slow compared with adaptation.
     prior : array_like, optional
         Prior estimate (k,) in SI units, zero unless given.
 
@@ -356,16 +358,16 @@ class SigmaModification(_Leaking):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """
-        Take a gradient step and an implicit leak.
+        Take a gradient step and an implicit step of the leakage.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate : Column
             Estimate (k,) before the period, in SI units.
         period : Period
-            Data of the control period.
+            Sliding variable, torque and regressor of the control period, see `Period`.
         memory : NoMemory
             Internal state before the period.
 
@@ -380,14 +382,14 @@ class SigmaModification(_Leaking):
 @dataclass(frozen=True, eq=False)
 class EModification(_Leaking):
     r"""
-    Gradient adaptation with a leak in proportion to the sliding variable.
+    Gradient adaptation with leakage in proportion to the sliding variable (e-modification).
 
     Parameters
     ----------
     gain : array_like
         Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
     leakage : float, default 0.1
-        Leak nu in 1/rad (1/m). At 0.1 and s = 1 rad/s it is the default rate of `SigmaModification`.
+        Leakage nu in 1/rad (1/m). At 0.1 and s = 1 rad/s it is the default rate of `SigmaModification`.
     prior : array_like, optional
         Prior estimate (k,) in SI units, zero unless given.
 
@@ -400,7 +402,7 @@ class EModification(_Leaking):
     -----
     .. math:: \dot{\hat\beta}=-\Gamma Y^\top s-\nu\|s\|(\hat\beta-\beta_0).
 
-    As `SigmaModification`, but the leak stops with s [1]_.
+    As `SigmaModification`, but without leakage at s = 0 [1]_.
 
     References
     ----------
@@ -417,16 +419,16 @@ class EModification(_Leaking):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """
-        Take a gradient step and an implicit leak.
+        Take a gradient step and an implicit step of the leakage.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate : Column
             Estimate (k,) before the period, in SI units.
         period : Period
-            Data of the control period.
+            Sliding variable, torque and regressor of the control period, see `Period`.
         memory : NoMemory
             Internal state before the period.
 

@@ -27,7 +27,7 @@ class Period(NamedTuple):
     Parameters
     ----------
     gradient : callable
-        Function from a sliding variable s (r,) to Y's (k,), with the regressor Y at the period's start.
+        Function from a sliding variable s (r,) to the product Y^T s (k,), with the regressor Y at the period's start.
     s_prev, s : Column
         Sliding variable (r,) at the period's start and end in rad/s (m/s).
     torque : Column
@@ -39,7 +39,7 @@ class Period(NamedTuple):
     period : float
         Length of the period in s.
     dt : scalar
-        The same length, or 0 if nothing is to be learned.
+        The same length, or 0 if nothing is to be learned from the period, such as at a torque limit.
     damping : Column
         Damping K (r,) of the control law in N m s/rad (N s/m).
 
@@ -63,23 +63,23 @@ class Period(NamedTuple):
 
     @property
     def dt_ratio(self) -> Any:
-        """Fraction to learn from, 1 or 0."""
+        """`dt` divided by `period`, 1 or 0."""
         return self.dt * (1.0 / self.period)
 
     @property
     def mean(self) -> Column:
-        """Mean (r,) of the sliding variable."""
+        """Mean (r,) of the sliding variable in rad/s (m/s)."""
         return 0.5 * (self.s_prev + self.s)
 
     @property
     def integral(self) -> Column:
-        """Integral (r,) of the sliding variable, or 0."""
+        """Integral (r,) of the sliding variable over `dt` in rad (m)."""
         return (0.5 * self.dt) * (self.s_prev + self.s)
 
 
 class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     """
-    Base class of adaptation laws, which update k estimates in every period.
+    Base class of adaptation laws, which update the k parameter estimates in every control period.
 
     Notes
     -----
@@ -126,7 +126,7 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters and r joints.
+            Reduced model with k parameters and r primary joints.
         initial : ndarray
             Initial estimate (k,) in SI units.
         control_period : float
@@ -145,19 +145,19 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         initial : ndarray
             Initial estimate (k,) in SI units.
         q, v : ndarray
-            Positions (..., n) of the spanning tree's joints in rad (m) and velocities (..., r) of the primary joints in
-            rad/s (m/s).
+            Positions (..., n) in rad (m) of the n joints of the spanning tree, and velocities (..., r) of the primary
+            joints in rad/s (m/s).
         control_period : float
             Control period in s.
 
         Returns
         -------
         tuple
-            Internal state, with the leading axes of q where it depends on q.
+            Internal state of the law. Leading axes of q are arms; a part that does not depend on q is without them.
         """
         none: Any = NoMemory()
         return cast(Memory, none)
@@ -165,16 +165,16 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     @abstractmethod
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
         """
-        Compute the next estimate and internal state, over scalars of any kind.
+        Compute the next estimate and internal state; traced, so without branches on values.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate : Column
             Estimate (k,) before the period, in SI units.
         period : Period
-            Data of the control period.
+            Sliding variable, torque and regressor of the control period, see `Period`.
         memory : tuple
             Internal state before the period.
 
@@ -186,35 +186,35 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
 
     @property
     def by_parameter(self) -> bool:
-        """True if the Lyapunov function is a sum over parameters."""
+        """True if the Lyapunov function has a separate term for each parameter."""
         return False
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar | None:
         """
-        Compute the parameters' term of the Lyapunov function over scalars.
+        Compute the estimation error's term of the Lyapunov function on scalars.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate, true : Column
             Estimate and true values (k,) in SI units.
 
         Returns
         -------
         scalar or None
-            Energy in J, or None if it depends on more than the estimate.
+            Energy in J, or None if it depends on more than the estimate, such as a covariance.
         """
         return None
 
     def lyapunov_distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array | None:
         """
-        Compute the parameters' term of the Lyapunov function on arrays.
+        Compute the estimation error's term of the Lyapunov function on arrays.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate : ndarray
             Estimates (..., k) in SI units.
         true : ndarray
@@ -223,7 +223,7 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
         Returns
         -------
         ndarray or None
-            Energies (...) in J, or None if they depend on more than the estimate.
+            Energies (...) in J, or None if they depend on more than the estimate, such as a covariance.
 
         Raises
         ------

@@ -45,12 +45,12 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Check the law against model and period.
+        Raise an error if the law does not fit the model and the control period.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters and r joints.
+            Reduced model with k parameters and r primary joints.
         initial : ndarray
             Initial estimate (k,) in SI units.
         control_period : float
@@ -59,7 +59,8 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
         Raises
         ------
         InputError
-            If a size or the cutoff does not fit, or constraints fix parameters at values other than zero.
+            If a size is wrong, the cutoff is too high for the control period, or linear constraints fix parameters at
+            values other than zero.
         """
         validate_size(self.gain, model, f"{self.called}: gain")
         validate_predicted(self.called, model, self.prediction_weight, self.cutoff, control_period)
@@ -129,11 +130,11 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,). At 1 an error of 1 N m moves
         the estimate as much as s = 1 rad/s does.
     cutoff : float, default 20.0
-        Corner frequency of the torque filter in rad/s. Choose it about as fast as the motion: noise enters with this
-        gain.
+        Corner frequency in rad/s of the low-pass filter of torques and regressor. 20 is about as fast as an arm moves;
+        a higher one lets more noise in.
     forgetting : float, default 1.0
-        Largest rate of forgetting in 1/s, at most 0.1 over the control period. At 1 the past fades with a time constant
-        of 1 s.
+        Largest rate of forgetting in 1/s, at most 0.1 divided by the control period. At 1 the past fades with a time
+        constant of 1 s.
     bound : float, default 2.0
         Bound of the mean gain, tr(Gamma^-1 P)/k without a unit, at least 1. At 2 the mean gain at most doubles without
         excitation.
@@ -180,12 +181,12 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Check the law against model and period.
+        Raise an error if the law does not fit the model and the control period.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters and r joints.
+            Reduced model with k parameters and r primary joints.
         initial : ndarray
             Initial estimate (k,) in SI units.
         control_period : float
@@ -194,7 +195,8 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         Raises
         ------
         InputError
-            If a size, cutoff or forgetting does not fit, or constraints fix parameters at values other than zero.
+            If a size is wrong, the cutoff or the forgetting is too high for the control period, or linear constraints
+            fix parameters at values other than zero.
         """
         super().validate(model, initial, control_period)
         if self.forgetting * control_period > 0.1:
@@ -207,24 +209,24 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
     ) -> CovarianceMemory:
         """
-        Return the initial covariance and zero torque filters.
+        Return the initial state, the covariance Gamma and torque filters of zero.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         initial : ndarray
             Initial estimate (k,) in SI units.
         q, v : ndarray
-            Positions (..., n) of the spanning tree's joints in rad (m) and velocities (..., r) of the primary joints in
-            rad/s (m/s).
+            Positions (..., n) in rad (m) of the n joints of the spanning tree, and velocities (..., r) of the primary
+            joints in rad/s (m/s).
         control_period : float
             Control period in s.
 
         Returns
         -------
         CovarianceMemory
-            Internal state, with the leading axes of q where it depends on q.
+            Internal state of the law. Leading axes of q are arms; a part that does not depend on q is without them.
 
         Raises
         ------
@@ -238,16 +240,16 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: CovarianceMemory
     ) -> tuple[Column, CovarianceMemory]:
         """
-        Take a gradient step and implicit prediction steps, then forget.
+        Take a gradient step and implicit steps along the prediction errors, then forget old samples.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate : Column
             Estimate (k,) before the period, in SI units.
         period : Period
-            Data of the control period.
+            Sliding variable, torque and regressor of the control period, see `Period`.
         memory : CovarianceMemory
             Internal state before the period.
 
@@ -326,8 +328,8 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,). At 1 an error of 1 N m moves
         the estimate as much as s = 1 rad/s does.
     cutoff : float, default 20.0
-        Corner frequency of the torque filter in rad/s. Choose it about as fast as the motion: noise enters with this
-        gain.
+        Corner frequency in rad/s of the low-pass filter of torques and regressor. 20 is about as fast as an arm moves;
+        a higher one lets more noise in.
     forgetting : float, default 1.0
         Rate lambda of forgetting in 1/s. At 1 the past fades with a time constant of 1 s.
 
@@ -367,24 +369,24 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
     ) -> InformationMemory:
         """
-        Return the initial information and zero torque filters.
+        Return the initial state, the information of the initial gain and torque filters of zero.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         initial : ndarray
             Initial estimate (k,) in SI units.
         q, v : ndarray
-            Positions (..., n) of the spanning tree's joints in rad (m) and velocities (..., r) of the primary joints in
-            rad/s (m/s).
+            Positions (..., n) in rad (m) of the n joints of the spanning tree, and velocities (..., r) of the primary
+            joints in rad/s (m/s).
         control_period : float
             Control period in s.
 
         Returns
         -------
         InformationMemory
-            Internal state, with the leading axes of q where it depends on q.
+            Internal state of the law. Leading axes of q are arms; a part that does not depend on q is without them.
 
         Raises
         ------
@@ -398,16 +400,16 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: InformationMemory
     ) -> tuple[Column, InformationMemory]:
         """
-        Forget and learn information, then descend.
+        Forget old information, add that of this period, and take a gradient step.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate : Column
             Estimate (k,) before the period, in SI units.
         period : Period
-            Data of the control period.
+            Sliding variable, torque and regressor of the control period, see `Period`.
         memory : InformationMemory
             Internal state before the period.
 

@@ -26,13 +26,12 @@ MAX_STEP = 2.0  # in the affine-invariant metric: no moment changes more than 7.
 @dataclass(frozen=True, eq=False)
 class Natural(AdaptationLaw[NoMemory]):
     r"""
-    Natural adaptation of all parameters, kept physically consistent.
+    Adaptation of all parameters along geodesics, which keeps every body physically consistent.
 
     Parameters
     ----------
     gain : array_like
-        Rate of adaptation in 1/J: one number, or (m,), one for each link with a body, then one for each drive's
-        parameter.
+        Rate of adaptation in 1/J, one number, or one for each link with inertia and then one for each drive parameter.
 
     Raises
     ------
@@ -69,12 +68,12 @@ class Natural(AdaptationLaw[NoMemory]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Check the law against model and initial estimate.
+        Raise an error if the law does not fit the model and the initial estimate.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters and r joints.
+            Reduced model with k parameters and r primary joints.
         initial : ndarray
             Initial estimate (k,) in SI units.
         control_period : float
@@ -104,11 +103,11 @@ class Natural(AdaptationLaw[NoMemory]):
         Parameters
         ----------
         model : ReducedModel
-            Model with P parameters.
+            Model with all P parameters of the mechanism.
         estimate : Column
             Estimate (P,) before the period, in SI units.
         period : Period
-            Data of the control period.
+            Sliding variable, torque and regressor of the control period, see `Period`.
         memory : NoMemory
             Internal state before the period.
 
@@ -122,19 +121,19 @@ class Natural(AdaptationLaw[NoMemory]):
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
         """
-        Compute the sum of Bregman divergences, NaN for inconsistent arrays.
+        Compute the sum of Bregman divergences of all bodies, NaN for inconsistent parameters.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with P parameters.
+            Model with all P parameters of the mechanism.
         estimate, true : Column
             Estimate and true values (P,) in SI units.
 
         Returns
         -------
         scalar or None
-            Energy in J, or None if it depends on more than the estimate.
+            Energy in J, or None if it depends on more than the estimate, such as a covariance.
         """
         rates, bodies = each_rate(self.gain, model), 10 * len(model.mechanism.description.bodies)
         total: Scalar = 0.0
@@ -147,12 +146,12 @@ class Natural(AdaptationLaw[NoMemory]):
 
     def lyapunov_distance(self, model: ReducedModel, estimate: Array, true: Array) -> Array:
         """
-        Compute the sum of Bregman divergences, infinite for inconsistent parameters.
+        Compute the sum of Bregman divergences of all bodies, infinite for inconsistent parameters.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate : ndarray
             Estimates (..., k) in SI units.
         true : ndarray
@@ -161,7 +160,7 @@ class Natural(AdaptationLaw[NoMemory]):
         Returns
         -------
         ndarray or None
-            Energies (...) in J, or None if they depend on more than the estimate.
+            Energies (...) in J, or None if they depend on more than the estimate, such as a covariance.
 
         Raises
         ------

@@ -21,12 +21,12 @@ def parameter_sampling_ratios(
     model: ReducedModel, bandwidth: ArrayLike, control_period: float, workspace: Workspace | None = None
 ) -> Array:
     r"""
-    Compute each parameter error's addition to the sampling ratio.
+    Compute how much an error of each parameter adds to the sampling ratio.
 
     Parameters
     ----------
     model : ReducedModel
-        Model of the mechanism with k parameters and r joints.
+        Reduced model of the mechanism with k parameters and r primary joints.
     bandwidth : array_like
         Bandwidth Lambda in 1/s, one number or (r,).
     control_period : float
@@ -84,12 +84,12 @@ def estimate_sampling_ratio(
     kinetic: float = 0.0,
 ) -> float:
     r"""
-    Bound what estimate errors can add to the sampling ratio.
+    Return an upper bound of what estimation errors add to the sampling ratio.
 
     Parameters
     ----------
     model : ReducedModel
-        Model of the mechanism with k parameters and r joints.
+        Reduced model of the mechanism with k parameters and r primary joints.
     gain : array_like
         Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
     prior : array_like
@@ -240,7 +240,7 @@ def adaptation_gain(
     Parameters
     ----------
     model : ReducedModel
-        Model of the mechanism with k parameters and r joints.
+        Reduced model of the mechanism with k parameters and r primary joints.
     ranges : PriorRanges, optional
         Largest plausible errors of the initial parameters, `PriorRanges()` unless given.
     gain_scale : float, default 0.6
@@ -292,7 +292,7 @@ def adaptation_gain(
 
 def mapped_gain(model: ReducedModel, gain: ArrayLike) -> Array:
     """
-    Map a gain on all parameters to the fundamental ones.
+    Map an adaptation gain on all parameters to one on the base parameters.
 
     Parameters
     ----------

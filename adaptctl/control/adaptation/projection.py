@@ -20,7 +20,7 @@ from adaptctl.scalars import Column, Scalar, clip, column
 @dataclass(frozen=True, eq=False)
 class Projection(AdaptationLaw[Memory]):
     """
-    Another adaptation law, with its estimate clipped to bounds.
+    Adaptation law whose estimate is clipped to bounds after every step of another law.
 
     Parameters
     ----------
@@ -74,12 +74,12 @@ class Projection(AdaptationLaw[Memory]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Check law, bounds and initial estimate against the model.
+        Raise an error if law, bounds or initial estimate do not fit the model.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters and r joints.
+            Reduced model with k parameters and r primary joints.
         initial : ndarray
             Initial estimate (k,) in SI units.
         control_period : float
@@ -112,19 +112,19 @@ class Projection(AdaptationLaw[Memory]):
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         initial : ndarray
             Initial estimate (k,) in SI units.
         q, v : ndarray
-            Positions (..., n) of the spanning tree's joints in rad (m) and velocities (..., r) of the primary joints in
-            rad/s (m/s).
+            Positions (..., n) in rad (m) of the n joints of the spanning tree, and velocities (..., r) of the primary
+            joints in rad/s (m/s).
         control_period : float
             Control period in s.
 
         Returns
         -------
         tuple
-            Internal state, with the leading axes of q where it depends on q.
+            Internal state of the law. Leading axes of q are arms; a part that does not depend on q is without them.
         """
         return self.inner.initial_state(model, initial, q, v, control_period)
 
@@ -135,11 +135,11 @@ class Projection(AdaptationLaw[Memory]):
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate : Column
             Estimate (k,) before the period, in SI units.
         period : Period
-            Data of the control period.
+            Sliding variable, torque and regressor of the control period, see `Period`.
         memory : tuple
             Internal state before the period.
 
@@ -158,26 +158,26 @@ class Projection(AdaptationLaw[Memory]):
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate, true : Column
             Estimate and true values (k,) in SI units.
 
         Returns
         -------
         scalar or None
-            Energy in J, or None if it depends on more than the estimate.
+            Energy in J, or None if it depends on more than the estimate, such as a covariance.
         """
         return self.inner.lyapunov_term(model, estimate, true)
 
 
 def limits(model: ReducedModel, bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
     """
-    Return bounds of all parameters from some by name.
+    Return lower and upper bounds of all parameters, from those given by name.
 
     Parameters
     ----------
     model : ReducedModel
-        Model with k parameters.
+        Reduced model with k parameters.
     bounds : dict
         Lower and upper bound in SI units by full name, such as `upper.I_zz`.
 

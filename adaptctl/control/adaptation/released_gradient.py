@@ -34,10 +34,10 @@ class ReleasedGradient(Descent[Normaliser]):
     gain : array_like
         Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per J.
     release : float, default 1.0
-        Rate in 1/s at which the normaliser decays. At 1 the time constant is 1 s.
+        Rate in 1/s at which the normaliser n decays after large regressors. At 1 the time constant is 1 s.
     share : float, default 4.0
-        Factor of the gain's trace in the normaliser, without a unit. 4 is what `certified` gives at a sampling ratio of
-        1.5, the largest accepted.
+        Factor of the trace in the normaliser n, without a unit. 4 is what `certified` gives at a sampling ratio of 1.5,
+        the largest accepted.
 
     Raises
     ------
@@ -82,12 +82,12 @@ class ReleasedGradient(Descent[Normaliser]):
         workspace: Workspace | None = None,
     ) -> ReleasedGradient:
         """
-        Choose release and share for which the Lyapunov function never rises.
+        Return the law with a release and share for which the Lyapunov function never rises.
 
         Parameters
         ----------
         model : ReducedModel
-            Model of the mechanism with k parameters and r joints.
+            Reduced model of the mechanism with k parameters and r primary joints.
         gain : array_like
             Adaptation gain Gamma, its diagonal (k,) or the whole matrix (k, k), in units of the parameters squared per
             J.
@@ -122,24 +122,24 @@ class ReleasedGradient(Descent[Normaliser]):
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
     ) -> Normaliser:
         """
-        Return a normaliser of 1.
+        Return the initial state, a normaliser of 1.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         initial : ndarray
             Initial estimate (k,) in SI units.
         q, v : ndarray
-            Positions (..., n) of the spanning tree's joints in rad (m) and velocities (..., r) of the primary joints in
-            rad/s (m/s).
+            Positions (..., n) in rad (m) of the n joints of the spanning tree, and velocities (..., r) of the primary
+            joints in rad/s (m/s).
         control_period : float
             Control period in s.
 
         Returns
         -------
         Normaliser
-            Internal state, with the leading axes of q where it depends on q.
+            Internal state of the law. Leading axes of q are arms; a part that does not depend on q is without them.
         """
         return Normaliser(np.ones(1))
 
@@ -152,11 +152,11 @@ class ReleasedGradient(Descent[Normaliser]):
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate : Column
             Estimate (k,) before the period, in SI units.
         period : Period
-            Data of the control period.
+            Sliding variable, torque and regressor of the control period, see `Period`.
         memory : Normaliser
             Internal state before the period.
 

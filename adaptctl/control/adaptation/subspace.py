@@ -26,7 +26,7 @@ class Subspace(AdaptationLaw[NoMemory]):
     gain : array_like
         Positive gains (d,) of the directions, in 1/J for directions in SI units.
     directions : array_like
-        Matrix W (k, d) of independent columns.
+        Matrix W (k, d), whose d independent columns are directions in the space of the k parameters.
 
     Raises
     ------
@@ -69,12 +69,12 @@ class Subspace(AdaptationLaw[NoMemory]):
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
-        Check the directions against the model.
+        Raise an error if the directions do not fit the model.
 
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters and r joints.
+            Reduced model with k parameters and r primary joints.
         initial : ndarray
             Initial estimate (k,) in SI units.
         control_period : float
@@ -83,7 +83,7 @@ class Subspace(AdaptationLaw[NoMemory]):
         Raises
         ------
         InputError
-            If there is not one row for each parameter.
+            If `directions` has not one row for each parameter.
         """
         validate_size(self.directions, model, "subspace: directions")
 
@@ -94,11 +94,11 @@ class Subspace(AdaptationLaw[NoMemory]):
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate : Column
             Estimate (k,) before the period, in SI units.
         period : Period
-            Data of the control period.
+            Sliding variable, torque and regressor of the control period, see `Period`.
         memory : NoMemory
             Internal state before the period.
 
@@ -119,14 +119,14 @@ class Subspace(AdaptationLaw[NoMemory]):
         Parameters
         ----------
         model : ReducedModel
-            Model with k parameters.
+            Reduced model with k parameters.
         estimate, true : Column
             Estimate and true values (k,) in SI units.
 
         Returns
         -------
         scalar or None
-            Energy in J, or None if it depends on more than the estimate.
+            Energy in J, or None if it depends on more than the estimate, such as a covariance.
         """
         error = estimate - true
         along = Column(column(row) @ error for row in np.linalg.pinv(self.directions))

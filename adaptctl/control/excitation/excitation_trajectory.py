@@ -29,14 +29,14 @@ TORQUE_PENALTY = 30.0  # on the squared excess, against the logarithm of the con
 @dataclass(frozen=True, eq=False)
 class ExcitationTrajectory:
     """
-    Optimised exciting reference and its comparison.
+    Optimised excitation trajectory, and random references that it is compared with.
 
     Parameters
     ----------
     reference : Sinusoids
         Optimised reference.
     condition : float
-        Condition number (1 is best) of its regressor over a period, columns scaled by prior ranges.
+        Condition number of the regressor over one period, its columns scaled by prior ranges. 1 is best.
     random_conditions : ndarray
         Condition numbers (10,) of random references within the same limits.
     torque_share : float
@@ -62,7 +62,7 @@ class ExcitationTrajectory:
 
     @property
     def condition_improvement(self) -> float:
-        """Median condition of the random references over the optimised one's."""
+        """Median condition number of the random references divided by that of the optimised one."""
         return float(np.median(self.random_conditions)) / self.condition
 
 
@@ -94,14 +94,15 @@ class MotionLimits:
     @classmethod
     def from_model(cls, model: ReducedModel, share: float) -> MotionLimits:
         """
-        Return a fraction of the joints' own limits.
+        Return limits that are a fraction of the joints' own, with the torques of the mechanism.
 
         Parameters
         ----------
         model : ReducedModel
-            Model of the mechanism with k parameters and r joints.
+            Reduced model of the mechanism with k parameters and r primary joints.
         share : float
-            Fraction of the ranges, above 0 and up to 1, kept about the middle of the positions.
+            Fraction of the joints' limits that may be used, above 0 and at most 1; ranges of positions shrink about
+            their middle.
 
         Returns
         -------
@@ -256,7 +257,7 @@ def excitation_trajectory(
     Parameters
     ----------
     model : ReducedModel
-        Model of the mechanism with k parameters and r joints.
+        Reduced model of the mechanism with k parameters and r primary joints.
     frequency : float, default 0.1
         Fundamental frequency in Hz. 0.1 Hz is a period of 10 s, whose five harmonics reach 0.5 Hz.
     harmonics : int, default 5

@@ -33,7 +33,7 @@ class Excitation:
     smallest_eigenvalue, largest_eigenvalue : ndarray
         Extreme eigenvalues (w,) of each window's Gram matrix in (N m)^2 s (N^2 s).
     weakest_direction : ndarray
-        Unit vector (k,) of parameters over their ranges that the whole run excites least.
+        Unit vector (k,) of the parameters, each divided by its range, along which the whole run excites least.
     window : float
         Length of the windows in s.
 
@@ -61,7 +61,7 @@ class Excitation:
 
     @property
     def min_eigenvalue(self) -> float:
-        """Least eigenvalue of all windows."""
+        """Least eigenvalue in any window in (N m)^2 s (N^2 s)."""
         return float(self.smallest_eigenvalue.min())
 
     @property
@@ -80,11 +80,12 @@ def persistent_excitation(
     Parameters
     ----------
     model : ReducedModel
-        Model of the mechanism with k parameters and r joints.
+        Reduced model of the mechanism with k parameters and r primary joints.
     run : Rollout
         Run of T samples.
     window : float
-        Length of the windows in s, rounded to whole samples, a multiple of 16. Each starts a sixteenth later.
+        Length of the windows in s, rounded to a multiple of 16 samples. Each window starts a sixteenth of its length
+        after the one before.
     bandwidth : array_like, default 0.0
         Bandwidth in 1/s, one number or (r,), of the reference velocity. At 0 it is the desired velocity.
     scale : array_like, optional

@@ -28,14 +28,14 @@ MIN_FREQUENCY_RATIO = 1e-6  # of half the sampling rate
 @dataclass(frozen=True)
 class ErrorFeedback:
     """
-    Linear feedback of a joint's error, held over the control period.
+    Linear feedback of one joint's error, with the torque held over the control period.
 
     Parameters
     ----------
     stiffness : float
-        Acceleration over error in 1/s^2.
+        Acceleration per unit of error in 1/s^2.
     rate : float
-        Acceleration over error rate in 1/s.
+        Acceleration per unit of error rate in 1/s.
     control_period : float
         Time in s for which a torque is held.
 
@@ -136,7 +136,7 @@ class ErrorFeedback:
         Raises
         ------
         InputError
-            If the poles are others, or the period not positive and finite.
+            If the poles are not such a pair, or the period not positive and finite.
         """
         try:
             given = np.asarray(poles, dtype=np.complex128)
@@ -166,7 +166,8 @@ class ErrorFeedback:
         Parameters
         ----------
         position : float
-            Weight of the squared error in 1/rad^2 (1/m^2); by Bryson's rule 1 over the largest acceptable square.
+            Weight of the squared error in 1/rad^2 (1/m^2); by Bryson's rule 1 divided by the square of the largest
+            acceptable error.
         velocity : float
             Weight of the squared error rate in s^2/rad^2 (s^2/m^2).
         effort : float
@@ -272,7 +273,7 @@ class ErrorFeedback:
 
     @property
     def cascaded(self) -> tuple[float, float]:
-        """Decay rates, 1/s, slower first, else `InputError`."""
+        """Decay rates in 1/s of two real poles, slower first; `InputError` for complex ones."""
         squared = 1.0 - 1.0 / self.damping_ratio**2
         if not self.is_cascade:
             raise InputError(

@@ -36,8 +36,8 @@ class GainDesign:
     inertia : ndarray
         Typical inertia (r,) in kg m^2 (kg), for which each loop is designed.
     least_inertia : ndarray
-        Least inertia (r,) of each joint while others are free, over the typical one. The loop's gain margin must be
-        above the inverse.
+        Least inertia (r,) that each joint moves while the others are free, divided by its typical inertia, without a
+        unit. The gain margin of the loop must exceed the inverse.
     margins : tuple of Margins
         Margins of each sampled loop alone, with the delay.
     control_period : float
@@ -45,9 +45,9 @@ class GainDesign:
     delay : int, default 0
         Delay of the torque in whole control periods. Zero for a torque that acts at once.
     workspace : Workspace, optional
-        Joint positions whose samples replace 200 random ones.
+        Joint positions for which the sampled gain is computed. Default: 200 random ones within the limits.
     given : Gains, optional
-        Gains that the design was made of.
+        Gains of Slotine and Li's law that `from_gains` was called with. Default: None, other methods.
 
     Examples
     --------
@@ -75,7 +75,7 @@ class GainDesign:
         cls, mechanism: Mechanism, gains: Gains, workspace: Workspace, *, control_period: float = 1e-3, delay: int = 0
     ) -> GainDesign:
         """
-        Return the design of given gains.
+        Return the design, with its stability margins, of given gains.
 
         Parameters
         ----------
@@ -93,7 +93,7 @@ class GainDesign:
         Returns
         -------
         GainDesign
-            Design whose joints have error poles at minus bandwidth and minus damping over inertia.
+            Design whose joints have error poles at minus the bandwidth and minus the damping divided by the inertia.
 
         Raises
         ------
@@ -187,7 +187,7 @@ class GainDesign:
         Raises
         ------
         InputError
-            If the poles are others, a period or typical inertia is not positive, or the delay out of range.
+            If the poles are not such a pair, a period or typical inertia is not positive, or the delay out of range.
         """
         feedback = ErrorFeedback.from_poles(poles, control_period)
         return _design(mechanism, "poles", [feedback] * mechanism.dof, control_period, delay)
@@ -238,7 +238,7 @@ class GainDesign:
 
     @property
     def gains(self) -> Gains:
-        """Gains of Slotine and Li's law, else `InputError`."""
+        """Gains for Slotine and Li's law; `InputError` where poles of a joint are complex."""
         if self.given is not None:
             return self.given
         rates = np.array([feedback.cascaded for feedback in self.feedback])
@@ -246,7 +246,7 @@ class GainDesign:
 
     @property
     def is_well_damped(self) -> bool:
-        """True if `gains` exists."""
+        """True if every joint has real poles, so that `gains` exists."""
         return self.given is not None or all(feedback.is_cascade for feedback in self.feedback)
 
     @property
@@ -280,12 +280,12 @@ class GainDesign:
 
     @property
     def max_pole_magnitude(self) -> float:
-        """Greatest magnitude of a pole, 1/s."""
+        """Greatest magnitude of a pole of any joint, 1/s."""
         return max(abs(pole) for feedback in self.feedback for pole in feedback.poles)
 
     @property
     def max_bandwidth_factor(self) -> float:
-        """Largest allowed factor of all poles, 0 to infinity."""
+        """Largest factor, 0 to infinity, by which all poles may be multiplied at this control period."""
         if self.given is not None:  # the sampling ratio is in proportion to both gains
             return self.largest_sampled_gain / self.sampled_gain
 

@@ -104,7 +104,7 @@ def sampled_gain(
     mechanism: Mechanism, damping: ArrayLike, control_period: float, workspace: Workspace | None = None
 ) -> float:
     """
-    Compute the control period times the largest eigenvalue of damping over inertia.
+    Compute the control period times the largest eigenvalue of M^-1 K, mass matrix M and damping K.
 
     Parameters
     ----------

@@ -24,9 +24,9 @@ class Effect(ABC):
 
     Examples
     --------
-    >>> from adaptctl.simulation.effects import Effect, Friction
-    >>> isinstance(Friction(), Effect)
-    True
+    >>> from adaptctl.simulation.effects import ActuatorLag, Friction
+    >>> adaptctl.Plant(arm, 0.001, effects=[Friction(viscous=1.0), ActuatorLag(0.01)])
+    <Plant of 'two_link': period 0.001 s, effects: Friction, ActuatorLag>
     """
 
     @abstractmethod
@@ -86,7 +86,7 @@ class ActuatorEffect(Effect):
         Returns
         -------
         ndarray
-            Internal state (..., h), h numbers of the effect's own.
+            Internal state (..., h) of h numbers, in units of the effect.
         """
 
     @abstractmethod
@@ -99,7 +99,7 @@ class ActuatorEffect(Effect):
         torque : Column
             Torque (r,) from the controller or the effect before, N m (N if prismatic).
         memory : Column
-            Internal state (h,) before the period, in units of the effect's own.
+            Internal state (h,) before the period, in units of the effect.
         control_period : float
             Control period in s.
 
@@ -144,7 +144,7 @@ class SensorEffect(Effect):
         Returns
         -------
         ndarray
-            Internal state (..., h), h numbers of the effect's own.
+            Internal state (..., h) of h numbers, in units of the effect.
         """
 
     @abstractmethod
@@ -163,7 +163,7 @@ class SensorEffect(Effect):
         noise : Column
             Standard normal numbers (2r,) without a unit, the positions' first, the same for all sensor effects.
         memory : Column
-            Internal state (h,) before the measurement, in units of the effect's own.
+            Internal state (h,) before the measurement, in units of the effect.
         control_period : float
             Control period in s.
 
@@ -184,9 +184,9 @@ class JointEffect(Effect):
 
     Examples
     --------
-    >>> from adaptctl.simulation.effects import Friction, JointEffect
-    >>> isinstance(Friction(viscous=1.0), JointEffect)
-    True
+    >>> from adaptctl.simulation.effects import Friction
+    >>> Friction(viscous=1.5).max_slope(2)
+    array([1.5, 1.5])
     """
 
     @abstractmethod
@@ -208,7 +208,7 @@ class JointEffect(Effect):
     @abstractmethod
     def max_slope(self, dof: int) -> Array:
         """
-        Return the greatest slope of the resisting torque over velocity.
+        Return the largest derivative of the resisting torque with respect to velocity.
 
         Parameters
         ----------
@@ -228,9 +228,10 @@ class LoadEffect(Effect):
 
     Examples
     --------
-    >>> from adaptctl.simulation.effects import LoadEffect, PayloadHeld
-    >>> isinstance(PayloadHeld(0.5), LoadEffect)
-    True
+    >>> from adaptctl.simulation.effects import PayloadHeld
+    >>> load = PayloadHeld(0.5, start=1.0)
+    >>> load.mass(0.5), load.mass(1.5), load.next_change_time(0.5)
+    (0.0, 0.5, 1.0)
     """
 
     @abstractmethod

@@ -160,7 +160,7 @@ class ElasticJoints(Effect):
 
     def each(self, name: str, dof: int) -> Array:
         """
-        Return a setting as one number per joint.
+        Return a setting as an array with one value for each joint.
 
         Parameters
         ----------

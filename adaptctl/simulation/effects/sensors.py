@@ -29,8 +29,8 @@ class Encoder(SensorEffect):
     Parameters
     ----------
     resolution : array_like, default 0.0
-        Count in rad (m if prismatic), 2 pi/(n g) for n counts behind a gear of ratio g, one number or (r,); 0 for no
-        rounding, else at least 1e-12.
+        Size of a count in rad (m if prismatic), one number or (r,): 2 pi/(n g) for n counts per turn of a motor with
+        gear ratio g; 0 for no rounding, else at least 1e-12.
     noise : array_like, default 0.0
         Standard deviation of Gaussian noise before the rounding in rad (m), one number or (r,). Zero for none, an
         encoder that only rounds.
