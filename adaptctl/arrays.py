@@ -47,7 +47,7 @@ def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
     """Values as a float64 array, copied only if needed."""
     try:
         if getattr(getattr(values, "dtype", None), "kind", "") in ("c", "m", "M"):
-            raise TypeError("complex numbers and durations have no place here")
+            raise TypeError("complex numbers and durations are not supported")
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{what}: expected numbers {kind}".rstrip() + f", got {values!r}") from error

@@ -65,7 +65,7 @@ def validate_place(path: str | Path, overwrite: bool = True) -> Path:
     if target.is_dir():
         raise FileError(f"{path}: cannot be written (is a directory)")
     if target.exists() and not target.is_file():
-        raise FileError(f"{path}: is no regular file, but a pipe, a device or the like: choose another")
+        raise FileError(f"{path}: is no regular file, but a pipe, a device or the like; choose another")
     if target.exists() and not overwrite:
         raise FileError(f"{path}: exists already; choose another or allow it with --overwrite")
     if not os.access(target.parent, os.W_OK):
@@ -160,7 +160,7 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
         with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
             # Opened without waiting: a pipe would hold us until somebody writes into it.
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise ValueError("not a regular file, but a pipe, a device or the like: give a file")
+                raise ValueError("not a regular file, but a pipe, a device or the like; give a file")
             data = file.read(limit + 1)
     except (OSError, ValueError) as error:
         raise FileError(f"{path}: cannot be read ({reason(error)})") from error

@@ -187,7 +187,7 @@ class Puma560Adaptive(FromRanges):
     def _validate_components(self, mechanism: Mechanism, model: ReducedModel, rank: int) -> None:
         if model.regrouping.shape[1] != mechanism.num_energy_parameters:
             raise InputError(
-                f"robot: {mechanism.name} has friction, which has no energy components: use an arm without friction"
+                f"robot: {mechanism.name} has friction, which has no energy components; use an arm without friction"
             )
         for s in self.components:
             if s > rank:

@@ -210,7 +210,7 @@ def test_what_loops_cannot_say() -> None:
         (lambda: Loops(("b",), couplings=(Coupling("x", "b", "a"),)), "joint 'b' is a follower and cannot be primary"),
         (
             lambda: Loops(("a",), couplings=(Coupling("x", "b", "a"), Coupling("y", "c", "b"))),
-            "coupling 'y': joint 'c' follows 'b', which follows another joint itself: couple both joints to that one",
+            "coupling 'y': joint 'c' follows 'b', which follows another joint itself; couple both joints to that one",
         ),
         (
             lambda: Loops(("a",), couplings=(Coupling("x", "b", "a"), Coupling("y", "b", "a"))),

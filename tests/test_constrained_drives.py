@@ -47,5 +47,5 @@ def test_drives_have_the_rotors_that_constraints_bind() -> None:
         (first, [Drive(), Drive(1.0), Drive(1.0)]),
         (third, [Drive(1.0), Drive(1.0), Drive()]),
     ):
-        with pytest.raises(InputError, match=f"drives: the constraints bind {missing}: give the drives these terms"):
+        with pytest.raises(InputError, match=f"drives: the constraints bind {missing}; give the drives these terms"):
             one.with_drives(drives)

@@ -197,7 +197,7 @@ def test_everything_a_file_can_say(tmp_path: Path) -> None:
     np.testing.assert_array_equal(description.inertial_parameters, [*np.zeros(20), 0.5, 0.0])
 
 
-INCOMPLETE = "the inertia is incomplete or given twice: give mass, first_moment and inertia"
+INCOMPLETE = "the inertia is incomplete or given twice; give mass, first_moment and inertia"
 
 
 @pytest.mark.parametrize(
@@ -214,10 +214,10 @@ INCOMPLETE = "the inertia is incomplete or given twice: give mass, first_moment 
         (HEAD + "[[links]]\nalpha = 0\n" * 257, r"Expected `array` of length <= 256 - at `\$.links`"),
         (PLAIN + "grvity = [0, 0, 1]", "unknown field `grvity`; expected one of schema, convention, links, name"),
         (PLAIN.replace("alpha", "aplha"), r"unknown field `aplha` - at `\$.links\[0\]`; expected one of name, joint"),
-        (HEAD + "links = [{ alpha = 0 }, {}]", r"\$.links\[1\]: alpha is missing: give alpha \(rad\) or alpha_deg"),
+        (HEAD + "links = [{ alpha = 0 }, {}]", r"\$.links\[1\]: alpha is missing; give alpha \(rad\) or alpha_deg"),
         (
             HEAD + "links = [{ alpha = 0, alpha_deg = 0 }]",
-            r"alpha is given twice: give either alpha \(rad\) or alpha_deg",
+            r"alpha is given twice; give either alpha \(rad\) or alpha_deg",
         ),
         (HEAD + "links = [{ alpha = 0, theta = 0, theta_deg = 0 }]", "theta is given twice"),
         (HEAD + "links = [{ alpha = 'x' }]", r"Expected `float \| null`, got `str` - at `\$.links\[0\].alpha`"),

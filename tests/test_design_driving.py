@@ -70,7 +70,7 @@ def test_counterweights_spare_the_motors(runs: dict[str, DrivenArm]) -> None:
 
 def test_what_cannot_be_driven_is_refused() -> None:
     rubbing = DesignTask.within_limits(load("puma560_friction"), 50)
-    with pytest.raises(InputError, match="puma560_friction has friction, which has no energy components: use an arm"):
+    with pytest.raises(InputError, match="puma560_friction has friction, which has no energy components; use an arm"):
         driven(design_study(rubbing, links=("link2",)))
 
 

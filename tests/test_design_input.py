@@ -71,8 +71,11 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "seed text": (lambda: optimal_counterweights(task(), [third()], seed=OTHER), "seed: expected a whole number"),
     "seed none": (lambda: optimal_counterweights(task(), [third()], seed=NONE), "seed: expected a whole number"),
     "study's seed": (lambda: design_study(task(), seed=-1), "seed: expected a whole number from 0"),
-    "expected at least one state": (lambda: with_states(0), "expected one shape (T, 3), T at least 2, got (0, 3)"),
-    "one state": (lambda: with_states(1), "expected one shape (T, 3), T at least 2, got (1, 3)"),
+    "expected at least one state": (
+        lambda: with_states(0),
+        "expected one shape (samples, 3), at least 2 samples, got (0, 3)",
+    ),
+    "one state": (lambda: with_states(1), "expected one shape (samples, 3), at least 2 samples, got (1, 3)"),
     "stack": (lambda: task().cost("energy", several()), "parameters: expected shape (30,), got (2, 30)"),
     "stack's torques": (lambda: task().torques(several()), "parameters: expected shape (30,), got (2, 30)"),
     "speed": (

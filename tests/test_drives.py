@@ -201,7 +201,7 @@ def test_the_rank_knows_a_shaft_that_turns_with_two_joints() -> None:
     tree = random_tree(4, 4)
     mechanism = coupled(tree)
     assert essential_space(mechanism).rank in (essential_space(tree).rank, essential_space(tree).rank + 1)
-    with pytest.raises(InputError, match="drives coupled to several joints: use method='svd'"):
+    with pytest.raises(InputError, match="drives coupled to several joints; use method='svd'"):
         essential_space(mechanism, method="transfers")
     plain = coupled(tree).with_drives([*(Drive() for _ in tree.links[1:]), BENT])
     assert plain.geometry_sha256 != mechanism.geometry_sha256

@@ -271,7 +271,7 @@ def test_a_name_that_is_no_identifier_is_refused(name: Any, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ({"without_safety_filter": False}, "SlotineLi has no safety limits: wrap it in `SafetyFilter`"),
+        ({"without_safety_filter": False}, "SlotineLi has no safety limits; wrap it in `SafetyFilter`"),
         ({"scalar": "half"}, "scalar: expected double or float, got 'half'"),
         ({"language": "rust"}, "language: expected c or wasm, got 'rust'"),
     ],

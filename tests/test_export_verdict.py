@@ -36,7 +36,7 @@ def test_a_law_that_rings_or_never_learns_is_not_exported() -> None:
     lively = guarded(
         ComputedTorque(ARM, np.full(3, 800.0)), torque=1e7, rates=1e12, stop_damping=0.1, control_period=1e-3
     )
-    with pytest.raises(VerdictError, match=r"check: in simulation a joint oscillates after .* s: use smaller gains"):
+    with pytest.raises(VerdictError, match=r"check: in simulation a joint oscillates after .* s; use smaller gains"):
         check_closed_loop(Interface(lively), Sinusoids(np.zeros(3), np.full(3, 0.1), np.ones(3), start_time=0.0), 2.0)
     slow = guarded(slotine_li(1e-9 * GAIN), torque=400.0)
     reference = default_reference(Interface(slow))

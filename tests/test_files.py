@@ -105,7 +105,7 @@ def sockets(path: Path) -> None:
 def test_what_is_no_regular_file_is_never_replaced(tmp_path: Path, made: Callable[[Path], None]) -> None:
     made(tmp_path / "a.json")
     before = (tmp_path / "a.json").lstat()
-    said = r": is no regular file, but a pipe, a device or the like: choose another"
+    said = r": is no regular file, but a pipe, a device or the like; choose another"
     with pytest.raises(FileError, match=said):
         write_json(tmp_path / "a.json", {"a": 1})
     with pytest.raises(FileError, match=said):

@@ -98,28 +98,31 @@ BAD: dict[str, tuple[Spoil, str]] = {
     ),
     "rows for time": (
         lambda log: log.update(time=np.arange(len(log["time"]), dtype=float)),
-        "'time' counts rows .* and is not a time: give the sampling rate with --sample-rate HZ",
+        "'time' counts rows .* and is not a time; give the sampling rate with --sample-rate HZ",
     ),
     "three samples": (cut(3), "has 3 samples; at least 100 are needed"),
     "too short": (cut(150), "150 consecutive samples are too few|only .* independent samples"),
     "milliseconds": (
         times("time", 1e3),
-        r"the sampling rate is 1 Hz, .*: is the unit of time right \(ms taken for s\)",
+        r"the sampling rate is 1 Hz, .*; check the unit of time \(ms taken for s\)",
     ),
     "microseconds": (times("time", 1e-3), r"the sampling rate is 1e\+06 Hz, .* \(s taken for ms\)"),
-    "degrees": (times("motor_position", 180.0 / np.pi), "joint 'joint_1' moves at .*: are the positions in deg"),
+    "degrees": (
+        times("motor_position", 180.0 / np.pi),
+        "joint 'joint_1' moves at .*; check the gear ratio, and whether positions are in deg",
+    ),
     "another robot": (
         lambda log: log.update(motor_position_2=log["motor_position_2"] + 200.0),
-        "joint 'joint_2' moves from .*, but the limits of the robot file are -2.18 to 2.18: .* is it this robot's log",
+        "joint 'joint_2' moves from .*, but the limits of the robot file are -2.18 to 2.18; .* the log is this robot's",
     ),
     "milli": (
         times("motor_torque", 1e3),
-        "joint 'joint_1' has a torque of .* N m, but the limit of the robot is 132: are the unit of torque",
+        "joint 'joint_1' has a torque of .* N m, but the limit of the robot is 132; check the unit of torque",
     ),
-    "wrong sign": (times("motor_torque_4", -1.0), "joint 'joint_4': its torques oppose its motion, as if friction"),
+    "wrong sign": (times("motor_torque_4", -1.0), "the torques of joint 'joint_4' oppose its motion, as if friction"),
     "noise for torque": (
         lambda log: log.update({f"motor_torque_{i}": 0.1 * np.random.default_rng(i).normal(size=2500) for i in MOTORS}),
-        "the equations of staubli_tx40 do not explain .* of the torques: is it this robot's log",
+        "the equations of staubli_tx40 do not explain .* of the torques; check that the log is this robot's",
     ),
     "at rest": (at_rest, "the arm is at rest throughout"),
 }
@@ -178,7 +181,7 @@ def test_a_bad_drives_file_is_refused_by_name(old: str, new: str, message: str, 
     assert old in text
     (files / "bad.toml").write_text(text.replace(old, new, 1))
     with pytest.raises(InputError, match=message):
-        read_drives(files / "bad.toml").of(load(files / "tx40.urdf"))
+        read_drives(files / "bad.toml").ordered_like(load(files / "tx40.urdf"))
 
 
 def test_velocities_that_disagree_tell_wrong_units(files: Path) -> None:
@@ -235,13 +238,13 @@ def test_what_is_not_stated_is_asked_for_by_name() -> None:
     with pytest.raises(InputError, match="no column 'time' for the time; specify it: --columns time=NAME"):
         joint_columns(mechanism, log, named)
     named |= {"time": "t"}
-    with pytest.raises(InputError, match="units of time, position, torque are unknown: give"):
+    with pytest.raises(InputError, match="units of time, position, torque are unknown; give"):
         joint_columns(mechanism, log, named)
     units = {"time": "s", "position": "rad"}
-    with pytest.raises(InputError, match="torques in A need torque constants: give a drives file"):
+    with pytest.raises(InputError, match="torques in A need torque constants; give a drives file"):
         joint_columns(mechanism, log, named, units | {"torque": "A"})
     told = LogTable(log.source, log.columns, {"cur1": "%", "cur2": "%"})
-    with pytest.raises(InputError, match="torques in % need torque constants: give a drives file"):
+    with pytest.raises(InputError, match="torques in % need torque constants; give a drives file"):
         joint_columns(mechanism, told, named, units)
     with pytest.raises(InputError, match="columns: expected time, position, torque, velocity, got 'angle'"):
         joint_columns(mechanism, log, {"angle": "q{}"})
@@ -340,7 +343,7 @@ def test_priors_are_made_consistent_and_said() -> None:
 def test_constraints_on_parameters_are_refused_and_not_left_out() -> None:
     case = known(1, 2, duration=4.0)
     slim = constrained(case.guess, Constraints({"link1.mc_z": 0.0}))
-    with pytest.raises(InputError, match=r"does not support constraints .*: give `mechanism\.unconstrained`"):
+    with pytest.raises(InputError, match=r"does not support constraints .*; give `mechanism\.unconstrained`"):
         identified(slim, case.drives, [case.log])
 
 

@@ -141,7 +141,11 @@ def test_arguments_of_another_kind_are_named(given: dict[str, Any], message: str
     ("factors", "message"),
     [
         ((1.0, 1.0, 1e3), r"joint 'j0' has a torque of .* N, but the limit of the robot is 30"),
-        ((1e2, 1.0, 1.0), r"joint 'j0' moves at .* m/s, but the limit of the robot is 2: are the positions in mm"),
+        (
+            (1e2, 1.0, 1.0),
+            "joint 'j0' moves at .* m/s, but the limit of the robot is 2; check the gear ratio, "
+            "and whether positions are in mm",
+        ),
     ],
 )
 def test_limits_of_what_slides_are_told_in_its_units(factors: tuple[float, float, float], message: str) -> None:

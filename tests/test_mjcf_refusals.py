@@ -32,7 +32,7 @@ EQUAL = CLOSED["connect"]
         (mjcf("<joint/>"), "<joint>: MuJoCo: World body cannot have joints"),
         (
             mjcf(chain() + chain().replace('"a"', '"z"').replace('"b"', '"y"').replace('"j', '"k')),
-            "2 root bodies move, 'a', 'z', each a separate mechanism: select one, .* root='a'",
+            "2 root bodies move, 'a', 'z', each a separate mechanism; select one, .* root='a'",
         ),
         (mjcf(chain('type="ball"')), "body 'a' has a ball joint, 'j1': only hinges and slides are supported"),
         (mjcf(chain('type="screw"')), "joint 'j1': MuJoCo: invalid keyword: 'screw'"),
@@ -134,9 +134,9 @@ EQUAL = CLOSED["connect"]
         ),
         (
             mjcf(chain(), before='<compiler boundmass="1"/>'),
-            "<compiler>: boundmass: not supported: write the final masses",
+            "<compiler>: boundmass: not supported; write the final masses",
         ),
-        (mjcf(chain(), before='<compiler balanceinertia="true"/>'), "<compiler>: balanceinertia: not supported: write"),
+        (mjcf(chain(), before='<compiler balanceinertia="true"/>'), "<compiler>: balanceinertia: not supported; write"),
         (
             mjcf(chain(), before='<option gravity="0 0"/>'),
             "<option>: MuJoCo: attribute 'gravity' does not have",
@@ -153,11 +153,11 @@ EQUAL = CLOSED["connect"]
         ),
         (
             linkage('<weld body1="rod" body2="pad"/>'),
-            "equality 'weld1': both ends are on the same rigid body, rod: remove it",
+            "equality 'weld1': both ends are on the same rigid body, rod; remove it",
         ),
         (
             linkage('<weld body1="base"/>'),
-            "equality 'weld1': both ends are on the same rigid body, the world: remove it",
+            "equality 'weld1': both ends are on the same rigid body, the world; remove it",
         ),
         (
             linkage('<tendon name="t" tendon1="x"/>'),
@@ -169,7 +169,7 @@ EQUAL = CLOSED["connect"]
         ),
         (
             linkage('<joint joint1="rod"/>'),
-            "equality 'joint1': fixes joint 'rod': remove the joint, or give joi",
+            "equality 'joint1': fixes joint 'rod'; remove the joint, or give joi",
         ),
         (
             linkage('<joint joint1="rod" joint2="rad"/>'),
@@ -186,7 +186,7 @@ EQUAL = CLOSED["connect"]
         ),
         (
             linkage(EQUAL, actuator=""),
-            "loops need primary joints, but no actuator drives a joint: .* among crank, rod, roc",
+            "loops need primary joints, but no actuator drives a joint; .* among crank, rod, roc",
         ),
         (
             linkage(EQUAL, actuator=MOTOR.replace("crank", "handle")),

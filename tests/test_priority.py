@@ -138,7 +138,7 @@ def test_a_priority_decides_what_is_kept(puma: Mechanism) -> None:
         ('order = ["link1.m"]\nkinds = ["m"]', "give one of: order; kinds and links; grid"),
         ('order = ["link1.m"]\n[grid]\nm = [1, 2, 3, 4, 5, 6]', "give one of: order; kinds and links; grid"),
         ('kinds = ["m"]\n[grid]\nm = [1, 2, 3, 4, 5, 6]', "give one of: order; kinds and links; grid"),
-        ("", "empty priority: give order, keep, kinds, links or grid"),
+        ("", "empty priority; give order, keep, kinds, links or grid"),
         ("order = 3", "Expected `array | null`, got `int` - at `$.order`"),
         ('oder = ["link1.m"]', "unknown field `oder`; expected one of schema, order, keep, kinds, links, first, grid"),
         ('first = "mass"\nkinds = ["m"]', "at `$.first`; expected one of 'kinds', 'links'"),

@@ -127,7 +127,7 @@ def task() -> DesignTask:
         (lambda: MountingBounds.for_link(arm("puma560_arm3"), "link3").grid(0), "grid: points_per_edge"),
         (lambda: DesignTask.within_limits(arm("puma560_arm3"), cast(Any, 5.5)), "samples: expected a whole number"),
         (lambda: DesignTask.within_limits(arm("puma560_arm3"), 50, seed=-1), "seed: expected a whole number"),
-        (lambda: DesignTask(arm("puma560_arm3"), *np.ones((3, 2, 30, 3)), ""), r"expected one shape \(T, 3\)"),
+        (lambda: DesignTask(arm("puma560_arm3"), *np.ones((3, 2, 30, 3)), ""), r"expected one shape \(samples, 3\)"),
         (lambda: task().nonzero_parameters(share=np.nan), "share: expected a number, got nan"),
         (lambda: box(TEXT, (1.0, 1.0, 1.0)), "mass: expected"),
         (lambda: cylinder(TEXT, 1.0, 1.0), "mass: expected"),

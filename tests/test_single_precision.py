@@ -135,7 +135,7 @@ def test_what_single_precision_cannot_do_is_refused(tmp_path: Path) -> None:
         Lanes(16)
     far = adaptctl.load(write_scaled(tmp_path, 1e4))
     law = ComputedTorque(far, 8.0)
-    with pytest.raises(InputError, match=r"precision: in single precision the loops .* stay open by .*: use double"):
+    with pytest.raises(InputError, match=r"precision: in single precision the loops .* stay open by .*; use double"):
         simulate_many(Plant(far, 1e-3), law, swinging(far), duration=0.01, precision="single")
     small = arm("puma560_arm3")
     with pytest.raises(

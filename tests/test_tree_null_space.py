@@ -239,7 +239,7 @@ def test_left_to_itself_it_takes_what_certifies() -> None:
 
 
 def test_only_trees_have_transfers() -> None:
-    with pytest.raises(InputError, match=r"method: transfers are for trees, but .* has loops: use method='svd'"):
+    with pytest.raises(InputError, match=r"method: transfers are for trees, but .* has loops; use method='svd'"):
         essential_space(load("semi_direct_drive"), method="transfers")
     slim = constrained(arm(UP, ACROSS), Constraints({"link1.mc_y": 0.0}))
     with pytest.raises(InputError, match="arm has constraints on its parameters"):

@@ -92,6 +92,6 @@ def test_columns_in_units_of_different_factors_are_told_apart() -> None:
     log = table("log.csv", {"time": np.arange(9.0), **columns}.items(), said)
     with pytest.raises(
         InputError,
-        match=r"log\.csv: the columns of position have different units \(mm, rad\): convert them to SI units",
+        match=r"log\.csv: the columns of position have different units \(mm, rad\); convert them to SI units",
     ):
         joint_columns(arm, log)

@@ -266,14 +266,14 @@ OUTSIDE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]>'
         (ROBOT.replace('"one"', '"&b;"'), r"not well-formed XML \(undefined entity"),
         (
             '<robot xmlns:xacro="http://ros.org/x/xacro"><xacro:arm/></robot>',
-            "contains xacro macros: expand them first",
+            "contains xacro macros; expand them first",
         ),
         ("<robot/>", "no <link> elements"),
         ('<robot><link name="a"/></robot>', "no moving joint: expected a revolute, continuous or prismatic joint"),
         (ROBOT.replace("revolute", "fixed"), "no moving joint"),
         (
             ROBOT.replace("revolute", "floating"),
-            "joint 'hinge': type 'floating' is not supported: build it from revolute",
+            "joint 'hinge': type 'floating' is not supported; build it from revolute",
         ),
         (ROBOT.replace("revolute", "planar"), "joint 'hinge': type 'planar' is not supported"),
         (
@@ -288,7 +288,7 @@ OUTSIDE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]>'
         (ROBOT.replace('child link="arm"', 'child link="am"'), "joint 'hinge': its child link 'am' does not exist"),
         (ROBOT.replace('<parent link="base"/>', ""), "joint 'hinge': <joint> needs an element <parent>"),
         (ROBOT.replace('<child link="arm"/>', "<child/>"), "joint 'hinge': <child> needs the attribute link"),
-        (second('<link name="lost"/>'), "more than one root link, 'base', 'lost': connect all but one"),
+        (second('<link name="lost"/>'), "more than one root link, 'base', 'lost'; connect all but one"),
         (second(edge("back", "arm", "base")), "links in a cycle: 'arm', 'base'"),
         (second(edge("self", "x", "x"), '<link name="x"/>'), "links in a cycle: 'x'"),
         (

@@ -104,8 +104,8 @@ DURATION = 600.0
 SMALL_ERROR, LEARNED_SHARE = 5e-3, 1.0 / 3.0
 """rad or m, and fraction of the first error; a last error above both fails"""
 FAILURES = {
-    "stopped": "the safety limits stop the arm after {:g} s: use smaller gains, or wider limits",
-    "ringing": "a joint oscillates after {:g} s: use smaller gains or a shorter period",
+    "stopped": "the safety limits stop the arm after {:g} s; use smaller gains, or wider limits",
+    "ringing": "a joint oscillates after {:g} s; use smaller gains or a shorter period",
 }
 """flags that fail the check, and their meanings"""
 

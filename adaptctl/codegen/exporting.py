@@ -153,7 +153,7 @@ def export(
     interface = Interface(controller)
     if not (interface.guarded or without_safety_filter):
         raise InputError(
-            f"controller: {type(controller).__name__} has no safety limits: wrap it in `SafetyFilter` with the limits "
+            f"controller: {type(controller).__name__} has no safety limits; wrap it in `SafetyFilter` with the limits "
             "of torques, rates and positions, or pass without_safety_filter=True"
         )
     chosen = _name(interface, name)
@@ -187,7 +187,7 @@ def _c_files(
     if package.stack > MAX_STACK_BYTES and not large_stack:
         raise InputError(
             f"controller: a control step would need about {package.stack // 1024} kB of stack, above the limit of "
-            f"{MAX_STACK_BYTES // 1024} kB for small processors: use another adaptation law, or pass large_stack=True"
+            f"{MAX_STACK_BYTES // 1024} kB for small processors; use another adaptation law, or pass large_stack=True"
         )
     ticks, last = record(interface, reference)
     files: dict[str, str | bytes] = dict(package.files(ticks, last))

@@ -113,7 +113,7 @@ class Graph:
         """Raise `TraceError` if a value is of another graph."""
         for x in values:
             if isinstance(x, Expression) and x.graph is not self:
-                raise untraceable("a value of another trace was used: pass it to the function as an argument")
+                raise untraceable("a value of another trace was used; pass it to the function as an argument")
 
 
 def reachable(outputs: Iterable[Any]) -> list[Expression]:

@@ -31,26 +31,26 @@ class _Traced(Expression):
     __hash__ = Expression.__hash__
 
     def __eq__(self, other: object) -> bool:
-        raise untraceable("a traced value cannot be tested for equality: use < or <=, and where")
+        raise untraceable("a traced value cannot be tested for equality; use < or <=, and where")
 
     def __bool__(self) -> bool:
         raise untraceable(
-            "a traced value cannot be branched on (`if`, `while`, `and`, `or`, `min`, `max`): use where, minimum or "
+            "a traced value cannot be branched on (`if`, `while`, `and`, `or`, `min`, `max`); use where, minimum or "
             "maximum"
         )
 
     def __float__(self) -> float:
         raise untraceable(
-            "a traced value cannot become a float: use sin, exp, sqrt, ... of adaptctl.scalars or numpy instead of math"
+            "a traced value cannot become a float; use sin, exp, sqrt, ... of adaptctl.scalars or numpy instead of math"
         )
 
     def __index__(self) -> int:
-        raise untraceable("a traced value cannot be an index or a count: use where to select")
+        raise untraceable("a traced value cannot be an index or a count; use where to select")
 
     __int__ = __index__
 
     def __array__(self, *_args: Any, **_options: Any) -> NoReturn:
-        raise untraceable("a traced value cannot be put into an array: use Column, Vec or Mat")
+        raise untraceable("a traced value cannot be put into an array; use Column, Vec or Mat")
 
     def __array_function__(self, function: Any, _types: Any, args: Any, options: Any) -> Any:
         if function is not np.where or len(args) != 3 or options:
@@ -99,7 +99,7 @@ class Node(_Traced):
     __le__, __ge__ = _operator(_less_equal), _operator(_less_equal, reflected=True)
 
     def __pow__(self, _exponent: object) -> NoReturn:
-        raise untraceable("a traced value cannot be raised to a power: multiply, or use sqrt")
+        raise untraceable("a traced value cannot be raised to a power; multiply, or use sqrt")
 
     def __neg__(self) -> Any:
         return negate(self)
@@ -115,7 +115,7 @@ class Node(_Traced):
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         if any(isinstance(x, np.ndarray) and x.ndim for x in inputs):
             raise untraceable(
-                "a traced value cannot be combined with an array: convert the array to Column, Vec or Mat"
+                "a traced value cannot be combined with an array; convert the array to Column, Vec or Mat"
             )
         operands = [lift(x) for x in inputs]
         if any(x is None for x in operands) or method != "__call__" or options:

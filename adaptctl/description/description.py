@@ -555,7 +555,7 @@ def _validate_depth_first(name: str, parents: Sequence[int]) -> None:
         while branch and branch[-1] != parent:
             branch.pop()
         if not branch and parent != GROUND:
-            raise InputError(f"{name}: link {i} is not in depth-first order: sort the links with depth_first")
+            raise InputError(f"{name}: link {i} is not in depth-first order; sort the links with depth_first")
         branch.append(i)
 
 

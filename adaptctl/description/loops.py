@@ -231,7 +231,7 @@ class Loops:
             if c.leader in followers:
                 raise InputError(
                     f"coupling {c.name!r}: joint {c.follower!r} follows {c.leader!r}, which follows another joint "
-                    "itself: couple both joints to that one"
+                    "itself; couple both joints to that one"
                 )
             if c.follower in self.primary:
                 raise InputError(f"coupling {c.name!r}: joint {c.follower!r} is a follower and cannot be primary")

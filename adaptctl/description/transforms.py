@@ -36,7 +36,7 @@ def joined(
     frames: list[NamedFrame] = []
     for label, (part, mount) in parts.items():
         if part.loops is not None:
-            raise InputError(f"{name}: part {label!r} has loops: join its tree, and give all loops in `loops`")
+            raise InputError(f"{name}: part {label!r} has loops; join its tree, and give all loops in `loops`")
         visuals += [_moved(visual, mount, len(links)) for visual in part.visuals]
         frames += [_renamed_frame(frame, label, mount, len(links)) for frame in part.frames]
         links += [_renamed(link, label, mount, len(links)) for link in part.links]

@@ -230,7 +230,7 @@ class CostMap:
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", positive_number(self.mass, "mass: expected a positive number of kg"))
         if not self.task.cost(self.objective) > 0.0:
-            raise InputError(f"objective: {self.objective!r} is zero in all states: give another one")
+            raise InputError(f"objective: {self.objective!r} is zero in all states; give another one")
 
     def at(self, link: str, positions: ArrayLike) -> Array:
         """

@@ -59,7 +59,7 @@ def driven(
     """Runs with and without counterweights that adapt all parameters, few components, and none."""
     mechanism, whole = study.task.mechanism, study.task.essential_space.rank
     if len(mechanism.parameter_names) != mechanism.num_energy_parameters:
-        raise InputError(f"{mechanism.name} has friction, which has no energy components: use an arm without friction")
+        raise InputError(f"{mechanism.name} has friction, which has no energy components; use an arm without friction")
     few = min(NUM_COMPONENTS, whole) if components is None else components
     count = whole_number(few, f"components of {mechanism.name}", 1, whole)
     positive_number(duration, "duration: expected a positive number of s")

@@ -94,9 +94,11 @@ class DesignTask:
             object.__setattr__(self, what, frozen(np.array(np.atleast_2d(values))))
         if not self.p.shape == self.v.shape == self.a.shape or self.p.ndim > 2 or len(self.p) < 2:
             shapes = f"{self.p.shape}, {self.v.shape} and {self.a.shape}"
-            raise InputError(f"task: expected one shape (T, {self.mechanism.dof}), T at least 2, got {shapes}")
+            raise InputError(
+                f"task: expected one shape (samples, {self.mechanism.dof}), at least 2 samples, got {shapes}"
+            )
         if max(float(np.ptp(self.p, axis=0).max()), float(np.ptp(self.v, axis=0).max())) < MIN_MOTION:
-            raise InputError("task: the states are all equal: give different states, or a reference")
+            raise InputError("task: the states are all equal; give different states, or a reference")
 
     def __repr__(self) -> str:
         return f"<DesignTask of {self.mechanism.name!r}: {self.origin}>"
@@ -232,7 +234,7 @@ class DesignTask:
             size = float(np.linalg.norm(whole)) / np.sqrt(len(self.p))
         if varying <= MIN_ENERGY_RATIO * size:
             raise InputError(
-                f"{self.mechanism.name}: the energy is equal in all states of the task: give a motion, or higher "
+                f"{self.mechanism.name}: the energy is equal in all states of the task; give a motion, or higher "
                 "velocities"
             )
 
@@ -529,7 +531,7 @@ class DesignTask:
         with np.errstate(over="ignore", invalid="ignore"):
             values = np.asarray(matrix @ self._given(parameters))
             if not np.isfinite(np.sum(np.square(values))):
-                raise NonFiniteError("parameters: the cost overflows: give smaller parameters, or lower velocities")
+                raise NonFiniteError("parameters: the cost overflows; give smaller parameters, or lower velocities")
         return values
 
     @cached_property

@@ -40,7 +40,7 @@ class Parametrisation:
         taken = [i for i in range(len(names)) if i not in self.left]
         bound = {*taken, *(i for i, column in zip(self.left, self.matrix.T, strict=True) if column[taken].any())}
         if missing := [names[i] for i in sorted(bound) if names[i] not in others]:
-            raise InputError(f"drives: the constraints bind {', '.join(missing)}: give the drives these terms")
+            raise InputError(f"drives: the constraints bind {', '.join(missing)}; give the drives these terms")
         rows = {names[i]: others.index(names[i]) for i in taken}
         left = tuple(i for i, name in enumerate(others) if name not in rows)
         N, known = np.eye(len(others))[:, left], np.zeros(len(others))
@@ -57,7 +57,7 @@ class ConstrainedMechanism(Mechanism):
 
     def __init__(self, whole: Mechanism, parametrisation: Parametrisation) -> None:
         if whole.parameter_names != whole.description.parameter_names:
-            raise InputError(f"{whole.name}: give all relations at once, not one after the other")
+            raise InputError(f"{whole.name}: is constrained already; give all relations in one call")
         own = whole.inertial_parameters[list(parametrisation.left)]
         super().__init__(whole.description.with_parameters(parametrisation.expanded(own)))
         self.whole, self.parametrisation = whole, parametrisation

@@ -552,7 +552,7 @@ class Mechanism:
         """
         if self.description.massless_joints:
             names = ", ".join(self.description.massless_joints)
-            raise InputError(f"{self.name}: moving links without mass, which carry none either: give mass to {names}")
+            raise InputError(f"{self.name}: links and all that they carry have no mass; give mass to {names}")
 
     def mass_matrix(self, p: ArrayLike, out: Array | None = None) -> Array:
         """

@@ -260,7 +260,8 @@ class Certificate:
         hints = "".join(f"; {suspect}" for suspect in suspects)
         raise RankError(
             f"{mechanism}: the rank cannot be certified: {'; '.join(self.failures)}{hints}. "
-            f"Scaled singular values over the largest: {_listing(spectrum / spectrum.max(initial=1e-300), self.rank)}",
+            "Scaled singular values divided by the largest: "
+            f"{_listing(spectrum / spectrum.max(initial=1e-300), self.rank)}",
             tuple(spectrum.tolist()),
         )
 

@@ -60,7 +60,7 @@ def certified(
     hindrance = _no_tree(mechanism)
     if method == "transfers":
         if hindrance:
-            raise InputError(f"method: transfers are for trees, but {mechanism.name} has {hindrance}: use method='svd'")
+            raise InputError(f"method: transfers are for trees, but {mechanism.name} has {hindrance}; use method='svd'")
         return certified_by_transfers(mechanism, samples, seed, proof)
     if method == "automatic" and not hindrance and mechanism.num_energy_parameters >= MIN_PARAMETERS_FOR_TRANSFERS:
         with suppress(RankError):

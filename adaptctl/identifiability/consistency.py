@@ -124,7 +124,7 @@ def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | 
     if given != every:
         raise InputError(
             f"{model.mechanism.name}: expected a mechanism without constraints, with ten parameters per link, got "
-            f"{given} of {every} parameters: use the model of its `unconstrained`"
+            f"{given} of {every} parameters; use the model of its `unconstrained`"
         )
     wanted = frozen_array(beta, (len(model.columns),), "base parameters")
     own = model.mechanism.inertial_parameters

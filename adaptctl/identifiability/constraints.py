@@ -315,6 +315,6 @@ def _flat(nested: _Nested) -> dict[str, float]:
     for name, value in nested.items():
         inner = {f"{name}.{kind}": x for kind, x in value.items()} if isinstance(value, dict) else {name: value}
         if twice := sorted(inner.keys() & out.keys()):
-            raise InputError(f"{twice[0]!r} is given twice, with quotes and without: keep one")
+            raise InputError(f"{twice[0]!r} is given twice, with quotes and without; keep one")
         out |= inner
     return out

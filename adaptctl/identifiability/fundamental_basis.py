@@ -414,6 +414,6 @@ def _validate_conditioned(space: EssentialSpace, found: Regrouping) -> None:
     names = [space.parameter_names[found.removed[i]] for i in np.argsort(-np.abs(weights))[:3]]
     raise RankError(
         f"{space.mechanism.name}: this priority removes almost dependent parameters, {names[0]} and {names[-1]} among "
-        f"them: the condition of F2' V2 is {found.condition:.1e}, above the limit of {MAX_CONDITION:.0e}; give one "
-        "of them a lower priority, or pass a larger tolerance"
+        f"them; the regrouping's condition number is {found.condition:.1e}, above "
+        f"the limit of {MAX_CONDITION:.0e}; give one of them a lower priority, or pass a larger tolerance"
     )

@@ -188,7 +188,7 @@ def _from_table(table: _Table, parameter_names: Sequence[str]) -> Priority:
     if by_kind:
         return Priority(_product_order(table, parameter_names, keep), keep)
     if table.order is None and not keep:
-        raise InputError("empty priority: give order, keep, kinds, links or grid")
+        raise InputError("empty priority; give order, keep, kinds, links or grid")
     return Priority(tuple(_our_name(name) for name in table.order or ()), keep)
 
 

@@ -74,7 +74,7 @@ class ReducedModel(Keyed):
         if self.basis.geometry_sha256 != geometry:
             raise InputError(
                 f"the basis is that of {self.basis.mechanism_name!r}, whose geometry, gravity, link names or "
-                f"constraints differ from those of {self.mechanism.name!r}: compute the basis of "
+                f"constraints differ from those of {self.mechanism.name!r}; compute the basis of "
                 f"{self.mechanism.name!r}"
             )
         _validate_energies(self.mechanism, self.basis)

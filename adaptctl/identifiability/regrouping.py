@@ -26,7 +26,7 @@ CERTAIN_INDEPENDENCE = 1e-8
 COEFFICIENT_ROUND_OFF = 1e-11
 # Relative distance from a whole number that is round-off.
 WHOLE_NUMBER_TOLERANCE = 1e-13
-# Largest condition of F2' V2 among scaled parameters.
+# Largest condition number of the matrix that is inverted for the regrouping, among scaled parameters.
 MAX_CONDITION = 1e4
 # Largest bound of that condition at which Cholesky's factor does not drown in round-off.
 MAX_CONDITION_BOUND = 1e7

@@ -88,7 +88,7 @@ def _within_conditions(mechanism: Mechanism, start: Array, wanted: Array) -> Arr
     if not description.within_conditions(start):
         raise InputError(
             f"{mechanism.name}: the reference configuration, p = {np.round(start, 4).tolist()}, violates a condition "
-            "of the mechanism: give a reference that satisfies it"
+            "of the mechanism; give a reference that satisfies it"
         )
     shares = np.linspace(0.0, 1.0, LINE_POINTS)
     inside = description.within_conditions(start + shares[:, None, None] * (wanted - start))

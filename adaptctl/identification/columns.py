@@ -81,11 +81,11 @@ def _time(log: LogTable, drives: Drives, rate: float | None) -> Array:
         kind = "repeated" if steps[row] == 0.0 else "smaller than the previous one"
         raise FileError(
             f"{log.source}: column {drives.time!r}: the stamp {stamps[row + 1]:g} of row {row + 2} is {kind}; time "
-            "must increase from row to row: remove repeated rows, sort them, or split the log"
+            "must increase from row to row; remove repeated rows, sort them, or split the log"
         )
     if len(steps) and np.all(steps == 1.0) and drives.units.time > 1e-3:
         raise FileError(
-            f"{log.source}: column {drives.time!r} counts rows (0, 1, 2, ...) and is not a time: give the sampling "
+            f"{log.source}: column {drives.time!r} counts rows (0, 1, 2, ...) and is not a time; give the sampling "
             "rate with --sample-rate HZ"
         )
     return np.asarray(stamps * drives.units.time)
@@ -193,7 +193,7 @@ def _one_of(symbols: list[str], what: str, source: str) -> str:
     factors = {FACTORS[what].get(spaced(symbol), symbol) for symbol in symbols}
     if len(factors) > 1:
         raise InputError(
-            f"{source}: the columns of {what} have different units ({', '.join(symbols)}): convert them to SI units"
+            f"{source}: the columns of {what} have different units ({', '.join(symbols)}); convert them to SI units"
         )
     return symbols[0]
 
@@ -217,7 +217,7 @@ def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]
     if missing := [what for what in names if what not in units]:
         examples = {"time": "s", "position": "rad", "torque": "'N m'", "velocity": "rad/s"}
         raise InputError(
-            f"{log.source}: the units of {', '.join(missing)} are unknown: give "
+            f"{log.source}: the units of {', '.join(missing)} are unknown; give "
             f"--units {' '.join(f'{what}={examples[what]}' for what in missing)}, or others"
         )
     return units
@@ -228,7 +228,7 @@ def _checked_units(log: LogTable, units: dict[str, str]) -> Units:
     checked = Units.checked(units["time"], units["position"], units["torque"], units.get("velocity"))
     if checked.torque is None:
         raise InputError(
-            f"{log.source}: torques in {units['torque']} need torque constants: give a drives file with "
+            f"{log.source}: torques in {units['torque']} need torque constants; give a drives file with "
             "torque_constant for every motor, or 'unknown'"
         )
     return checked

@@ -450,6 +450,6 @@ def _validate_constants(content: DrivesFile, units: Units) -> None:
 
 def _offsets(content: DrivesFile, r: int) -> Array:
     if content.joint_offsets is not None and content.joint_offsets_deg is not None:
-        raise InputError("the joint offsets are given twice: give either joint_offsets (rad) or joint_offsets_deg")
+        raise InputError("the joint offsets are given twice; give either joint_offsets (rad) or joint_offsets_deg")
     degrees = np.radians(content.joint_offsets_deg) if content.joint_offsets_deg is not None else np.zeros(r)
     return frozen_array(degrees if content.joint_offsets is None else content.joint_offsets, (r,), "$.joint_offsets")

@@ -107,7 +107,7 @@ def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float,
     for times in np.geomspace(1.0 + abs(_value(A, b, prior, weight, 1.0, x)) / weight, 1.0, MAX_WEIGHT_STAGES).tolist():
         x, done = _newton(A, b, prior, weight, times, x)
     if not done:
-        raise AdaptctlError("the consistent estimate did not converge: are the columns badly scaled?")
+        raise AdaptctlError("the consistent estimate did not converge; check the units of the columns")
     return x
 
 
@@ -139,7 +139,7 @@ def _solved(curvature: Array, gradient: Array) -> Array:
     for more in (0.0, 1e-10, 1e-8, 1e-6):
         with suppress(LinAlgError):
             return scale * cho_solve(cho_factor(scaled + more * np.eye(len(scaled))), scale * gradient)
-    raise AdaptctlError("the consistent estimate did not converge: are the columns badly scaled?")
+    raise AdaptctlError("the consistent estimate did not converge; check the units of the columns")
 
 
 def _value(A: Array, b: Array, prior: EntropicPrior, weight: float, times: float, x: Array) -> float:
@@ -173,7 +173,7 @@ def prior_links(mechanism: Mechanism) -> tuple[Array, list[str]]:
         if not ten[0] > 0.0:
             raise InputError(
                 f"{mechanism.name}: link {link.name!r} has no mass in the robot file; the estimate needs prior values "
-                "of all links: give it an approximate mass, centre and inertia"
+                "of all links; give it an approximate mass, centre and inertia"
             )
         spread = _spread_enough(ten)
         if not np.array_equal(spread, ten):

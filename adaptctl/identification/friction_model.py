@@ -59,7 +59,7 @@ def with_all_friction(mechanism: Mechanism, drives: Drives) -> Mechanism:
     """Mechanism with a rotor and every kind of friction in each primary drive, zero, coupled by `drives`."""
     if mechanism.unconstrained is not mechanism:
         raise InputError(
-            f"{mechanism.name}: identification does not support constraints on the parameters: give "
+            f"{mechanism.name}: identification does not support constraints on the parameters; give "
             "`mechanism.unconstrained`"
         )
     terms = dict.fromkeys(DriveParameter, 0.0)

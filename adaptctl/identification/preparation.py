@@ -137,7 +137,7 @@ def _validate_plausible_rate(log: JointLog) -> None:
         likely = "ms taken for s" if rate < MIN_SAMPLE_RATE else "s taken for ms"
         raise InputError(
             f"{log.source}: the sampling rate is {rate:.3g} Hz, but {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz are "
-            f"expected: is the unit of time right ({likely})?"
+            f"expected; check the unit of time ({likely})"
         )
 
 
@@ -235,21 +235,21 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
         if fastest[j] > MAX_SPEED_RATIO * limits.velocity:
             raise InputError(
                 f"{source}: joint {joint.name!r} moves at {fastest[j]:.3g} {joint.kind.position_unit}/s, but the limit "
-                f"of the robot is {limits.velocity:.3g}: are the positions in "
-                f"{'deg' if joint.kind.is_revolute else 'mm'}, the time in ms, or is the gear ratio wrong?"
+                f"of the robot is {limits.velocity:.3g}; check the gear ratio, and whether "
+                f"positions are in {'deg' if joint.kind.is_revolute else 'mm'} or times in ms"
             )
         if low < limits.lower - MAX_RANGE_EXCESS or high > limits.upper + MAX_RANGE_EXCESS:
             raise InputError(
                 f"{source}: joint {joint.name!r} moves from {low:.3g} to {high:.3g}, but the limits of the robot file "
-                f"are {limits.lower:.3g} to {limits.upper:.3g}: are units, gear ratio (and its sign) and offset right, "
-                "and is it this robot's log?"
+                f"are {limits.lower:.3g} to {limits.upper:.3g}; check units, gear ratio (and its sign) and offset, "
+                "and that the log is this robot's"
             )
         strongest = max(float(np.percentile(np.abs(log.torque[:, j]), 99.0)) for log in logs)
         if strongest > MAX_SPEED_RATIO * limits.effort:
             raise InputError(
                 f"{source}: joint {joint.name!r} has a torque of {strongest:.3g} {joint.kind.effort_unit}, but the "
-                f"limit of the robot is {limits.effort:.3g}: are the unit of torque, the torque constant and the gear "
-                "ratio right?"
+                f"limit of the robot is {limits.effort:.3g}; check the unit of torque, the torque constant and the "
+                "gear ratio"
             )
     return "positions, velocities and torques are within the limits of the robot"
 

@@ -348,7 +348,7 @@ def _slowed(motion: RobotMotion, mechanism: Mechanism, limits: RobotLimits) -> R
         if slow > MAX_TIME_SCALE:
             raise InputError(
                 f"{mechanism.name}: the torques exceed their limits even for a slow motion; reduce the position range "
-                "(share)"
+                "(limit_share)"
             )
     for _ in range(MAX_HALVINGS):
         middle = 0.5 * (slow + fast)

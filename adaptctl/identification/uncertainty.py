@@ -169,7 +169,7 @@ def forecast(mechanism: Mechanism, motion: RobotMotion, noise: ArrayLike | None 
 def _expected(torque: Array) -> Array:
     largest = np.abs(torque).max(axis=0)
     if not np.any(largest):
-        raise InputError("noise: the motion needs no torque: give the expected residuals")
+        raise InputError("noise: the motion needs no torque; give the expected residuals")
     return NOISE_SHARE * np.maximum(largest, MIN_TORQUE_SHARE * largest.max())
 
 

@@ -202,13 +202,14 @@ def validate_plausible(evidence: LogEvidence, source: str, cutoff: float) -> Non
         drives = np.mean(rubbing * v) < MIN_FRICTION_POWER * np.sqrt(np.mean(v**2) * np.mean(torque**2))
         if drives and _is_needed(evidence, equations, f"{joint.name}.", deviations):
             raise InputError(
-                f"{source}: joint {joint.name!r}: its torques oppose its motion, as if friction were negative: is the "
-                "sign of its gear ratio, or of its torque or position column, right?"
+                f"{source}: the torques of joint {joint.name!r} oppose its motion, as if friction were negative; "
+                "check the signs of its gear ratio, torque column and position column"
             )
     if left > MAX_UNEXPLAINED_SHARE:
         raise InputError(
-            f"{source}: the equations of {evidence.mechanism.name} do not explain {left:.0%} of the torques: is it "
-            "this robot's log, are columns, transmission and units right, or are encoders so noisy (then instruments)?"
+            f"{source}: the equations of {evidence.mechanism.name} do not explain {left:.0%} of the torques; "
+            "check that the log is this robot's, columns, transmission and units; with noisy encoders, set "
+            "instrumental_variables"
         )
 
 

@@ -138,7 +138,7 @@ def _link(index: int, step: Step, chain: Chain) -> Link:
 def _poses(step: Step, standard: bool) -> tuple[Pose, Pose]:
     alpha = _angle("alpha", step.alpha, step.alpha_deg)
     if alpha is None:
-        raise InputError("alpha is missing: give alpha (rad) or alpha_deg")
+        raise InputError("alpha is missing; give alpha (rad) or alpha_deg")
     theta = _angle("theta", step.theta, step.theta_deg) or 0.0
     twist = Pose(rotation_about(X, alpha), np.array([step.a, 0.0, 0.0]))
     turn, shift = Pose(rotation_about(Z, theta), np.zeros(3)), Pose(np.eye(3), np.array([0.0, 0.0, step.d]))
@@ -147,5 +147,5 @@ def _poses(step: Step, standard: bool) -> tuple[Pose, Pose]:
 
 def _angle(name: str, radians: float | None, degrees: float | None) -> float | None:
     if radians is not None and degrees is not None:
-        raise InputError(f"{name} is given twice: give either {name} (rad) or {name}_deg")
+        raise InputError(f"{name} is given twice; give either {name} (rad) or {name}_deg")
     return math.radians(degrees) if degrees is not None else radians

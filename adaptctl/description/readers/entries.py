@@ -53,7 +53,7 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     def pose(self) -> Pose:
         """Pose in m from the properties `position` and `rpy` or `rpy_deg`."""
         if self.rpy is not None and self.rpy_deg is not None:
-            raise InputError("rpy is given twice: give either rpy (rad) or rpy_deg")
+            raise InputError("rpy is given twice; give either rpy (rad) or rpy_deg")
         degrees = [math.radians(angle) for angle in self.rpy_deg or (0.0, 0.0, 0.0)]
         return Pose(roll_pitch_yaw(self.rpy or degrees), np.array(self.position))
 
@@ -119,7 +119,7 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
             if center is not None and tensor is not None:
                 return from_center_of_mass(self.mass, center, tensor.matrix())
         raise InputError(
-            "the inertia is incomplete or given twice: give mass, first_moment and inertia (about the frame's "
+            "the inertia is incomplete or given twice; give mass, first_moment and inertia (about the frame's "
             "origin), or mass, center_of_mass and inertia_at_center, or none of them for a massless link"
         )
 
@@ -128,20 +128,20 @@ class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
             raise InputError(f"mass must not be negative, got {self.mass}")
         given = [self.first_moment or (), *(t.matrix() for t in (self.inertia, self.inertia_at_center) if t)]
         if self.mass == 0.0 and any(np.any(numbers) for numbers in given):
-            raise InputError("inertia without mass: give the mass, or remove the inertia")
+            raise InputError("inertia without mass; give the mass, or remove the inertia")
 
     def _range(self) -> tuple[float, float]:
         bounds = (self.lower, self.upper)
         given = [range for range in (self.range, self.range_deg, bounds) if range not in (None, (None, None))]
         if len(given) > 1:
-            raise InputError("the range is given twice: give one of range (rad or m), range_deg, or lower and upper")
+            raise InputError("the range is given twice; give one of range (rad or m), range_deg, or lower and upper")
         if given and self.type == "continuous":
-            raise InputError("a continuous joint has no range: remove the range, or make the joint revolute")
+            raise InputError("a continuous joint has no range; remove the range, or make the joint revolute")
         if self.range_deg is None:
             lower, upper = self.range or bounds
             return _or_unlimited(lower, -math.inf), _or_unlimited(upper)
         if self.type == "prismatic":
-            raise InputError("a prismatic joint's range is in m: write range instead of range_deg")
+            raise InputError("a prismatic joint's range is in m; write range instead of range_deg")
         return math.radians(self.range_deg[0]), math.radians(self.range_deg[1])
 
 
@@ -170,7 +170,7 @@ def validate_at_most(count: int, most: int, what: str) -> None:
 def validate_mass_of_inertia(link: Link) -> Link:
     """The `link` itself, unchanged."""
     if link.inertia[0] == 0.0 and np.any(link.inertia):
-        raise InputError(f"link {link.name!r}: inertia without mass: give the mass, or remove the inertia")
+        raise InputError(f"link {link.name!r}: inertia without mass; give the mass, or remove the inertia")
     return link
 
 

@@ -212,7 +212,7 @@ def _loops(content: MechanismFile, links: Sequence[Link]) -> Loops | None:
 def _validate_nothing_of_loops(content: MechanismFile) -> None:
     for name in ("primary", "reference", "conditions"):
         if getattr(content, name):
-            raise InputError(f"$.{name}: used only with closures or couplings: remove it, or add one")
+            raise InputError(f"$.{name}: used only with closures or couplings; remove it, or add one")
 
 
 def _primary(content: MechanismFile, couplings: Sequence[Coupling], links: Sequence[Link]) -> tuple[str, ...]:
@@ -220,7 +220,7 @@ def _primary(content: MechanismFile, couplings: Sequence[Coupling], links: Seque
     if content.primary is not None:
         return tuple(content.primary)
     if content.closures:
-        raise InputError(f"$.primary is missing: name the driven joints among {', '.join(joints)}")
+        raise InputError(f"$.primary is missing; name the driven joints among {', '.join(joints)}")
     followers = {coupling.follower for coupling in couplings}
     return tuple(name for name in joints if name not in followers)
 

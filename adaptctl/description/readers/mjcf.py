@@ -235,7 +235,7 @@ def _add_mesh_inertias(model: mujoco.MjModel, scanned: ScannedFile, needed: Mapp
             ).stdout
         except (subprocess.SubprocessError, OSError) as error:
             meshes = ", ".join(map(printable, needed))
-            raise InputError(f"MuJoCo cannot compute the inertia of meshes {meshes}: give an <inertial>") from error
+            raise InputError(f"MuJoCo cannot compute the inertia of meshes {meshes}; give an <inertial>") from error
     found = json.loads(said)
     if isinstance(found, str):
         _refuse(found, elements)

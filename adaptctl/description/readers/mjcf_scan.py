@@ -95,8 +95,8 @@ _BOUNDS = ("range", "ctrlrange", "forcerange", "actuatorfrcrange")
 _LIKE_A_NUMBER = re.compile(r"[-+.]*(\d|nan|inf)", re.IGNORECASE)
 _SIMPLIFIED = {
     "settotalmass": "not supported: scale the masses in the file",
-    "boundmass": "not supported: write the final masses in the file",
-    "boundinertia": "not supported: write the final inertias in the file",
+    "boundmass": "not supported; write the final masses in the file",
+    "boundinertia": "not supported; write the final inertias in the file",
 }
 
 
@@ -162,7 +162,7 @@ def _content(element: Element, folder: Path, seen: set[Path]) -> list[Element]:
     name = attribute(element, "file", "<include>")
     file = validate_within(folder, element)
     if file in seen:
-        refuse(element, f"<include>: {printable(name)!r} is included twice: remove one")
+        refuse(element, f"<include>: {printable(name)!r} is included twice; remove one")
     seen.add(file)
     try:
         return list(parsed(read_text(file), "mujocoinclude", "mujoco"))
@@ -179,7 +179,7 @@ def validate_within(folder: Path, element: Element) -> Path:
     except (OSError, ValueError, RuntimeError):
         file = Path()
     if not file.is_relative_to(folder.resolve()):
-        refuse(element, f"{named(element)}: {printable(name)!r} is outside the file's folder: move it there")
+        refuse(element, f"{named(element)}: {printable(name)!r} is outside the file's folder; move it there")
     return file
 
 
@@ -192,7 +192,7 @@ def _validate_read(root: Element) -> None:
         if name in compiler and number(merged, name, "<compiler>") > 0.0:
             raise InputError(f"<compiler>: {name}: {remark}")
     if compiler.get("balanceinertia") == "true":
-        raise InputError("<compiler>: balanceinertia: not supported: write the final inertias in the file")
+        raise InputError("<compiler>: balanceinertia: not supported; write the final inertias in the file")
     if not re.fullmatch("[xyzXYZ]{3}", compiler.get("eulerseq", "xyz")):
         raise InputError(f"<compiler>: eulerseq: expected three of x, y, z, X, Y, Z, got {compiler['eulerseq']!r}")
     if compiler.get("coordinate", "local") != "local":

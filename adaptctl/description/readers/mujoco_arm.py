@@ -92,7 +92,7 @@ class MujocoArm:
                     f"{where} has {what}: only hinges and slides are supported; give a body attached to it as root"
                 )
         if self.model.body_mocapid[i] >= 0:
-            raise InputError(f"{where}: mocap bodies are not supported: remove it")
+            raise InputError(f"{where}: mocap bodies are not supported; remove it")
 
     def links(self) -> list[Link]:
         """Links in depth-first order, with the inertia of all bodies fixed to them."""
@@ -225,7 +225,7 @@ def _root(model: mujoco.MjModel, body: str) -> int:
     while above != WORLD:
         if model.body_jntnum[above]:
             raise InputError(
-                f"root: body {body!r} is attached to {model.body(above).name!r}, which moves: give that body or a "
+                f"root: body {body!r} is attached to {model.body(above).name!r}, which moves; give that body or a "
                 "fixed one"
             )
         above = int(model.body_parentid[above])
@@ -240,7 +240,7 @@ def _moving_root(model: mujoco.MjModel) -> int:
     if len(moved) > 1:
         known = ", ".join(map(repr, names))
         raise InputError(
-            f"{len(moved)} root bodies move, {known}, each a separate mechanism: select one, such as "
+            f"{len(moved)} root bodies move, {known}, each a separate mechanism; select one, such as "
             f"root={names[0]!r} (--root {names[0]})"
         )
     return moved.pop()

@@ -92,7 +92,7 @@ class _Equalities:
         followers = {coupling.follower for coupling in couplings}
         if closures and not driven:
             raise InputError(
-                f"loops need primary joints, but no actuator drives a joint: add <actuator><motor joint=.../>"
+                f"loops need primary joints, but no actuator drives a joint; add <actuator><motor joint=.../>"
                 f"</actuator> for the driven joints among {', '.join(self.joints)}"
             )
         return driven or [name for name in self.joints if name not in followers]
@@ -111,7 +111,7 @@ class _Equalities:
         (link, at), (link2, at2) = self._stand(first, name), self._stand(second, name)
         if link == link2:
             raise InputError(
-                f"equality {name!r}: both ends are on the same rigid body, {link or 'the world'}: remove it"
+                f"equality {name!r}: both ends are on the same rigid body, {link or 'the world'}; remove it"
             )
         return Closure(name, link, link2, at @ one, at2 @ other, ClosureKind.WELD if weld else ClosureKind.POINT)
 
@@ -129,7 +129,7 @@ class _Equalities:
         model, names, where = self.arm.model, dict(self._named()), f"equality {name!r}"
         first, second = self._ends(e)
         if second < 0:
-            raise InputError(f"{where}: fixes joint {names[first]!r}: remove the joint, or give joint2")
+            raise InputError(f"{where}: fixes joint {names[first]!r}; remove the joint, or give joint2")
         if first not in names or second not in names:
             raise NotFoundError(f"{where}: a joint is not part of the mechanism; joints: {', '.join(self.joints)}")
         c0, c1, *higher = model.eq_data[e, :5].tolist()

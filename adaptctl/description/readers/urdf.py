@@ -168,7 +168,7 @@ def _robot(text: str) -> Element:
     for element in robot.iter():
         texts = (element.tag, *element.attrib.values())
         if "xacro" in element.tag or any("${" in value or "$(" in value for value in texts):
-            refuse(element, "contains xacro macros: expand them first (xacro file.urdf.xacro > file.urdf)")
+            refuse(element, "contains xacro macros; expand them first (xacro file.urdf.xacro > file.urdf)")
     return robot
 
 
@@ -179,7 +179,7 @@ def _by_name(robot: Element, tag: str) -> dict[str, Element]:
     for index, element in enumerate(elements):
         name = element.get("name")
         if not name:
-            refuse(element, f"<{tag}> number {index + 1} has no name: add name=...")
+            refuse(element, f"<{tag}> number {index + 1} has no name; add name=...")
         if name in found:
             refuse(element, f"two <{tag}> elements are named {name!r}: names must be unique")
         found[name] = element
@@ -198,7 +198,7 @@ def _root(bodies: dict[str, Element], edges: Sequence[_Edge]) -> str:
         carried[edge.child] = edge.name
     roots = [name for name in bodies if name not in carried]
     if len(roots) > 1:
-        raise InputError(f"more than one root link, {_listed(roots)}: connect all but one by joints")
+        raise InputError(f"more than one root link, {_listed(roots)}; connect all but one by joints")
     loose = set(bodies) - _reached(roots, edges)
     if loose or not roots:
         raise InputError(f"links in a cycle: {_listed(sorted(loose))}" if bodies else "no <link> elements")
@@ -282,7 +282,7 @@ def _origin(element: Element, where: str) -> Pose:
     if origin is None:
         return Pose.identity()
     if "quat_xyzw" in origin.attrib:
-        raise InputError(f"{where}: quat_xyzw of <origin> is not supported: give rpy")
+        raise InputError(f"{where}: quat_xyzw of <origin> is not supported; give rpy")
     rpy, xyz = (numbers(origin, name, 3, where) if name in origin.attrib else [0.0] * 3 for name in ("rpy", "xyz"))
     return Pose(roll_pitch_yaw(rpy), np.array(xyz))
 
@@ -370,7 +370,7 @@ def _rpy(origin: Element) -> list[float]:
 def _refuse_kind(where: str, kind: str) -> NoReturn:
     known = ", ".join([*KINDS, "fixed"])
     if kind in UNREAD_KINDS:
-        raise InputError(f"{where}: type {kind!r} is not supported: build it from {known} joints")
+        raise InputError(f"{where}: type {kind!r} is not supported; build it from {known} joints")
     raise InputError(f"{where}: unknown type {kind!r}; expected one of {known}")
 
 

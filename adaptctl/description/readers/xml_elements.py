@@ -66,13 +66,13 @@ class _Parser:
         self._builder.end(_qualified(tag))
 
     def _doctype(self, *given: object) -> NoReturn:
-        raise InputError("<!DOCTYPE ...> and entities are not supported: remove them")
+        raise InputError("<!DOCTYPE ...> and entities are not supported; remove them")
 
 
 def parsed(text: str, tag: str, *others: str) -> Element:
     """Root element of an XML document, which must have an expected tag."""
     if "\0" in text:
-        raise InputError("contains NUL characters, as UTF-16 text does: save the file as UTF-8 text")
+        raise InputError("contains NUL characters, as UTF-16 text does; save the file as UTF-8 text")
     try:
         root = _Parser().parse(text)
     except (expat.ExpatError, ValueError) as error:

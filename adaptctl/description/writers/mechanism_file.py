@@ -45,7 +45,7 @@ def _validate_sayable(description: Description) -> None:
         if joint.kind is JointKind.CONTINUOUS and bounds != (-math.inf, math.inf):
             raise InputError(
                 f"{description.name}: joint {joint.name!r} is continuous, but has position limits from "
-                f"{bounds[0]} to {bounds[1]}: remove them, or make the joint revolute"
+                f"{bounds[0]} to {bounds[1]}; remove them, or make the joint revolute"
             )
 
 

@@ -114,7 +114,7 @@ def _changed(body: MjcfBody, name: str, difference: Array) -> tuple[int, Array]:
             "adaptctl.identifiability.nearest_consistent finds the closest consistent one"
         )
     if body.number is None:
-        raise InputError(f"link {name!r}: its body is in an included file or a copy: edit that file instead")
+        raise InputError(f"link {name!r}: its body is in an included file or a copy; edit that file instead")
     return body.number, ten
 
 

@@ -33,7 +33,7 @@ def validate_single_precision(mechanism: Mechanism, argument: str) -> None:
     if not worst <= MAX_CLOSURE_GAP:
         raise InputError(
             f"{argument}: in single precision the loops of {mechanism.name} stay open by {worst:.2g} m or rad, above "
-            f"the limit of {MAX_CLOSURE_GAP:g}: use double"
+            f"the limit of {MAX_CLOSURE_GAP:g}; use double"
         )
 
 

@@ -74,7 +74,7 @@ class MomentumTerms(NamedTuple):
 def momentum_terms(equations: Equations, q: Column, v: Column, columns: Sequence[int]) -> MomentumTerms:
     """Regressors of the momenta M v and their forces."""
     if equations.has_constraint_bias:
-        raise InputError("filtered torque prediction needs constraints with zero values")
+        raise InputError("prediction of filtered torques needs constraints that set parameters to zero")
     still = Column.zeros(equations.dof)
     moving = Column(map(Dual, q, equations.joint_velocities(q, v)))
     rows = equations.without_gravity().torque_regressor(moving, still, still, v, columns)
