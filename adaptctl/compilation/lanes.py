@@ -142,7 +142,7 @@ class LaneArray:
     columns : mapping of str to int
         Lengths n by name.
     members : int
-        Members (such as robots) held side by side, at least 1.
+        Number of members, such as simulated robots, at least 1.
     lanes : int, default 1
         Number of members that are computed at once; their values of one scalar are contiguous. One by default, which
         gives each member a plain row.

@@ -392,7 +392,7 @@ class Description:
         Returns
         -------
         Description
-            The copy.
+            Description with the other values.
 
         Raises
         ------
@@ -427,7 +427,7 @@ class Description:
         Returns
         -------
         Description
-            The copy.
+            Description with the other values.
 
         Raises
         ------

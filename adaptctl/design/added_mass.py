@@ -282,8 +282,8 @@ class CostMap:
         places : MountingBounds
             Link, and box of positions on it.
         points_per_edge : int, default 9
-            Number of positions along each edge of the box, 1 to 100. 9 give 729 positions, with the middle and both
-            ends of every edge.
+            Number of positions along each edge of the box, 1 to 100. 9 by default, so that the middle and both ends of
+            every edge are among the 729 positions.
 
         Returns
         -------

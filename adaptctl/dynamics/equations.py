@@ -147,7 +147,7 @@ class Motion(ABC):
 
 class Equations(ABC):
     """
-    Equations of motion over scalars of any kind: floats, arrays of samples, dual numbers, symbolic scalars.
+    Equations of motion on scalars of any kind: floats, arrays of samples, dual numbers, symbolic scalars.
 
     Abstract; `Mechanism.equations` has them. There are r primary (independent) joints with positions p, n joints of the
     spanning tree with positions q, and P parameters. Arguments are not checked.

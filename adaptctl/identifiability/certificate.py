@@ -143,7 +143,7 @@ class Certificate:
         Seed that drew the states.
     null_residual : float
         Largest torque at other states due to a parameter change that is found to be unidentifiable, divided by the
-        largest torque due to any change of the same size.
+        largest torque due to any change of the same size; without unit.
     residual_singular_values : tuple of ResidualSingularValue, optional
         Singular values after the first k that are above 1e-14 of the largest.
     near_right_angles : tuple of NearRightAngle, optional

@@ -41,7 +41,7 @@ class Relation:
     weights : mapping of str to float
         Weights by parameter name, such as ``link4.m``.
     value : float, default 0.0
-        Sum in the SI unit of the terms. Zero relates parameters in fixed proportions.
+        Sum in the SI unit of the terms; zero by default, for parameters in fixed proportions.
     name : str, default ""
         Name in messages; by default empty, and messages state the terms.
 

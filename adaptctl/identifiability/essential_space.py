@@ -249,7 +249,7 @@ def essential_space(
         Seed of the states, from 0 to 2^32 - 1. Fixed, so that a result can be repeated.
     states : States, optional
         States whose energies give singular values and vectors, so that model reduction holds for this motion; the
-        random ones by default. Rank and null vectors do not depend on them.
+        random ones by default. The rank and the null space do not depend on them.
     method : {"automatic", "svd", "transfers"}, default "automatic"
         "svd" decomposes energies at random states; "transfers" follows a tree's geometry joint by joint, in time
         proportional to its length. "automatic" takes transfers for trees of 100 parameters or more.

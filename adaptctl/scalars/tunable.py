@@ -146,7 +146,7 @@ class Tunable:
         Returns
         -------
         Tunable
-            The copy.
+            Settings with the other numbers.
 
         Raises
         ------
@@ -215,7 +215,7 @@ class Tunable:
         Returns
         -------
         Tunable
-            The copy.
+            Settings with the other numbers.
 
         Raises
         ------
@@ -276,7 +276,7 @@ class Tunable:
         Returns
         -------
         Tunable
-            The copy.
+            Settings with the other numbers.
 
         Raises
         ------
