@@ -178,7 +178,7 @@ def test_what_cannot_be_is_refused(make: object, says: str) -> None:
     ("fixed", "weight", "says"),
     [
         ("link2.mc_z", None, "^consistent adaptation: adapts .* remove link2.mc_z: remove"),
-        ("joint1.rotor_inertia", 0.1, r"^consistent adaptation: .* fix .*: joint1.rotor_inertia \(0\.5\): remove"),
+        ("joint1.rotor_inertia", 0.1, r"^consistent adaptation: .* fix .*: joint1.rotor_inertia \(0\.5\)\. Remove"),
         ("joint1.rotor_inertia", None, ""),
     ],
 )

@@ -300,7 +300,7 @@ def test_a_law_that_predicts_torques_names_the_values_that_it_cannot_know(
     law, none = kind(np.ones(len(zero.columns))), np.zeros(len(zero.columns))
     law.validate(zero, none, 1e-3)
     with pytest.raises(
-        InputError, match=rf"^{called}: puma560_geared: constraints fix .*: link2.mc_z \(0\.5\): remove"
+        InputError, match=rf"^{called}: puma560_geared: constraints fix .*: link2.mc_z \(0\.5\)\. Remove"
     ):
         law.validate(known, none, 1e-3)
 

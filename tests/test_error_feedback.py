@@ -175,7 +175,7 @@ def test_faster_poles_are_farther_out(bandwidth: float, ratio: float, factor: fl
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda: ErrorFeedback(1.0, 3000.0, 1e-3), GainError, "are unstable at a control period of 0.001 s: the rate"),
+        (lambda: ErrorFeedback(1.0, 3000.0, 1e-3), GainError, "are unstable at a control period of 0.001 s. The rate"),
         (lambda: ErrorFeedback(-1.0, 1.0, 1e-3), InputError, "gains: expected positive numbers"),
         (lambda: ErrorFeedback(1.0, 1.0, 0.0), InputError, "control period: expected a positive time"),
         (lambda: ErrorFeedback.from_bandwidth(0.0, 1.0, 1e-3), InputError, "expected a positive bandwidth and damping"),

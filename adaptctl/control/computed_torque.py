@@ -143,6 +143,11 @@ class ComputedTorque(ModelBased):
         ------
         InputError
             If a shape is wrong, a number is not finite, or bandwidth or damping ratio is not positive.
+
+        Examples
+        --------
+        >>> adaptctl.ComputedTorque.from_model(model, bandwidth=8.0).dof
+        2
         """
         return cls(model.mechanism, np.asarray(bandwidth), damping_ratio, embedded_parameters(model, parameters))
 
@@ -253,6 +258,11 @@ class PDGravity(ModelBased):
         ------
         InputError
             If a shape is wrong, a number is not finite, or a gain is not positive.
+
+        Examples
+        --------
+        >>> adaptctl.control.PDGravity.from_model(model, stiffness=50.0, damping=[6.0, 2.0]).dof
+        2
         """
         return cls(model.mechanism, np.asarray(stiffness), np.asarray(damping), embedded_parameters(model, parameters))
 

@@ -136,6 +136,14 @@ class LinearController(Controller[LinearState]):
         InputError
             If the system is no linear one, is in continuous time or of another period, has other inputs, or
             `feedforward` is no tree of r joints.
+
+        Examples
+        --------
+        >>> import control
+        >>> inputs = ["error[0]", "error[1]"]
+        >>> system = control.ss([], [], [], 50.0 * np.eye(2), period, inputs=inputs, outputs=2)
+        >>> adaptctl.control.LinearController.from_system(system, period).dof
+        2
         """
         import control
 

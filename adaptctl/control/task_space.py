@@ -182,6 +182,13 @@ class TaskSpaceSlotineLi(SlotineLi):
         -------
         tuple of Column and list of Column
             Coordinates (d,) in m, and d rows (r,) of the Jacobian in m/rad (1 for a prismatic joint).
+
+        Examples
+        --------
+        >>> controller = adaptctl.control.TaskSpaceSlotineLi(model, 5.0, [6.0, 2.0], axes=(0, 1), singularity=0.05)
+        >>> x, jacobian = controller.point(p)
+        >>> len(x), len(jacobian)
+        (2, 2)
         """
         equations = self.model.mechanism.equations
         moving = moving_point(equations.links, q, self._link, Vec(*np.asarray(self.tool).tolist()))

@@ -84,7 +84,7 @@ def _flush(recording: rr.RecordingStream, path: str | Path) -> None:
     try:
         recording.flush()
     except RuntimeError as error:
-        raise FileError(f"{path}: cannot be written ({error}); is the disk full?") from error
+        raise FileError(f"{path}: cannot be written ({error}). The disk may be full") from error
 
 
 def _verify(path: Path) -> None:

@@ -259,6 +259,14 @@ class ClosedLoop:
         ------
         InputError
             If no robot has this index or the arms are of another loop.
+
+        Examples
+        --------
+        >>> loop = adaptctl.simulation.ClosedLoop(plant, law)
+        >>> arms = loop.compiled().ensemble(1)
+        >>> loop.set_state(arms, plant.init(p, v), law.init(p, v))
+        >>> bool(np.allclose(loop.get_state(arms, 0.0)[0].p, p))
+        True
         """
         self._validate_own(arms)
         member = whole_number(member, "closed loop: member", 0, arms.members - 1)

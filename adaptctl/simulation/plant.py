@@ -185,6 +185,12 @@ class Plant(Tunable):
         -------
         float
             Mass in kg, 0 without loads.
+
+        Examples
+        --------
+        >>> from adaptctl.simulation.effects import PayloadHeld
+        >>> adaptctl.Plant(arm, period, effects=[PayloadHeld(0.5)]).payload_mass(0.0)
+        0.5
         """
         return sum(load.mass(time) for load in self.loads)
 
@@ -221,6 +227,11 @@ class Plant(Tunable):
             If a number is NaN or infinite.
         SingularityError
             If kinematic loops cannot be followed to p.
+
+        Examples
+        --------
+        >>> plant.init(p, v).q.shape
+        (2,)
         """
         p = vectors(p, self.dof, f"{self.mechanism.name}: p")
         v = vectors(v, self.dof, f"{self.mechanism.name}: v")
@@ -273,6 +284,11 @@ class Plant(Tunable):
             If a shape is wrong.
         NonFiniteError
             If an argument or the motion is NaN or infinite.
+
+        Examples
+        --------
+        >>> plant.step(plant.init(p, v), [5.0, 1.0]).applied_torque
+        array([5., 1.])
         """
         true = self._true(state.time) if parameters is None else parameters
         moving = state.q, state.v, self._finite(torque), true
@@ -308,6 +324,11 @@ class Plant(Tunable):
             If the shape is wrong.
         NonFiniteError
             If the torque is NaN or infinite.
+
+        Examples
+        --------
+        >>> adaptctl.Plant(arm, period, torque_limits=[20.0, 5.0]).clip_torque([30.0, -1.0])
+        array([20., -1.])
         """
         return np.minimum(np.maximum(self._finite(torque), -self._limits), self._limits)
 

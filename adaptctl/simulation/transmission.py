@@ -117,7 +117,7 @@ class Transmission:
         mass = links.mass_matrix(p)
         if not np.all(np.linalg.eigvalsh(mass)[:, 0] > 1e-12 * np.linalg.eigvalsh(mass)[:, -1]):
             raise InputError(
-                f"elastic joints: {mechanism.name}: without rotors the mass matrix is singular: behind a spring, "
+                f"elastic joints: {mechanism.name}: without rotors the mass matrix is singular. Behind a spring, "
                 "every joint needs links with inertia"
             )
         motors = np.array(self.motors(own).of, dtype=np.float64)

@@ -142,6 +142,11 @@ class Tuning:
         ------
         InputError
             If the model is of another number of parameters.
+
+        Examples
+        --------
+        >>> adaptctl.tune(arm, control_period=0.004).adaptation_gain_for(model).shape
+        (6, 6)
         """
         return mapped_gain(model, self.adaptation)
 

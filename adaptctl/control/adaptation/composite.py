@@ -136,7 +136,7 @@ def validate_predicted(law: str, model: ReducedModel, weight: ArrayLike, cutoff:
         pairs = zip(fixed.parameter_names, fixed.inertial_parameters.tolist(), strict=True)
         raise InputError(
             f"{law}: {mechanism.name}: constraints fix values other than zero, with which torques cannot be predicted "
-            f"without accelerations: {', '.join(f'{name} ({value:g})' for name, value in pairs if value)}: remove "
+            f"without accelerations: {', '.join(f'{name} ({value:g})' for name, value in pairs if value)}. Remove "
             "these constraints, or adapt only with the tracking error, like Gradient"
         )
 

@@ -211,8 +211,8 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
             j = int(wrong[0])
             raise InputError(
                 f"consistent adaptation: the initial estimate does not match the lift: {model.names[j]} is "
-                f"{initial[j]:g}, but {first[j]:g} with the lift: give initial=model.regrouping @ lift; "
-                "adaptctl.identifiability.nearest_consistent finds the closest lift to an estimate"
+                f"{initial[j]:g}, but {first[j]:g} by the lift. Pass initial=model.regrouping @ lift; "
+                "adaptctl.identifiability.nearest_consistent finds the nearest lift of an estimate"
             )
 
 

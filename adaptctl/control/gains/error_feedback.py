@@ -75,8 +75,8 @@ class ErrorFeedback:
         ):  # Jury (1961)
             raise GainError(
                 f"gains: {self.stiffness:.3g} 1/s^2 and {self.rate:.3g} 1/s are unstable at a control period of "
-                f"{self.control_period:g} s: the rate must be at most {2.0 / self.control_period:.4g} 1/s, the "
-                "stiffness at most twice the rate over the period"
+                f"{self.control_period:g} s. The rate must be at most {2.0 / self.control_period:.4g} 1/s, the "
+                "stiffness at most twice the rate divided by the period"
             )
 
     @classmethod
@@ -102,6 +102,12 @@ class ErrorFeedback:
         ------
         InputError
             If a number is not positive and finite, or gains are beyond double precision.
+
+        Examples
+        --------
+        >>> feedback = adaptctl.control.ErrorFeedback.from_bandwidth(10.0, 0.7, period)
+        >>> round(feedback.damping_ratio, 1)
+        0.7
         """
         given = real_number(bandwidth, "bandwidth"), real_number(damping_ratio, "damping ratio")
         if not all(0.0 < number < math.inf for number in given):
@@ -112,8 +118,7 @@ class ErrorFeedback:
         except InputError as error:
             raise InputError(
                 f"bandwidth of {bandwidth:g} rad/s and damping ratio of {damping_ratio:g}: the gains exceed double "
-                f"precision; give a bandwidth closer to 1 over the period of {control_period:g} s, and a ratio closer "
-                f"to 1"
+                f"precision; give a bandwidth closer to {1.0 / control_period:g} 1/s, and a ratio closer to 1"
             ) from error
 
     @classmethod
@@ -137,6 +142,12 @@ class ErrorFeedback:
         ------
         InputError
             If the poles are not such a pair, or the period not positive and finite.
+
+        Examples
+        --------
+        >>> feedback = adaptctl.control.ErrorFeedback.from_poles([-6 + 2j, -6 - 2j], period)
+        >>> bool(np.allclose(sorted(z.imag for z in feedback.poles), [-2.0, 2.0]))
+        True
         """
         try:
             given = np.asarray(poles, dtype=np.complex128)
@@ -184,6 +195,12 @@ class ErrorFeedback:
         ------
         InputError
             If a weight is out of range, weights are too far apart, or the period is not positive.
+
+        Examples
+        --------
+        >>> feedback = adaptctl.control.ErrorFeedback.from_lqr(4096.0, 0.0, 1.0, period)
+        >>> 7.0 < feedback.bandwidth < 9.0
+        True
         """
         for name, weight in (("position", position), ("velocity", velocity), ("effort", effort)):
             real_number(weight, f"weights: {name}")
@@ -301,6 +318,12 @@ class ErrorFeedback:
         ------
         InputError
             If the delay is out of range.
+
+        Examples
+        --------
+        >>> feedback = adaptctl.control.ErrorFeedback.from_bandwidth(10.0, 1.0, period)
+        >>> feedback.loop(delay=2).nstates
+        4
         """
         import control
 

@@ -101,6 +101,12 @@ class GainDesign:
             If a gain, period or inertia is not positive, or the delay out of range.
         GainError
             If the period is too long for a joint's loop alone.
+
+        Examples
+        --------
+        >>> gains, workspace = adaptctl.Gains.from_bandwidth(arm, 5.0), adaptctl.control.Workspace.within_limits(arm)
+        >>> len(adaptctl.control.GainDesign.from_gains(arm, gains, workspace).margins)
+        2
         """
         delay = whole_number(delay, "delay", 0, 1000)
         Lambda, K = (
@@ -152,6 +158,11 @@ class GainDesign:
         ------
         InputError
             If a number or a typical inertia is not positive, a shape is wrong, or the delay out of range.
+
+        Examples
+        --------
+        >>> adaptctl.control.GainDesign.from_bandwidth(arm, 6.0, delay=1).bandwidth.round(0)
+        array([6., 6.])
         """
         rates, ratios = (
             positive_per_joint(values, mechanism.dof, what)
@@ -188,6 +199,11 @@ class GainDesign:
         ------
         InputError
             If the poles are not such a pair, a period or typical inertia is not positive, or the delay out of range.
+
+        Examples
+        --------
+        >>> adaptctl.control.GainDesign.from_poles(arm, [-8.0, -12.0]).is_well_damped
+        True
         """
         feedback = ErrorFeedback.from_poles(poles, control_period)
         return _design(mechanism, "poles", [feedback] * mechanism.dof, control_period, delay)
@@ -232,6 +248,11 @@ class GainDesign:
         InputError
             If a weight is out of range or weights are too far apart, a period or typical inertia is not positive, or
             the delay out of range.
+
+        Examples
+        --------
+        >>> adaptctl.control.GainDesign.from_lqr(arm, position=4096.0).method
+        'lqr'
         """
         feedback = ErrorFeedback.from_lqr(position, velocity, effort, control_period)
         return _design(mechanism, "lqr", [feedback] * mechanism.dof, control_period, delay)
