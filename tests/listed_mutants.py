@@ -667,11 +667,11 @@ LISTED: tuple[Listed, ...] = (
         ("tests/test_errors_by_hand.py::test_limited_samples_are_those_at_the_limit_of_either_sign_or_clipped",),
     ),
     Listed(
-        "leading error of a whole run",
+        "task error of a whole run",
         "adaptctl/recording/comparison.py",
         "late = run.rollout.time >= run.duration - FINAL_ERROR_TIME",
         "late = run.rollout.time >= 0.0",
-        ("tests/test_errors_by_hand.py::test_leading_errors_are_of_the_last_two_seconds",),
+        ("tests/test_errors_by_hand.py::test_task_errors_are_of_the_last_two_seconds",),
     ),
     Listed(
         "peak torque of one sign",
