@@ -194,6 +194,17 @@ def test_names_that_do_not_exist() -> None:
             replace(four_bar, loops=replace(loops, **wrong))
 
 
+def test_a_follower_of_a_follower_follows_the_first_leader() -> None:
+    chain = (Coupling("z", "d", "c", -1.0, 0.5), Coupling("x", "b", "a", 2.0, 0.3), Coupling("y", "c", "b", 0.25))
+    resolved = Loops(("a",), couplings=chain).couplings
+    assert [(c.name, c.follower, c.leader, c.ratio) for c in resolved] == [
+        ("z", "d", "a", -0.5),
+        ("x", "b", "a", 2.0),
+        ("y", "c", "a", 0.5),
+    ]
+    assert [c.offset for c in resolved] == pytest.approx([0.5 - 0.25 * 0.3, 0.3, 0.25 * 0.3])
+
+
 def test_what_loops_cannot_say() -> None:
     for make, message in (
         (lambda: Loops(()), "loops: primary: expected at least one joint"),
@@ -209,8 +220,8 @@ def test_what_loops_cannot_say() -> None:
         (lambda: Coupling("x", "a", "b", 1.0, math.inf), "and a finite offset, got 1.0 and inf"),
         (lambda: Loops(("b",), couplings=(Coupling("x", "b", "a"),)), "joint 'b' is a follower and cannot be primary"),
         (
-            lambda: Loops(("a",), couplings=(Coupling("x", "b", "a"), Coupling("y", "c", "b"))),
-            "coupling 'y': joint 'c' follows 'b', which follows another joint itself; couple both joints to that one",
+            lambda: Loops(("a",), couplings=(Coupling("x", "b", "c"), Coupling("y", "c", "b"))),
+            "coupling 'x': joint 'b' follows 'c', but its leaders follow in a ring",
         ),
         (
             lambda: Loops(("a",), couplings=(Coupling("x", "b", "a"), Coupling("y", "b", "a"))),

@@ -104,6 +104,14 @@ def single(kind: JointKind, axis: tuple[float, float, float], gravity: tuple[flo
     return Mechanism(Description("one link", (link,), np.array(gravity)))
 
 
+def test_an_arm_without_any_inertia_is_refused() -> None:
+    links = tuple(
+        Link(f"link{i}", i - 1, Joint(f"joint{i}"), Pose.identity(), Pose.identity(), massless=True) for i in range(2)
+    )
+    with pytest.raises(InputError, match="bare: no link has inertia: all are massless"):
+        essential_space(Mechanism(Description("bare", links)))
+
+
 def test_the_parts_fit_together(puma: Mechanism, space: EssentialSpace) -> None:
     V = np.hstack([space.basis, space.null_basis])
     np.testing.assert_allclose(V.T @ V, np.eye(60), atol=1e-13)

@@ -146,8 +146,9 @@ def test_a_tolerance_too_large_to_finish_is_refused(space: EssentialSpace) -> No
             fundamental_basis(space, tolerance=bad)
 
 
-def test_nearly_dependent_choices_are_refused_by_name(space: EssentialSpace) -> None:
-    """Of 40 random orders a few remove parameters that nearly determine each other."""
+def test_nearly_dependent_choices_are_refused_by_name(puma: Mechanism) -> None:
+    """Of 40 random orders a few remove parameters that nearly determine each other; floats alone cannot tell."""
+    space = essential_space(puma, prove=False)
     rng, refusals = np.random.default_rng(2), []
     names = np.array(space.parameter_names)
     for _ in range(40):
@@ -159,6 +160,29 @@ def test_nearly_dependent_choices_are_refused_by_name(space: EssentialSpace) -> 
             assert fundamental_basis(space, order, tolerance=0.03).scaled_condition < 1e4
     assert 0 < len(refusals) < 5
     assert all(re.search(r"link\d\.\w+ and link\d\.\w+ among them; .* above the limit of 1e\+04", x) for x in refusals)
+
+
+def test_random_orders_are_kept_exactly(puma: Mechanism, space: EssentialSpace) -> None:
+    """Where exact arithmetic tells what nearly dependent parameters do; floats alone keep others."""
+    rng, names = np.random.default_rng(2), np.array(space.parameter_names)
+    alone, others = essential_space(puma, prove=False), 0
+    for _ in range(40):
+        order = Priority(tuple(names[rng.permutation(60)].tolist()))
+        basis = fundamental_basis(space, order)
+        assert space.proof is not None
+        assert basis.columns == space.proof.kept(order.indices(space.parameter_names))
+        assert basis.kept_despite_priority == ()
+        assert np.abs(basis.regrouping @ space.null_basis).max() < 1e-11 * np.abs(basis.regrouping).max()
+        others += basis.columns != alone.null_space.regrouping(order.indices(space.parameter_names), 1e-3).kept
+    assert others > 0
+
+
+def test_a_saved_basis_says_what_its_priority_did_not_get(basis: FundamentalBasis, tmp_path: Path) -> None:
+    told = replace(basis, kept_despite_priority=(basis.names[3],))
+    told.save(tmp_path / "told.json")
+    assert FundamentalBasis.load(tmp_path / "told.json").kept_despite_priority == (basis.names[3],)
+    basis.save(tmp_path / "plain.json")
+    assert "kept_despite_priority" not in (tmp_path / "plain.json").read_text()
 
 
 def value(expression: str, D: dict[str, float]) -> float:
@@ -245,6 +269,7 @@ def damaged(content: dict[str, Any], *path: str, value: Any = None) -> dict[str,
         ),
         (["regrouping", "link6.I_yy"], "x", "Expected `object`, got `str`"),
         (["remark"], "mine", "unknown field `remark`; expected one of schema, robot, rank"),
+        (["kept_despite_priority"], ["link1.m"], r"\$.kept_despite_priority`: 'link1.m' is not kept"),
         (["gap"], float("nan"), r"expected a finite number, got nan - at `\$.gap`"),
     ],
 )

@@ -279,7 +279,7 @@ def test_the_same_tree_from_both_formats(tmp_path: Path) -> None:
         (GEARED + "reference = { three = 1 }", "reference: unknown joint 'three'; joints: one, two"),
         (
             GEARED.replace("ratio = -2 }", 'ratio = -2 }, { follower = "one", leader = "two" }'),
-            "joint 'two' follows 'one', which follows another joint itself; couple both joints to that one",
+            "joint 'two' follows 'one', but its leaders follow in a ring",
         ),
         (CLOSED.replace('primary = ["one"]', ""), r"\$.primary is missing; name the driven joints among one, two"),
         (CLOSED.replace('link = "b"', 'link = "z"'), "c: unknown link 'z'; links: a, b"),

@@ -113,6 +113,18 @@ def test_coupled_joints_follow_as_in_mujoco(tmp_path: Path) -> None:
     same_loops(driven, text)
 
 
+def test_a_follower_of_a_follower_follows_as_in_mujoco(tmp_path: Path) -> None:
+    pairs = (
+        '<joint joint1="j2" joint2="j3" polycoef=".1 -2 0 0 0"/><joint joint1="j3" joint2="j1" polycoef="-.2 3 0 0 0"/>'
+    )
+    text = mjcf(GEARED, f"<equality>{pairs}</equality>")
+    robot = reading(tmp_path, text)
+    assert robot.loops is not None
+    assert robot.loops.primary == ("j1",)
+    assert [(c.follower, c.leader, c.ratio) for c in robot.loops.couplings] == [("j2", "j1", -6.0), ("j3", "j1", 3.0)]
+    same_loops(robot, text)
+
+
 def test_an_equality_without_coefficients_is_one_to_one(tmp_path: Path) -> None:
     robot = reading(tmp_path, mjcf(GEARED, '<equality><joint joint1="j1" joint2="j2"/></equality>'))
     assert robot.loops is not None

@@ -181,8 +181,8 @@ EQUAL = CLOSED["connect"]
             "equality 'joint1': polycoef: expected a linear relation",
         ),
         (
-            linkage('<joint joint1="rod" joint2="crank"/><joint joint1="rocker" joint2="rod"/>'),
-            "coupling 'joint2': joint 'rocker' follows 'rod', which follows another joint itself",
+            linkage('<joint joint1="rod" joint2="rocker"/><joint joint1="rocker" joint2="rod"/>'),
+            "coupling 'joint1': joint 'rod' follows 'rocker', but its leaders follow in a ring",
         ),
         (
             linkage(EQUAL, actuator=""),

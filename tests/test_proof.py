@@ -15,7 +15,7 @@ from random_loops import RECIPES, random_loop, two_arms
 from random_trees import random_chain, random_inertia, random_tree
 from robot_files import urdf
 
-from adaptctl.description import ClosureKind, Description, Joint, Link, Pose
+from adaptctl.description import ClosureKind, Description, Joint, JointKind, Link, Pose
 from adaptctl.description.drive import Drive
 from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism, load
@@ -366,6 +366,30 @@ def test_as_much_changes_at_a_joint_exactly_as_in_floats(seed: int) -> None:
         np.testing.assert_array_equal(changes[i, :, 10], expected)
     seen = inertial_transfers(mechanism).observable
     assert arithmetic.ranks(changes) == tuple(map(len, seen))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_drives_that_turn_with_several_joints_are_proved(seed: int) -> None:
+    """Their energy is in products of rates, which no joint has alone."""
+    rng = np.random.default_rng(seed)
+    links = int(rng.integers(2, 6))
+    names = random_tree(seed, links).description.joint_names
+    drives = []
+    for i in range(links):
+        other = names[(i + int(rng.integers(1, links))) % links]
+        drives.append(Drive(rotor_inertia=0.1, turns_with=((other, float(rng.choice([-1.0, 0.5, 3.0]))),)))
+    certificate = essential_space(random_tree(seed, links).with_drives(drives), prove=True).certificate
+    assert certificate.rank == certificate.rank_exact
+
+
+def test_two_slides_with_a_shaft_in_common() -> None:
+    """The span of both squares of rates, their product and one potential."""
+    slides = random_chain(3, 2)
+    links = tuple(replace(link, joint=replace(link.joint, kind=JointKind.PRISMATIC)) for link in slides.links)
+    arm = Mechanism(Description("slides", links, np.array([0.0, 0.0, -9.81])))
+    shared = [Drive(rotor_inertia=0.1, turns_with=(("joint1", -1.0),)), Drive(rotor_inertia=0.1)]
+    geared = arm.with_drives(shared)
+    assert essential_space(geared, prove=True).rank == essential_space(geared, prove=False).rank == 4
 
 
 def test_what_floats_keep_and_exact_geometry_removes_is_told_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -205,6 +205,18 @@ def test_a_mimic_joint_follows_its_leader(tmp_path: Path) -> None:
     assert (coupling.follower, coupling.leader, coupling.ratio, coupling.offset) == ("wrist", "hinge", -2.0, 0.5)
 
 
+def test_a_mimic_joint_of_a_mimic_joint_follows_the_first_leader(tmp_path: Path) -> None:
+    tip = (
+        '<link name="tip"/><joint name="nail" type="revolute"><parent link="hand"/><child link="tip"/>'
+        '<axis xyz="0 0 1"/><mimic joint="wrist" multiplier="3" offset="-1"/></joint></robot>'
+    )
+    loops = reading(tmp_path, TWO.replace("</robot>", tip)).loops
+    assert loops is not None
+    assert loops.primary == ("hinge",)
+    found = [(c.follower, c.leader, c.ratio, c.offset) for c in loops.couplings]
+    assert found == [("wrist", "hinge", -2.0, 0.5), ("nail", "hinge", -6.0, 0.5)]
+
+
 @pytest.mark.parametrize(
     "text", [TWO.replace('mimic joint="hinge"', 'mimic joint="other"'), TWO.replace("revolute", "fixed", 1)]
 )
@@ -222,7 +234,7 @@ def test_mimic_joints_without_a_moving_leader_are_independent_but_said(tmp_path:
     [
         (
             TWO.replace("<axis", '<mimic joint="wrist"/><axis', 1),
-            "coupling 'hinge mimics wrist': joint 'hinge' follows 'wrist', which follows another joint itself",
+            "coupling 'hinge mimics wrist': joint 'hinge' follows 'wrist', but its leaders follow in a ring",
         ),
         (TWO.replace('"hinge" multiplier', '"wrist" multiplier'), "joint 'wrist': <mimic>: .* cannot follow itself"),
         (TWO.replace('"-2"', '"0"'), r"joint 'wrist': <mimic>: .* expected a finite ratio other than zero"),

@@ -179,7 +179,8 @@ class Loops:
     closures : tuple of Closure, optional
         Constraints between links. Default: none, where couplings alone make the loops.
     couplings : tuple of Coupling, optional
-        Constraints between joints. Default: none, where closures alone make the loops.
+        Constraints between joints. A follower of a follower is coupled to the joint that leads both. Default: none,
+        where closures alone make the loops.
     reference : mapping of str to float, optional
         Configuration, in rad (m) by joint name, that fixes the assembly branch; zero where not given. Values of
         dependent joints only start the Newton iteration.
@@ -189,8 +190,8 @@ class Loops:
     Raises
     ------
     InputError
-        If there is no primary joint, neither closure nor coupling, a name is given twice, a follower is primary or
-        leads another joint, or a condition is on a dependent joint.
+        If there is no primary joint, neither closure nor coupling, a name is given twice, a follower is primary, joints
+        follow one another in a ring, or a condition is on a dependent joint.
 
     Examples
     --------
@@ -214,7 +215,8 @@ class Loops:
         names = [c.name for c in self.closures] + [c.name for c in self.couplings]
         _validate_unique("closure or coupling", names)
         _validate_unique("follower", [c.follower for c in self.couplings])
-        self._validate_plain_couplings()
+        object.__setattr__(self, "couplings", _resolved(self.couplings))
+        self._validate_followers()
         if not self.primary:
             raise InputError("loops: primary: expected at least one joint")
         _validate_unique("primary joint", self.primary)
@@ -225,14 +227,8 @@ class Loops:
         if not self.closures and not self.couplings:
             raise InputError("loops: expected at least one closure or coupling; give loops=None for a tree")
 
-    def _validate_plain_couplings(self) -> None:
-        followers = {c.follower for c in self.couplings}
+    def _validate_followers(self) -> None:
         for c in self.couplings:
-            if c.leader in followers:
-                raise InputError(
-                    f"coupling {c.name!r}: joint {c.follower!r} follows {c.leader!r}, which follows another joint "
-                    "itself; couple both joints to that one"
-                )
             if c.follower in self.primary:
                 raise InputError(f"coupling {c.name!r}: joint {c.follower!r} is a follower and cannot be primary")
 
@@ -295,6 +291,25 @@ class Loops:
         conditions = [[[(k, _rounded(x, digits)) for k, x in of], text(low), text(up)] for of, low, up in bounds]
         reference = sorted((k, text(float(x))) for k, x in self.reference.items())
         return [list(self.primary), closures, couplings, conditions, reference]
+
+
+def _resolved(couplings: Sequence[Coupling]) -> tuple[Coupling, ...]:
+    """Return couplings to leaders that follow no other joint."""
+    ahead = {c.follower: c for c in couplings}
+    return tuple(_to_first_leader(c, ahead) for c in couplings)
+
+
+def _to_first_leader(coupling: Coupling, ahead: Mapping[str, Coupling]) -> Coupling:
+    name, follower, leader = coupling.name, coupling.follower, coupling.leader
+    ratio, offset = coupling.ratio, coupling.offset
+    for _ in ahead:
+        if leader not in ahead:
+            return coupling if leader == coupling.leader else Coupling(name, follower, leader, ratio, offset)
+        more = ahead[leader]
+        leader, ratio, offset = more.leader, ratio * more.ratio, ratio * more.offset + offset
+    raise InputError(
+        f"coupling {name!r}: joint {follower!r} follows {coupling.leader!r}, but its leaders follow in a ring"
+    )
 
 
 def _rounded(x: float, digits: int | None) -> float:

@@ -283,6 +283,8 @@ def essential_space(
     6
     """
     validate_kind(mechanism, Mechanism, "essential_space", "as load(...) gives one")
+    if not mechanism.unconstrained.num_energy_parameters:
+        raise InputError(f"{mechanism.name}: no link has inertia: all are massless")
     seed = whole_number(seed, "seed", 0, 2**32 - 1)
     given = None if states is None else partial(_same, energy_triangle(mechanism, states))
     search = Search(

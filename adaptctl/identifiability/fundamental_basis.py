@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
@@ -22,6 +22,7 @@ from adaptctl.identifiability.regrouping import (
     MAX_CONDITION,
     TOLERANCE,
     Regrouping,
+    by_rows,
     condition,
     regrouping_equations,
 )
@@ -38,7 +39,7 @@ class Robot(msgspec.Struct, forbid_unknown_fields=True):
     geometry_sha256: str
 
 
-class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
+class BasisFile(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     """Content of a basis file (JSON)."""
 
     schema: Literal["adaptctl/fundamental-basis/1"]
@@ -48,6 +49,7 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
     parameters: Annotated[list[str], msgspec.Meta(max_length=MAX_PARAMETERS)]
     scales: list[float]
     regrouping: dict[str, dict[str, float]]
+    kept_despite_priority: list[str] = []
 
     @classmethod
     def read(cls, path: str | Path) -> BasisFile:
@@ -93,6 +95,9 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True):
             return f"`$.scales`: expected {len(self.parameters)} positive numbers, one per parameter"
         if self.rank != len(self.regrouping):
             return f"`$.rank` is {self.rank}, but `$.regrouping` keeps {len(self.regrouping)} parameters"
+        for name in self.kept_despite_priority:
+            if name not in self.regrouping:
+                return f"`$.kept_despite_priority`: {name!r} is not kept in `$.regrouping`"
         for kept, row in self.regrouping.items():
             for name in (kept, *row):
                 if name not in known:
@@ -267,6 +272,7 @@ class FundamentalBasis:
             parameters=list(self.parameter_names),
             scales=self.scales.tolist(),
             regrouping=BasisFile.rows(self.regrouping, self.columns, self.parameter_names),
+            kept_despite_priority=list(self.kept_despite_priority),
         ).write(path)
 
     @classmethod
@@ -305,6 +311,7 @@ class FundamentalBasis:
                 regrouping=content.matrix,
                 scales=np.array(content.scales),
                 gap=content.gap,
+                kept_despite_priority=tuple(content.kept_despite_priority),
             )
         except InputError as error:
             raise FileError(f"{path}: {error}") from error
@@ -337,7 +344,8 @@ def fundamental_basis(
     ------
     RankError
         If exact arithmetic keeps other parameters, the rank differs from the space's, or the priority removes
-        parameters that are nearly dependent (a condition number above 1e4).
+        parameters that are nearly dependent (a condition number above 1e4, or 1e5 if
+        exact arithmetic makes the same choice).
     InputError
         If the tolerance is out of range, names are given twice or unknown (`NotFoundError`), or `prove` is true and the
         space has no proof.
@@ -375,6 +383,8 @@ class Chosen(NamedTuple):
 
 def _chosen(space: EssentialSpace, order: Sequence[int], tolerance: float, prove: bool) -> Chosen:
     found = space.null_space.regrouping(order, tolerance)
+    if tolerance <= TOLERANCE:
+        found = _exactly_in_order(space, found, order) or found
     _validate_conditioned(space, found)
     passed_over = {*found.kept_despite_priority, *_kept_against_the_order(space, found, order, prove, tolerance)}
     if found.rank != space.rank:
@@ -384,6 +394,16 @@ def _chosen(space: EssentialSpace, order: Sequence[int], tolerance: float, prove
         )
     names = tuple(space.parameter_names[j] for j in sorted(passed_over))
     return Chosen(found.kept, found.matrix(space.scales).tolist(), space.scales.tolist(), names)
+
+
+def _exactly_in_order(space: EssentialSpace, found: Regrouping, order: Sequence[int]) -> Regrouping | None:
+    """Regrouping onto exactly those that the order keeps, if they are others, and it is well conditioned."""
+    sets = () if space.proof is None else tuple(space.proof.kept_in_any_way(order))
+    if found.kept in sets:
+        return replace(found, exact=True)
+    removed = ([j for j in order if j not in set(kept)] for kept in sets if len(kept) == space.rank)
+    exact = (by_rows(space.scaled_null_basis, rows) for rows in removed)
+    return next((one for one in exact if one is not None and one.determined), None)
 
 
 def _kept_against_the_order(

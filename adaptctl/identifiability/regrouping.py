@@ -28,6 +28,8 @@ COEFFICIENT_ROUND_OFF = 1e-11
 WHOLE_NUMBER_TOLERANCE = 1e-13
 # Largest condition number of the matrix that is inverted for the regrouping, among scaled parameters.
 MAX_CONDITION = 1e4
+# The same where exact arithmetic says that they are independent. Rounded right angles make 5e5 (Sheu and Walker 1991).
+MAX_EXACT_CONDITION = 1e5
 # Largest bound of that condition at which Cholesky's factor does not drown in round-off.
 MAX_CONDITION_BOUND = 1e7
 # Size below which coefficients are left out: they come from right angles that a file gives to nine digits.
@@ -98,6 +100,8 @@ class Regrouping:
     rank: int
     # Kept parameters that the order alone would remove: so little of their rows is left that others go instead.
     kept_despite_priority: tuple[int, ...] = ()
+    # Chosen by exact arithmetic.
+    exact: bool = False
 
     @cached_property
     def condition(self) -> float:
@@ -106,8 +110,9 @@ class Regrouping:
 
     @property
     def determined(self) -> bool:
-        """True if the condition number is at most 1e4."""
-        return self.bound <= MAX_CONDITION or self.condition <= MAX_CONDITION
+        """True if the condition number is at most 1e4, or 1e5 if the choice is exact."""
+        most = MAX_EXACT_CONDITION if self.exact else MAX_CONDITION
+        return self.bound <= most or self.condition <= most
 
     @cached_property
     def bound(self) -> float:
@@ -145,6 +150,16 @@ def by_null_vectors(null_basis: Array, order: Sequence[int], tolerance: float) -
     kept, removed = sorted(set(order) - set(gone)), list(gone)
     coefficients = np.asarray(-np.linalg.solve(null_basis[removed].T, null_basis[kept].T).T, dtype=np.float64)
     return Regrouping(tuple(kept), gone, coefficients, len(kept), passed_over)
+
+
+def by_rows(null_basis: Array, removed: Sequence[int]) -> Regrouping | None:
+    """Regrouping that removes the parameters of an exact choice; None where they are dependent in floats."""
+    kept = sorted(set(range(len(null_basis))) - set(removed))
+    rows = null_basis[list(removed)]
+    if len(rows) != rows.shape[1] or np.linalg.matrix_rank(rows) < len(removed):
+        return None
+    coefficients = np.asarray(-np.linalg.solve(rows.T, null_basis[kept].T).T, dtype=np.float64)
+    return Regrouping(tuple(kept), tuple(removed), coefficients, len(kept), exact=True)
 
 
 def condition(coefficients: Array) -> float:

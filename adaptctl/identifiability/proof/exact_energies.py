@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, get_args
@@ -199,7 +199,8 @@ class ExactEnergies:
         """Number of identifiable directions."""
         description = self.mechanism.description
         plain = description.loops is None and len(description.bodies) == len(description.links)
-        if plain and self.mechanism.unconstrained is self.mechanism:
+        # A drive that turns with several joints has its energy in products of their rates too.
+        if plain and not description.drive_couplings and self.mechanism.unconstrained is self.mechanism:
             # Of a tree, it is the sum of what its joints feel (Wensing, Niemeyer and Slotine 2017).
             return sum(arithmetic.ranks(energy_changes(description, self.geometry, 11 + SPARE_ROWS, self.seed)))
         return arithmetic.rank(self._differences, self._nothing)
@@ -210,7 +211,7 @@ class ExactEnergies:
 
     def keeps(self, kept: tuple[int, ...], order: Sequence[int]) -> bool:
         """True if an order of removal keeps exactly these."""
-        return any(kept == way.kept(order) for way in (replace(self, by_frames=True), self))
+        return kept in self.kept_in_any_way(order)
 
     @property
     def _nothing(self) -> float:
@@ -239,6 +240,11 @@ class ExactEnergies:
     def frames(self) -> CanonicalFrames:
         """Joints' poses from axis to axis, in floats."""
         return canonical_frames(self.mechanism.description, characteristic_length(self.mechanism), self.precision)
+
+    def kept_in_any_way(self, order: Sequence[int]) -> Iterator[tuple[int, ...]]:
+        """Indices (k,) of the parameters kept by an order of removal, as the geometry is read by axes and by frames."""
+        for way in (replace(self, by_frames=True), self):
+            yield way.kept(order)
 
     @cached_property
     def _differences(self) -> Any:
