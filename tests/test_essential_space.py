@@ -104,6 +104,28 @@ def single(kind: JointKind, axis: tuple[float, float, float], gravity: tuple[flo
     return Mechanism(Description("one link", (link,), np.array(gravity)))
 
 
+@pytest.mark.parametrize("prove", [True, False])
+@pytest.mark.parametrize("method", ["svd", "transfers"])
+@pytest.mark.parametrize(
+    ("roll", "offset", "said"),
+    [
+        (1.57079632679, 0.3, ("joint0 and joint1 are 4.9e-12 rad from 90 degrees",)),
+        (0.0, 2e-12, ("joint1 is only 2.0e-12 m from the axis of joint0",)),
+        (0.0, 0.3, ()),
+    ],
+)
+def test_certificates_say_what_was_taken_as_exact(
+    prove: bool, method: Any, roll: float, offset: float, said: tuple[str, ...]
+) -> None:
+    near = Pose(rotation_about(np.array([1.0, 0.0, 0.0]), roll), np.array([offset, 0.0, 0.0]))
+    first, last = (
+        Link(f"link{i}", i - 1, Joint(f"joint{i}"), pose, Pose(np.eye(3), np.array([float(i), 0.0, 0.0])))
+        for i, pose in enumerate((Pose.identity(), near))
+    )
+    arm = Mechanism(Description("rounded", (first, last)))
+    assert essential_space(arm, method=method, prove=prove).certificate.taken_as_exact == said
+
+
 def test_an_arm_without_any_inertia_is_refused() -> None:
     links = tuple(
         Link(f"link{i}", i - 1, Joint(f"joint{i}"), Pose.identity(), Pose.identity(), massless=True) for i in range(2)

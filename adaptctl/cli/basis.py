@@ -182,6 +182,8 @@ def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis)
             f"{names} come first in the priority, but almost depend on those removed before, so others are removed "
             "instead"
         )
+    if space.certificate.taken_as_exact:
+        remarks.append(f"taken as exact: {'; '.join(space.certificate.taken_as_exact)}")
     if friction:
         remarks.append(f"{friction} friction parameters are also kept, because energies do not depend on them")
     return stacked(first, certificate, *(words((f"note: {remark}", "yellow")) for remark in remarks))

@@ -156,6 +156,9 @@ class Certificate:
         Rank computed in exact arithmetic; None (default) where it was not asked for.
     proof_method : str, optional
         Arithmetic of `rank_exact`: "a prime field" or "60 digits"; empty by default, without a proof.
+    taken_as_exact : tuple of str, optional
+        Angles in rad and lengths in m that miss a special value by so little, 1e-11 rad or 1e-11 of the characteristic
+        length, that every method takes it as meant.
 
     Notes
     -----
@@ -181,6 +184,7 @@ class Certificate:
     rank_geometry: int | None = None
     rank_exact: int | None = None
     proof_method: str = ""
+    taken_as_exact: tuple[str, ...] = ()
 
     @property
     def rank(self) -> int:

@@ -18,7 +18,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.loops.constraint import ClosureSide, Follower, Loop
 from adaptctl.dynamics.recursion.segment import Segment
 from adaptctl.errors import InputError
-from adaptctl.identifiability.certificate import near_right_angles
+from adaptctl.identifiability.certificate import ROUND_OFF_RATIO, near_right_angles
 from adaptctl.identifiability.proof.arithmetic import digits, samples_of, stacked_digits
 from adaptctl.identifiability.proof.joint_frames import (
     AS_GIVEN,
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 
 # Makes scalars of rational numbers: residues, or numbers of many digits.
 Number = Callable[[Fraction], Any]
+# Shares of the characteristic length, above and up to which an offset or a difference of lengths is nearly zero.
+NEARLY = AS_GIVEN.length, AS_MEANT.length
 # Cosines and sines of quarter turns.
 QUARTERS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
@@ -191,17 +193,29 @@ def near_coincidences(description: Description, frames: CanonicalFrames) -> tupl
     return (*angles, *_near_offsets(description, frames), *_near_equals(description, frames))
 
 
-def _near_offsets(description: Description, frames: CanonicalFrames) -> Iterator[str]:
+def taken_as_exact(description: Description, frames: CanonicalFrames) -> tuple[str, ...]:
+    """Angles, offsets and equal lengths that are special up to round-off in a file, as texts."""
+    right = near_right_angles(description, ROUND_OFF_RATIO)
+    angles = [str(angle) for angle in right if abs(angle.deviation) <= AS_GIVEN.angle]
+    within = (ROUND_OFF_RATIO, AS_GIVEN.length)
+    return (*angles, *_near_offsets(description, frames, within), *_near_equals(description, frames, within))
+
+
+def _near_offsets(
+    description: Description, frames: CanonicalFrames, within: tuple[float, float] = NEARLY
+) -> Iterator[str]:
     for link, joint in zip(description.links, frames.joints, strict=True):
         before = "the world" if link.parent == GROUND else description.links[link.parent].joint.name
         for what, offset in (("from", joint.joint.radius), ("along", joint.joint.height)):
-            if link.parent != GROUND and _nearly(offset, frames.length):
+            if link.parent != GROUND and _nearly(offset, frames.length, within):
                 yield f"{link.joint.name} is only {abs(offset):.1e} m {what} the axis of {before}"
 
 
-def _near_equals(description: Description, frames: CanonicalFrames) -> Iterator[str]:
+def _near_equals(
+    description: Description, frames: CanonicalFrames, within: tuple[float, float] = NEARLY
+) -> Iterator[str]:
     for (one, name), (other, another) in pairwise(loop_lengths(description, frames)):
-        if one > AS_MEANT.length * frames.length and _nearly(other - one, frames.length):
+        if one > AS_MEANT.length * frames.length and _nearly(other - one, frames.length, within):
             yield f"the lengths {one:.10g} m at {name} and {other:.10g} m at {another} are nearly equal"
 
 
@@ -227,8 +241,9 @@ def as_equal(lengths: Iterable[float], least: float) -> tuple[float, ...]:
     return tuple(firsts)
 
 
-def _nearly(x: float, length: float) -> bool:
-    return AS_GIVEN.length * length < abs(x) <= AS_MEANT.length * length
+def _nearly(x: float, length: float, within: tuple[float, float]) -> bool:
+    least, most = within
+    return least * length < abs(x) <= most * length
 
 
 def exact_loops(mechanism: Mechanism, geometry: ExactGeometry) -> LoopEquations:
