@@ -107,7 +107,7 @@ def test_relations_are_given_at_once(mechanism: Mechanism) -> None:
     if mechanism.parameter_names == mechanism.description.parameter_names:
         known(mechanism, 0.1)
         return
-    with pytest.raises(InputError, match="give all relations at once"):
+    with pytest.raises(InputError, match="is constrained already"):
         known(mechanism, 0.1)
 
 
