@@ -38,7 +38,7 @@ from adaptctl.control.gains.sampling_ratio import validate_sampling_ratio
         (FadeIn, {"duration": 3.0}),
         (SlotineLi, {"adaptation": None, "initial": None, "control_period": 1e-3}),
         (ComputedTorque, {"damping_ratio": 1.0, "parameters": None}),
-        (ComputedTorque.on, {"damping_ratio": 1.0, "parameters": None}),
+        (ComputedTorque.from_model, {"damping_ratio": 1.0, "parameters": None}),
         (SigmaModification, {"leakage": 0.1, "prior": None}),
         (EModification, {"leakage": 0.1, "prior": None}),
         (BoundedGainForgetting, {"prediction_weight": 1.0, "cutoff": 20.0}),

@@ -141,7 +141,7 @@ def flat(info: Any) -> Any:
 
 
 def test_moved_gains_are_those_of_another_controller(arm: adaptctl.Mechanism, law: SlotineLi) -> None:
-    env = TuningEnv(single(arm), law, MOVED, span=2.0)
+    env = TuningEnv(single(arm), law, MOVED, max_factor=2.0)
     assert env.action_space.shape == (5,)
     action = np.array([-1.0, 0.5, -0.5, 0.0, 1.0], dtype=np.float32)
     seen = run_alone(env, [action] * 60, 0)
@@ -174,7 +174,7 @@ def test_what_many_arms_are_told_has_masks_as_gymnasium_has_them(arm: adaptctl.M
 
 
 def test_the_largest_gains_are_those_that_the_period_carries(arm: adaptctl.Mechanism, law: SlotineLi) -> None:
-    found = TuningEnv(single(arm), law, MOVED, span=100.0).range
+    found = TuningEnv(single(arm), law, MOVED, max_factor=100.0).range
     assert found.lowest == 0.01
     assert 1.0 < found.highest < 100.0
     largest = {name: law.numbers[name] * found.highest for name in MOVED}
@@ -189,8 +189,8 @@ def test_what_is_refused(arm: adaptctl.Mechanism, law: SlotineLi) -> None:
         TuningEnv(inner, law, ["dampin"])
     with pytest.raises(NotFoundError, match="expected at least one of bandwidth, damping"):
         TuningEnv(inner, law, [])
-    with pytest.raises(InputError, match="span: expected a number above 1, got 1"):
-        TuningEnv(inner, law, MOVED, span=1.0)
+    with pytest.raises(InputError, match="max_factor: expected a number above 1, got 1"):
+        TuningEnv(inner, law, MOVED, max_factor=1.0)
     with pytest.raises(InputError, match="expected a tracking environment of adaptctl"):
         LearningEnv(gymnasium.make("CartPole-v1"))
     with pytest.raises(InputError, match="expected a vector environment of adaptctl"):

@@ -113,8 +113,8 @@ def test_logs_beyond_limits_are_told_in_the_joints_units() -> None:
             prepare(case.log, arm)
         return str(caught.value)
 
-    assert " m/s, but the limit of the robot is 0.001: are the positions in mm" in refused(Limits(velocity=1e-3))
-    assert " N, but the limit of the robot is 0.001: are" in refused(Limits(effort=1e-3))
+    assert " m/s, but the limit of the robot is 0.001; check" in refused(Limits(velocity=1e-3))
+    assert " N, but the limit of the robot is 0.001; check" in refused(Limits(effort=1e-3))
 
 
 def test_friction_over_speed_has_the_joints_units(cart: Path) -> None:
