@@ -13,7 +13,10 @@ from benchmarks.interleaved import Effort
 from benchmarks.machine import BUSY, load
 from benchmarks.published import line, publish
 
-SUBJECTS = ("mechanism_calls", "regressor", "tick", "closed_loop", "many_arms", "offline", "first_tick", "own_robot")
+SUBJECTS = (
+    *("mechanism_calls", "regressor", "tick", "learning_algebra", "closed_loop", "many_arms"),
+    *("offline", "first_tick", "own_robot"),
+)
 """The modules that measure, in the table's order."""
 
 PEERS = ("pinocchio", "mujoco")

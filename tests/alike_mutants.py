@@ -18,9 +18,6 @@ ALIKE = {
     "adaptctl/identifiability/tree/unobservable_inertia.py::_functionals_at_zero 0 -> 1 (again 1)": (
         "a row of zeros spans what no row spans"
     ),
-    "adaptctl/control/adaptation/composite_learning.py::_remember row @ along + TINY -> row @ along - TINY": (
-        "where it is no larger than TINY, what it divides is zero"
-    ),
     "adaptctl/control/excitation/excitation_trajectory.py::_gram 1 -> 2": "two samples per product",
     "adaptctl/control/excitation/excitation_trajectory.py::_gram 1 -> 2 (again 1)": "NumPy takes -2 for -1 in a shape",
     "adaptctl/control/excitation/excitation_trajectory.py::_gram 1 -> 2 (again 2)": "NumPy takes -2 for -1 in a shape",

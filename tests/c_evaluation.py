@@ -1,4 +1,4 @@
-"""Straight-line C functions, read by a parser of C and run on Python's floats: what a compiler would make of them."""
+"""C functions of straight lines and counted loops, parsed and run on Python's floats: what a compiler makes of them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pycparser import c_ast
 LIBRARY: dict[str, Callable[[float], float]] = {
     "sqrt": math.sqrt, "fabs": abs, "rint": lambda x: float(round(x)) if math.isfinite(x) else x,
 }  # fmt: skip
-OPERATORS = {"+", "-", "*", "/", "<", "<="}
+OPERATORS = {"+", "-", "*", "/", "%", "<", "<="}
 
 
 def functions_of(text: str, prefix: str) -> dict[str, Callable[..., None]]:
@@ -25,7 +25,7 @@ def functions_of(text: str, prefix: str) -> dict[str, Callable[..., None]]:
     names = f"typedef double {prefix}_real; typedef struct m {prefix}_memory; typedef struct g {prefix}_gains;"
     bare = _without_sine(bare, prefix)
     tree = pycparser.CParser().parse(f"{names} typedef struct r {prefix}_reference; {bare}")
-    made: dict[str, Any] = {f"{prefix}_sincos": _sincos, "NULL": None} | LIBRARY
+    made: dict[str, Any] = {"Part": Part, f"{prefix}_sincos": _sincos, "NULL": None} | LIBRARY
     for item in tree.ext:
         if isinstance(item, c_ast.FuncDef):
             exec(compile(_python(item), item.decl.name, "exec"), made)
@@ -47,10 +47,38 @@ def _sincos(x: float, s: list[float], c: list[float]) -> None:
 
 def _python(function: c_ast.FuncDef) -> str:
     parameters = function.decl.type.args.params if function.decl.type.args else []
-    lines = [f"def {function.decl.name}({', '.join(p.name for p in parameters)}):"]
-    for item in function.body.block_items or []:
-        lines.append(f"    {_statement(item)}")
-    return "\n".join([*lines, "    pass"])
+    head = f"def {function.decl.name}({', '.join(p.name for p in parameters)}):"
+    return "\n".join([head, *_lines(function.body, "    ")])
+
+
+def _lines(block: c_ast.Compound, margin: str) -> list[str]:
+    lines = []
+    for item in block.block_items or []:
+        if isinstance(item, c_ast.For):
+            (counter,) = item.init.decls
+            lines.append(f"{margin}for {counter.name} in range({_whole(counter.init)}, {_whole(item.cond.right)}):")
+            lines += _lines(item.stmt, f"{margin}    ")
+        else:
+            lines.append(f"{margin}{_statement(item)}")
+    return [*lines, f"{margin}pass"]
+
+
+def _whole(node: Any) -> str:
+    """Arithmetic of whole numbers, which are never negative where they are divided."""
+    return _text(node).replace("/", "//")
+
+
+class Part:
+    """Numbers from a place of a list on."""
+
+    def __init__(self, of: Any, first: int) -> None:
+        self.of, self.first = of, first
+
+    def __getitem__(self, k: int) -> Any:
+        return self.of[self.first + k]
+
+    def __setitem__(self, k: int, value: Any) -> None:
+        self.of[self.first + k] = value
 
 
 def _statement(node: Any) -> str:
@@ -89,7 +117,8 @@ def _copy(node: Any) -> str:
 
 def _initial(node: c_ast.Decl) -> str:
     if isinstance(node.init, c_ast.InitList):
-        return f"[{', '.join(map(_text, node.init.exprs))}]"
+        given = f"[{', '.join(map(_text, node.init.exprs))}]"
+        return f"{given} + [0.0] * ({node.type.dim.value} - {len(node.init.exprs)})"
     if isinstance(node.type, c_ast.ArrayDecl):
         return f"[float('nan')] * {node.type.dim.value}"
     return _text(node.init) if node.init is not None else "None"
@@ -108,14 +137,16 @@ def _text(node: Any) -> str:
             return f"({_text(node.left)} or {_text(node.right)})"
         case c_ast.UnaryOp() if node.op == "-":
             return f"(-{_text(node.expr)})"
+        case c_ast.UnaryOp() if node.op == "&" and isinstance(node.expr, c_ast.ArrayRef):
+            return f"Part({_text(node.expr.name)}, {_whole(node.expr.subscript)})"
         case c_ast.UnaryOp() if node.op == "&":
             return f"@{_text(node.expr)}"
         case c_ast.TernaryOp():
             return f"({_text(node.iftrue)} if {_text(node.cond)} else {_text(node.iffalse)})"
         case c_ast.ArrayRef():
-            return f"{_text(node.name)}[{_text(node.subscript)}]"
+            return f"{_text(node.name)}[{_whole(node.subscript)}]"
         case c_ast.StructRef() if node.type == "->":
             return f"{_text(node.name)}.{node.field.name}"
         case c_ast.FuncCall():
             return f"{_text(node.name)}({', '.join(map(_text, node.args.exprs))})"
-    raise AssertionError(f"not expected in straight-line C: {node}")
+    raise AssertionError(f"not expected in C: {node}")

@@ -39,7 +39,9 @@ from adaptctl.control import (
     StoppedReference,
     adaptation_gain,
 )
-from adaptctl.control.adaptation.composite_learning import LearningMemory, _remember
+from adaptctl.control.adaptation.composite_learning import LearningMemory
+from adaptctl.control.adaptation.gradient import MIN_POWER
+from adaptctl.control.adaptation.symmetric import Equation, directional_update
 from adaptctl.errors import InputError
 from adaptctl.identifiability import essential_space
 from adaptctl.scalars import Column
@@ -185,7 +187,7 @@ def test_a_direction_is_forgotten_for_itself(seed: int, share: float) -> None:
     root, w, true = rng.normal(size=(6, 6)), rng.normal(size=6), rng.normal(size=6)
     Q = root @ root.T
     entries, z = Column(Q[np.triu_indices(6)].tolist()), Column((Q @ true).tolist())
-    after, known = _remember(entries, z, Column(w.tolist()), 0.0, Column((share, 0.0)))
+    after, known = directional_update(entries, z, [Equation(Column(w.tolist()), share, MIN_POWER)])
     found = np.zeros((6, 6))
     found[np.triu_indices(6)] = after.of
     found = found + np.triu(found, 1).T

@@ -23,16 +23,16 @@ from adaptctl.control import (
     TaskSpaceSlotineLi,
 )
 from adaptctl.control.adaptation.composite import TorqueFilter, momentum_columns, validate_cutoff
-from adaptctl.control.adaptation.composite_learning import _remember
 from adaptctl.control.adaptation.concurrent_learning import _solve
+from adaptctl.control.adaptation.gradient import MIN_POWER
 from adaptctl.control.adaptation.law import NoMemory, Period
-from adaptctl.control.adaptation.least_squares import (
+from adaptctl.control.adaptation.symmetric import (
+    Equation,
+    directional_update,
     first_triangle,
     from_triangle,
-    full_rows,
     symmetric_product,
     symmetric_trace,
-    upper_rows,
 )
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError
@@ -52,7 +52,6 @@ def test_triangles_hold_symmetric_matrices(k: int) -> None:
     A, x = symmetric(k), np.linspace(-1.0, 2.0, k)
     entries = A[np.triu_indices(k)]
     np.testing.assert_array_equal(from_triangle(entries, k), A)
-    np.testing.assert_array_equal(full_rows(upper_rows(column(entries), k)), A)
     np.testing.assert_array_equal(from_triangle(first_triangle(k), k), np.eye(k))
     np.testing.assert_allclose(symmetric_product(column(entries), column(x)).of, A @ x, atol=1e-14)
     assert symmetric_trace(column(entries), k) == pytest.approx(np.trace(A), abs=1e-14)
@@ -71,15 +70,16 @@ def test_composite_learning_forgets_and_learns_along_a_row(forgotten: float, lea
     root, w, x = rng.normal(size=(k, k)), rng.normal(size=k), rng.normal(size=k)
     Q = root @ root.T
     expected = Q - forgotten * np.outer(Q @ w, Q @ w) / (w @ Q @ w) + learned * np.outer(w, w)
-    given = (Q[np.triu_indices(k)], Q @ x, w)
-    information, known = _remember(*map(column, given), w @ x, Column((forgotten, learned)))
+    equation = Equation(column(w), forgotten, MIN_POWER, learned=learned, gained=learned * float(w @ x))
+    information, known = directional_update(column(Q[np.triu_indices(k)]), column(Q @ x), [equation])
     np.testing.assert_allclose(from_triangle(np.array(information.of), k), expected, atol=1e-12)
     np.testing.assert_allclose(known.of, expected @ x, atol=1e-12)
 
 
 def test_an_empty_memory_forgets_nothing_and_stays_finite() -> None:
     empty, w = Column.zeros(3), Column((1.0, -2.0))
-    information, known = _remember(empty, Column.zeros(2), w, 3.0, Column((0.5, 0.1)))
+    equation = Equation(w, 0.5, MIN_POWER, learned=0.1, gained=0.1 * 3.0)
+    information, known = directional_update(empty, Column.zeros(2), [equation])
     np.testing.assert_allclose(information.of, [0.1, -0.2, 0.4], rtol=1e-14)
     np.testing.assert_allclose(known.of, [0.3, -0.6], rtol=1e-14)
 

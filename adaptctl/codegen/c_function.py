@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from itertools import islice
 from typing import Literal, TypeAlias
 
 from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.landing import NOWHERE, Landings
 from adaptctl.compilation.lanes import Precision, single
 from adaptctl.compilation.llvm import Piece
 from adaptctl.compilation.routine import Routine, trace
@@ -72,15 +74,28 @@ Given = Callable[[int, int], str]
 """Text of an argument's number."""
 
 
+def _no_place(_part: int, _k: int) -> str:
+    """Results of calls go nowhere else."""
+    return ""
+
+
 class CStatements:
     """Writer of C statements."""
 
     def __init__(
-        self, prefix: str, number: CNumber, piece: Piece, symbols: Mapping[Routine, str], given: Given
+        self,
+        prefix: str,
+        number: CNumber,
+        piece: Piece,
+        symbols: Mapping[Routine, str],
+        given: Given,
+        landed: Landings = NOWHERE,
+        own: Given = _no_place,
     ) -> None:
         self.lines: list[str] = []
         self.arrays = 0
         self._prefix, self._number, self._symbols, self._given = prefix, number, symbols, given
+        self._landed, self._own = landed, own
         self._found = piece.found
         self._uses = Counter(y.index for x in piece.expressions for y in x.operands if isinstance(y, Expression))
         self._text: dict[int, str] = {}
@@ -148,9 +163,10 @@ class CStatements:
         rest, routine, names = iter(x.operands), x.detail, []
         for part, size in enumerate(routine.inputs):
             group = [self.operand(y) for y in islice(rest, size)]
-            names.append(self._array(f"a{x.index}_{part}", size, group))
+            names.append(_side_by_side(group) or self._array(f"a{x.index}_{part}", size, group))
         for part, size in enumerate(routine.layout.sizes):
-            names.append(self._array(f"r{x.index}_{part}", size))
+            into = self._landed.calls.get((x.index, part))
+            names.append(f"&{self._own(*into)}" if into else self._array(f"r{x.index}_{part}", size))
         self.lines.append(f"{self._symbols[routine]}({', '.join(names)});")
 
     def _array(self, name: str, size: int, values: Sequence[str] = ()) -> str:
@@ -168,9 +184,24 @@ class CStatements:
             return f"passed[{self._found[x.index]}]"
         if x.op is Op.INPUT:
             return self._given(*x.detail)
+        if x.index in self._landed.places:
+            return self._own(*self._landed.places[x.index])
         if x.op is Op.RESULT:
             return f"r{x.operands[0].index}_{x.detail[0]}[{x.detail[1]}]"
         return None
+
+
+def _side_by_side(texts: Sequence[str]) -> str | None:
+    """Address of numbers that follow each other in memory already, or None."""
+    found = [re.fullmatch(r"([\w>.-]+)\[(\d+)\]", text) for text in texts]
+    places = [(at[1], int(at[2]) - k) for k, at in enumerate(found) if at]
+    if len(places) < max(len(texts), MIN_SHARED) or len(set(places)) > 1:
+        return None
+    return f"&{places[0][0]}[{places[0][1]}]"
+
+
+MIN_SHARED = 4
+"""Numbers side by side that a function is given where they are, instead of copies."""
 
 
 def most_alive(expressions: Sequence[Expression], outputs: Iterable[Expression | float]) -> int:

@@ -9,8 +9,11 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from adaptctl.codegen.c_function import CNumber, CStatements, Given, most_alive
+from adaptctl.codegen.c_loops import CLoops
 from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.landing import landings
 from adaptctl.compilation.llvm import Piece, pieces
+from adaptctl.compilation.recorded_loops import LoopRoutine
 from adaptctl.compilation.routine import Routine, numbered
 
 Numbered = tuple[int, int]
@@ -114,13 +117,18 @@ class CProgram:
         self._symbols[routine] = f"{self.prefix}_{name}_{len(self._symbols)}"
         given = [f"in{k}" for k in range(len(routine.inputs))]
         signature = self.on_arrays(routine, self._symbols[routine], given)
-        text, self._stacks[routine] = self._functions(routine, signature)
+        make = self._loops if isinstance(routine, LoopRoutine) else self._functions
+        text, self._stacks[routine] = make(routine, signature)
         return text
+
+    def _loops(self, routine: LoopRoutine, signature: Signature) -> tuple[str, int]:
+        code = CLoops(self.prefix, self.number, routine)
+        return _function(signature, code.lines, _names(code.lines)), code.numbers * self.number.size + RETURN_ADDRESSES
 
     def _functions(self, routine: Routine, signature: Signature) -> tuple[str, int]:
         """Functions of a routine and its pieces, and their stack."""
         self.operations |= {x.op for x in routine.body}
-        parts = pieces(routine.body)
+        parts = pieces(routine.body, landings(routine).places)
         if len(parts) == 1:
             return self._piece(routine, parts[0], signature)
         restrict = f"{self.prefix.upper()}_RESTRICT"
@@ -140,9 +148,14 @@ class CProgram:
         first = any(x is routine.body[0] for x in piece.expressions) if routine.body else True
         put_back = ConditionalStore(routine, piece, signature.before)
         own = set(put_back.piece.expressions)
-        code = CStatements(self.prefix, self.number, put_back.piece, self._symbols, signature.given)
+        landed = landings(routine)
+        code = CStatements(
+            self.prefix, self.number, put_back.piece, self._symbols, signature.given, landed, signature.place
+        )
         for (part, k), value in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):
             stored, place = put_back.stored(value), signature.place(part, k)
+            if isinstance(stored, Expression) and landed.places.get(stored.index) == (part, k):
+                continue
             if isinstance(stored, Expression) and (stored is value or stored in own):
                 places.setdefault(stored.index, []).append(place)
             elif first or stored is not value:
@@ -154,7 +167,7 @@ class CProgram:
                 code.store(place, x)
         for condition, back in put_back.conditions.items():
             code.copy_where(condition, _runs(back, signature))
-        used = set(re.findall(r"(?<![\w>.])[a-z]\w*", "\n".join(code.lines)))
+        used = _names(code.lines)
         alive = most_alive(put_back.piece.expressions, map(put_back.stored, routine.outputs)) + code.arrays
         called = max((self._stacks[x.detail] for x in piece.expressions if x.op is Op.CALL), default=0)
         return _function(signature, code.lines, used), alive * self.number.size + called + RETURN_ADDRESSES
@@ -171,6 +184,10 @@ def helpers(prefix: str, operations: set[Op]) -> str:
                 f"{{\n    return ((a {sign} b) || (a != a)) ? a : b;\n}}\n"
             )
     return "\n".join(texts)
+
+
+def _names(lines: list[str]) -> set[str]:
+    return set(re.findall(r"(?<![\w>.])[a-z]\w*", "\n".join(lines)))
 
 
 def _function(signature: Signature, lines: list[str], used: set[str]) -> str:

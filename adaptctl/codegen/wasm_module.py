@@ -9,6 +9,7 @@ from itertools import groupby, islice
 from typing import NamedTuple
 
 from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.recorded_loops import LoopRoutine
 from adaptctl.compilation.routine import Routine, numbered, trace
 from adaptctl.compilation.sine import DOUBLE
 from adaptctl.errors import InputError
@@ -170,7 +171,7 @@ class WasmModule:
         self._types: list[bytes] = []
         self._functions: list[tuple[int, bytes]] = []
         self._exports: dict[str, int] = {}
-        self._called: dict[Routine, WasmPlaces] = {}
+        self._called: dict[Routine | LoopRoutine, WasmPlaces] = {}
         self._memory = FIRST
         self._turning: int | None = None
 
@@ -196,8 +197,10 @@ class WasmModule:
             ]
         )
 
-    def _function(self, routine: Routine) -> WasmPlaces:
-        if routine not in self._called:
+    def _function(self, routine: Routine | LoopRoutine) -> WasmPlaces:
+        if isinstance(routine, LoopRoutine):
+            self._called.setdefault(routine, self._function(routine.straight()))
+        elif routine not in self._called:
             inputs, outputs = [self._room(n) for n in routine.inputs], [self._room(n) for n in routine.layout.sizes]
             for inner in routine.subroutines:
                 self._function(inner)

@@ -6,6 +6,7 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any
 
 from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.landing import NOWHERE, Landings
 from adaptctl.compilation.lanes import Instructions, Lanes
 from adaptctl.compilation.routine import NONE, Invariants, Layout, Routine, arguments
 from adaptctl.compilation.sine import SinesAtOnce, asked_at_once
@@ -34,10 +35,11 @@ class FunctionBody:
         found: Mapping[int, int],
         same: Invariants = NONE,
         uniform: Container[int] = (),
+        landed: Landings = NOWHERE,
     ) -> None:
         self._uniform = uniform if lanes.count > 1 else ()
         self._text, self._lanes = Instructions(lanes), lanes
-        self._symbols, self._found, self._same = symbols, found, same
+        self._symbols, self._found, self._same, self._landed = symbols, found, same, landed
         self._sines = SinesAtOnce(self._text, self._operand, self._has)
         self._turns = asked_at_once([x for x in expressions if x.index not in found and x.index not in same.places])
         self._latest: dict[int, tuple[str, int]] = {}  # names, and how many expressions were written at the last use
@@ -56,7 +58,7 @@ class FunctionBody:
         if expression.index in self._turns:
             self._sines.turn(self._turns[expression.index])
         if expression.op is Op.CALL:
-            self._call(f"%x{expression.index}", expression.detail, arguments(expression))
+            self._call(expression, expression.detail, arguments(expression))
         elif self._place(expression) is None:
             self._evaluate(f"%x{expression.index}", expression.op, [self._operand(y) for y in expression.operands])
             self._latest[expression.index] = f"%x{expression.index}", self._now
@@ -118,14 +120,22 @@ class FunctionBody:
     def _is_uniform(self, x: Expression) -> bool:
         return x.op is Op.INPUT and x.detail[0] in self._uniform
 
-    def _call(self, x: str, routine: Routine, groups: Iterable[Sequence[Expression | float]]) -> None:
-        pointers = []
+    def _call(self, call: Expression, routine: Routine, groups: Iterable[Sequence[Expression | float]]) -> None:
+        x, pointers = f"%x{call.index}", []
         for part, group in enumerate(groups):
             needed = [k for k in range(len(group)) if (part, k) in routine.used_inputs]
             pointers.append(self._gathered(f"{x}.in{part}", group, needed))
         for part, size in enumerate(routine.layout.sizes):
-            pointers.append(self._text.reserve(f"{x}.out{part}", size))
+            pointers.append(self._result(call.index, part, size))
         self._text.add(f"call void @{self._symbols[routine]}({', '.join(f'ptr {pointer}' for pointer in pointers)})")
+
+    def _result(self, call: int, part: int, size: int) -> str:
+        name = f"%x{call}.out{part}"
+        if (call, part) not in self._landed.calls:
+            return self._text.reserve(name, size)
+        into, first = self._landed.calls[call, part]
+        self._text.add(f"{name} = getelementptr {self._lanes.value}, ptr %out{into}, i64 {first}")
+        return name
 
     def _gathered(self, name: str, group: Sequence[Expression | float], needed: Sequence[int]) -> str:
         key = tuple(x.index if isinstance(x, Expression) else repr(x) for x in group), tuple(needed)
@@ -158,6 +168,9 @@ class FunctionBody:
             return "%same", self._same.places[x.index]
         if x.op is Op.INPUT:
             return f"%in{x.detail[0]}", x.detail[1]
+        if x.index in self._landed.places:
+            part, k = self._landed.places[x.index]
+            return f"%out{part}", k
         if x.op is Op.RESULT:
             return f"%x{x.operands[0].index}.out{x.detail[0]}", x.detail[1]
         return self._sines.place(x)

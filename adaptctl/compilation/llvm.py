@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from adaptctl.compilation.function_body import FunctionBody
 from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.landing import NOWHERE, Landings, landings
 from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.loop_llvm import loop_function
+from adaptctl.compilation.recorded_loops import LoopRoutine
 from adaptctl.compilation.routine import NONE, Invariants, Routine, numbered, trace
 from adaptctl.compilation.sine import MAX_SINE_STEP, sine_for
 
@@ -19,16 +22,23 @@ PROLOGUE_SUFFIX = ".before"
 def program(routine: Routine, lanes: Lanes, same: Invariants = NONE, uniform: Container[int] = ()) -> tuple[str, str]:
     """LLVM IR of a routine and its calls, and its function's name."""
     symbols = _symbols(routine)
-    parts = {r: pieces(r.body) for r in symbols}
-    functions = [_function(r, parts[r], symbols, lanes) for r in symbols if r is not routine]
+    functions = [_called(r, symbols, lanes) for r in symbols if r is not routine]
+    landed = landings(routine).places
+    parts = {routine: pieces(routine.body, landed)}
     if same.stored:
         before = same.before(routine)
         symbols[before], parts[before] = f"{symbols[routine]}{PROLOGUE_SUFFIX}", pieces(before.body)
         functions.append(_function(before, parts[before], symbols, lanes))
-        parts[routine] = pieces(same.left(routine), same.places)
+        parts[routine] = pieces(same.left(routine), {**same.places, **landed})
     functions.append(_function(routine, parts[routine], symbols, lanes, same, uniform))
     text = "\n".join(functions)
     return f"{text}\n{_sines(text, lanes)}", symbols[routine]
+
+
+def _called(routine: Routine | LoopRoutine, symbols: Mapping[Any, str], lanes: Lanes) -> str:
+    if isinstance(routine, LoopRoutine):
+        return loop_function(routine, symbols[routine], lanes)
+    return _function(routine, pieces(routine.body, landings(routine).places), symbols, lanes)
 
 
 def _symbols(routine: Routine) -> dict[Routine, str]:
@@ -50,12 +60,12 @@ def _function(
     same: Invariants = NONE,
     uniform: Container[int] = (),
 ) -> str:
-    symbol = symbols[routine]
+    symbol, landed = symbols[routine], landings(routine)
     if len(parts) == 1:
-        return _piece(routine, parts[0], symbol, symbols, lanes, same, uniform)
+        return _piece(routine, parts[0], symbol, symbols, lanes, same, uniform, landed)
     inner = {f"{symbol}.piece{k}": part for k, part in enumerate(parts)}
     functions = [
-        _piece(routine, part, name, symbols, lanes, same, uniform, shared=True) for name, part in inner.items()
+        _piece(routine, part, name, symbols, lanes, same, uniform, landed, shared=True) for name, part in inner.items()
     ]
     passed = 1 + max((place for part in parts for place in part.kept.values()), default=0)
     pointers = [*_pointers(routine, same), "ptr %passed"]
@@ -75,16 +85,17 @@ def _piece(
     lanes: Lanes,
     same: Invariants = NONE,
     uniform: Container[int] = (),
+    landed: Landings = NOWHERE,
     *,
     shared: bool = False,
     inlining: str = "noinline",
 ) -> str:
-    body = FunctionBody(piece.expressions, symbols, lanes, piece.found, same, uniform)
+    body = FunctionBody(piece.expressions, symbols, lanes, piece.found, same, uniform, landed)
     if not shared:
         body.constants(routine.layout, routine.outputs)
     wanted: dict[int, list[tuple[str, int]]] = {i: [("%passed", place)] for i, place in piece.kept.items()}
     for (part, k), value in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):
-        if isinstance(value, Expression):
+        if isinstance(value, Expression) and landed.places.get(value.index) != (part, k):
             wanted.setdefault(value.index, []).append((f"%out{part}", k))
     for expression in piece.expressions:
         body.compute(expression)
@@ -122,7 +133,7 @@ def _near_sines(lanes: Lanes) -> str:
 
 
 MAX_WHOLE_EXPRESSIONS = 6000
-"""Expressions in a routine that is left whole."""
+"""Expressions in a routine that is left whole, without those that are in memory before."""
 
 PIECE_EXPRESSIONS = 1500
 """Expressions in a piece of a longer one, about."""
@@ -156,7 +167,8 @@ def pieces(body: Sequence[Expression], given: Container[int] = ()) -> list[Piece
 
 
 def _parts(body: Sequence[Expression]) -> Iterator[Sequence[Expression]]:
-    first, length = 0, MAX_WHOLE_EXPRESSIONS if len(body) <= MAX_WHOLE_EXPRESSIONS else PIECE_EXPRESSIONS
+    computed = sum(x.op not in (Op.INPUT, Op.RESULT) for x in body)
+    first, length = 0, max(len(body), 1) if computed <= MAX_WHOLE_EXPRESSIONS else PIECE_EXPRESSIONS
     while first == 0 or first < len(body):
         last = first + length
         while last < len(body) and body[last].op is Op.RESULT:

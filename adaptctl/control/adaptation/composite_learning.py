@@ -8,18 +8,11 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.compilation import outlined
 from adaptctl.control.adaptation.composite import Filtered, TorqueFilter, residual
 from adaptctl.control.adaptation.gradient import MIN_POWER
 from adaptctl.control.adaptation.law import Period
-from adaptctl.control.adaptation.least_squares import (
-    ForgettingLeastSquares,
-    from_triangle,
-    full_rows,
-    symmetric_product,
-    upper_rows,
-)
-from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
+from adaptctl.control.adaptation.least_squares import ForgettingLeastSquares
+from adaptctl.control.adaptation.symmetric import Equation, directional_update, from_triangle, solve
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, each, maximum, sqrt, where
@@ -201,21 +194,21 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         rows, torque, filtered = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory.filtered)
         missed, weights = residual(rows, estimate, torque), each(self.prediction_weight, model.mechanism.dof)
         kept, scale = self._retained(missed @ (weights * missed), period), self._scale
-        information, known = kept * memory.information, kept * memory.known
-        slope, learned = scale * period.gradient(period.integral), 0.0
         forgotten = self.forgetting * period.dt / (1.0 + self.forgetting * period.dt)
+        slope, learned, equations = scale * period.gradient(period.integral), 0.0, []
         for row, measured, miss, weight in zip(rows, torque, missed, weights, strict=True):
             root = sqrt(weight)
-            scaled = (root * scale) * row
-            counts = where(scaled @ scaled > self.excitation_threshold, 1.0, 0.0)
-            shares = Column((counts * forgotten, counts * period.dt))
-            information, known = _remembered(information, known, scaled, root * measured, shares)
-            slope = slope + (shares[1] * root * miss) * scaled
+            unit = (root * scale) * row
+            counts = where(unit @ unit > self.excitation_threshold, 1.0, 0.0)
+            share = counts * period.dt
+            gained = share * root * measured
+            equations.append(Equation(unit, counts * forgotten, MIN_POWER, learned=share, gained=gained))
+            slope = slope + (share * root * miss) * unit
             learned = learned + counts * period.dt_ratio
-        inverse_scale = Column(1.0 / x for x in scale)
-        error = symmetric_product(information, inverse_scale * estimate) - known
-        slope = slope + (self.recall * period.dt) * error
-        step = solve_symmetric(_inverse_gain(information, len(estimate)), slope)
+        information, known = directional_update(memory.information, kept * memory.known, equations, kept)
+        recalled = (self.recall * period.dt) * (Column(1.0 / x for x in scale) * estimate)
+        # P (Q x - z) = x - P (x + z), since P^-1 = 1 + Q
+        step = recalled + solve(information, slope - recalled - (self.recall * period.dt) * known, shift=1.0)
         return estimate - scale * step, LearningMemory(information, known, Column((learned,)), filtered)
 
     def _retained(self, power: Scalar, period: Period) -> Scalar:
@@ -266,21 +259,3 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         """
         scale = np.sqrt(self.gain)
         return np.asarray(from_triangle(memory.information, len(self.gain)) / np.outer(scale, scale))
-
-
-def _inverse_gain(information: Column, k: int) -> list[list[Scalar]]:
-    upper = upper_rows(information, k)
-    return full_rows([[row[0] + 1.0, *row[1:]] for row in upper])
-
-
-def _remember(information: Column, known: Column, row: Column, torque: Scalar, shares: Column) -> tuple[Column, Column]:
-    """Q and z after one equation: shares[0] is forgotten along the row, shares[1] learned."""
-    k, along = len(row), symmetric_product(information, row)
-    lost = shares[0] / (row @ along + MIN_POWER)
-    fading, heavy = lost * along, shares[1] * row
-    pairs = ((i, j) for i in range(k) for j in range(i, k))
-    after = Column(x - fading[i] * along[j] + heavy[i] * row[j] for x, (i, j) in zip(information, pairs, strict=True))
-    return after, known - (row @ known) * fading + torque * heavy
-
-
-_remembered = outlined(_remember)

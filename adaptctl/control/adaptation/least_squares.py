@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from adaptctl.arrays import Array, frozen_array, numbers
-from adaptctl.compilation import outlined
 from adaptctl.control.adaptation.composite import Filtered, TorqueFilter, residual, validate_filter, validate_predicted
 from adaptctl.control.adaptation.gradient import validate_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
+from adaptctl.control.adaptation.symmetric import (
+    Equation,
+    directional_update,
+    first_triangle,
+    from_triangle,
+    rank_update,
+    scaled,
+    solve,
+    symmetric_product,
+    symmetric_trace,
+)
 from adaptctl.control.pytree import Memory
-from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, column, each, sqrt
+from adaptctl.scalars import Column, column, each, sqrt
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,45 +77,6 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
     def _scale(self) -> Column:
         """Root (k,) of the initial gain."""
         return Column(map(sqrt, column(self.gain)))
-
-
-def first_triangle(k: int) -> Array:
-    """Upper triangle of the identity."""
-    return np.eye(k)[np.triu_indices(k)]
-
-
-def from_triangle(entries: Array, k: int) -> Array:
-    """Symmetric matrix of an upper triangle's entries."""
-    upper = np.zeros((k, k))
-    upper[np.triu_indices(k)] = np.reshape(entries, k * (k + 1) // 2)
-    return upper + np.triu(upper, 1).T
-
-
-def upper_rows(entries: Column, k: int) -> list[list[Scalar]]:
-    """Rows of an upper triangle."""
-    return [list(entries.of[a:b]) for a, b in pairwise(_starts(k))]
-
-
-def full_rows(upper: list[list[Scalar]]) -> list[list[Scalar]]:
-    """Rows of a symmetric matrix."""
-    k = len(upper)
-    return [[upper[min(i, j)][max(i, j) - min(i, j)] for j in range(k)] for i in range(k)]
-
-
-def symmetric_product(entries: Column, vector: Column) -> Column:
-    """Product of a symmetric matrix and a vector."""
-    rows = full_rows(upper_rows(entries, len(vector)))
-    return Column(Column(row) @ vector for row in rows)
-
-
-def symmetric_trace(entries: Column, k: int) -> Scalar:
-    """Trace of a symmetric matrix."""
-    diagonal = [entries[start] for start in _starts(k)[:-1]]
-    return sum(diagonal[1:], diagonal[0])
-
-
-def _starts(k: int) -> list[int]:
-    return [i * k - i * (i - 1) // 2 for i in range(k + 1)]
 
 
 class CovarianceMemory(NamedTuple):
@@ -260,16 +229,17 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         """
         covariance, scale = memory.covariance, self._scale
         gradient = scale * period.gradient(period.integral)
-        moved = estimate - scale * symmetric_product(covariance, gradient)
         rows, torque, filtered = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory.filtered)
-        for row, wanted, weight in zip(rows, torque, each(self.prediction_weight, model.mechanism.dof), strict=True):
-            firm = 1.0 / (weight * period.period)
-            step, covariance = _updated(covariance, scale * row, row @ moved - wanted, firm, period.dt_ratio)
-            moved = moved - scale * step
+        weights = each(self.prediction_weight, model.mechanism.dof)
+        equations = [
+            Equation(scale * row, period.dt_ratio, 1.0 / (weight * period.period), target=-miss)
+            for row, weight, miss in zip(rows, weights, residual(rows, estimate, torque), strict=True)
+        ]
+        covariance, step = directional_update(covariance, -symmetric_product(covariance, gradient), equations)
         rate = self.forgetting * (
             1.0 - symmetric_trace(covariance, len(estimate)) * (1.0 / (self.bound * len(estimate)))
         )
-        return moved, CovarianceMemory((1.0 + period.dt * rate) * covariance, filtered)
+        return estimate + scale * step, CovarianceMemory(scaled(covariance, 1.0 + period.dt * rate), filtered)
 
     def covariance(self, memory: CovarianceMemory) -> Array:
         """
@@ -292,20 +262,6 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         """
         scale = np.sqrt(self.gain)
         return from_triangle(memory.covariance, len(self.gain)) * np.outer(scale, scale)
-
-
-def _update(covariance: Column, row: Column, miss: Scalar, firm: Scalar, share: Scalar) -> tuple[Column, Column]:
-    """Step (k,) for one equation, and the next covariance."""
-    k = len(row)
-    gain = symmetric_product(covariance, row)
-    weight = share * (1.0 / (row @ gain + firm))
-    scaled = weight * gain
-    pairs = ((i, j) for i in range(k) for j in range(i, k))
-    after = Column(p - scaled[i] * gain[j] for p, (i, j) in zip(covariance, pairs, strict=True))
-    return miss * scaled, after
-
-
-_updated = outlined(_update)
 
 
 class InformationMemory(NamedTuple):
@@ -419,25 +375,15 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
             Estimate (k,) in SI units and internal state after the period.
         """
         rows, torque, filtered = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory.filtered)
-        scaled = [self._scale * row for row in rows]
-        weights = each(self.prediction_weight, model.mechanism.dof)
+        units = [self._scale * row for row in rows]
+        weights = period.dt * each(self.prediction_weight, model.mechanism.dof)
         share = self.forgetting * period.dt
-        keep = 1.0 / (1.0 + share)
-        information = [
-            [keep * (x + share) if i == j else keep * x for j, x in enumerate(row, start=i)]
-            for i, row in enumerate(upper_rows(memory.information, len(estimate)))
-        ]
+        information = rank_update(memory.information, units, weights, 1.0 / (1.0 + share), share)
         slope = self._scale * period.gradient(period.integral)
-        for row, weight, miss in zip(scaled, weights, residual(rows, estimate, torque), strict=True):
-            heavy = (period.dt * weight) * row
-            information = [
-                [x + heavy[i] * y for x, y in zip(upper, row.of[i:], strict=True)]
-                for i, upper in enumerate(information)
-            ]
-            slope = slope + miss * heavy
-        step = solve_symmetric(full_rows(information), slope)
-        after = Column(x for upper in information for x in upper)
-        return estimate - self._scale * step, InformationMemory(after, filtered)
+        for row, weight, miss in zip(units, weights, residual(rows, estimate, torque), strict=True):
+            slope = slope + (weight * miss) * row
+        step = solve(information, slope)
+        return estimate - self._scale * step, InformationMemory(information, filtered)
 
     def covariance(self, memory: InformationMemory) -> Array:
         """
