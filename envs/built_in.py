@@ -29,13 +29,13 @@ class Puma560TrackingEnv(TrackingEnv):
     Parameters
     ----------
     robot : str, Path or Mechanism, default "puma560"
-        Robot of six joints, by default with the parameters that Notes describe under Robots.
+        Name, file or mechanism of a robot with six joints; Notes name the two built-in parameter sets.
     reference : Reference, int, "random" or None, optional
         Trajectory. Default: sinusoids about (0, -0.6, 0.8, 0, 0.5, 0) rad of amplitudes (0.5, 0.4, 0.4, 0.4, 0.4, 0.4)
         rad and frequencies (0.1, 0.125, 0.15, 0.175, 0.2, 0.225) Hz, faded in from rest over 2 s.
     initial_error : array_like, default 0.1
-        Error of the positions at the start in rad, one number or (6,). 0.1 is to be corrected first, a tenth of the
-        bound.
+        Position error in rad at the start of an episode, one number or (6,). The default is a tenth of the error at
+        which an episode terminates.
     **settings : object
         Other arguments of `TrackingEnv`.
 

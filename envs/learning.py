@@ -119,7 +119,7 @@ class LearningEnv(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         Parameters
         ----------
         seed : int, optional
-            Seed of the random numbers. Default: they go on.
+            Seed of the random numbers. Default: the generator goes on from the last episode.
         options : dict, optional
             Options at reset of `TrackingEnv`. Default: none.
 

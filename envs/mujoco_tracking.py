@@ -43,7 +43,7 @@ class MuJoCoTrackingEnv(TrackingEnv):
     error_bound : array_like, default 1.0
         Error in rad (m), one number or (r,), beyond which an episode ends; infinity for never.
     reward_weights : RewardWeights, optional
-        Factors of errors, torques and termination in the reward. Default: `RewardWeights()`.
+        Weights of errors and torques in the reward, and the penalty for termination. Default: `RewardWeights()`.
     initial_error : array_like, default 0.0
         Error of the positions at the start in rad (m), one number or (r,). Zero starts on the reference.
     torque_limits : array_like, optional

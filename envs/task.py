@@ -23,7 +23,7 @@ from adaptctl.simulation.references import Preview, validate_point
 @dataclass(frozen=True)
 class RewardWeights:
     """
-    Weights of the tracking reward: factors of squared errors and torques, summed over the joints.
+    Weights of squared position errors, velocity errors and torques in the tracking reward.
 
     Parameters
     ----------
@@ -63,21 +63,28 @@ class RewardWeights:
 
     def cost(self, position: Any, velocity: Any, torque: Any) -> Any:
         """
-        Return the tracking cost of a control period, without the penalty for termination.
+        Return the weighted sum of squared errors and torques of a control period.
 
         Parameters
         ----------
         position : scalar
-            Sum over the joints of squared position errors, rad^2 (m^2); as the others a scalar of any kind or an array.
+            Sum over the joints of squared position errors in rad^2 (m^2 if prismatic), a float, array or symbolic
+            scalar like the other two.
         velocity : scalar
-            Sum of squared velocity errors, rad^2/s^2 (m^2/s^2).
+            Sum over the joints of squared velocity errors in rad^2/s^2 (m^2/s^2).
         torque : scalar
-            Sum of (torque/limit)^2.
+            Sum over the joints of the squared ratio of torque to torque limit, without a unit.
 
         Returns
         -------
         scalar
-            Weighted sum.
+            Cost without a unit. The reward is minus this cost, and minus `termination` where an episode terminates.
+
+        Examples
+        --------
+        >>> from adaptctl.envs import RewardWeights
+        >>> round(RewardWeights().cost(position=0.02, velocity=0.1, torque=3.0), 3)
+        0.033
         """
         return self.position * position + self.velocity * velocity + self.torque * torque
 

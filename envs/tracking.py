@@ -231,7 +231,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         Parameters
         ----------
         seed : int, optional
-            Seed of the random numbers. Default: they go on.
+            Seed of the random numbers. Default: the generator goes on from the last episode.
         options : dict, optional
             Options at reset, see the class. Default: none.
 
@@ -250,6 +250,14 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             If an option is not finite.
         SingularityError
             If loops cannot be followed to the start.
+
+        Examples
+        --------
+        >>> from adaptctl.envs import TrackingEnv
+        >>> env = TrackingEnv(arm, reference, duration=0.1)
+        >>> observation, info = env.reset(seed=0, options={"initial_error": 0.05})
+        >>> observation.shape
+        (14,)
         """
         started = self._started(seed, options)
         self.plant.compile()
@@ -306,7 +314,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
 
     def render(self) -> NDArray[np.uint8] | None:
         """
-        Draw the robot and a translucent ghost of it on the reference.
+        Draw the robot and a translucent copy of it at its reference position.
 
         Returns
         -------
@@ -336,9 +344,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         Parameters
         ----------
         seed : int, optional
-            Seed as of `reset`.
+            Seed of all random numbers of the episode. By default the generator goes on from the last episode.
         options : dict, optional
-            Options as of `reset`.
+            Payload, trajectory and other options of the episode, the same as for `reset`.
 
         Returns
         -------

@@ -77,10 +77,10 @@ class AdaptiveTracking(Learning):
         low=-1.0,
         high=1.0,
     )
-    parameter_error: float = setting(0.3, "relative error of the links of the wrong model", low=0.0, high=1.0)
+    parameter_error: float = setting(0.3, "relative error of the links' inertias in the wrong model", low=0.0, high=1.0)
     plant: str = setting("adaptctl", "plant: adaptctl, mujoco (with the whole scene), or both for a comparison")
     root: str = setting("", "first body of the arm, in a scene with several moving bodies")
-    servos_off: bool = setting(False, "switch off actuators of the arm that are not torques")
+    servos_off: bool = setting(False, "switch off actuators of the arm other than torque motors")
     snap: bool = setting(False, "snap angles between joint axes within 1e-3 rad of right angles")
     search: int = setting(
         0, "number of settings to try in closed loop, in addition to the tuning rules", low=0, high=48

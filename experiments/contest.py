@@ -202,7 +202,11 @@ class FromRanges(Learning):
 
     bandwidth: float = setting(8.0, "bandwidth, the decay rate of errors, 1/s", symbol="Λ", low=0.1, high=100.0)
     gain_scale: float = setting(
-        0.6, "adaptation gain divided by the squared prior range of each parameter, 1/J", symbol="Γ", low=1e-6, high=1e3
+        0.6,
+        "adaptation gain of each parameter divided by the square of its prior range, 1/J",
+        symbol="Γ",
+        low=1e-6,
+        high=1e3,
     )
     mass_range: float = setting(10.0, "prior range of masses, kg", low=1e-3, high=1e3)
     first_moment_range: float = setting(4.0, "prior range of first moments, kg m", low=1e-3, high=1e3)

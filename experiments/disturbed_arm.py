@@ -53,19 +53,21 @@ DISTURBANCES: dict[str, dict[str, Any]] = {
 class DisturbedArm(Learning):
     """Base class of experiments on a roughly known arm with disturbances."""
 
-    disturbance: str = setting("none", f"disturbance, which sets defaults of other settings: {', '.join(DISTURBANCES)}")
+    disturbance: str = setting("none", f"preset of the settings below for a disturbance: {', '.join(DISTURBANCES)}")
     laws: tuple[str, ...] = setting(LAWS, f"laws to run, the subject first; others: {', '.join(OTHERS)}")
     robot: str = setting("puma560_geared", "a built-in robot or a file with physically consistent links")
     duration: float = setting(20.0, "duration of every run, s", low=0.01, high=1000.0)
     bandwidth: float = setting(8.0, "bandwidth, the decay rate of errors, 1/s", symbol="Λ", low=0.1, high=2000.0)
     gain_scale: float = setting(
         5.0,
-        "adaptation gain divided by the squared prior deviation of each parameter, 1/J",
+        "adaptation gain of each parameter divided by the variance of its prior, 1/J",
         symbol="Γ",
         low=1e-6,
         high=1e6,
     )
-    parameter_error: float = setting(0.5, "relative error of the links of the rough model", low=0.01, high=0.9)
+    parameter_error: float = setting(
+        0.5, "relative error of the links' inertias in the rough model", low=0.01, high=0.9
+    )
     initial_error: float = setting(0.0, "initial error of every joint, rad or m", low=-1.0, high=1.0)
 
     motion: str = setting(

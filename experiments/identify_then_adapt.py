@@ -54,7 +54,7 @@ class IdentifyThenAdapt(Learning):
     )
     gain_scale: float = setting(
         50.0,
-        "adaptation gain divided by the squared prior deviation of each parameter, 1/J",
+        "adaptation gain of each parameter divided by the variance of its prior, 1/J",
         symbol="Γ",
         low=1e-6,
         high=1e6,

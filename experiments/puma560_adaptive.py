@@ -98,7 +98,7 @@ class Puma560Adaptive(FromRanges):
     )
     start_time: float = setting(2.0, "duration of the smooth (quintic) start, s", low=0.0, high=60.0)
     initial_error: float = setting(0.1, "initial error of every joint, rad or m", low=-1.0, high=1.0)
-    parameter_error: float = setting(0.3, "relative error of the links of the wrong model", low=0.0, high=1.0)
+    parameter_error: float = setting(0.3, "relative error of the links' inertias in the wrong model", low=0.0, high=1.0)
     payload: float = setting(0.0, "payload of the last link, unknown to the controllers, kg", low=0.0, high=1e3)
 
     def __post_init__(self) -> None:

@@ -153,7 +153,7 @@ def test_rotors_are_in_the_grid_and_friction_is_noted() -> None:
     )
     start = words.index("rotor_inertia")
     assert words[start + 1 : start + 7] == ["x"] * 6
-    assert "note: 12 friction parameters are also kept" in " ".join(words)
+    assert "note: 12 friction parameters do not change the energy, so that all of them are kept" in " ".join(words)
 
 
 def test_wrong_robots(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -89,8 +89,14 @@ BAD: dict[str, tuple[Spoil, str]] = {
         "'motor_position_2' is 1 in every row: the joint is",
     ),
     "constant torque": (put("motor_torque_4", slice(None), 0.0), "'motor_torque_4' is 0 in every row: no torque was"),
-    "NaN": (put("motor_torque_1", slice(7, 9), np.nan), "'motor_torque_1' .*: row 8 of 2500 is nan, like 1 more"),
-    "infinity": (put("motor_position_1", slice(3, 4), np.inf), "'motor_position_1' .*: row 4 of 2500 is inf"),
+    "NaN": (
+        put("motor_torque_1", slice(7, 9), np.nan),
+        r"'motor_torque_1' .*: 2 of 2500 rows not finite, the first is row 8 \(nan\)",
+    ),
+    "infinity": (
+        put("motor_position_1", slice(3, 4), np.inf),
+        r"'motor_position_1' .*: 1 of 2500 rows not finite, the first is row 4 \(inf\)",
+    ),
     "repeated stamp": (put("time", slice(10, 11), 0.0094), "'time': the stamp 0.0094 of row 11 is repeated; time must"),
     "stamps backwards": (
         put("time", slice(10, 11), 0.0),
@@ -119,7 +125,7 @@ BAD: dict[str, tuple[Spoil, str]] = {
         times("motor_torque", 1e3),
         "joint 'joint_1' has a torque of .* N m, but the limit of the robot is 132; check the unit of torque",
     ),
-    "wrong sign": (times("motor_torque_4", -1.0), "the torques of joint 'joint_4' oppose its motion, as if friction"),
+    "wrong sign": (times("motor_torque_4", -1.0), "the friction estimated for joint 'joint_4' is negative"),
     "noise for torque": (
         lambda log: log.update({f"motor_torque_{i}": 0.1 * np.random.default_rng(i).normal(size=2500) for i in MOTORS}),
         "the equations of staubli_tx40 do not explain .* of the torques; check that the log is this robot's",
@@ -265,7 +271,7 @@ def test_text_logs_are_read_whatever_separates_them(tmp_path: Path) -> None:
         )
         read = read_log(tmp_path / "log.csv")
         assert (read.column("time", "time"), read.column("q", "position")) == ([0.5], [2.0])
-        with pytest.raises(FileError, match=r"column 'note' .*row 1 of 1 is nan"):
+        with pytest.raises(FileError, match=r"column 'note' .*the first is row 1 \(nan\)"):
             read.column("note", "position")
     for text, message in (
         ("", "not a text table|no rows"),

@@ -185,7 +185,7 @@ def header(mechanism: Mechanism, space: EssentialSpace, basis: FundamentalBasis)
     if space.certificate.taken_as_exact:
         remarks.append(f"taken as exact: {'; '.join(space.certificate.taken_as_exact)}")
     if friction:
-        remarks.append(f"{friction} friction parameters are also kept, because energies do not depend on them")
+        remarks.append(f"{friction} friction parameters do not change the energy, so that all of them are kept")
     return stacked(first, certificate, *(words((f"note: {remark}", "yellow")) for remark in remarks))
 
 

@@ -79,7 +79,7 @@ def design(
     control_period : float
         Control period of the closed-loop runs, s. Default: 0.001.
     components : int
-        Number of essential components that the reduced controllers adapt. Default: 10, or all.
+        Number of essential components that the reduced controllers adapt. Default: 10, or all if fewer.
     out : Path
         Also write design.json, report, figures and recording.
 

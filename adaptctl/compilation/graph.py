@@ -38,7 +38,7 @@ E = TypeVar("E", bound="Expression")
 
 class Op(StrEnum):
     """
-    Operation in an expression graph.
+    Kind of operation in an expression graph.
 
     Examples
     --------

@@ -246,7 +246,7 @@ class Kernel:
 
     def with_fallback(self, instead: Callable[..., Any], *bound: Any) -> Callable[..., Any]:
         """
-        Return a function that calls native code directly, and another function for unusual arguments.
+        Return a function that calls the native code, or a fallback where the arguments are unusual.
 
         Parameters
         ----------

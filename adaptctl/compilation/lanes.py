@@ -208,7 +208,7 @@ class LaneArray:
 
     def view(self, name: str) -> Array:
         """
-        Return a view of a column; for arrays of one member alone.
+        Return a view of a column of an array with a single member.
 
         Parameters
         ----------
@@ -256,16 +256,16 @@ class LaneArray:
 
     def put(self, name: str, members: ArrayLike, values: ArrayLike) -> None:
         """
-        Assign a column's values to some members.
+        Set the values of a column for some members of the ensemble.
 
         Parameters
         ----------
         name : str
             Name of the column, of length n.
         members : array_like of int
-            Indices (k,) of the members from 0; of repeated ones the last values stay.
+            Indices (k,) of the members, from 0. Where an index is repeated, its last values stay.
         values : array_like
-            Values in the column's unit that broadcast to (k, n), NaN and infinity too.
+            Values of shape (k, n), or that broadcast to it, in the column's unit. NaN and infinity are allowed.
 
         Raises
         ------

@@ -202,7 +202,7 @@ def trace(function: Callable[..., Any], arguments: Mapping[str, int], *, name: s
 
 def outlined(function: F) -> F:
     """
-    Make calls of a function share one native subroutine instead of being unrolled.
+    Wrap a function so that all its calls share one native subroutine instead of repeating its code.
 
     Parameters
     ----------

@@ -216,7 +216,7 @@ class Stepper:
 
     def ensemble(self, members: int) -> Ensemble:
         """
-        Allocate the states and constants of some members, all zero.
+        Allocate states and constants of an ensemble of members, all zero.
 
         Parameters
         ----------
@@ -231,7 +231,7 @@ class Stepper:
         Raises
         ------
         InputError
-            If the number is wrong.
+            If the number is no integer of at least 0.
 
         Examples
         --------
@@ -377,7 +377,7 @@ class Ensemble:
 
     def allocate_outputs(self, steps: int) -> LaneArray:
         """
-        Allocate a buffer for the outputs of several steps, which `record_into` fills.
+        Allocate an output buffer of several steps for `record_into`.
 
         Parameters
         ----------
@@ -392,13 +392,13 @@ class Ensemble:
         Raises
         ------
         InputError
-            If the number is wrong.
+            If the number is no integer of at least 0.
         """
         return self._array(self._outputs, steps, made=np.empty)
 
     def signals(self, steps: int) -> Signals:
         """
-        Allocate buffers for the inputs of several steps, which `record_into` reads.
+        Allocate input buffers of several steps for `record_into`.
 
         Parameters
         ----------
@@ -408,12 +408,13 @@ class Ensemble:
         Returns
         -------
         Signals
-            Uninitialised arrays `shared` (steps, 1, n) and `driven` (steps, members, n), to be filled by name.
+            Uninitialised arrays by input name, to be filled: `shared` (steps, 1, n) for inputs equal for all members,
+            `driven` (steps, members, n) for the others.
 
         Raises
         ------
         InputError
-            If the number is wrong.
+            If the number is no integer of at least 0.
 
         Examples
         --------
@@ -449,6 +450,16 @@ class Ensemble:
         ------
         InputError
             If steps do not fit, or a buffer or signal is not this ensemble's.
+
+        Examples
+        --------
+        >>> from adaptctl.compilation import compile_step
+        >>> step = compile_step(lambda x, u: (x + u, x), state={"x": 1}, inputs={"u": 1}, name="sum")
+        >>> members = step.ensemble(2)
+        >>> outputs = members.allocate_outputs(3)
+        >>> members.record_into(outputs, 0, 3, {"u": np.ones((3, 1))})
+        >>> outputs["0"][:, 0].tolist()
+        [[0.0], [1.0], [2.0]]
         """
         first, steps = whole_count(first, "record: first"), whole_count(steps, "record: steps")
         _require(room, self._recorded, first, steps, "room")

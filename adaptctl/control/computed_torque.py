@@ -153,7 +153,7 @@ class ComputedTorque(ModelBased):
 
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: BranchState) -> tuple[Column, BranchState]:
         """
-        Compute the inverse dynamics of the corrective acceleration.
+        Compute the torque for the desired acceleration plus linear feedback of the tracking error.
 
         Parameters
         ----------
@@ -168,6 +168,13 @@ class ComputedTorque(ModelBased):
         -------
         tuple of Column and BranchState
             Torque (r,) in N m (N) and internal state after the period.
+
+        Examples
+        --------
+        >>> controller = adaptctl.control.ComputedTorque.from_model(model, 10.0)
+        >>> torque, state = controller.step(controller.init(p, v), p, v, reference(0.0))  # evaluates the compiled law
+        >>> torque.shape
+        (2,)
         """
         omega = column(self.bandwidth)
         rate, stiffness = (2.0 * self.damping_ratio) * omega, omega * omega
@@ -283,6 +290,13 @@ class PDGravity(ModelBased):
         -------
         tuple of Column and BranchState
             Torque (r,) in N m (N) and internal state after the period.
+
+        Examples
+        --------
+        >>> controller = adaptctl.control.PDGravity.from_model(model, [40.0, 10.0], [6.0, 2.0])
+        >>> torque, state = controller.step(controller.init(p, v), p, v, reference(0.0))  # evaluates the compiled law
+        >>> torque.shape
+        (2,)
         """
         equations, rest = self.mechanism.equations, Column.zeros(self.dof)
         q = equations.closed(p, memory.q)

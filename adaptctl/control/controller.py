@@ -171,7 +171,9 @@ class Controller(Tunable, ABC, Generic[Memory]):
     @abstractmethod
     def law(self, p: Column, v: Column, reference: ReferencePoint, memory: Memory) -> tuple[Column, Memory]:
         """
-        Compute the torque for one control period; traced, so without branches on values.
+        Compute the torque for one control period.
+
+        The law is traced to be compiled: where a value decides, use `scalars.where` instead of `if`.
 
         Parameters
         ----------

@@ -100,6 +100,13 @@ class LinearController(Controller[LinearState]):
         ------
         InputError
             If the shape is wrong, a number is not finite, or `feedforward` is no tree of r joints.
+
+        Examples
+        --------
+        >>> from adaptctl.control import LinearController
+        >>> gain = [[40.0, 0.0, 6.0, 0.0], [0.0, 10.0, 0.0, 2.0]]
+        >>> LinearController.state_feedback(gain, feedforward=arm).dof
+        2
         """
         K = np.atleast_2d(numbers(gain, "state feedback: gain"))
         r = len(K)

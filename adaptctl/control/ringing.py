@@ -18,7 +18,7 @@ from adaptctl.scalars import Column, minimum, where
 
 class StabilityMonitor(NamedTuple):
     """
-    Adaptation ratio, sampling ratio and ringing at T samples of a run.
+    Measures of how near a run of T samples is to instability by sampling.
 
     Parameters
     ----------
@@ -27,8 +27,8 @@ class StabilityMonitor(NamedTuple):
     sampling_ratio : ndarray
         Sampling ratio (T,) of the held torque, stable below 2; infinite if the mass matrix is not positive definite.
     ringing : ndarray
-        Correlation (T, r), -1 to 1, of the sliding variable with itself one period ago: at -0.5 the loop rings, at -0.9
-        it is about to diverge.
+        Correlation (T, r), -1 to 1, of each joint's sliding variable with itself one control period earlier. At -0.5
+        the loop rings, at -0.9 it is about to diverge.
 
     Examples
     --------
@@ -47,7 +47,7 @@ class _Run(LearningRun, SampledRun, Protocol):
 
 def monitor_stability(controller: SlotineLi, run: _Run, mechanism: Mechanism, every: int = 1) -> StabilityMonitor:
     r"""
-    Compute how near a run of Slotine and Li's law is to sampled instability.
+    Compute how near a run of Slotine and Li's law is to instability by sampling.
 
     Parameters
     ----------

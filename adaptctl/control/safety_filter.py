@@ -258,6 +258,13 @@ class SafetyFilter(Controller[SafetyFilterState]):
             If a shape is wrong.
         NonFiniteError
             If a number is not finite.
+
+        Examples
+        --------
+        >>> from adaptctl.control import SafetyFilter
+        >>> safe = SafetyFilter(law, torque_limits=[50.0, 20.0], velocity_limits=[3.0, 3.0])
+        >>> safe.init(p, v, torque=[1.0, 0.5]).estimate.shape == (len(model.names),)
+        True
         """
         state = super().init(p, v, gains)
         if torque is None:

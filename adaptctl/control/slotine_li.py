@@ -127,6 +127,12 @@ class SlotineLi(AdaptiveController):
         -------
         tuple of Column and AdaptiveState
             Torque (r,) in N m (N) and internal state after the period.
+
+        Examples
+        --------
+        >>> torque, state = law.step(law.init(p, v), p, v, reference(0.0))  # evaluates the compiled law
+        >>> torque.shape
+        (2,)
         """
         equations, damping = self.model.mechanism.equations, column(self.damping)
         q = equations.closed(p, memory.q)

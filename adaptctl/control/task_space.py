@@ -139,7 +139,7 @@ class TaskSpaceSlotineLi(SlotineLi):
 
     @property
     def reference_size(self) -> int:
-        """Number d of axes, or r."""
+        """Number of coordinates of a reference point: task-space axes, or joints."""
         return self.dof if self.reference_in_joints else len(self.axes)
 
     def reference_velocity(

@@ -54,12 +54,12 @@ class JointKind(Enum):
 
     @property
     def position_unit(self) -> str:
-        """Unit of the coordinate, "rad" or "m"."""
+        """Unit of the joint's position, "rad" or "m"."""
         return "rad" if self.is_revolute else "m"
 
     @property
     def effort_unit(self) -> str:
-        """Unit of the effort, "N m" or "N"."""
+        """Unit of the joint's torque or force, "N m" or "N"."""
         return "N m" if self.is_revolute else "N"
 
 
@@ -315,7 +315,7 @@ class Description:
 
     @cached_property
     def drive_parameters(self) -> tuple[tuple[int, DriveParameter], ...]:
-        """Pairs (link index, `DriveParameter` of its joint) of all modelled drive parameters."""
+        """Modelled rotor and friction parameters, as pairs of a link index and a `DriveParameter` of its joint."""
         drives = [link.joint.drive for link in self.links]
         return tuple((i, kind) for kind in DriveParameter for i, d in enumerate(drives) if d.value(kind) is not None)
 

@@ -166,14 +166,14 @@ RIGHT_ANGLE_TOLERANCE = 1e-3
 
 def snapped(description: Description, tolerance: float = RIGHT_ANGLE_TOLERANCE) -> Description:
     """
-    Make angles between successive joint axes that are nearly multiples of 90 degrees exact.
+    Round nearly right angles between successive joint axes to exact multiples of 90 degrees.
 
     Parameters
     ----------
     description : Description
-        Mechanism, for example from a file with rounded angles.
+        Description of the mechanism, for example from a file with rounded angles.
     tolerance : float, default 1e-3
-        Greatest deviation in rad from a multiple of 90 degrees, and of rotation matrices' entries from 0 and 1.
+        Largest deviation of an angle in rad from a multiple of 90 degrees that is rounded.
 
     Returns
     -------

@@ -33,13 +33,13 @@ class AddedMass:
     Parameters
     ----------
     task : DesignTask
-        Mechanism, and states over which root mean squares are taken.
+        Mechanism, and sampled states of its motion over which root mean squares are taken.
     link : str
-        Name of the link, checked on first use (`InputError`).
+        Name of the link that carries the body. An unknown name raises `InputError` on first use.
     body : Payload
-        Body fixed to it, placed in the link's frame.
+        Rigid body fixed to the link, placed in the link's frame.
     percent : float
-        Largest error of the energy in percent for `components`.
+        Largest allowed energy error in percent, which decides the number of essential `components`.
 
     Notes
     -----
@@ -197,7 +197,7 @@ class LinkCost:
 @dataclass(frozen=True, eq=False)
 class CostMap:
     """
-    Relative change of a cost of the motion by a point mass, as a function of its position.
+    Relative change of a motion's cost due to a point mass, as a function of its position.
 
     Parameters
     ----------
@@ -312,7 +312,7 @@ class CostMap:
 
 def cost_map(task: DesignTask, mass: float = 1.0, objective: str = "energy") -> CostMap:
     """
-    Return the map of relative changes that a point mass makes of a cost.
+    Return the relative change of a cost due to a point mass, as a function of its position.
 
     Parameters
     ----------

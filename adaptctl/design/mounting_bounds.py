@@ -125,7 +125,7 @@ class MountingBounds:
 
     def validate(self, place: ArrayLike) -> None:
         """
-        Refuse a position outside the box.
+        Raise `InputError` for a position outside the box.
 
         Parameters
         ----------

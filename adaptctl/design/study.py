@@ -72,7 +72,7 @@ class DesignStudy:
 
     @cached_property
     def map(self) -> CostMap:
-        """Map of relative energy changes by a point of the body's mass."""
+        """Relative energy change due to a point mass as heavy as the body, as a function of its position."""
         return cost_map(self.task, self.body.mass)
 
     @cached_property

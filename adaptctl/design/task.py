@@ -216,7 +216,7 @@ class DesignTask:
 
     def validate_energy(self, parameters: ArrayLike | None = None) -> None:
         """
-        Refuse parameters whose energy does not vary over the states.
+        Raise `InputError` for parameters whose energy does not vary over the states.
 
         Parameters
         ----------
@@ -240,7 +240,7 @@ class DesignTask:
 
     def cost_matrix(self, objective: str) -> Array:
         """
-        Return the matrix M for which the norm of M times the inertial parameters is the cost.
+        Return the matrix whose product with the inertial parameters has the cost as its norm.
 
         Parameters
         ----------

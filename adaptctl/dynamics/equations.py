@@ -246,7 +246,7 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
+            Positions (n,) of the tree's joints in rad (m if prismatic), which satisfy the loop closures.
         v : Column
             Velocities (r,) of the primary joints in rad/s (m/s if prismatic).
 
@@ -270,7 +270,7 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
+            Positions (n,) of the tree's joints in rad (m if prismatic), which satisfy the loop closures.
         v : Column
             Velocities (r,) of the primary joints in rad/s (m/s if prismatic).
 
@@ -295,7 +295,7 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
+            Positions (n,) of the tree's joints in rad (m if prismatic), which satisfy the loop closures.
 
         Returns
         -------
@@ -311,7 +311,7 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
+            Positions (n,) of the tree's joints in rad (m if prismatic), which satisfy the loop closures.
         v, v_r, a_r : Column
             Velocities, Slotine and Li's reference velocities (rad/s) and reference accelerations (rad/s^2) of the
             primary joints, each (r,); m in place of rad for prismatic joints.
@@ -320,6 +320,14 @@ class Equations(ABC):
         -------
         Motion
             Kinematics of the links.
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> motion = arm.equations.motion(column(p), column(v), column(v), column([1.0, 2.0]))
+        >>> torque = motion.torque(column(arm.inertial_parameters))
+        >>> bool(np.allclose(list(torque), arm.inverse_dynamics(p, v, [1.0, 2.0])))
+        True
         """
 
     @abstractmethod
@@ -340,26 +348,28 @@ class Equations(ABC):
 
     @cached_property
     def motion_memory(self) -> MotionMemory:
-        """Choice of the numbers that a controller stores of a motion, without constants and repetitions."""
+        """Selection of a motion's numbers that a controller stores, without constants and repetitions."""
         sizes = {"q": self.num_joints, "v": self.dof, "v_r": self.dof, "a_r": self.dof}
         return MotionMemory.of(lambda q, v, v_r, a_r: self.motion(q, v, v_r, a_r).numbers, sizes)
 
     @abstractmethod
     def mass_matrix(self, q: Column, parameters: Column) -> list[list[Scalar]]:
         """
-        Compute the mass matrix, with rotor inertias.
+        Compute the mass matrix of the primary joints, with rotor inertias.
 
         Parameters
         ----------
         q : Column
-            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
+            Positions (n,) of all n joints of the spanning tree in rad (m if prismatic), which satisfy the loop
+            closures.
         parameters : Column
-            Inertial and friction parameters (P,) in SI units.
+            All P inertial and friction parameters of the mechanism, in SI units.
 
         Returns
         -------
         list of list
-            Rows of the matrix (r, r) in kg m^2 (kg between prismatic joints, kg m between one of each).
+            Rows of the matrix (r, r) for the r primary joints in kg m^2 (kg between prismatic joints, kg m between a
+            revolute and a prismatic joint).
 
         Examples
         --------
@@ -377,7 +387,7 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
+            Positions (n,) of the tree's joints in rad (m if prismatic), which satisfy the loop closures.
         v : Column
             Velocities (r,) of the primary joints in rad/s (m/s if prismatic).
         parameters : Column
@@ -417,12 +427,12 @@ class Equations(ABC):
 
     def torque_regressor(self, q: Column, v: Column, v_r: Column, a_r: Column, columns: Sequence[int]) -> list[Column]:
         """
-        Compute the Slotine-Li regressor; with v_r = v and a_r = a it is the torque regressor.
+        Compute the Slotine-Li regressor for reference velocities and accelerations.
 
         Parameters
         ----------
         q : Column
-            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
+            Positions (n,) of the tree's joints in rad (m if prismatic), which satisfy the loop closures.
         v, v_r, a_r : Column
             Velocities, reference velocities (rad/s) and reference accelerations (rad/s^2) of the primary joints, each
             (r,); m in place of rad for prismatic joints.
@@ -450,12 +460,12 @@ class Equations(ABC):
 
     def inverse_dynamics(self, q: Column, v: Column, v_r: Column, a_r: Column, parameters: Column) -> Column:
         """
-        Compute the torque M a_r + C v_r + g + friction at v_r, for reference velocities and accelerations.
+        Compute the torque for reference velocities and accelerations, with gravity and friction.
 
         Parameters
         ----------
         q : Column
-            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
+            Positions (n,) of the tree's joints in rad (m if prismatic), which satisfy the loop closures.
         v, v_r, a_r : Column
             Velocities, reference velocities (rad/s) and reference accelerations (rad/s^2) of the primary joints, each
             (r,); m in place of rad for prismatic joints.
@@ -484,7 +494,7 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
+            Positions (n,) of the tree's joints in rad (m if prismatic), which satisfy the loop closures.
         v : Column
             Velocities (r,) of the primary joints in rad/s (m/s if prismatic).
         torque : Column
@@ -518,7 +528,7 @@ class Equations(ABC):
         Parameters
         ----------
         q : Column
-            Positions (n,) of the tree's joints in rad (m if prismatic), with loops closed.
+            Positions (n,) of the tree's joints in rad (m if prismatic), which satisfy the loop closures.
         v : Column
             Velocities (r,) of the primary joints in rad/s (m/s if prismatic).
         torque : Column
@@ -536,6 +546,14 @@ class Equations(ABC):
         Column
             Accelerations a (r,) in rad/s^2 (m/s^2) with (M + dt B) a = torque - C v - g - friction at v, where
             `damping` gives B.
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> D = column(arm.inertial_parameters)
+        >>> a = arm.equations.damped_dynamics(column(p), column(v), column([0.0, 0.0]), D, 1e-9, [])
+        >>> bool(np.allclose(list(a), arm.forward_dynamics(p, v, [0.0, 0.0])))
+        True
         """
         rows, damping = self.mass_matrix(q, parameters), self.damping(q, v, parameters)
         for i, secant in enumerate(more):

@@ -331,6 +331,13 @@ class Mechanism:
         ndarray
             Regressor E (..., P) in J per unit of each parameter.
 
+        Raises
+        ------
+        InputError
+            If a shape is wrong.
+        NonFiniteError
+            If a number is not finite.
+
         Notes
         -----
         :math:`E D = T + U` for parameters D, with kinetic energy T and potential energy U, zero at the ground frame's
@@ -359,6 +366,13 @@ class Mechanism:
         -------
         ndarray
             Energy (...) in J; its potential part is zero at the ground frame's origin.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong.
+        NonFiniteError
+            If a number is not finite.
 
         Examples
         --------
@@ -475,6 +489,13 @@ class Mechanism:
         ndarray
             Torque (..., r) in N m (N if prismatic).
 
+        Raises
+        ------
+        InputError
+            If a shape is wrong.
+        NonFiniteError
+            If a number is not finite.
+
         Examples
         --------
         >>> torque = arm.inverse_dynamics(p, v, [1.0, 2.0])
@@ -498,6 +519,13 @@ class Mechanism:
         -------
         ndarray
             Torque (..., r) in N m (N if prismatic), which regressors leave out; zero without constraints.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong.
+        NonFiniteError
+            If a number is not finite.
 
         Examples
         --------
@@ -568,7 +596,14 @@ class Mechanism:
         Returns
         -------
         ndarray
-            Mass matrix (..., r, r) in kg m^2 (kg between prismatic joints, kg m between one of each).
+            Mass matrix (..., r, r) in kg m^2 (kg between prismatic joints, kg m between different ones).
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong.
+        NonFiniteError
+            If a number is not finite.
 
         Examples
         --------

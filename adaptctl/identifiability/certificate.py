@@ -243,7 +243,7 @@ class Certificate:
 
     def validate_accepted(self, mechanism: str, spectrum: Array, suspects: Sequence[object] = ()) -> None:
         """
-        Refuse a rank that has `failures`.
+        Raise `RankError` if the rank is refused, that is if there are `failures`.
 
         Parameters
         ----------
@@ -258,6 +258,10 @@ class Certificate:
         ------
         RankError
             If `failures` is not empty.
+
+        Examples
+        --------
+        >>> space.certificate.validate_accepted(arm.name, space.singular_values)  # raises no error
         """
         if not self.failures:
             return

@@ -62,7 +62,7 @@ class ConsistentParameters:
 
     @cached_property
     def distance(self) -> float:
-        """Relative distance |fundamental - target| / |target|, without unit."""
+        """Distance of `fundamental` from `target` divided by the norm of `target`, without a unit."""
         return float(np.linalg.norm(self.fundamental - self.target)) / _size(self.target)
 
     @property
@@ -73,7 +73,7 @@ class ConsistentParameters:
 
 def nearest_consistent(model: ReducedModel, beta: ArrayLike, prior: ArrayLike | None = None) -> ConsistentParameters:
     r"""
-    Compute the physically consistent parameters closest to a prior that have given base parameters.
+    Compute the physically consistent parameters for given base parameters, as close as possible to a prior.
 
     Parameters
     ----------

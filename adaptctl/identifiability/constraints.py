@@ -116,17 +116,16 @@ class Constraints:
     @classmethod
     def from_matrix(cls, matrix: ArrayLike, names: Sequence[str], values: ArrayLike | None = None) -> Constraints:
         """
-        Return the constraints `matrix` times parameters equals `values`.
+        Return linear constraints from a matrix: `matrix @ parameters == values`.
 
         Parameters
         ----------
         matrix : array_like
-            Weights (m, n) of m relations among n parameters, or (n,) for one relation, in SI units of the sum per unit
-            of each parameter.
+            Coefficients (m, n) of m relations among n parameters, or (n,) for one relation, in SI units.
         names : sequence of str
             Names (n,) of the parameters, each once.
         values : array_like, optional
-            Sums (m,) in SI units; zeros by default.
+            Right-hand sides (m,) in SI units; zeros by default.
 
         Returns
         -------

@@ -143,17 +143,17 @@ class EssentialSpace:
 
     @cached_property
     def null_basis(self) -> Array:
-        """Orthonormal basis V2 (P, P-k) of the parameter changes that change no torque, in SI units."""
+        """Orthonormal basis (P, P-k) of the parameter changes that change no torque, in SI units."""
         return self._null_vectors(self._bases[0], "null basis")
 
     @cached_property
     def singular_values(self) -> Array:
-        """Singular values (P,) of H, descending, in J per SI unit."""
+        """Singular values (P,) of the energy differences, descending, in J per SI unit."""
         return frozen_array(singular_values(self.triangle), (len(self.parameter_names),), "singular values")
 
     @cached_property
     def basis(self) -> Array:
-        """Right singular vectors V1 (P, k) of the k largest singular values."""
+        """Basis (P, k) of the identifiable directions: right singular vectors of the largest singular values."""
         complement = self._bases[1]
         V1 = complement @ right_vectors(self.triangle @ complement)
         return frozen_array(V1, (len(self.parameter_names), self.rank), "basis")
@@ -191,12 +191,12 @@ class EssentialSpace:
 
     @cached_property
     def triangle(self) -> Array:
-        """Triangular factor (n, P) of H."""
+        """Triangular factor (n, P), n at most P, of the energy differences in J per SI unit."""
         return (self.energies or self.search.found.energies)()
 
     def draw_others(self, samples: int) -> States | None:
         """
-        Draw other states of the kind whose energies make the singular values.
+        Draw new random states, of the same distribution as those of the singular values.
 
         Parameters
         ----------

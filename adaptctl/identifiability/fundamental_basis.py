@@ -433,7 +433,7 @@ def _validate_conditioned(space: EssentialSpace, found: Regrouping) -> None:
     weights = np.linalg.svd(found.coefficients)[2][0]
     names = [space.parameter_names[found.removed[i]] for i in np.argsort(-np.abs(weights))[:3]]
     raise RankError(
-        f"{space.mechanism.name}: this priority removes almost dependent parameters, {names[0]} and {names[-1]} among "
-        f"them; the regrouping's condition number is {found.condition:.1e}, above "
-        f"the limit of {MAX_CONDITION:.0e}; give one of them a lower priority, or pass a larger tolerance"
+        f"{space.mechanism.name}: the priority removes {names[0]} and {names[-1]}, which almost depend on each other "
+        f"(condition number {found.condition:.1e}, limit {MAX_CONDITION:.0e}); change the priority so that one of them "
+        "is kept, or pass a larger tolerance"
     )

@@ -62,7 +62,7 @@ class Priority:
     @classmethod
     def default(cls, mechanism: Mechanism) -> Priority:
         """
-        Return the default order for a mechanism.
+        Return the default order in which dependent parameters of a mechanism are removed.
 
         Parameters
         ----------
@@ -72,7 +72,7 @@ class Priority:
         Returns
         -------
         Priority
-            Order of Table 4 of Sheu and Walker (1991), kind by kind.
+            Order of Table 4 of Sheu and Walker (1991): masses first, then first moments, then inertias.
 
         Examples
         --------
@@ -127,7 +127,7 @@ class Priority:
 
     def indices(self, parameter_names: Sequence[str]) -> tuple[int, ...]:
         """
-        Return the positions of the parameters in the order of removal.
+        Return the indices of the parameters in the order of their removal.
 
         Parameters
         ----------

@@ -120,7 +120,7 @@ class ReducedModel(Keyed):
 
     @cached_property
     def regrouping(self) -> Array:
-        """Regrouping matrix K (k, P) in SI units."""
+        """Regrouping matrix (k, P) from all parameters to base parameters, in SI units."""
         P, energetic = len(self.mechanism.parameter_names), self.mechanism.num_energy_parameters
         K = np.eye(P)[list(self.columns)]
         if self.basis is not None:

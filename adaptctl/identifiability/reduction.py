@@ -79,7 +79,7 @@ class Reduction:
 
     def parameters(self, components: int | None = None) -> Array:
         """
-        Return the sum of the most important components.
+        Return the reduced inertial parameters, the sum of the most important components.
 
         Parameters
         ----------

@@ -113,7 +113,7 @@ class Identification:
 
     @cached_property
     def prior_ranges(self) -> Array:
-        """Expected errors (k,) of the estimate in SI units: two deviations, at least a twentieth of its size."""
+        """Expected errors (k,) of the estimate in SI units: two standard deviations, at least a twentieth of it."""
         return np.maximum(2.0 * self.deviations, 0.05 * np.abs(self.estimate))
 
     def adaptation_gain(self, gain_scale: float = 0.6) -> Array:

@@ -38,8 +38,8 @@ class LogTable:
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             raise FileError(
-                f"{self.source}: column {name!r} ({what}): row {int(bad[0]) + 1} of {len(values)} is "
-                f"{values[bad[0]]}, like {bad.size - 1} more; cut the log where numbers are missing"
+                f"{self.source}: column {name!r} ({what}): {bad.size} of {len(values)} rows not finite, the first "
+                f"is row {int(bad[0]) + 1} ({values[bad[0]]}); use a part of the log without missing numbers"
             )
         return values
 

@@ -72,27 +72,27 @@ class Validation:
 
     @property
     def rms_error(self) -> float:
-        """Root mean square error of all joints and instants in N m (N for prismatic joints)."""
+        """Root mean square torque error of all joints and instants in N m (N for prismatic joints)."""
         return float(np.sqrt(np.mean(np.square(self.error))))
 
     @property
     def relative_error(self) -> float:
-        """Root mean square error of all joints, divided by the root mean square of the measured torques."""
+        """Root mean square torque error of all joints, divided by the root mean square of the measured torques."""
         return float(_relative(np.linalg.norm(self.error), np.linalg.norm(self.measured)))
 
     @property
     def joint_rms_errors(self) -> Array:
-        """Root mean square errors (r,) of the joints in N m (N for a prismatic joint)."""
+        """Root mean square torque error (r,) of each joint in N m (N for a prismatic joint)."""
         return np.sqrt(np.mean(np.square(self.error), axis=0))
 
     @property
     def joint_relative_errors(self) -> Array:
-        """Root mean square errors (r,) divided by those of the measured torques; infinite for zero torques."""
+        """Torque error of each joint (r,) divided by its measured torque, both root mean square."""
         return _relative(np.linalg.norm(self.error, axis=0), np.linalg.norm(self.measured, axis=0))
 
     @cached_property
     def error(self) -> Array:
-        """Predicted less measured torques (n, r) in N m (N for a prismatic joint)."""
+        """Torque errors (n, r), predicted minus measured, in N m (N for a prismatic joint)."""
         return self.predicted - self.measured
 
     def autocorrelation(self, lags: int = 50) -> Array:
@@ -202,8 +202,8 @@ def validate_plausible(evidence: LogEvidence, source: str, cutoff: float) -> Non
         drives = np.mean(rubbing * v) < MIN_FRICTION_POWER * np.sqrt(np.mean(v**2) * np.mean(torque**2))
         if drives and _is_needed(evidence, equations, f"{joint.name}.", deviations):
             raise InputError(
-                f"{source}: the torques of joint {joint.name!r} oppose its motion, as if friction were negative; "
-                "check the signs of its gear ratio, torque column and position column"
+                f"{source}: the friction estimated for joint {joint.name!r} is negative; check the signs of its "
+                "gear ratio, torque column and position column"
             )
     if left > MAX_UNEXPLAINED_SHARE:
         raise InputError(

@@ -134,6 +134,13 @@ class ControllerRun:
             If there is no joint of an index.
         InputError
             If no joint is selected.
+
+        Examples
+        --------
+        >>> from adaptctl.recording import compared_runs
+        >>> subject = compared_runs(arm, {"adaptive": run}).subject
+        >>> subject.rms_error(start=0.1, joints=[0]) > 0.0
+        True
         """
         inside = (self.rollout.time >= start) & (self.rollout.time < stop)
         errors = self.rollout.error[inside][:, joints]
@@ -158,7 +165,7 @@ class ControllerRun:
         Parameters
         ----------
         joints : slice or list of int
-            Indices of the joints.
+            Indices, from 0, of the joints over which the mean is taken.
 
         Returns
         -------
@@ -181,7 +188,7 @@ class ControllerRun:
         Parameters
         ----------
         joints : slice or list of int
-            Indices of the joints.
+            Indices, from 0, of the joints over which the mean is taken.
 
         Returns
         -------
@@ -275,7 +282,7 @@ class Setting:
 @dataclass(frozen=True)
 class Finding:
     """
-    Scalar result of an experiment besides those that are computed of every run.
+    Scalar result of an experiment, in addition to those computed for every run.
 
     Nothing is checked at construction; NaN and infinity become null in summary.json.
 

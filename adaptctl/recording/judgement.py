@@ -21,7 +21,7 @@ MAX_ERROR_RATIO = 0.9
 
 def judged(comparison: Comparison) -> Verdict:
     """
-    Judge the subject of a comparison.
+    Return the verdict on the first controller of a comparison.
 
     Parameters
     ----------

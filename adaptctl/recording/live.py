@@ -115,7 +115,7 @@ class Live:
         time : float
             Time in s.
         p : array_like
-            Positions (r,) in rad, or m for a prismatic joint.
+            Measured positions (r,) of the r joints in rad (m if prismatic).
         reference_p : array_like
             Desired positions (r,) in rad or m.
         torque : array_like

@@ -38,15 +38,15 @@ SOURCE = (
     "Journal of Robotics Research 6(3), 1987."
 )
 COSTS = (
-    "Floating-point operations of the compiled law. Times, if requested, are measured on "
-    "this machine: native, in a loop over many states, including the copying of states; called, one control step "
-    "at a time from Python."
+    "Floating-point operations of the compiled law. Times, if requested, are measured on this machine. A native time "
+    "is the mean of a loop over many states, including their copying. A called time is that of one control step "
+    "called from Python."
 )
 
 
 def shown(comparison: Comparison) -> Result:
     """
-    Return the result of a comparison, which the command line prints and writes.
+    Return the result of a comparison, for the command line to print and write.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def shown(comparison: Comparison) -> Result:
     Returns
     -------
     Result
-        Headline, facts, verdict, and `write`, which is `write_artifacts`.
+        Headline, facts and verdict of the comparison. Its function `write` calls `write_artifacts`.
 
     Examples
     --------
@@ -214,7 +214,7 @@ def _matter(comparison: Comparison) -> Iterator[Part]:
     mechanism, space, kept = comparison.mechanism, comparison.space, set(comparison.basis.names)
     friction = len(mechanism.parameter_names) - len(space.parameter_names)
     more = (
-        f" Its {friction} friction parameters are also kept, because energies do not depend on them."
+        f" Its {friction} friction parameters do not change the energy, so that all of them are kept."
         if friction
         else ""
     )

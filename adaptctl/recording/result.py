@@ -116,12 +116,12 @@ class Fault:
 @dataclass(frozen=True)
 class Verdict:
     """
-    Failures of the controllers that an experiment is about.
+    Verdict of an experiment: the failures of its controllers, or none.
 
     Parameters
     ----------
     faults : tuple of Fault, optional
-        Failures in the order found; none where the controllers did what was asked.
+        Failures in the order found. Without failures the experiment has passed.
 
     Examples
     --------
@@ -138,7 +138,7 @@ class Verdict:
     @classmethod
     def of(cls, found: Iterable[tuple[Failure, str]], expected: Mapping[Failure, str] | None = None) -> Verdict:
         """
-        Return the verdict with given failures.
+        Return the verdict of given failures.
 
         Parameters
         ----------
@@ -151,6 +151,13 @@ class Verdict:
         -------
         Verdict
             Failures in their order.
+
+        Examples
+        --------
+        >>> from adaptctl.recording import Failure, Verdict
+        >>> found = [(Failure.SATURATED, "Joint 2 was at its limit.")]
+        >>> Verdict.of(found, expected={Failure.SATURATED: "Its motor is weak."}).passed
+        True
         """
         reasons = expected or {}
         return cls(tuple(Fault(failure, sentence, reasons.get(failure)) for failure, sentence in found))
@@ -180,12 +187,12 @@ class Verdict:
 
     @property
     def passed(self) -> bool:
-        """True where all failures, if any, are expected."""
+        """True if there is no failure, or the experiment expects all of them."""
         return all(fault.expected is not None for fault in self.faults)
 
     def before(self, answer: str) -> str:
         """
-        Return the sentences on the failures together with an experiment's answer.
+        Return an experiment's answer together with sentences on the failures.
 
         Parameters
         ----------
@@ -196,6 +203,12 @@ class Verdict:
         -------
         str
             Unexpected failures, answer, and expected failures with their reasons.
+
+        Examples
+        --------
+        >>> from adaptctl.recording import Verdict
+        >>> Verdict().before("The error is 3 mrad.")
+        'The error is 3 mrad.'
         """
         failed = [fault.sentence for fault in self.faults if fault.expected is None]
         reasons = [(fault, f" ({fault.expected})" if fault.expected else "") for fault in self.faults]

@@ -80,7 +80,7 @@ def quantities(run: ControllerRun, mechanism: Mechanism, parameters: tuple[str, 
     yield Quantity("reward", "1", "reward of the environment", rollout.reward)
     yield Quantity("clipped", "1", "1 where a torque was clipped", rollout.clipped)
     for name, values in rollout.flags.items():
-        unit, meaning = FLAGS.get(name, ("1", "flag of the plant or of the safety limits"))
+        unit, meaning = FLAGS.get(name, ("1", "1 where an actuator or safety limit acted"))
         yield Quantity(f"flag.{name}", unit, meaning, values)
     if run.lyapunov is not None:
         yield Quantity("lyapunov", "J", "Lyapunov function of the adaptive law", run.lyapunov)

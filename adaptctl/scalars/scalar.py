@@ -364,7 +364,7 @@ def maximum(x: Any, y: Any) -> Any:
 
 def where(condition: Condition, yes: Any, no: Any) -> Any:
     """
-    Choose one of two values, the only branch in equations.
+    Choose one of two values by a condition, in place of `if` in compiled equations.
 
     Parameters
     ----------

@@ -209,8 +209,8 @@ class Tunable:
         Parameters
         ----------
         numbers : mapping
-            Scalars of any kind, or arrays with leading axes of samples, in their own units, by the names in `numbers`;
-            others stay.
+            New values by name, each a float, a symbolic scalar or an array with leading axes of samples, in the unit of
+            the old value. Names that are not given keep their values.
 
         Returns
         -------

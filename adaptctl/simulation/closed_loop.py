@@ -171,12 +171,13 @@ class ClosedLoop:
     @lru_cache(maxsize=8)  # noqa: B019  # some code is worth keeping, and its loop with it
     def compiled(self) -> Stepper:
         """
-        Compile the step to native code.
+        Compile one control period of plant and controller to native code.
 
         Returns
         -------
         Stepper
-            Step of one control period; its `ensemble` makes robots. The code of the last 8 loops is kept.
+            Compiled control period; its `ensemble` allocates the states of many closed loops. The code of the last 8
+            loops is kept.
 
         Raises
         ------
@@ -188,7 +189,7 @@ class ClosedLoop:
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
         """
-        Compute `equation`, with its results in one flat tuple.
+        Compute one control period, as `equation` does, with all results in one flat tuple.
 
         Parameters
         ----------
@@ -210,7 +211,7 @@ class ClosedLoop:
 
     def set_state(self, arms: Ensemble, state: PlantState, memory: Any) -> None:
         """
-        Set plant and controller states of M robots.
+        Set the states of plant and controller in M closed loops.
 
         Parameters
         ----------
@@ -238,7 +239,7 @@ class ClosedLoop:
 
     def get_state(self, arms: Ensemble, time: float, member: int = 0) -> tuple[PlantState, Any]:
         """
-        Return the state of one robot.
+        Return the state of one closed loop.
 
         Parameters
         ----------

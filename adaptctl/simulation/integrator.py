@@ -58,7 +58,7 @@ class Integrator(Protocol):
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
         """
-        Advance positions and velocities by one step, unchecked.
+        Advance positions and velocities by one step, without checks.
 
         Parameters
         ----------
@@ -115,7 +115,7 @@ class RungeKutta4:
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
         """
-        Advance positions and velocities by one step, unchecked.
+        Advance positions and velocities by one step, without checks.
 
         Parameters
         ----------
@@ -174,7 +174,7 @@ class SemiImplicitEuler:
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
         """
-        Advance positions and velocities by one step, unchecked.
+        Advance positions and velocities by one step, without checks.
 
         Parameters
         ----------
@@ -227,7 +227,7 @@ class LinearlyImplicitEuler:
         self, acceleration: Acceleration, q: Column, v: Column, dt: float, rates: Rates = own
     ) -> tuple[Column, Column]:
         """
-        Advance positions and velocities by one step, unchecked.
+        Advance positions and velocities by one step, without checks.
 
         Parameters
         ----------
@@ -299,7 +299,7 @@ def integration(
     transmission: Transmission | None = None,
 ) -> Integration:
     """
-    Return an integration that is stable with given friction and elastic joints.
+    Return an integration method and step that are stable with given friction and elastic joints.
 
     Parameters
     ----------
@@ -324,6 +324,12 @@ def integration(
     InputError
         If the mass matrix is singular, effects do not fit, loops reach no configuration, or springs need more than 2000
         steps.
+
+    Examples
+    --------
+    >>> from adaptctl.simulation.integrator import integration
+    >>> integration(arm, [], period).substeps
+    1
     """
     if integrator is not None:
         validate_integrator(integrator)

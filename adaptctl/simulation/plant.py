@@ -119,7 +119,7 @@ class Plant(Tunable):
 
     @cached_property
     def noise_size(self) -> int:
-        """Normal numbers per control period: 2r, or 0 without sensors."""
+        """Number of random numbers per control period: 2r, or 0 without sensor effects."""
         return 2 * self.dof if self._effects.sensors or self._effects.senses_motors else 0
 
     @cached_property
@@ -153,6 +153,14 @@ class Plant(Tunable):
         ------
         InputError
             If there are too few parameters for a payload's link.
+
+        Examples
+        --------
+        >>> from adaptctl.simulation import Plant
+        >>> from adaptctl.simulation.effects import PayloadHeld
+        >>> loaded = Plant(arm, period, effects=[PayloadHeld(1.0)])
+        >>> loaded.parameters(arm.inertial_parameters, time=0.0).shape == arm.inertial_parameters.shape
+        True
         """
         return self._effects.loaded(own, self._links, time)
 
@@ -390,7 +398,7 @@ class Plant(Tunable):
 
     def is_valid_configuration(self, q: Array) -> NDArray[np.bool_]:
         """
-        Return which configurations are away from singularities and within the bounds of the description.
+        Return a mask of the configurations away from singularities and within the description's bounds.
 
         Parameters
         ----------
@@ -435,6 +443,13 @@ class Plant(Tunable):
         -------
         Scalar
             Kinetic plus potential energy in J.
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> energy = plant.energy_equation(column(p), column(v), column(arm.inertial_parameters), column([]))
+        >>> bool(np.isclose(energy, arm.energy(p, v)))
+        True
         """
         regressor, springs = self.mechanism.equations.energy_regressor(q, v), self._transmission
         if springs is None:

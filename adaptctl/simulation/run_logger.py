@@ -113,7 +113,7 @@ class RunLogger:
         estimate: ArrayLike = (),
     ) -> None:
         """
-        Append a sample; a faulty one is only counted.
+        Append a sample, or only count it if it is faulty.
 
         Parameters
         ----------
@@ -129,6 +129,13 @@ class RunLogger:
             Torque at the joints (r,) in N m (N). Default: the commanded one.
         estimate : array_like, default ()
             Parameter estimates (k,) in SI units. Default: empty, for a controller without.
+
+        Examples
+        --------
+        >>> logger = adaptctl.RunLogger(2, period)
+        >>> logger.append(0.0, p, v, reference(0.0), torque=[1.0, 0.5])
+        >>> logger.count
+        1
         """
         row = self._sample
         try:

@@ -126,7 +126,7 @@ class Tuning:
 
     def adaptation_gain_for(self, model: ReducedModel) -> Array:
         """
-        Return the adaptation gain on a reduced model.
+        Return the adaptation gain for the parameters of a reduced model.
 
         Parameters
         ----------
@@ -181,6 +181,12 @@ class Tuning:
             If the gains are too large for the control period in the workspace.
         InputError
             If the model is of another number of joints or parameters.
+
+        Examples
+        --------
+        >>> tuning = adaptctl.tune(arm)
+        >>> tuning.controller(model).dof
+        2
         """
         if adaptation and not anyway:
             self.validate_learning("anyway=True")
@@ -190,12 +196,12 @@ class Tuning:
 
     @property
     def is_learning(self) -> bool:
-        """True if the first verifying run learns."""
+        """True if adaptation reduces the tracking error in the first verification run."""
         return bool(self.verified) and self.verified[0].is_learning
 
     @property
     def failed(self) -> bool:
-        """True if the first verifying run does not learn."""
+        """True if adaptation does not reduce the tracking error in the first verification run."""
         return bool(self.verified) and not self.verified[0].is_learning
 
     def validate_learning(self, otherwise: str) -> None:

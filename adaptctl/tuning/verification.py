@@ -126,7 +126,7 @@ class Verification:
     final_rms_error_adaptation_off : float
         RMS error over the last 2 s with adaptation off in rad (m); infinite if an error reached 1 rad (m).
     max_error : float
-        Largest error of any joint in rad (m).
+        Largest position error of any joint during the run in rad (m if prismatic).
     limited_share : float
         Fraction (0 to 1) of the second half with a torque at its limit.
     unit : str, default "mrad"

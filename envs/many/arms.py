@@ -281,9 +281,9 @@ class Arms:
         if lost.size:
             time = self.single.control_period * self.steps[lost[0]]
             raise NonFiniteError(
-                f"{self.single.mechanism.name}: the motion of arm {lost[0]} diverged after {time:g} s: use a shorter "
-                "control period or more substeps, smaller actions, a smaller error bound, and "
-                "parameters whose mass matrix is positive definite"
+                f"{self.single.mechanism.name}: the motion of arm {lost[0]} diverged after {time:g} s; use a shorter "
+                "control period, smaller actions or a smaller error bound, and check that the mass matrix is positive "
+                "definite"
             )
 
     @cached_property

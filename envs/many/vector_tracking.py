@@ -29,18 +29,19 @@ if TYPE_CHECKING:
 @sent_as_made
 class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     """
-    Tracking task of N robots at once, whose steps are taken together in native code.
+    Tracking task of N equal arms, simulated together in native code.
 
     Parameters
     ----------
     num_envs : int, default 1
         Arms N that are simulated side by side, at least 1. One by default, as in `gymnasium.make_vec`.
     autoreset_mode : AutoresetMode or str, default "NextStep"
-        Time at which an arm whose episode ended is reset, see Notes.
+        When an arm is reset after the end of its episode, see Notes.
     reset_options : Mapping, optional
-        Options of every reset that is not given others, automatic ones included. Default: none.
+        Default options of every reset, automatic resets included. Default: none.
     precision : {"double", "single"}, default "double"
-        Single precision fits twice as many arms in a register, with 7 digits instead of 16: some 1e-6 rad in 100 steps.
+        Floating-point precision of the simulation. Single is faster, but positions deviate by some 1e-6 rad in 100
+        steps.
     **settings : object
         Arguments of `TrackingEnv`, the same for all arms; `reference` may also be a list of N.
 
@@ -219,7 +220,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """
-        Draw every robot and a translucent ghost of it on its reference.
+        Draw every arm and a translucent copy of it at its reference position.
 
         Returns
         -------

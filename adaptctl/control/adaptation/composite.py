@@ -29,7 +29,7 @@ class Filtered(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """Rows of W, torques (r,) of W beta = torque, and the filters' next state."""
+    """Filtered regressor by rows, filtered torques (r,), and the filters' next state."""
 
     rows: list[Column]
     torque: Column
@@ -111,13 +111,13 @@ def momentum_columns(model: ReducedModel) -> list[list[int]]:
 
 
 def validate_filter(law: str, weight: ArrayLike, cutoff: float) -> None:
-    """Raise `InputError` unless weight and cutoff are positive."""
+    """Raise `InputError` unless prediction weight and cut-off frequency are positive."""
     positive_number(cutoff, "torque filter: cutoff: expected a positive number in rad/s")
     positive_numbers(weight, f"{law}: prediction_weight")
 
 
 def validate_cutoff(cutoff: float, control_period: float) -> None:
-    """Raise `InputError` unless the cutoff fits the period."""
+    """Raise `InputError` unless a filter's cut-off frequency fits the control period."""
     positive_number(cutoff, "torque filter: cutoff: expected a positive number in rad/s")
     if cutoff * control_period > 1.0:
         raise InputError(
@@ -127,7 +127,7 @@ def validate_cutoff(cutoff: float, control_period: float) -> None:
 
 
 def validate_predicted(law: str, model: ReducedModel, weight: ArrayLike, cutoff: float, control_period: float) -> None:
-    """Raise `InputError` unless filtered torques can be predicted."""
+    """Raise `InputError` unless torques can be predicted by a torque filter with these settings."""
     mechanism = model.mechanism
     positive_per_joint(weight, mechanism.dof, f"{law}: prediction_weight")
     validate_cutoff(cutoff, control_period)
@@ -244,7 +244,7 @@ class Composite(Descent[Filtered]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Filtered) -> tuple[Column, Filtered]:
         """
-        Take a gradient step along the tracking error, and an implicit step along the prediction error.
+        Update the estimate by a gradient step of the tracking error and an implicit step of the prediction error.
 
         Parameters
         ----------

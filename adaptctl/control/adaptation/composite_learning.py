@@ -173,7 +173,7 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: LearningMemory
     ) -> tuple[Column, LearningMemory]:
         """
-        Forget along excited directions, store each joint's equation, and take a gradient step.
+        Update the stored information and the estimate by one control period.
 
         Parameters
         ----------
@@ -218,7 +218,7 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
 
     def covariance(self, memory: LearningMemory) -> Array:
         """
-        Return the present gain of the law.
+        Return the present adaptation gain.
 
         Parameters
         ----------

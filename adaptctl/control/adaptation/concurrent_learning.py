@@ -163,7 +163,7 @@ class ConcurrentLearning(Descent[Stack]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Stack) -> tuple[Column, Stack]:
         """
-        Store a new sample, take a gradient step, and an implicit step for each stored equation.
+        Update the stack of samples, and the estimate by the tracking error and the stored samples.
 
         Parameters
         ----------

@@ -169,7 +169,7 @@ class ConsistentAdaptation(AdaptationLaw[ConsistentState]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: ConsistentState
     ) -> tuple[Column, ConsistentState]:
         """
-        Move the parameters of all bodies along geodesics, and regroup them into the estimate.
+        Update the parameters of all bodies along geodesics, and regroup them into the estimate.
 
         Parameters
         ----------

@@ -146,7 +146,7 @@ class Gradient(Descent[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """
-        Take a gradient step.
+        Update the estimate by a gradient step.
 
         Parameters
         ----------
@@ -223,7 +223,7 @@ class DeadZone(Descent[NoMemory]):
     @classmethod
     def for_disturbance(cls, gain: ArrayLike, damping: ArrayLike, torque: ArrayLike) -> DeadZone:
         """
-        Return the law with the dead zone for disturbance torques of a known size.
+        Return the law with a dead zone that suits the size of disturbance torques.
 
         Parameters
         ----------
@@ -244,6 +244,12 @@ class DeadZone(Descent[NoMemory]):
         ------
         InputError
             If a number is negative, sizes differ, the gain is not positive definite, or all torques are zero.
+
+        Examples
+        --------
+        >>> gain = np.full(len(model.names), 0.1)
+        >>> adaptctl.control.DeadZone.for_disturbance(gain, damping=[6.0, 2.0], torque=0.5).width.shape
+        (2,)
         """
         joints = max(np.size(torque), np.size(damping))
         d, K = per_joint(torque, joints, "dead zone: torque"), positive_per_joint(damping, joints, "damping")
@@ -274,7 +280,7 @@ class DeadZone(Descent[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """
-        Take a trapezoidal gradient step outside the zone.
+        Update the estimate by a gradient step where the sliding variable is outside the dead zone.
 
         Parameters
         ----------
@@ -358,7 +364,7 @@ class SigmaModification(_Leaking):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """
-        Take a gradient step and an implicit step of the leakage.
+        Update the estimate by a gradient step and an implicit Euler step of the leakage.
 
         Parameters
         ----------
@@ -419,7 +425,7 @@ class EModification(_Leaking):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """
-        Take a gradient step and an implicit step of the leakage.
+        Update the estimate by a gradient step and an implicit Euler step of the leakage.
 
         Parameters
         ----------

@@ -17,7 +17,7 @@ from adaptctl.scalars import Column, Scalar, Tunable
 
 
 class NoMemory(NamedTuple):
-    """Empty internal state."""
+    """Empty internal state of a law without memory."""
 
 
 class Period(NamedTuple):
@@ -136,6 +136,10 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
         ------
         InputError
             If a setting, such as a gain, does not fit.
+
+        Examples
+        --------
+        >>> law.adaptation_law.validate(model, np.zeros(len(model.names)), period)  # raises no error
         """
 
     def initial_state(self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float) -> Memory:
@@ -165,7 +169,9 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
     @abstractmethod
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
         """
-        Compute the next estimate and internal state; traced, so without branches on values.
+        Compute the next estimate and internal state.
+
+        The law is traced to be compiled: where a value decides, use `scalars.where` instead of `if`.
 
         Parameters
         ----------
@@ -204,6 +210,13 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
         -------
         scalar or None
             Energy in J, or None if it depends on more than the estimate, such as a covariance.
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> true = column(model.fundamental_parameters)
+        >>> round(law.adaptation_law.lyapunov_term(model, true, true), 3)
+        0.0
         """
         return None
 
@@ -229,6 +242,12 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
         ------
         InputError
             If a shape is wrong.
+
+        Examples
+        --------
+        >>> estimates = np.zeros((3, len(model.names)))
+        >>> law.adaptation_law.lyapunov_distance(model, estimates, model.fundamental_parameters).shape
+        (3,)
         """
         given = {"estimate": numbers(estimate, "estimate"), "true": numbers(true, "true")}
         for what, x in given.items():

@@ -209,7 +209,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: CovarianceMemory
     ) -> tuple[Column, CovarianceMemory]:
         """
-        Take a gradient step and implicit steps along the prediction errors, then forget old samples.
+        Update the estimate by the tracking and prediction errors, and the covariance with forgetting.
 
         Parameters
         ----------
@@ -243,7 +243,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
 
     def covariance(self, memory: CovarianceMemory) -> Array:
         """
-        Return the present gain of the law.
+        Return the present adaptation gain.
 
         Parameters
         ----------
@@ -356,7 +356,7 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: InformationMemory
     ) -> tuple[Column, InformationMemory]:
         """
-        Forget old information, add that of this period, and take a gradient step.
+        Update the information with forgetting, and the estimate by a gradient step.
 
         Parameters
         ----------
@@ -387,7 +387,7 @@ class CushionedFloor(ForgettingLeastSquares[InformationMemory]):
 
     def covariance(self, memory: InformationMemory) -> Array:
         """
-        Return the present gain of the law.
+        Return the present adaptation gain.
 
         Parameters
         ----------

@@ -98,7 +98,7 @@ class Natural(AdaptationLaw[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """
-        Move pseudo-inertias and drive parameters along geodesics.
+        Update pseudo-inertias and drive parameters along geodesics.
 
         Parameters
         ----------
@@ -166,6 +166,14 @@ class Natural(AdaptationLaw[NoMemory]):
         ------
         InputError
             If a shape is wrong.
+
+        Examples
+        --------
+        >>> natural = adaptctl.control.Natural(1.0)
+        >>> full = adaptctl.ReducedModel.full(arm)
+        >>> true = full.fundamental_parameters
+        >>> round(float(natural.lyapunov_distance(full, true, true)), 6)
+        0.0
         """
         with np.errstate(invalid="ignore", divide="ignore"):
             found = np.asarray(super().lyapunov_distance(model, estimate, true))

@@ -130,7 +130,7 @@ class Projection(AdaptationLaw[Memory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: Memory) -> tuple[Column, Memory]:
         """
-        Step the wrapped law and clip the estimate.
+        Update the estimate by the wrapped law, and clip it to the bounds.
 
         Parameters
         ----------

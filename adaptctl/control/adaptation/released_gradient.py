@@ -82,7 +82,7 @@ class ReleasedGradient(Descent[Normaliser]):
         workspace: Workspace | None = None,
     ) -> ReleasedGradient:
         """
-        Return the law with a release and share for which the Lyapunov function never rises.
+        Return the law with settings for which the Lyapunov function never rises in discrete time.
 
         Parameters
         ----------
@@ -109,6 +109,13 @@ class ReleasedGradient(Descent[Normaliser]):
             If the sampling ratio is 2 or more.
         InputError
             If gain, damping or period is not positive, or a shape is wrong.
+
+        Examples
+        --------
+        >>> gain = np.full(len(model.names), 0.1)
+        >>> law = adaptctl.control.ReleasedGradient.certified(model, gain, [6.0, 2.0], period)
+        >>> law.share > 1.0
+        True
         """
         gamma = checked_gain(gain)
         validate_size(gamma, model, "adaptation gain")
@@ -147,7 +154,7 @@ class ReleasedGradient(Descent[Normaliser]):
         self, model: ReducedModel, estimate: Column, period: Period, memory: Normaliser
     ) -> tuple[Column, Normaliser]:
         """
-        Take a gradient step divided by the normaliser.
+        Update the estimate by a gradient step divided by the normaliser.
 
         Parameters
         ----------

@@ -89,7 +89,7 @@ class Subspace(AdaptationLaw[NoMemory]):
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """
-        Take a gradient step along each direction.
+        Update the estimate by a gradient step along each direction of the subspace.
 
         Parameters
         ----------

@@ -94,7 +94,7 @@ class MotionLimits:
     @classmethod
     def from_model(cls, model: ReducedModel, share: float) -> MotionLimits:
         """
-        Return limits that are a fraction of the joints' own, with the torques of the mechanism.
+        Return a fraction of the position, velocity and torque limits of a mechanism's joints.
 
         Parameters
         ----------
@@ -113,6 +113,12 @@ class MotionLimits:
         ------
         InputError
             If the share is out of range.
+
+        Examples
+        --------
+        >>> from adaptctl.control import MotionLimits
+        >>> MotionLimits.from_model(model, 0.8).velocity.shape
+        (2,)
         """
         _validate_share(share)
         joints = model.mechanism.primary_joints

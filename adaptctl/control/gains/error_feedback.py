@@ -280,12 +280,12 @@ class ErrorFeedback:
 
     @property
     def damping_ratio(self) -> float:
-        """Damping ratio."""
+        """Damping ratio of the two poles, without a unit."""
         return self.rate / (2.0 * self.bandwidth)
 
     @property
     def is_cascade(self) -> bool:
-        """True if the poles count as real: 1/zeta^2 - 1 <= 0.02 + omega T_c."""
+        """True if the two poles count as real, within a tolerance that grows with the control period."""
         return 1.0 - 1.0 / self.damping_ratio**2 >= -REAL_POLE_TOLERANCE - self.bandwidth * self.control_period
 
     @property
@@ -402,13 +402,13 @@ def margins(loop: control.LTI) -> Margins:
     Returns
     -------
     Margins
-        Tightest margins; gains are factors, not dB. Crossings at half the sampling rate count, unlike in
-        `control.stability_margins`.
+        Smallest margins of gain (a factor, not dB), phase and delay. Crossings at half the sampling rate count, unlike
+        in `control.stability_margins`.
 
     Raises
     ------
     InputError
-        If the loop has no stated sampling time, or more inputs or outputs.
+        If the loop has no sampling time, or more than one input or output.
 
     Examples
     --------

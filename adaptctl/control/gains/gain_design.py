@@ -267,7 +267,7 @@ class GainDesign:
 
     @property
     def is_well_damped(self) -> bool:
-        """True if every joint has real poles, so that `gains` exists."""
+        """True if every joint has real poles, as `gains` requires."""
         return self.given is not None or all(feedback.is_cascade for feedback in self.feedback)
 
     @property
@@ -287,7 +287,7 @@ class GainDesign:
 
     @property
     def sampled_gain(self) -> float:
-        """Greatest T_c lambda_max(M^-1 K), stable below 2 without delay."""
+        """Control period times the largest eigenvalue of damping divided by mass matrix; stable below 2."""
         if (own := self.given) is not None:
             return sampling_ratio(
                 self.mechanism, own.damping, self.control_period, own.bandwidth, workspace=self.workspace
@@ -296,7 +296,7 @@ class GainDesign:
 
     @property
     def largest_sampled_gain(self) -> float:
-        """Largest `sampled_gain` allowed, three quarters of the limit."""
+        """Largest allowed `sampled_gain`, three quarters of the stability limit."""
         return largest_with_delay(self.delay)
 
     @property
@@ -327,7 +327,7 @@ class GainDesign:
 
     def check_sample_time(self) -> GainDesign:
         """
-        Return the design if its sampled gain is allowed.
+        Return this design, or raise `GainError` if its sampled gain is too large.
 
         Returns
         -------

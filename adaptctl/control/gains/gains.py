@@ -90,6 +90,11 @@ class Gains:
         ------
         InputError
             If a number is not positive, a shape is wrong, or a joint's typical inertia is not positive.
+
+        Examples
+        --------
+        >>> adaptctl.control.Gains.from_bandwidth(arm, 5.0).damping.shape
+        (2,)
         """
         validate_kind(mechanism, Mechanism, "gains", "as load(...) gives one")
         rates = positive_per_joint(bandwidth, mechanism.dof, "bandwidth")

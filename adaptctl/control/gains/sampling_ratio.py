@@ -25,7 +25,7 @@ MIN_EIGENVALUE = 1e-12  # of a mass matrix scaled to a unit diagonal: positive b
 @sent_as_made
 class SamplingRatio(NamedTuple):
     """
-    Greatest sampling ratio that a search found, and where.
+    Largest sampling ratio that a search found, with its joint positions.
 
     Parameters
     ----------
@@ -57,14 +57,14 @@ def sampling_ratio(
     workspace: Workspace | None = None,
 ) -> SamplingRatio:
     r"""
-    Compute the greatest sampling ratio over joint positions.
+    Compute the largest sampling ratio of a torque loop over joint positions, stable below 2.
 
     Parameters
     ----------
     mechanism : Mechanism
         Mechanism with r joints.
     damping : array_like
-        Damping K in N m s/rad (N s/m for a prismatic joint), one number or (r,).
+        Damping gain K in N m s/rad (N s/m for a prismatic joint), one number or (r,).
     control_period : float
         Time in s for which a torque is held.
     bandwidth : array_like, default 0.0
@@ -77,7 +77,8 @@ def sampling_ratio(
     Returns
     -------
     SamplingRatio
-        Greatest value, positions and joint. It is infinite if the mass matrix is not positive definite.
+        Largest ratio, and the joint positions and joint where it occurs. The ratio is infinite if the mass matrix is
+        not positive definite.
 
     Raises
     ------
@@ -88,7 +89,8 @@ def sampling_ratio(
     -----
     .. math:: T_c\lambda_{\max}(M^{-1}(K+\hat M\Lambda)).
 
-    A held torque multiplies velocities by one minus this matrix in every period. Viscous friction B replaces M by
+    Here T_c is the control period, M the true mass matrix and the one with a hat that of the estimate. A held torque
+    multiplies velocities by one minus this matrix in every period. Viscous friction B replaces M by
     :math:`M(X/2)\coth(X/2)`, :math:`X=T_cM^{-1}B`.
 
     Examples
@@ -259,7 +261,7 @@ def worst_conditioned_configuration(
     mechanism: Mechanism, parameters: ArrayLike, workspace: Workspace | None = None
 ) -> Worst:
     """
-    Find where a mass matrix is least positive definite.
+    Find the joint positions at which a mass matrix is least positive definite.
 
     Parameters
     ----------

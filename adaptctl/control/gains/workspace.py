@@ -70,7 +70,7 @@ class Worst(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Workspace:
     """
-    Joint positions for which gains are checked: samples with boxes.
+    Joint positions for which gains are checked: samples, with a box around each for searches.
 
     Parameters
     ----------
@@ -119,6 +119,11 @@ class Workspace:
         ------
         InputError
             If a number is out of range, or loops can be closed at none of the samples.
+
+        Examples
+        --------
+        >>> adaptctl.control.Workspace.within_limits(arm, samples=50).samples.shape
+        (50, 2)
         """
         validate_kind(mechanism, Mechanism, "workspace", "as load(...) gives one")
         samples = whole_number(samples, "workspace: samples", 1, MAX_SAMPLES)
@@ -132,7 +137,7 @@ class Workspace:
     @classmethod
     def along(cls, mechanism: Mechanism, p: ArrayLike, margin: float = 0.2) -> Workspace:
         """
-        Return the positions near those of a reference.
+        Return the joint positions near a reference trajectory.
 
         Parameters
         ----------
@@ -154,6 +159,12 @@ class Workspace:
             If the margin is negative, the shape wrong, or loops can be closed nowhere.
         NonFiniteError
             If a position is not finite.
+
+        Examples
+        --------
+        >>> times = np.linspace(0.0, 2.0, 20)
+        >>> adaptctl.control.Workspace.along(arm, np.array([reference(t).p for t in times])).samples.shape
+        (20, 2)
         """
         if not 0.0 <= real_number(margin, "workspace: margin") < np.inf:
             raise InputError(f"workspace: margin: expected at least 0 rad, got {margin}")

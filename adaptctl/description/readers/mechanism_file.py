@@ -184,8 +184,8 @@ def _validate_parents(entries: Sequence[TreeLink], names: Sequence[str]) -> None
         if entry.parent is not None and entry.parent not in names:
             known = ", ".join(names)
             raise NotFoundError(
-                f"$.links[{i}] ({names[i]}): parent: unknown link {entry.parent!r}; links: {known}; remove parent "
-                "for the ground"
+                f"$.links[{i}] ({names[i]}): parent: unknown link {entry.parent!r}; links: {known}; a link "
+                "without the key parent is attached to the ground"
             )
 
 

@@ -89,7 +89,7 @@ class MujocoArm:
             if (kind := self.model.jnt_type[j]) in (FREE, BALL):
                 what = "a free joint" if kind == FREE else f"a ball joint, {self.model.joint(j).name!r}"
                 raise InputError(
-                    f"{where} has {what}: only hinges and slides are supported; give a body attached to it as root"
+                    f"{where} has {what}, but only hinges and slides are supported; pass as root a body that it carries"
                 )
         if self.model.body_mocapid[i] >= 0:
             raise InputError(f"{where}: mocap bodies are not supported; remove it")

@@ -178,6 +178,12 @@ class ElasticJoints(Effect):
         ------
         InputError
             If a value is negative, not finite, or of another shape.
+
+        Examples
+        --------
+        >>> from adaptctl.simulation.effects import ElasticJoints
+        >>> ElasticJoints(stiffness=500.0).each("stiffness", 2).tolist()
+        [500.0, 500.0]
         """
         values = at_least_zero(getattr(self, name), dof, f"elastic joints: {name}")
         if not np.isfinite(values).all():

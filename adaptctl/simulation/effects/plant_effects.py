@@ -163,6 +163,13 @@ class PlantEffects:
         -------
         ndarray
             Internal states (..., h) in units of the effects, one effect after the other.
+
+        Examples
+        --------
+        >>> from adaptctl.simulation.effects import ActuatorLag
+        >>> from adaptctl.simulation.effects.plant_effects import PlantEffects
+        >>> PlantEffects.of([ActuatorLag(0.01)]).drive_memory(np.zeros(2), period).shape
+        (2,)
         """
         return _joined((effect.initial_state(torque, control_period) for effect in self.actuators), torque.shape[:-1])
 
