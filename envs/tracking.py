@@ -238,7 +238,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         Returns
         -------
         tuple
-            First observation (5r + r L,) and `info`, see the class.
+            First observation (5r + r L,) for L look-ahead times, and `info`, see the class.
 
         Raises
         ------
@@ -287,7 +287,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         Returns
         -------
         tuple
-            Observation (5r + r L,), reward, `terminated`, `truncated` and `info`, see the class.
+            Observation (5r + r L,) for L look-ahead times, reward, `terminated`, `truncated` and `info`, see the class.
 
         Raises
         ------

@@ -134,7 +134,7 @@ def sweep(
 @app.command
 def status(folder: Path, *, json: Json = False) -> int:
     """
-    Print how far a sweep is, and what its rows say so far.
+    Print the progress of a sweep, and its results so far.
 
     A sweep keeps its rows in files of so many runs each, its shards. With `json`
     an object with the numbers `shards`, `shards_in_all` and `runs` is printed.

@@ -242,7 +242,7 @@ class ControllerRun:
 
     @property
     def realtime_factor(self) -> float | None:
-        """Simulated time divided by computing time."""
+        """Simulated time divided by computing time; None if it was not measured."""
         return self.duration / self.rollout.wall_time if self.rollout.wall_time > 0.0 else None
 
     @property

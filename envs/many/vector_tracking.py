@@ -34,7 +34,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     Parameters
     ----------
     num_envs : int, default 1
-        Arms N that are simulated side by side, at least 1. One by default, as in `gymnasium.make_vec`.
+        Number N of arms, at least 1. One by default, as in `gymnasium.make_vec`.
     autoreset_mode : AutoresetMode or str, default "NextStep"
         When an arm is reset after the end of its episode, see Notes.
     reset_options : Mapping, optional
@@ -64,7 +64,7 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
 
     ## Observation space
 
-    `Box(-1e6, 1e6, (N, 5r + r L), float64)`; `observation_slices` has slices of columns for `Controller.step`.
+    `Box(-1e6, 1e6, (N, 5r + r L), float64)` for L look-ahead times; `observation_slices` has the slices of columns.
 
     ## Rewards and episode end
 
@@ -140,8 +140,8 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
         Parameters
         ----------
         seed : int or sequence, optional
-            Seed s gives arm i the seed s + i; a list has one for each arm, None where its random numbers go on.
-            Default: all go on.
+            With a number, arm i gets the seed plus i. A sequence has one seed for each arm, or None to continue its
+            random numbers. Default: all continue.
         options : Mapping, optional
             Options at reset, see the class; with `autoreset_mode` "Disabled" also `reset_mask` (N,). Default:
             `reset_options`.
@@ -324,7 +324,7 @@ class Puma560VectorTrackingEnv(VectorTrackingEnv):
     Parameters
     ----------
     num_envs : int, default 1
-        Arms N that are simulated side by side, at least 1. One by default, as in `gymnasium.make_vec`.
+        Number N of arms, at least 1. One by default, as in `gymnasium.make_vec`.
     autoreset_mode : AutoresetMode or str, default "NextStep"
         Time at which an arm whose episode ended is reset, as in `VectorTrackingEnv`.
     reset_options : Mapping, optional
@@ -351,7 +351,7 @@ class SemiDirectDriveVectorTrackingEnv(VectorTrackingEnv):
     Parameters
     ----------
     num_envs : int, default 1
-        Arms N that are simulated side by side, at least 1. One by default, as in `gymnasium.make_vec`.
+        Number N of arms, at least 1. One by default, as in `gymnasium.make_vec`.
     autoreset_mode : AutoresetMode or str, default "NextStep"
         Time at which an arm whose episode ended is reset, as in `VectorTrackingEnv`.
     reset_options : Mapping, optional
