@@ -188,6 +188,10 @@ class TraceError(AdaptctlError, TypeError):
     """
 
 
+class DivergedRunWarning(UserWarning):
+    """Warning of a simulated run that its environment ended early, as where an error exceeds its limit."""
+
+
 class NotCompiledWarning(UserWarning):
     """Warning that a simulation runs in Python, as its code cannot be compiled, and is slower."""
 

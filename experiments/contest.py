@@ -43,8 +43,9 @@ from adaptctl.recording import (
 from adaptctl.recording.comparison import ADAPTATION_OFF as ADAPTATION_OFF
 from adaptctl.recording.comparison import NO_MODEL as NO_MODEL
 from adaptctl.recording.comparison import color_indices
-from adaptctl.simulation import Plant, Rollout, rollout, simulate
+from adaptctl.simulation import Plant, Rollout, rollout
 from adaptctl.simulation.rollout import known_steps
+from adaptctl.simulation.simulate import simulated
 
 if TYPE_CHECKING:
     import gymnasium
@@ -275,7 +276,7 @@ def contest(
             )
             if len(result.time):
                 runs.append(ControllerRun(one.name, one.label, one.prior_knowledge, result))
-            if not result.complete:
+            if result.interrupted:
                 break
             known = "payload" not in options  # else the truth is not the mechanism's own
             V = _lyapunov(one.controller, result, mechanism) if known else None
@@ -319,7 +320,7 @@ def _driven(env: gymnasium.Env[Any, Any], mechanism: Mechanism, controller: Cont
             if live.is_seen:
                 return rollout(LiveView(env, live), controller, **how)
     ours = getattr(type(getattr(env.unwrapped, "plant", None)), "step", Plant.step) is Plant.step
-    return (simulate if ours else rollout)(env, controller, **how)
+    return (simulated if ours else rollout)(env, controller, **how)
 
 
 def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -> Array | None:

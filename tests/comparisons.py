@@ -48,7 +48,7 @@ def rollout(
         estimate=np.zeros((samples, 0)) if estimate is None else estimate,
         control_period=PERIOD,
         wall_time=0.25,
-        complete=complete,
+        interrupted=not complete,
     )
 
 

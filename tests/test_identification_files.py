@@ -254,7 +254,7 @@ def test_runs_are_kept_and_read_back_and_identified(tmp_path: Path) -> None:
         np.testing.assert_array_equal(getattr(again, name), getattr(run, name))
         assert not getattr(again, name).flags.writeable
     np.testing.assert_array_equal(again.flags["payload"], run.flags["payload"])
-    assert (again.control_period, again.wall_time, again.complete, again.terminated) == (0.01, 0.5, True, True)
+    assert (again.control_period, again.wall_time, again.interrupted, again.terminated) == (0.01, 0.5, False, True)
     log = read_log(tmp_path / "run.parquet")
     np.testing.assert_array_equal(log.column("applied.elbow", "torque"), run.applied[:, 1])
     assert (log.units["p.elbow"], log.units["applied.elbow"], log.units["time"]) == ("rad", "N m", "s")

@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from figures import require
 from hypothesis import given, settings
@@ -57,7 +59,7 @@ def validate_samples(run: Rollout, chosen: Any, of: Rollout, tolerance: float = 
     assert list(run.flags) == list(of.flags)
     for name in run.flags:
         np.testing.assert_array_equal(run.flags[name], of.flags[name][chosen])
-    assert (run.complete, run.terminated, run.info["time"]) == (of.complete, of.terminated, of.info["time"])
+    assert (run.interrupted, run.terminated, run.info["time"]) == (of.interrupted, of.terminated, of.info["time"])
     assert run.info["clipped"] == of.info["clipped"]
 
 
@@ -106,7 +108,7 @@ def test_a_streamed_run_is_all_on_disk(tmp_path: Path, every: int, last: float |
     assert list(again.flags) == list(run.flags)
     for name in again.flags:
         np.testing.assert_array_equal(again.flags[name], whole().flags[name][::every])
-    assert (again.every, again.complete, again.control_period) == (every, True, 1e-3)
+    assert (again.every, again.reached_end, again.control_period) == (every, True, 1e-3)
 
 
 def test_a_streamed_run_that_ends_early_is_whole_on_disk(tmp_path: Path) -> None:
@@ -123,7 +125,7 @@ def test_a_streamed_run_that_ends_early_is_whole_on_disk(tmp_path: Path) -> None
         progress=lambda share: signal.raise_signal(signal.SIGINT),
     )
     part = Rollout.load(tmp_path / "a.parquet")
-    assert not part.complete
+    assert part.interrupted
     np.testing.assert_array_equal(part.p, whole().p[: len(part.p)])
     with pytest.raises(AdaptctlError, match="enough"):
         simulate(environment(), law(), seed=3, stream=tmp_path / "b.parquet", progress=fail)
@@ -174,3 +176,26 @@ def test_memory_stays_flat(tmp_path: Path) -> None:
         [sys.executable, "-c", GROWTH, str(tmp_path / "run.parquet")], capture_output=True, text=True, check=True
     )
     require("memory-growth", float(done.stdout), 20.0, "memory that a run ten times as long takes more", unit="MB")
+
+
+def test_a_run_whose_numbers_were_changed_is_refused_until_told(tmp_path: Path) -> None:
+    """One bit of one torque, and one entry, in files that are Parquet as before; parts written one by one are whole."""
+    path, edited = tmp_path / "run.parquet", tmp_path / "edited.parquet"
+    run = simulate(environment(), law(), seed=3, stream=path)
+    np.testing.assert_array_equal(Rollout.load(path).torque, run.torque)
+    table = pq.read_table(path)
+    torque = table["torque.joint1"].to_numpy().copy()
+    torque[7] = np.nextafter(torque[7], np.inf)
+    place = table.column_names.index("torque.joint1")
+    changed = table.set_column(place, table.schema.field(place), pa.array(torque))
+    metadata = pq.read_metadata(path).metadata
+    about = {key: value for key, value in metadata.items() if key != b"ARROW:schema"}
+    for wrong in (
+        changed.replace_schema_metadata(about),
+        table.replace_schema_metadata(about | {b"interrupted": b"true"}),
+        table.replace_schema_metadata({key: value for key, value in about.items() if key != b"sha256"}),
+    ):
+        pq.write_table(wrong, edited)
+        with pytest.raises(FileError, match=r"not those that were written; .*, accept_edited=True\)"):
+            Rollout.load(edited)
+        assert len(Rollout.load(edited, accept_edited=True).time) == len(run.time)

@@ -108,7 +108,7 @@ def test_a_logger_keeps_what_it_was_given(tmp_path: Path) -> None:
     k = np.arange(50.0)[:, None] * np.ones(2)
     for name, factor in (("p", 1), ("v", 2), ("reference_p", 3), ("reference_v", 4), ("reference_a", 5), ("torque", 6)):
         np.testing.assert_array_equal(getattr(run, name), factor * k)
-    assert run.complete
+    assert run.reached_end
     assert run.clipped.sum() == 49
     np.testing.assert_array_equal(run.estimate, np.arange(3.0) * np.ones((50, 1)))
 
@@ -152,7 +152,7 @@ def test_a_loop_that_fails_leaves_its_log(tmp_path: Path) -> None:
 
     with pytest.raises(RuntimeError, match="cable"):
         failing()
-    assert not adaptctl.Rollout.load(tmp_path / "log.parquet").complete
+    assert adaptctl.Rollout.load(tmp_path / "log.parquet").interrupted
 
 
 def test_a_place_that_cannot_be_written_is_refused_before_the_loop(tmp_path: Path) -> None:

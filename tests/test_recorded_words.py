@@ -59,6 +59,6 @@ def test_errors_that_are_no_numbers_have_no_unit() -> None:
 def test_outcomes_read_well(shown: Comparison) -> None:
     run = shown.subject
     assert outcome(run) == "completed"
-    assert outcome(replace(run, rollout=replace(run.rollout, complete=False))) == "interrupted at 3.00 s"
+    assert outcome(replace(run, rollout=replace(run.rollout, interrupted=True))) == "interrupted at 3.00 s"
     assert outcome(replace(run, rollout=replace(run.rollout, terminated=True))).startswith("stopped at 3.00 s")
     assert math.isfinite(run.final_rms_error or math.nan)

@@ -83,7 +83,7 @@ def test_samples_are_the_states_and_the_torques_on_them(
     assert run.time.shape == (300,)
     assert run.p.shape == run.reference_a.shape == run.torque.shape == (300, 6)
     assert run.estimate.shape == (300, 0)
-    assert (run.complete, run.terminated, run.control_period) == (True, False, 1e-3)
+    assert (run.reached_end, run.terminated, run.control_period) == (True, False, 1e-3)
     observation, info = env.reset(seed=0)
     where = env.observation_slices
     for k in range(300):
@@ -134,7 +134,8 @@ def test_a_passed_bound_ends_the_run(puma: Mechanism) -> None:
     without = ComputedTorque(puma, 20.0, parameters=np.zeros(60))
     run = rollout(TrackingEnv(puma, 3, duration=2.0), without, seed=0)
     assert run.terminated
-    assert run.complete
+    assert not run.interrupted
+    assert not run.reached_end
     assert 0 < len(run.time) < 2000
 
 
@@ -150,7 +151,7 @@ def test_an_interrupted_run_keeps_what_was_computed(env: TrackingEnv, controller
             signal.raise_signal(signal.SIGINT)
 
     half = rollout(env, controller, seed=0, progress=interrupt)
-    assert not half.complete
+    assert half.interrupted
     assert len(half.time) == 153
     np.testing.assert_array_equal(half.p, run.p[:153])
     np.testing.assert_array_equal(half.torque, run.torque[:153])

@@ -42,7 +42,7 @@ from adaptctl.control import (
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.description.drive import Drive
 from adaptctl.envs import TrackingEnv
-from adaptctl.errors import InputError, NonFiniteError, NotCompiledWarning, TraceError
+from adaptctl.errors import DivergedRunWarning, InputError, NonFiniteError, NotCompiledWarning, TraceError
 from adaptctl.scalars import Column, maximum
 from adaptctl.simulation import Integrator, Rollout, RungeKutta4, SemiImplicitEuler, rollout, simulate
 from adaptctl.simulation.effects import (
@@ -151,7 +151,7 @@ def both(env: gymnasium.Env[Any, Any], controller: Controller[Any], **arguments:
 def test_every_law_runs_as_in_the_gymnasium_loop(law: str) -> None:
     run = both(environment(SMALL), CONTROLLERS[law](SMALL))
     assert len(run.time) == 1000
-    assert run.complete
+    assert run.reached_end
 
 
 @pytest.mark.parametrize("effects", EFFECTS)
@@ -220,9 +220,11 @@ def test_the_environment_takes_no_step_before_it_is_reset() -> None:
 def test_a_passed_bound_ends_the_run_where_the_loop_ends() -> None:
     env = TrackingEnv(arm(SMALL), 3, duration=3.0, error_bound=0.3, effects=[Encoder(noise=1e-4)])
     controller = ComputedTorque(arm(SMALL), 8.0, parameters=np.zeros(30))
-    run = both(env, controller, seed=0)
+    with pytest.warns(DivergedRunWarning, match=r"the environment ended the run after [\d.]+ s, before its end"):
+        run = both(env, controller, seed=0)
     assert run.terminated
     assert 0 < len(run.time) < 3000
+    assert not run.reached_end
     left = env.np_random.random()
     rollout(env, controller, seed=0)
     assert left == env.np_random.random()
@@ -230,7 +232,8 @@ def test_a_passed_bound_ends_the_run_where_the_loop_ends() -> None:
 
 def test_a_loop_that_nears_its_singularity_ends_the_run() -> None:
     env = TrackingEnv(arm(LOOP), swinging(arm(LOOP)), duration=3.0, error_bound=np.inf)
-    run = both(env, ComputedTorque(arm(LOOP), 8.0, parameters=np.zeros(50)))
+    with pytest.warns(DivergedRunWarning):
+        run = both(env, ComputedTorque(arm(LOOP), 8.0, parameters=np.zeros(50)))
     assert run.terminated
 
 
@@ -282,7 +285,7 @@ def test_an_interrupted_run_keeps_what_was_computed() -> None:
 
     part = simulate(env, controller, progress=interrupt)
     assert told == [0.16, 0.8]
-    assert (part.complete, len(part.time), part.info["time"]) == (False, 10_000, 10.0)
+    assert (part.interrupted, len(part.time), part.info["time"]) == (True, 10_000, 10.0)
     np.testing.assert_array_equal(part.p, whole.p[:10_000])
     np.testing.assert_array_equal(part.estimate, whole.estimate[:10_000])
 
@@ -292,7 +295,7 @@ def test_an_interrupted_run_keeps_what_was_computed() -> None:
         return swinging(arm(SMALL))(t)
 
     nothing = simulate(TrackingEnv(arm(SMALL), at_once, duration=1.0), controller)
-    assert (nothing.complete, nothing.p.shape, nothing.flags) == (False, (0, 3), {})
+    assert (nothing.interrupted, nothing.p.shape, nothing.flags) == (True, (0, 3), {})
 
 
 def test_what_changes_all_along_is_followed() -> None:
@@ -367,7 +370,7 @@ def test_arms_too_long_to_compile_are_driven_step_by_step() -> None:
     chain = random_chain(0, MAX_COMPILED_LINKS + 1)
     env = TrackingEnv(chain, duration=0.002)
     with pytest.warns(NotCompiledWarning, match=f"{MAX_COMPILED_LINKS + 1} links are too many to compile"):
-        assert simulate(env, ComputedTorque(chain, 5.0)).complete
+        assert simulate(env, ComputedTorque(chain, 5.0)).reached_end
 
 
 def test_what_does_not_fit_is_refused_as_by_the_loop() -> None:

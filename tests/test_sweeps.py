@@ -16,7 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adaptctl.cli.main import main
-from adaptctl.errors import FileError, InputError, NotFoundError
+from adaptctl.cli.sweep import _validate_none_failed
+from adaptctl.errors import FileError, InputError, NotFoundError, VerdictError
 from adaptctl.experiments import find
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.simulation import Episode
@@ -240,6 +241,22 @@ class TestFolders:
 
 
 class TestReports:
+    def test_a_failed_run_fails_the_command_that_asks(self, tmp_path: Path) -> None:
+        """Of three runs one diverges and one cannot be set up."""
+        chosen = study(("adaptive",), seed="0..2")
+        folder = Folder.opened(tmp_path, chosen, 8, [])
+        (shard,) = folder.shards()
+        rows = rows_of(chosen.experiment, shard.runs, chosen.controllers)
+        folder.keep(shard, rows)
+        folder.finished()
+        _validate_none_failed(tmp_path)
+        status = ("diverged", "failed", "done")
+        wrong = [row | {"status": one} for row, one in zip(rows, status, strict=True)]
+        folder.keep(shard, wrong)
+        folder.finished()
+        with pytest.raises(VerdictError, match="of 3 rows, 1 diverged and 1 failed"):
+            _validate_none_failed(tmp_path)
+
     def test_a_setting_that_changes_nothing_is_named(self, tmp_path: Path) -> None:
         chosen = study(("adaptive",), bandwidth="4,8", seed="0..1")
         folder = Folder.opened(tmp_path, chosen, 8, [])

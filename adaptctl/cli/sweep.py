@@ -11,7 +11,7 @@ from cyclopts import App, Parameter
 from adaptctl.cli.experiment import shown_progress
 from adaptctl.cli.interruption import interruptible
 from adaptctl.cli.output import Json, print_json
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, VerdictError
 
 if TYPE_CHECKING:
     from adaptctl.sweeps.study import SweepStudy
@@ -36,6 +36,7 @@ def sweep(
     search: Annotated[int, Parameter(group=WHAT)] = 0,
     objective: Annotated[str, Parameter(group=WHAT)] = "final_rms_error",
     yes: Annotated[bool, Parameter(group=WHAT)] = False,
+    fail_on_failure: Annotated[bool, Parameter(negative=(), group=WHAT)] = False,
     jobs: Annotated[int | None, Parameter(group=WHERE)] = None,
     scheduler: Annotated[str | None, Parameter(group=WHERE)] = None,
     scheduler_file: Annotated[Path | None, Parameter(group=WHERE)] = None,
@@ -71,6 +72,8 @@ def sweep(
         Column of the table that the search minimises.
     yes : bool
         Start without confirmation.
+    fail_on_failure : bool
+        Exit with 3 if a run of the controllers diverged or failed.
     jobs : int
         Number of local processes. Default: one per processor.
     scheduler : str
@@ -97,6 +100,8 @@ def sweep(
         If a file cannot be read or written.
     MissingExtraError
         If the extra `sweep` or `search` is not installed.
+    VerdictError
+        With `fail_on_failure`, if a run diverged or failed.
     """
     from adaptctl.sweeps.cluster import Cluster
     from adaptctl.sweeps.cluster import sweep as swept
@@ -116,6 +121,8 @@ def sweep(
     study = SweepStudy.named(target, settings, **options)
     if samples and study.sampling == "grid":
         raise InputError("--samples is not for a grid: give --sampling latin-hypercube or sobol")
+    if search and fail_on_failure:
+        raise InputError("--fail-on-failure is for the rows of a sweep, and a --search keeps none")
     if search:
         return _search(study, objective, search, out)
     _validate_few(study.count, yes)
@@ -128,7 +135,20 @@ def sweep(
         heeded = interruption.heeded(progress)
         swept(folder, cluster, lambda share: heeded(f"{study.count} runs", share))
     write_report(out)
-    return _print_status(out)
+    _print_status(out)
+    if fail_on_failure:
+        _validate_none_failed(out)
+    return 0
+
+
+def _validate_none_failed(folder: Path) -> None:
+    """Raise `VerdictError` if a row diverged or failed."""
+    from adaptctl.sweeps.report import SweepReport
+
+    report = SweepReport.of(folder)
+    counts = report.counts(report.rows)
+    if counts["diverged"] or counts["failed"]:
+        raise VerdictError(f"of {len(report.rows)} rows, {counts['diverged']} diverged and {counts['failed']} failed")
 
 
 @app.command

@@ -20,7 +20,7 @@ from adaptctl.control.controller import Controller
 from adaptctl.control.gains.gains import torque_limits
 from adaptctl.control.gains.sampling_ratio import validate_period
 from adaptctl.errors import FileError, printable, validate_kind
-from adaptctl.files import read_json, write_json
+from adaptctl.files import hashed, read_json, write_json
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Tunable, absolute, clip, spread, where
 
@@ -193,18 +193,20 @@ class AdaptiveController(Controller[AdaptiveState]):
         return spread(estimate, self.model.columns, self.model.mechanism.equations.parameters)
 
 
-SCHEMA = "adaptctl/estimate/1"
+SCHEMA = "adaptctl/estimate/2"
 
 
 class _Saved(msgspec.Struct, forbid_unknown_fields=True):
-    schema: Literal["adaptctl/estimate/1"]
+    schema: Literal["adaptctl/estimate/2"]
     mechanism: str
+    geometry_sha256: str
     parameters: dict[str, float]
+    sha256: str
 
 
 def save_estimate(path: str | Path, model: ReducedModel, estimate: ArrayLike) -> None:
     """
-    Write an estimate to a JSON file, by parameter name.
+    Write an estimate to a JSON file, by parameter name, with hashes of the mechanism's geometry and of the numbers.
 
     Parameters
     ----------
@@ -231,7 +233,8 @@ def save_estimate(path: str | Path, model: ReducedModel, estimate: ArrayLike) ->
     _validate_path(path)
     values = frozen_array(estimate, (len(model.names),), "estimate")
     parameters = dict(zip(model.names, values.tolist(), strict=True))
-    write_json(path, {"schema": SCHEMA, "mechanism": model.mechanism.name, "parameters": parameters})
+    mechanism = model.mechanism
+    write_json(path, _Saved(SCHEMA, mechanism.name, mechanism.geometry_sha256, parameters, hashed(parameters)))
 
 
 def load_estimate(path: str | Path, model: ReducedModel) -> Array:
@@ -253,8 +256,8 @@ def load_estimate(path: str | Path, model: ReducedModel) -> Array:
     Raises
     ------
     FileError
-        If the file cannot be read, is no estimate, or has other parameters than the model. The mechanism's name is not
-        compared.
+        If the file cannot be read, is no estimate, is of another geometry, has other parameters than the model, or was
+        edited; the message has the line that accepts it. The mechanism's name is not compared.
 
     Examples
     --------
@@ -263,13 +266,28 @@ def load_estimate(path: str | Path, model: ReducedModel) -> Array:
     (6,)
     """
     _validate_path(path)
-    saved = read_json(path, _Saved).parameters
+    content = read_json(path, _Saved)
+    saved = content.parameters
     missing = [name for name in model.names if name not in saved]
     foreign = [name for name in saved if name not in model.names]
     if missing or foreign:
         wrong = f"{missing[0]!r} is missing" if missing else f"{foreign[0]!r} is not one of them"
         raise FileError(f"{path}: expected the {len(model.names)} parameters of {model.mechanism.name}: {wrong}")
+    _validate_own(path, content, model)
     return np.array([saved[name] for name in model.names])
+
+
+def _validate_own(path: str | Path, content: _Saved, model: ReducedModel) -> None:
+    """Raise `FileError` if an estimate is of another geometry, or was edited."""
+    geometry, numbers = model.mechanism.geometry_sha256, hashed(content.parameters)
+    if content.geometry_sha256 != geometry:
+        raise FileError(
+            f"{path}: estimate of {content.mechanism!r}, whose geometry, gravity or names are other than those of "
+            f'{model.mechanism.name!r}: its numbers mean something else; to accept them, write "geometry_sha256": '
+            f'"{geometry}"'
+        )
+    if content.sha256 != numbers:
+        raise FileError(f'{path}: the parameters were changed; to accept them, write "sha256": "{numbers}"')
 
 
 def _validate_path(path: object) -> None:

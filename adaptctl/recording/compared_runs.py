@@ -101,7 +101,7 @@ def compared_runs(
         settings=(),
         seed=0,
         duration=made[0].duration,
-        complete=all(run.rollout.complete for run in made),
+        complete=not any(run.rollout.interrupted for run in made),
         without_adaptation=off,
         truth_known=truth_known,
     )

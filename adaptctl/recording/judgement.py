@@ -136,7 +136,7 @@ def _without_adaptation(comparison: Comparison, final: float) -> Iterator[str]:
 
 def outcome(run: ControllerRun) -> str:
     """End of a run in words: "completed", or the time and cause of its stop."""
-    if not run.rollout.complete:
+    if run.rollout.interrupted:
         return f"interrupted at {run.duration:.2f} s"
     if run.rollout.terminated:
         return f"stopped at {run.duration:.2f} s: error limit exceeded"

@@ -315,7 +315,7 @@ def _errors(run: ControllerRun) -> dict[str, float | None]:
 def _run(run: ControllerRun, comparison: Comparison) -> dict[str, Any]:
     return {
         "label": run.label,
-        "complete": run.rollout.complete,
+        "complete": not run.rollout.interrupted,
         "terminated": run.rollout.terminated,
         "duration": run.duration,
         **_errors(run),

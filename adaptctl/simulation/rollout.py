@@ -111,7 +111,7 @@ def rollout(
     Returns
     -------
     Rollout
-        The run; after Ctrl-C what was computed, with `complete` False.
+        The run; after Ctrl-C what was computed, with `interrupted` True.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def rollout(
     Examples
     --------
     >>> run = adaptctl.rollout(env, law, seed=0)
-    >>> run.p.shape, run.complete
+    >>> run.p.shape, run.reached_end
     ((200, 2), True)
     """
     loop = _SteppedRun(env, controller, seed, options, record_every, keep_last)
@@ -211,7 +211,7 @@ class _SteppedRun:
             flags=MappingProxyType({name: frozen(values.copy()) for name, values in flags}),
             control_period=self.control_period,
             wall_time=wall_time,
-            complete=complete,
+            interrupted=not complete,
             terminated=self.terminated,
             info=dict(self._info),
             every=self._kept_samples.every,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -13,14 +14,16 @@ import numpy as np
 
 from adaptctl.arrays import Array, frozen
 from adaptctl.errors import FileError, InputError, printable
-from adaptctl.files import earlier_schema, replacing
+from adaptctl.files import earlier_schema, hashed, replacing
 from adaptctl.optional_packages import needed
 
 if TYPE_CHECKING:
     import pyarrow
 
-SCHEMA = "adaptctl/rollout/2"
-RUN_ENTRIES = ("control_period", "wall_time", "complete", "terminated")
+SCHEMA = "adaptctl/rollout/3"
+CHECKSUM = "sha256"
+"""entry with the hash of all columns and entries"""
+RUN_ENTRIES = ("control_period", "wall_time", "interrupted", "terminated")
 """entries of every run as a whole"""
 STORED_ENTRIES = (*RUN_ENTRIES, "every", "position_units")
 """entries in its file"""
@@ -54,6 +57,7 @@ class RolloutFile:
         self._names, self._units = joint_names(dof, joints), stated_units(dof, position_units)
         self._path, self._held = path, ExitStack()
         self._writer: Any = None
+        self._checksum = Checksum()
         self.about: dict[str, object] = {}
 
     def __enter__(self) -> Self:
@@ -70,6 +74,7 @@ class RolloutFile:
         if self._writer is None:
             style = {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": True}
             self._writer = self._held.enter_context(pq.ParquetWriter(self._beside, table.schema, **style))
+        self._checksum.add(table)
         self._writer.write_table(table)
 
     def __exit__(
@@ -80,8 +85,27 @@ class RolloutFile:
         with self._held:
             if self._writer is None:
                 raise FileError(f"{self._path}: not written: no samples were appended")
-            self._writer.add_key_value_metadata({name: json.dumps(value) for name, value in self.about.items()})
+            about = {name: json.dumps(value) for name, value in self.about.items()}
+            self._writer.add_key_value_metadata(about | {CHECKSUM: self._checksum.of(about)})
         return None
+
+
+class Checksum:
+    """Hash of a table's columns, which may come in parts, and of the file's entries."""
+
+    def __init__(self) -> None:
+        self._columns: dict[str, Any] = {}
+
+    def add(self, table: pyarrow.Table) -> None:
+        """Add rows."""
+        for name in table.column_names:
+            column = self._columns.setdefault(name, hashlib.sha256())
+            column.update(np.ascontiguousarray(table[name].to_numpy(), dtype="<f8"))
+
+    def of(self, about: Mapping[str, str]) -> str:
+        """Hash with entries (as JSON)."""
+        columns = [[name, column.hexdigest()] for name, column in self._columns.items()]
+        return hashed([columns, sorted(about.items())])
 
 
 def joint_names(dof: int, given: Sequence[str] | None) -> list[str]:
@@ -124,7 +148,9 @@ def rollout_table(
     return pa.Table.from_arrays([pa.array(x) for _, x in stored.values()], schema=pa.schema(fields, metadata=header))
 
 
-def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
+def read_rollout(
+    path: str | Path, accept_edited: bool = False
+) -> tuple[dict[str, Any], Mapping[str, Array], dict[str, Any]]:
     """Arrays, events and entries of a run's Parquet file."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -140,10 +166,24 @@ def read_rollout(path: str | Path) -> tuple[dict[str, Any], Mapping[str, Array],
         more = earlier_schema(str(found), SCHEMA)
         raise FileError(f"{path}: not a run of adaptctl: expected the schema {SCHEMA!r}, got {found!r}{more}")
     try:
+        if not accept_edited:
+            _validate_unchanged(path, table, about)
         columns, flags = _arrays(table)
         return columns, flags, {name: json.loads(about[name]) for name in STORED_ENTRIES if name in about}
     except (KeyError, TypeError, ValueError) as error:
         raise FileError(f"{path}: {type(error).__name__}: {error}; the file is incomplete") from error
+
+
+def _validate_unchanged(path: str | Path, table: Any, about: Mapping[str, str]) -> None:
+    """Raise `FileError` if numbers or entries are not those that were written."""
+    checksum = Checksum()
+    checksum.add(table)
+    entries = {name: value for name, value in about.items() if name not in ("schema", CHECKSUM)}
+    if about.get(CHECKSUM) != checksum.of(entries):
+        raise FileError(
+            f"{path}: the numbers are not those that were written; to accept them, use "
+            f"Rollout.load({str(path)!r}, accept_edited=True)"
+        )
 
 
 def _file_columns(

@@ -72,10 +72,11 @@ class Rollout:
         Control period in s.
     wall_time : float
         Time in s that the run took.
-    complete : bool, default True
-        False for a run that was cut off.
+    interrupted : bool, default False
+        True for a run that its user cut off, as by Ctrl-C.
     terminated : bool, default False
-        True if the environment ended the run early. False where there is no environment.
+        True if the environment ended the run early, as where an error exceeds its limit. False where there is no
+        environment.
     info : dict, optional
         Last `info` of the environment. Default: empty.
     measured_p, measured_v : ndarray, optional
@@ -96,7 +97,7 @@ class Rollout:
     Examples
     --------
     >>> run
-    <Rollout of 2 joints: 200 samples in 0.2 s, complete>
+    <Rollout of 2 joints: 200 samples in 0.2 s, to the end>
     >>> run.error.shape
     (200, 2)
     """
@@ -115,7 +116,7 @@ class Rollout:
     estimate: Array
     control_period: float
     wall_time: float
-    complete: bool = True
+    interrupted: bool = False
     terminated: bool = False
     info: dict[str, object] = field(default_factory=dict)
     measured_p: Array | None = None
@@ -126,8 +127,13 @@ class Rollout:
     position_units: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        end = "complete" if self.complete else "cut off"
+        end = "to the end" if self.reached_end else "interrupted" if self.interrupted else "terminated"
         return f"<Rollout of {self.p.shape[-1]} joints: {len(self.time)} samples in {self.duration:.6g} s, {end}>"
+
+    @property
+    def reached_end(self) -> bool:
+        """True if the run was neither interrupted by its user nor terminated by its environment."""
+        return not (self.interrupted or self.terminated)
 
     @property
     def sample_time(self) -> float:
@@ -276,7 +282,7 @@ class Rollout:
     def _repr_html_(self) -> str:
         last = self.error[self.time >= self.time[-1] - FINAL_WINDOW] if len(self.time) else self.error
         rms = 1e3 * float(np.sqrt(np.mean(last**2))) if last.size else float("nan")
-        end = "stopped at the error limit" if self.terminated else "completed" if self.complete else "interrupted"
+        end = "stopped at the error limit" if self.terminated else "completed" if self.reached_end else "interrupted"
         text = f"{len(self.time):,} control periods of {self.control_period:g} s, {self.p.shape[1]} joints; {end}; "
         head = f"<p><b>Rollout</b> {text}RMS error over the last {FINAL_WINDOW:g} s: {rms:.3g} mrad (mm)</p>"
         if not len(self.time):
@@ -320,7 +326,7 @@ class Rollout:
         applied: ArrayLike | None = None,
         estimate: ArrayLike | None = None,
         time: ArrayLike | None = None,
-        complete: bool = True,
+        interrupted: bool = False,
         position_units: Sequence[str] = (),
     ) -> Rollout:
         """
@@ -346,8 +352,8 @@ class Rollout:
             Parameter estimates (T, k) in SI units. Default: none.
         time : array_like, optional
             Times (T,) in s. Default: control periods from zero.
-        complete : bool, default True
-            False for a run that was cut off.
+        interrupted : bool, default False
+            True for a run that was cut off.
         position_units : sequence of str, default ()
             Joint units (r,), "rad" or "m". Default: empty, not known.
 
@@ -395,13 +401,13 @@ class Rollout:
             **kept,
             control_period=period,
             wall_time=0.0,
-            complete=complete,
+            interrupted=interrupted,
             position_units=stated_units(shape[1], position_units),
         )
 
     @classmethod
     @needed("Rollout.load")
-    def load(cls, path: str | Path) -> Rollout:
+    def load(cls, path: str | Path, accept_edited: bool = False) -> Rollout:
         """
         Read a run that `Rollout.save` or `simulate` wrote.
 
@@ -409,6 +415,8 @@ class Rollout:
         ----------
         path : str or Path
             Parquet file.
+        accept_edited : bool, default False
+            True to read a file whose numbers are not those that were written. Refused by default.
 
         Returns
         -------
@@ -418,11 +426,11 @@ class Rollout:
         Raises
         ------
         FileError
-            If the file cannot be read, is damaged or was not written so.
+            If the file cannot be read, is damaged or edited, or was not written so.
         MissingExtraError
             If pyarrow is not installed.
         """
-        columns, flags, about = read_rollout(path)
+        columns, flags, about = read_rollout(path, accept_edited)
         try:
             whole = {name: about[name] for name in STORED_ENTRIES if name in about or name in RUN_ENTRIES}
             units = stated_units(columns["p"].shape[1], whole.pop("position_units", ()))

@@ -151,14 +151,14 @@ class RunLogger:
         else:
             self.faulty += 1
 
-    def rollout(self, complete: bool = True) -> Rollout:
+    def rollout(self, interrupted: bool = False) -> Rollout:
         """
         Return the run so far, its oldest sample first.
 
         Parameters
         ----------
-        complete : bool, default True
-            False for a run that was cut off.
+        interrupted : bool, default False
+            True for a run that was cut off.
 
         Returns
         -------
@@ -187,7 +187,7 @@ class RunLogger:
             applied=applied,
             estimate=rows[:, 1 + 7 * r :],
             time=rows[:, 0],
-            complete=complete,
+            interrupted=interrupted,
             position_units=self._units,
         )
 
@@ -201,7 +201,7 @@ class RunLogger:
             text = f"of {self.count + self.faulty} samples, {self.lost} were overwritten and {self.faulty} omitted"
             warnings.warn(f"log: {text}: `capacity` is {len(self._rows)}", LostSamplesWarning, stacklevel=2)
         if self._path is not None and self.count >= 2:
-            self.rollout(complete=kind is None).save(self._path, self._joints)
+            self.rollout(interrupted=kind is not None).save(self._path, self._joints)
 
 
 def _validate_memory(size: int, capacity: int) -> None:

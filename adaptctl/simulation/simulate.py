@@ -14,7 +14,7 @@ import numpy as np
 from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics.joint_units import position_units
-from adaptctl.errors import NonFiniteError, NotCompiledWarning
+from adaptctl.errors import DivergedRunWarning, NonFiniteError, NotCompiledWarning
 from adaptctl.simulation.closed_loop import ClosedLoop, Driven, Episode, Sample, not_compiled
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.references import REFERENCE, sampled
@@ -43,6 +43,8 @@ def simulate(
     """
     Simulate a controller in an environment in native code for one episode.
 
+    A `DivergedRunWarning` says where the environment ended it early, as an error exceeded its limit.
+
     The result equals that of `rollout` to round-off; what cannot be compiled runs by `rollout`, with a
     `NotCompiledWarning`.
 
@@ -69,7 +71,7 @@ def simulate(
     Returns
     -------
     Rollout
-        The run; after Ctrl-C what was computed, with `complete` False.
+        The run; after Ctrl-C what was computed, with `interrupted` True.
 
     Raises
     ------
@@ -93,12 +95,32 @@ def simulate(
     >>> run.p.shape
     (200, 2)
     """
+    how: Any = {"seed": seed, "options": options, "progress": progress}
+    run = simulated(env, controller, **how, record_every=record_every, keep_last=keep_last, stream=stream)
+    if run.terminated:
+        text = f"simulate: the environment ended the run after {run.duration:.6g} s, before its end: see `terminated`"
+        warnings.warn(text, DivergedRunWarning, stacklevel=2)
+    return run
+
+
+def simulated(
+    env: gymnasium.Env[Any, Any],
+    controller: Controller[Any],
+    *,
+    seed: int | None = None,
+    options: dict[str, Any] | None = None,
+    progress: Callable[[float], object] | None = None,
+    record_every: int = 1,
+    keep_last: float | None = None,
+    stream: str | Path | None = None,
+) -> Rollout:
+    """Simulate as `simulate` does, without a word on a run that diverged."""
     _, period = interface(env, controller)
     kept = KeptSamples.of(record_every, keep_last, period)
     try:
         episode = _episode(env, controller, seed, options)
     except NotImplementedError as reason:
-        warnings.warn(f"simulate: {reason}: running step by step with rollout", NotCompiledWarning, stacklevel=2)
+        warnings.warn(f"simulate: {reason}: running step by step with rollout", NotCompiledWarning, stacklevel=3)
         run = rollout(
             env,
             controller,
@@ -315,7 +337,7 @@ class EpisodeRun(Driven):
             **columns,
             control_period=self.control_period,
             wall_time=wall_time,
-            complete=complete,
+            interrupted=not complete,
             terminated=self.terminated,
             info=self.episode.info(self.episode.parameters, state, self.count, self.clips, self._energy_reached()),
             flags=self._flags(*flags),
