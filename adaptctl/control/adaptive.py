@@ -193,9 +193,6 @@ class AdaptiveController(Controller[AdaptiveState]):
         return spread(estimate, self.model.columns, self.model.mechanism.equations.parameters)
 
 
-SCHEMA = "adaptctl/estimate/2"
-
-
 class _Saved(msgspec.Struct, forbid_unknown_fields=True):
     schema: Literal["adaptctl/estimate/2"]
     mechanism: str
@@ -234,7 +231,9 @@ def save_estimate(path: str | Path, model: ReducedModel, estimate: ArrayLike) ->
     values = frozen_array(estimate, (len(model.names),), "estimate")
     parameters = dict(zip(model.names, values.tolist(), strict=True))
     mechanism = model.mechanism
-    write_json(path, _Saved(SCHEMA, mechanism.name, mechanism.geometry_sha256, parameters, hashed(parameters)))
+    write_json(
+        path, _Saved("adaptctl/estimate/2", mechanism.name, mechanism.geometry_sha256, parameters, hashed(parameters))
+    )
 
 
 def load_estimate(path: str | Path, model: ReducedModel) -> Array:
