@@ -32,7 +32,26 @@ def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 
 
 class SinusoidNumbers(NamedTuple):
-    """Settings of `Sinusoids` as flat arrays or Columns."""
+    """
+    Settings of a sum of sinusoids for each of r joints, as flat arrays or Columns for compiled code.
+
+    Parameters
+    ----------
+    center : array or Column
+        Centers (r,) in rad (m).
+    amplitude, frequency, phase : array or Column
+        Amplitudes in rad (m), frequencies in Hz and phases in rad of the terms (m r,), one joint after the other in
+        each of the m terms.
+    start_time : array or Column
+        Time (1,) in s over which the motion fades in.
+
+    Examples
+    --------
+    >>> from adaptctl.control.references import SinusoidNumbers
+    >>> numbers = SinusoidNumbers(np.zeros(2), np.ones(2), np.ones(2), np.zeros(2), np.ones(1))
+    >>> numbers.center.shape
+    (2,)
+    """
 
     center: Any
     amplitude: Any
@@ -42,7 +61,28 @@ class SinusoidNumbers(NamedTuple):
 
 
 def sinusoids_at(time: Scalar, numbers: SinusoidNumbers) -> ReferencePoint:
-    """Reference point of sinusoids, over scalars."""
+    """
+    Compute the reference of sinusoids at one time, over scalars of any kind.
+
+    Parameters
+    ----------
+    time : float or symbolic scalar
+        Time t in s.
+    numbers : SinusoidNumbers
+        Settings for r joints.
+
+    Returns
+    -------
+    ReferencePoint
+        Positions in rad (m), velocities in rad/s (m/s) and accelerations in rad/s^2 (m/s^2), (r,) each.
+
+    Examples
+    --------
+    >>> from adaptctl.control.references import SinusoidNumbers, sinusoids_at
+    >>> numbers = SinusoidNumbers(np.array([0.5]), np.ones(1), np.ones(1), np.zeros(1), np.zeros(1))
+    >>> round(float(sinusoids_at(0.25, numbers).p[0]), 3)
+    1.5
+    """
     fade, slope, bend = _faded_in(time, numbers.start_time[0])
     joints, terms = len(numbers.center), range(len(numbers.amplitude))
     points = []

@@ -127,7 +127,32 @@ def validate_cutoff(cutoff: float, control_period: float) -> None:
 
 
 def validate_predicted(law: str, model: ReducedModel, weight: ArrayLike, cutoff: float, control_period: float) -> None:
-    """Raise `InputError` unless torques can be predicted by a torque filter with these settings."""
+    """
+    Raise an error unless an adaptation law can predict torques with the given settings.
+
+    Parameters
+    ----------
+    law : str
+        Name of the law in messages.
+    model : ReducedModel
+        Model with k parameters and r joints.
+    weight : array_like
+        Prediction weights in 1/((N m)^2 s), one number or one per joint (r,), above 0.
+    cutoff : float
+        Cutoff of the torque filter in 1/s, above 0 and below its limit for the control period.
+    control_period : float
+        Control period T_c in s.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, or constraints fix parameters at values other than zero.
+
+    Examples
+    --------
+    >>> from adaptctl.control.adaptation.composite import validate_predicted
+    >>> validate_predicted("my law", model, [1.0, 1.0], cutoff=20.0, control_period=period)
+    """
     mechanism = model.mechanism
     positive_per_joint(weight, mechanism.dof, f"{law}: prediction_weight")
     validate_cutoff(cutoff, control_period)
