@@ -242,9 +242,7 @@ def test_a_looser_tolerance_does_not_take_rounding_for_independence(puma: Mechan
 
 def test_what_the_paper_did_is_refused_for_its_condition(puma: Mechanism) -> None:
     rounded = essential_space(with_twists(puma, 3.1416 / 2))
-    with pytest.raises(
-        RankError, match=r"link5\.I_yz and link3\.I_yz .* regrouping's condition number is [56]\.\de\+05"
-    ):
+    with pytest.raises(RankError, match=r"link5\.I_yz and link3\.I_yz, .*condition number [56]\.\de\+05"):
         fundamental_basis(rounded, tolerance=1e-8)
 
 

@@ -19,7 +19,6 @@ from adaptctl.files import read_json, write_json
 from adaptctl.identifiability.essential_space import EssentialSpace
 from adaptctl.identifiability.priority import Priority, or_default
 from adaptctl.identifiability.regrouping import (
-    MAX_CONDITION,
     TOLERANCE,
     Regrouping,
     by_rows,
@@ -434,6 +433,6 @@ def _validate_conditioned(space: EssentialSpace, found: Regrouping) -> None:
     names = [space.parameter_names[found.removed[i]] for i in np.argsort(-np.abs(weights))[:3]]
     raise RankError(
         f"{space.mechanism.name}: the priority removes {names[0]} and {names[-1]}, which almost depend on each other "
-        f"(condition number {found.condition:.1e}, limit {MAX_CONDITION:.0e}); change the priority so that one of them "
-        "is kept, or pass a larger tolerance"
+        f"(condition number {found.condition:.1e}, limit {found.condition_limit:.0e}); change the priority so that "
+        "one of them is kept, or pass a larger tolerance"
     )

@@ -109,9 +109,14 @@ class Regrouping:
         return condition(self.coefficients)
 
     @property
+    def condition_limit(self) -> float:
+        """Largest condition number that is accepted."""
+        return MAX_EXACT_CONDITION if self.exact else MAX_CONDITION
+
+    @property
     def determined(self) -> bool:
         """True if the condition number is at most 1e4, or 1e5 if the choice is exact."""
-        most = MAX_EXACT_CONDITION if self.exact else MAX_CONDITION
+        most = self.condition_limit
         return self.bound <= most or self.condition <= most
 
     @cached_property
