@@ -442,8 +442,8 @@ LISTED: tuple[Listed, ...] = (
     Listed(
         "cushioned floor learns twice as much",
         "adaptctl/control/adaptation/least_squares.py",
-        "heavy = (period.dt * weight) * row\n            information = [\n                [x + heavy[i] * y",
-        "heavy = (2.0 * period.dt * weight) * row\n            information = [\n                [x + heavy[i] * y",
+        "rank_update(memory.information, units, weights,",
+        "rank_update(memory.information, units, 2.0 * weights,",
         (
             "tests/test_single_steps.py::test_a_cushioned_floor_forgets_towards_the_gain_and_descends_with_the_new_covariance",
         ),
