@@ -51,7 +51,7 @@ check-page: $(STAMP) ## test exported WebAssembly in node, and a report's simula
 check-pages: docs ## check documentation and reports in a headless browser: accessibility (axe-core), widths, valid HTML; npm in build/pages
 	PYTHONPATH=. $(BIN)/python tests/check_pages.py $(DOCS) results
 
-mutants: $(STAMP) ## mutation tests of identifiability, dynamics and control; an hour
+mutants: $(STAMP) ## mutation tests of the whole package; three hours (MUTANTS="--folders control" for some)
 	nice -n 12 $(BIN)/python tests/mutants.py $(MUTANTS)
 
 check-vendors: $(STAMP) ## run the Franka example through Franka's own client, against its simulator, in .venv-vendors; a minute

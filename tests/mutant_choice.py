@@ -22,10 +22,8 @@ import pytest
 from mutant_processes import ROOT, first_and_last, forked, run
 from mutant_sites import Mutant
 
-PACKAGES = ("identifiability", "dynamics", "control")
 RECORDED = ROOT / "build" / "mutants" / "entered"
-ELSEWHERE = ("benchmarks", "command", "documented", "docstrings", "experiment", "export", "layers", "long_runs")
-ELSEWHERE += ("notebook", "own_", "packaging", "public_api", "sending", "sweeps")
+ELSEWHERE = ("benchmarks", "docstring", "layers", "light_core", "mutants", "notebook", "packaging", "public_api")
 """Parts of names of test files that read the code, or start processes of their own, which meet it as it is."""
 START = 0.3
 """Seconds of the processor that a test file takes beside its tests"""
@@ -65,7 +63,7 @@ class Recorded:
 
 
 class Recorder:
-    """A plugin that writes the functions of the mutated folders that a test file enters, and the seconds of its cases.
+    """A plugin that writes the functions that a test file enters, and the seconds of its cases.
 
     The first and the last case of each test run first; after `limit` s of the processor the rest is left out.
     """
@@ -76,9 +74,9 @@ class Recorder:
         builtins.__dict__["entered_by_test"] = self._entered.add
 
     def reporting(self, path: Path) -> ast.Module | None:
-        """A module of the mutated folders, each function of which first reports its name."""
+        """A module of the package, each function of which first reports its name."""
         name = str(path.relative_to(ROOT))
-        if not name.startswith(tuple(f"adaptctl/{package}/" for package in PACKAGES)):
+        if folder_of(name) is None:
             return None
         tree = ast.parse(path.read_text())
         for node, function in functions(tree):
@@ -121,6 +119,14 @@ def functions(node: ast.AST, within: str = "") -> Iterator[tuple[ast.FunctionDef
             yield from functions(child, name)
         else:
             yield from functions(child, within)
+
+
+def folder_of(path: str) -> str | None:
+    """The folder that a module's mutants are counted under; None outside the package."""
+    first, *rest = Path(path).parts
+    if first in ("envs", "experiments"):
+        return first
+    return None if first != "adaptctl" else rest[0] if len(rest) > 1 else "adaptctl"
 
 
 def test_files() -> list[str]:
