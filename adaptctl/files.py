@@ -29,12 +29,23 @@ RENAMED_PAGE = "docs/renamed.md"
 MAX_MAGNITUDE = 1e30
 """magnitude of numbers in TOML files, so that products of five are finite"""
 
-_HERE = re.sub(r"\W", "_", os.uname().nodename)[:40]
 _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 _LONG_KEY = re.compile(rf"(?<![\w.-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MAX_KEY_PARTS}}}")
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 Content = TypeVar("Content")
+
+
+def _process_space() -> str:
+    """Hash of what a process number belongs to: host, boot and namespace."""
+    told = [os.uname().nodename]
+    with suppress(OSError):  # Linux alone tells these.
+        told.append(str(Path("/proc/self/ns/pid").readlink()))
+        told.append(Path("/proc/sys/kernel/random/boot_id").read_text())
+    return hashlib.sha256("\n".join(told).encode()).hexdigest()[:16]
+
+
+_HERE = _process_space()
 
 
 @contextmanager
@@ -106,7 +117,7 @@ def remove_stale_temporaries(folder: Path, name: str) -> list[Path]:
 
 def is_stale_temporary(name: str) -> bool:
     """True for temporaries of ended processes here."""
-    owner = re.search(rf"\.{re.escape(_HERE)}-(\d+)-[0-9a-f]{{8}}(?:\.\w+)?$", name)
+    owner = re.search(rf"\.{_HERE}-(\d+)-[0-9a-f]{{8}}(?:\.\w+)?$", name)
     if owner is None:
         return False
     try:

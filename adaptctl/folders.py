@@ -7,7 +7,7 @@ import errno
 import os
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -32,6 +32,7 @@ def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path
     beside = _staged(path, target)
     try:
         yield beside
+        _validate_regular(target / entry.relative_to(beside) for entry in _files(beside))
         _flush_all(beside)
         _swap(path, beside, target, overwrite)
     except OSError as error:
@@ -62,6 +63,8 @@ def _validate_place(path: str | Path, target: Path, overwrite: bool) -> None:
         raise FileError(f"{path}: cannot be made or read ({reason(error)}); choose another folder") from error
     if occupied and not overwrite:
         raise FileError(f"{path}: the folder is not empty; choose another or allow it with --overwrite")
+    if occupied:
+        _validate_regular(target / name for name in RUN_FILES)
     if occupied and (others := _of_no_run(target)):
         raise FileError(
             f"{path}: holds {others[0]}, and no run's {RUN_FILES[0]}: it is not replaced; choose another folder"
@@ -77,6 +80,13 @@ def _of_no_run(folder: Path) -> list[str]:
     return [entry.name for entry in _files(folder) if _is_result(entry, folder)]
 
 
+def _validate_regular(places: Iterable[Path]) -> None:
+    """Refuse pipes, devices and the like where a run writes."""
+    for place in places:
+        if place.exists() and not (place.is_file() or place.is_dir()):
+            raise FileError(f"{place}: is no regular file, but a pipe, a device or the like; choose another folder")
+
+
 def _files(folder: Path) -> list[Path]:
     return sorted(inner for inner in folder.rglob("*") if inner.is_symlink() or not inner.is_dir())
 
@@ -87,7 +97,10 @@ def _validate_alone(path: str | Path, target: Path) -> None:
         if not folder.is_dir():
             continue
         for left in remove_stale_temporaries(folder, target.name):
-            raise FileError(f"{path}: another run is writing it ({left.name}); wait for it, or choose another folder")
+            raise FileError(
+                f"{path}: another run is writing it, or was cut off on another host or before a restart: wait for it,"
+                f" delete {left}, or choose another folder"
+            )
 
 
 def _staged(path: str | Path, target: Path) -> Path:

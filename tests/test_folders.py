@@ -168,6 +168,54 @@ def test_what_the_killed_left_is_cleared_away(tmp_path: Path) -> None:
     assert names(tmp_path) == {"out", "a.txt", alive.name, ".a.mine.txt"}
 
 
+POD = "adaptctl-sweep-worker-deployment-7d9f8b6c5d-x2x4z"
+ELSEWHERE = {
+    "pod": "host = host[:-5] + 'q8q8q'",
+    "boot": "read = Path.read_text\n"
+    "Path.read_text = lambda path, *a, **k: 'b' if path.name == 'boot_id' else read(path, *a, **k)",
+    "namespace": "link = os.readlink; os.readlink = lambda path: 'pid:[1]' if 'ns/pid' in str(path) else link(path)",
+    "same": "",
+}
+ASKED = f"""
+import os, sys
+from pathlib import Path
+host = {POD!r}
+%s
+os.uname = lambda: os.uname_result(("Linux", host, "6", "1", "x86_64"))
+from adaptctl.files import is_stale_temporary, name_beside
+print(*[is_stale_temporary(name) for name in sys.argv[1:]] or [name_beside(Path("a.txt")).name])
+"""
+
+
+@pytest.mark.parametrize("changed", ELSEWHERE)
+def test_processes_elsewhere_are_not_taken_for_dead(changed: str) -> None:
+    def told(code: str, *arguments: str) -> str:
+        command = [sys.executable, "-c", ASKED % code, *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+    left = told("")
+    assert left.startswith(".a.")
+    assert told(ELSEWHERE[changed], left) == str(changed == "same")
+
+
+@pytest.mark.parametrize("inside", [True, False], ids=["in place", "beside"])
+@pytest.mark.parametrize("name", ["summary.json", "figures/a.png"])
+def test_a_pipe_in_a_runs_folder_is_kept(
+    tmp_path: Path, name: str, inside: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / "out"
+    written(place, "old")
+    (place / "figures").mkdir(exist_ok=True)
+    (place / name).unlink(missing_ok=True)
+    (place / "forecast.json").write_text("{}")
+    os.mkfifo(place / name)
+    if inside:
+        monkeypatch.chdir(place)
+    with pytest.raises(FileError, match=rf"{name}: is no regular file, but a pipe"):
+        written(place, "new")
+    assert (place / name).is_fifo()
+
+
 def validate_one_run(place: Path, old: str) -> None:
     """The folder is as it was, or holds a whole run that says whether it is complete."""
     said = json.loads((place / "summary.json").read_text())
