@@ -58,12 +58,14 @@ def _main() -> Callable[[], int]:
 
 
 def _on_signals(handler: Handler) -> None:
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, handler)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup sets it
+            signal.signal(number, handler)
 
 
 def _leave(number: int, frame: FrameType | None) -> NoReturn:
-    os.write(2, b"adaptctl: interrupted\n")
+    with suppress(OSError):  # The terminal may be gone.
+        os.write(2, b"adaptctl: interrupted\n")
     os._exit(INTERRUPTED)
 
 

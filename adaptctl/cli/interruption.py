@@ -1,20 +1,21 @@
-"""Interruptions (Ctrl-C, SIGTERM) that are never lost, so that what was computed is kept."""
+"""Interruptions (Ctrl-C, SIGTERM, SIGHUP) that are never lost, so that what was computed is kept."""
 
 from __future__ import annotations
 
 import os
 import signal
+import stat
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from types import FrameType
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
-"""Ctrl-C, and what batch systems send before they kill."""
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Ctrl-C, what batch systems send before they kill, and the end of a terminal or connection."""
 IMPORTING = "<frozen importlib._bootstrap>"
 RETRY_DELAY = 0.01
 """s after which a signal is sent again that came at a wrong moment"""
@@ -39,7 +40,26 @@ def raised(number: int, frame: FrameType | None) -> None:
         threading.Timer(RETRY_DELAY, signal.pthread_kill, (main, number)).start()
         return
     del _since[number]
+    if number == signal.SIGHUP:
+        _leave_terminal()
     raise KeyboardInterrupt
+
+
+def not_ignored() -> tuple[signal.Signals, ...]:
+    """`SIGNALS`, without a SIGHUP that is ignored, as under nohup."""
+    ignored = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    return tuple(number for number in SIGNALS if number != signal.SIGHUP or not ignored)
+
+
+def _leave_terminal() -> None:
+    """Print to nowhere where the terminal is gone, and ignore further SIGHUPs: shells send two."""
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    for stream in (1, 2):
+        with suppress(OSError):  # closed
+            if stat.S_ISCHR(os.fstat(stream).st_mode) and not os.isatty(stream):
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(nowhere, stream)
+                os.close(nowhere)
 
 
 def _importing(frame: FrameType | None) -> bool:
@@ -65,11 +85,13 @@ class Interruption:
     def interrupt(self, number: int, frame: FrameType | None) -> None:
         """Handle a signal, in the manner of Python's signal handlers."""
         self.asked = True
-        if self._held:
+        if self._held and number == signal.SIGHUP:
+            _leave_terminal()
+        elif self._held:
             self._held = False
             os.write(2, b"adaptctl: results are being written; interrupt once more to leave them\n")
-            return
-        raised(number, frame)
+        else:
+            raised(number, frame)
 
     def heeded(self, progress: Callable[[str, float], object]) -> Callable[[str, float], None]:
         """
@@ -89,11 +111,11 @@ class Interruption:
 
 @contextmanager
 def interruptible() -> Iterator[Interruption]:
-    """Context manager in which SIGINT and SIGTERM raise `KeyboardInterrupt` and are noted."""
+    """Context manager in which `SIGNALS` raise `KeyboardInterrupt` and are noted."""
     interruption = Interruption()
 
     try:
-        before = {number: signal.signal(number, interruption.interrupt) for number in SIGNALS}
+        before = {number: signal.signal(number, interruption.interrupt) for number in not_ignored()}
     except ValueError:  # not in the main thread, where signals do not arrive
         yield interruption
         return

@@ -1,0 +1,53 @@
+"""Runs whose terminal is closed, as where a connection by ssh is lost: what was computed is kept."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+RUN = (sys.executable, "-m", "adaptctl", "experiment", "run", "adaptive", "--robot", "puma560_arm3")
+
+
+def begun(terminal: int) -> None:
+    """Wait until the first arm of an experiment was simulated."""
+    shown, end = b"", time.monotonic() + 120.0
+    while b"adaptation off" not in shown:
+        assert time.monotonic() < end, shown[-300:]
+        if select.select([terminal], [], [], 1.0)[0]:
+            shown += os.read(terminal, 1000)
+
+
+def test_a_run_whose_terminal_is_closed_keeps_what_was_computed(tmp_path: Path) -> None:
+    process, terminal = pty.fork()
+    if process == 0:
+        os.execv(RUN[0], [*RUN, "--duration", "300", "--out", str(tmp_path / "out")])
+    begun(terminal)
+    os.close(terminal)
+    _, status = os.waitpid(process, 0)
+    said = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert said["complete"] is False
+    assert next(iter(said["runs"])) == "adaptive"
+    assert 0.0 < said["duration_run"] <= 300.0
+    assert os.waitstatus_to_exitcode(status) == 130
+
+
+def test_a_run_under_nohup_goes_on(tmp_path: Path) -> None:
+    command = [*RUN, "--duration", "0.2", "--out", str(tmp_path / "out")]
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does; inherited
+    try:
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    while process.poll() is None:
+        process.send_signal(signal.SIGHUP)
+        time.sleep(0.2)
+    shown = process.communicate()[0]
+    assert process.returncode in (0, 3), shown
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["complete"] is True
