@@ -338,8 +338,12 @@ OUTSIDE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]>'
         (ROBOT.replace("<axis", '<origin xyz="0 0 x"/><axis'), "joint 'hinge': xyz of <origin>: expected 3 finite"),
         (ROBOT.replace("<axis", '<origin rpy="0 inf 0"/><axis'), "joint 'hinge': rpy of <origin>: expected 3 finite"),
         (
-            ROBOT.replace("<axis", '<origin quat_xyzw="0 0 0 1"/><axis'),
-            "joint 'hinge': quat_xyzw of <origin> is not supported",
+            ROBOT.replace("<axis", '<origin quat_xyzw="0 0 0 1" rpy="0 0 0"/><axis'),
+            "joint 'hinge': <origin> has rpy and quat_xyzw; give one of them",
+        ),
+        (
+            ROBOT.replace("<axis", '<origin quat_xyzw="0 0 0 0"/><axis'),
+            "joint 'hinge': quat_xyzw of <origin> must not be zero",
         ),
         (limit('lower="1" upper="-1"'), r"joint 'hinge': position limits: expected lower < upper, got 1\.0 and -1\.0"),
         (limit('lower="1" upper="1"'), "joint 'hinge': position limits: expected lower < upper"),

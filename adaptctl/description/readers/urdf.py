@@ -17,7 +17,7 @@ from adaptctl.description.description import GROUND, Description, Joint, JointKi
 from adaptctl.description.drive import Drive, Limits
 from adaptctl.description.inertia import from_center_of_mass, transformed
 from adaptctl.description.loops import Coupling, Loops
-from adaptctl.description.pose import Pose, roll_pitch_yaw
+from adaptctl.description.pose import Pose
 from adaptctl.description.readers.entries import (
     MAX_BODIES,
     MAX_LINKS,
@@ -27,7 +27,7 @@ from adaptctl.description.readers.entries import (
     warn_of_degrees,
     warn_of_weightless,
 )
-from adaptctl.description.readers.urdf_visuals import Meshes, materials, visuals
+from adaptctl.description.readers.urdf_visuals import Meshes, materials, origin_pose, visuals
 from adaptctl.description.readers.xml_elements import (
     attribute,
     located,
@@ -155,7 +155,7 @@ class _Edge:
         if kind != "fixed" and kind not in KINDS:
             _refuse_kind(where, kind)
         parent, child = (attribute(required(element, tag, where), "link", where) for tag in ("parent", "child"))
-        name, origin = element.attrib["name"], _origin(element, where)
+        name, origin = element.attrib["name"], origin_pose(element, where)
         if kind == "fixed":
             return cls(element, name, parent, child, origin)
         limits, zero = _limits(only(element, "limit", where), KINDS[kind], where)
@@ -272,19 +272,9 @@ def _inertia_of(link: Element, where: str) -> Array:
     xx, xy, xz, yy, yz, zz = (number(element, f"i{name}", where) for name in ("xx", "xy", "xz", "yy", "yz", "zz"))
     if mass < 0.0:
         refuse(inertial, f"{where}: mass must not be negative, got {mass}")
-    center = _origin(inertial, where)
+    center = origin_pose(inertial, where)
     tensor = center.rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ center.rotation.T
     return from_center_of_mass(mass, center.translation, tensor)
-
-
-def _origin(element: Element, where: str) -> Pose:
-    origin = only(element, "origin", where)
-    if origin is None:
-        return Pose.identity()
-    if "quat_xyzw" in origin.attrib:
-        raise InputError(f"{where}: quat_xyzw of <origin> is not supported; give rpy")
-    rpy, xyz = (numbers(origin, name, 3, where) if name in origin.attrib else [0.0] * 3 for name in ("rpy", "xyz"))
-    return Pose(roll_pitch_yaw(rpy), np.array(xyz))
 
 
 def _axis(joint: Element, where: str) -> Array:

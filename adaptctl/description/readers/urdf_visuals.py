@@ -11,8 +11,8 @@ import numpy as np
 
 from adaptctl.caching import cached_property
 from adaptctl.description.description import GROUND
-from adaptctl.description.pose import Pose, roll_pitch_yaw
-from adaptctl.description.readers.xml_elements import attribute, number, numbers, required
+from adaptctl.description.pose import Pose, quaternion_rotation, roll_pitch_yaw
+from adaptctl.description.readers.xml_elements import attribute, number, numbers, only, refuse, required
 from adaptctl.description.visual import Box, Color, Cylinder, Mesh, Solid, Sphere, Visual
 from adaptctl.errors import InputError
 
@@ -35,7 +35,7 @@ def visuals(body: Element, meshes: Meshes, colors: Mapping[str, Color]) -> Itera
     for element in body.findall("visual"):
         try:
             solid = _solid(element, meshes)
-            pose = _pose(element)
+            pose = origin_pose(element, "visual")
         except InputError:
             continue
         if solid is not None:
@@ -105,12 +105,21 @@ def _is_shown(path: Path) -> bool:
         return False
 
 
-def _pose(visual: Element) -> Pose:
-    origin = visual.find("origin")
+def origin_pose(element: Element, where: str) -> Pose:
+    """Pose of an element's <origin>, by rpy or quat_xyzw."""
+    origin = only(element, "origin", where)
     if origin is None:
         return Pose.identity()
-    rpy, xyz = (numbers(origin, key, 3, "visual") if key in origin.attrib else [0.0] * 3 for key in ("rpy", "xyz"))
-    return Pose(roll_pitch_yaw(rpy), np.array(xyz))
+    rpy, xyz = (numbers(origin, name, 3, where) if name in origin.attrib else [0.0] * 3 for name in ("rpy", "xyz"))
+    if "quat_xyzw" not in origin.attrib:
+        return Pose(roll_pitch_yaw(rpy), np.array(xyz))
+    if "rpy" in origin.attrib:
+        refuse(origin, f"{where}: <origin> has rpy and quat_xyzw; give one of them")
+    x, y, z, w = numbers(origin, "quat_xyzw", 4, where)
+    try:
+        return Pose(quaternion_rotation([w, x, y, z]), np.array(xyz))
+    except InputError:
+        refuse(origin, f"{where}: quat_xyzw of <origin> must not be zero")
 
 
 def _color(visual: Element, colors: Mapping[str, Color]) -> Color | None:

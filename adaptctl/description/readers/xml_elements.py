@@ -37,15 +37,30 @@ class _Parser:
 
     def __init__(self) -> None:
         self._expat = expat.ParserCreate(namespace_separator="}")
+        self._expat.namespace_prefixes = True
+        self._expat.StartNamespaceDeclHandler = self._declared
         self._expat.StartElementHandler = self._start
         self._expat.EndElementHandler = self._end
         self._expat.StartDoctypeDeclHandler = self._doctype
         self._builder = TreeBuilder(element_factory=LineElement)
         self._depth = self._count = 0
+        self._default = ""
 
     def parse(self, text: str) -> Element:
         self._expat.Parse(text, True)
         return self._builder.close()
+
+    def _declared(self, prefix: str | None, uri: str) -> None:
+        if prefix is None and self._depth == 0 and "xacro" not in uri:
+            self._default = uri
+
+    def _qualified(self, name: str) -> str:
+        """Name as `ElementTree` has it, without the root's default namespace."""
+        uri, _, local = name.partition("}")
+        if not local:
+            return name
+        local, _, prefix = local.partition("}")
+        return local if uri == self._default and not prefix else f"{{{uri}}}{local}"
 
     def _start(self, tag: str, attributes: Mapping[str, str]) -> None:
         line = self._expat.CurrentLineNumber
@@ -53,7 +68,7 @@ class _Parser:
         if self._depth > MAX_DEPTH or self._count > MAX_ELEMENTS:
             what = f"{MAX_ELEMENTS} elements" if self._depth <= MAX_DEPTH else f"{MAX_DEPTH} nested elements"
             raise ElementError(f"<{tag}>: more than {what}, the limit (line {line})")
-        element = self._builder.start(_qualified(tag), {_qualified(k): v for k, v in attributes.items()})
+        element = self._builder.start(self._qualified(tag), {self._qualified(k): v for k, v in attributes.items()})
         element.line = line  # type: ignore[attr-defined]  # Python's own element takes further attributes
         for key in ("name", "model"):
             name = attributes.get(key, "")
@@ -63,7 +78,7 @@ class _Parser:
 
     def _end(self, tag: str) -> None:
         self._depth -= 1
-        self._builder.end(_qualified(tag))
+        self._builder.end(self._qualified(tag))
 
     def _doctype(self, *given: object) -> NoReturn:
         raise InputError("<!DOCTYPE ...> and entities are not supported; remove them")
@@ -160,10 +175,6 @@ def only(element: Element, tag: str, where: str) -> Element | None:
     if len(found) > 1:
         refuse(found[1], f"{where}: <{element.tag}> has {len(found)} elements <{tag}>, expected one")
     return found[0] if found else None
-
-
-def _qualified(name: str) -> str:
-    return "{" + name if "}" in name else name
 
 
 def _wanted(counts: range) -> str:
