@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from adaptctl.codegen.c_function import INFIX, CNumber
 from adaptctl.compilation.graph import Op
-from adaptctl.compilation.loops import PARTS, Matrix, Position
+from adaptctl.compilation.loops import PARTS, Matrix, Position, sum_of_halves
 from adaptctl.compilation.recorded_loops import (
     ArrayEntry,
     Assign,
@@ -141,14 +141,9 @@ def _read(source: ArrayEntry | Local) -> str:
     if isinstance(source, ArrayEntry):
         return _place(source)
     x = f"x{source.number}"
-    return _halves([f"{x}[{k}]" for k in range(PARTS)]) if source.is_sum else x
-
-
-def _halves(texts: list[str]) -> str:
-    while len(texts) > 1:
-        half = len(texts) // 2
-        texts = [f"({x} + {y})" for x, y in zip(texts[:half], texts[half:], strict=True)]
-    return texts[0]
+    if not source.is_sum:
+        return x
+    return str(sum_of_halves([f"{x}[{k}]" for k in range(PARTS)], "({} + {})".format))
 
 
 def _place(entry: ArrayEntry) -> str:

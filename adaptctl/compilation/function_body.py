@@ -11,7 +11,7 @@ from adaptctl.compilation.lanes import Instructions, Lanes
 from adaptctl.compilation.routine import NONE, Invariants, Layout, Routine, arguments
 from adaptctl.compilation.sine import SinesAtOnce, asked_at_once
 
-_ARITHMETIC = {Op.ADD: "fadd", Op.SUBTRACT: "fsub", Op.MULTIPLY: "fmul", Op.DIVIDE: "fdiv"}
+ARITHMETIC = {Op.ADD: "fadd", Op.SUBTRACT: "fsub", Op.MULTIPLY: "fmul", Op.DIVIDE: "fdiv"}
 _COMPARISONS = {Op.LESS: "olt", Op.LESS_EQUAL: "ole"}
 _INTRINSICS = {Op.SQRT: "sqrt", Op.ROUND: "rint", Op.ABSOLUTE: "fabs", Op.MINIMUM: "minimum", Op.MAXIMUM: "maximum"}
 
@@ -86,8 +86,8 @@ class FunctionBody:
         elif op is Op.SELECT:
             chosen, yes, no = operands
             self._text.add(f"{x} = select {self._lanes.condition} {chosen}, {value} {yes}, {value} {no}")
-        elif op in _ARITHMETIC:
-            self._text.add(f"{x} = {_ARITHMETIC[op]} contract {value} {', '.join(operands)}")
+        elif op in ARITHMETIC:
+            self._text.add(f"{x} = {ARITHMETIC[op]} contract {value} {', '.join(operands)}")
         elif op in _COMPARISONS:
             self._text.add(f"{x} = fcmp {_COMPARISONS[op]} {value} {', '.join(operands)}")
         else:  # `nsz`: of two zeros, either may be the smaller

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from adaptctl.compilation.function_body import ARITHMETIC
 from adaptctl.compilation.graph import Op
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.loops import PARTS, Matrix, Position
@@ -26,8 +27,6 @@ BLOCK = 32
 
 REST = 4
 """Numbers computed at once after these."""
-
-ARITHMETIC = {Op.ADD: "fadd", Op.SUBTRACT: "fsub", Op.MULTIPLY: "fmul", Op.DIVIDE: "fdiv"}
 
 
 def loop_function(routine: LoopRoutine, symbol: str, lanes: Lanes) -> str:

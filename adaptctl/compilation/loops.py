@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import operator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias
 
@@ -188,25 +189,37 @@ class EntrySum:
     @property
     def value(self) -> Any:
         """Sum of all terms."""
-        parts = self._parts
-        while len(parts) > 1:
-            half = len(parts) // 2
-            parts = [x + y for x, y in zip(parts[:half], parts[half:], strict=True)]
-        return parts[0]
+        return sum_of_halves(self._parts)
 
 
-class Unrolled:
-    """Interpreter that computes with scalars of any kind: traced, the operation is straight-line code."""
+def sum_of_halves(parts: Sequence[Any], add: Callable[[Any, Any], Any] = operator.add) -> Any:
+    """Sum of the parts of a sum, a power of two: each half is added to the other until one is left."""
+    while len(parts) > 1:
+        half = len(parts) // 2
+        parts = list(map(add, parts[:half], parts[half:]))
+    return parts[0]
+
+
+class Evaluator:
+    """What interpreters that compute at once have in common."""
 
     def range(self, start: int, stop: int | None = None) -> Iterable[int]:
         """Numbers, one after the other."""
         return range(start) if stop is None else range(start, stop)
 
-    columns = range
-
     def variable(self, value: Any) -> MutableValue:
         """New variable."""
         return MutableValue(value)
+
+    def where_less(self, x: Any, y: Any, yes: Any, no: Any) -> Any:
+        """`yes` where x < y, else `no`."""
+        return where(x < y, yes, no)
+
+
+class Unrolled(Evaluator):
+    """Interpreter that computes with scalars of any kind: traced, the operation is straight-line code."""
+
+    columns = Evaluator.range
 
     def sum(self) -> EntrySum:
         """New sum over columns."""
@@ -216,10 +229,6 @@ class Unrolled:
         """New array of zeros."""
         shape = matrix(rows, columns) if columns else vector(rows)
         return Entries([0.0] * shape.size, shape)
-
-    def where_less(self, x: Any, y: Any, yes: Any, no: Any) -> Any:
-        """`yes` where x < y, else `no`."""
-        return where(x < y, yes, no)
 
 
 Samples: TypeAlias = NDArray[np.float64]
@@ -261,26 +270,15 @@ class SampleSum:
     @property
     def value(self) -> Samples:
         """Sum of all terms (..., 1)."""
-        parts = self._parts
-        while parts.shape[-1] > 1:
-            half = parts.shape[-1] // 2
-            parts = parts[..., :half] + parts[..., half:]
-        return parts
+        total: Samples = sum_of_halves([self._parts[..., k : k + 1] for k in range(PARTS)])
+        return total
 
 
-class Sampled:
+class Sampled(Evaluator):
     """Interpreter that computes with NumPy arrays, all columns and all samples at once."""
 
     def __init__(self, axes: tuple[int, ...]) -> None:
         self._axes = axes
-
-    def range(self, start: int, stop: int | None = None) -> Iterable[int]:
-        """Numbers, one after the other."""
-        return range(start) if stop is None else range(start, stop)
-
-    def variable(self, value: Any) -> MutableValue:
-        """New variable."""
-        return MutableValue(value)
 
     def columns(self, start: int, stop: int) -> Iterator[slice]:
         """All columns, where there are any."""
@@ -295,7 +293,3 @@ class Sampled:
     def sum(self) -> SampleSum:
         """New sum over columns."""
         return SampleSum(self._axes)
-
-    def where_less(self, x: Any, y: Any, yes: Any, no: Any) -> Any:
-        """`yes` where x < y, else `no`."""
-        return np.where(x < y, yes, no)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -67,7 +66,8 @@ class MatrixOperation:
         graph = traced.graph
         call = graph.make(Expression, Op.CALL, *map(lift, scalars), detail=self.routine)
         results = (graph.make(Node, Op.RESULT, call, detail=at) for at in numbered(self.routine.layout.sizes))
-        return self._columns(list(results))
+        columns: tuple[Column, ...] = self.routine.layout.restored(list(results))
+        return columns
 
     def _unrolled(self, arguments: Sequence[Column]) -> tuple[Column, ...]:
         machine: Interpreter = Unrolled()
@@ -85,10 +85,6 @@ class MatrixOperation:
         made = [SampleArray(np.zeros((*axes, shape.size)), shape) for shape in self._shapes[1]]
         self._body(Sampled(axes), *given, *made)
         return tuple(_column(array.of) for array in made)
-
-    def _columns(self, scalars: Sequence[Any]) -> tuple[Column, ...]:
-        ends = accumulate(shape.size for shape in self._shapes[1])
-        return tuple(Column(scalars[end - shape.size : end]) for end, shape in zip(ends, self._shapes[1], strict=True))
 
 
 def _column(samples: Any) -> Column:
