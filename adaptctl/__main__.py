@@ -9,6 +9,8 @@ import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING, NoReturn
 
+from adaptctl.cli.interruption import not_ignored
+
 if TYPE_CHECKING:
     from collections.abc import Callable
     from types import FrameType
@@ -58,9 +60,8 @@ def _main() -> Callable[[], int]:
 
 
 def _on_signals(handler: Handler) -> None:
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup sets it
-            signal.signal(number, handler)
+    for number in not_ignored():
+        signal.signal(number, handler)
 
 
 def _leave(number: int, frame: FrameType | None) -> NoReturn:

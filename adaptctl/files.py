@@ -10,6 +10,7 @@ import re
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -36,6 +37,7 @@ _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 Content = TypeVar("Content")
 
 
+@cache
 def _process_space() -> str:
     """Hash of what a process number belongs to: host, boot and namespace."""
     told = [os.uname().nodename]
@@ -43,9 +45,6 @@ def _process_space() -> str:
         told.append(str(Path("/proc/self/ns/pid").readlink()))
         told.append(Path("/proc/sys/kernel/random/boot_id").read_text())
     return hashlib.sha256("\n".join(told).encode()).hexdigest()[:16]
-
-
-_HERE = _process_space()
 
 
 @contextmanager
@@ -75,13 +74,18 @@ def validate_place(path: str | Path, overwrite: bool = True) -> Path:
         raise FileError(f"{path}: the folder {target.parent} does not exist; create it or choose another place")
     if target.is_dir():
         raise FileError(f"{path}: cannot be written (is a directory)")
-    if target.exists() and not target.is_file():
-        raise FileError(f"{path}: is no regular file, but a pipe, a device or the like; choose another")
+    validate_regular(path, target)
     if target.exists() and not overwrite:
         raise FileError(f"{path}: exists already; choose another or allow it with --overwrite")
     if not os.access(target.parent, os.W_OK):
         raise FileError(f"{path}: cannot be written (the folder {target.parent} is not yours to write to)")
     return target
+
+
+def validate_regular(path: str | Path, target: Path, instead: str = "another") -> None:
+    """Raise `FileError` where a pipe, a device or the like would be replaced."""
+    if target.exists() and not (target.is_file() or target.is_dir()):
+        raise FileError(f"{path}: is no regular file, but a pipe, a device or the like; choose {instead}")
 
 
 def real_place(path: str | Path) -> Path:
@@ -94,7 +98,7 @@ def real_place(path: str | Path) -> Path:
 
 def name_beside(target: Path) -> Path:
     """Hidden path beside another, for temporary files."""
-    return target.with_name(f".{target.stem}.{_HERE}-{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
+    return target.with_name(f".{target.stem}.{_process_space()}-{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
 
 
 def remove_stale_temporaries(folder: Path, name: str) -> list[Path]:
@@ -117,7 +121,7 @@ def remove_stale_temporaries(folder: Path, name: str) -> list[Path]:
 
 def is_stale_temporary(name: str) -> bool:
     """True for temporaries of ended processes here."""
-    owner = re.search(rf"\.{_HERE}-(\d+)-[0-9a-f]{{8}}(?:\.\w+)?$", name)
+    owner = re.search(rf"\.{_process_space()}-(\d+)-[0-9a-f]{{8}}(?:\.\w+)?$", name)
     if owner is None:
         return False
     try:

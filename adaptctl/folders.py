@@ -12,7 +12,15 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from adaptctl.errors import FileError
-from adaptctl.files import flush, is_stale_temporary, name_beside, real_place, reason, remove_stale_temporaries
+from adaptctl.files import (
+    flush,
+    is_stale_temporary,
+    name_beside,
+    real_place,
+    reason,
+    remove_stale_temporaries,
+    validate_regular,
+)
 
 RESULT_SUFFIXES = (".rrd", ".json", ".parquet", ".html", ".png", ".toml", ".csv", ".urdf", ".yaml")
 """suffixes of a run's files, which the next run replaces"""
@@ -83,8 +91,7 @@ def _of_no_run(folder: Path) -> list[str]:
 def _validate_regular(places: Iterable[Path]) -> None:
     """Refuse pipes, devices and the like where a run writes."""
     for place in places:
-        if place.exists() and not (place.is_file() or place.is_dir()):
-            raise FileError(f"{place}: is no regular file, but a pipe, a device or the like; choose another folder")
+        validate_regular(place, place, "another folder")
 
 
 def _files(folder: Path) -> list[Path]:
