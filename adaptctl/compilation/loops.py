@@ -201,7 +201,7 @@ def sum_of_halves(parts: Sequence[Any], add: Callable[[Any, Any], Any] = operato
 
 
 class Evaluator:
-    """What interpreters that compute at once have in common."""
+    """Common part of the interpreters that compute at once."""
 
     def range(self, start: int, stop: int | None = None) -> Iterable[int]:
         """Numbers, one after the other."""
