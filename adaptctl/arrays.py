@@ -12,6 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.errors import InputError, NonFiniteError, printable
 
+MAX_SETTING = 1e30
+"""magnitude of settings, and the inverse of the smallest, so that products of several are finite and not 0"""
+MIN_PERIOD, MAX_DURATION = 1e-9, 1e9
+"""shortest control period and longest run in s, so that periods can be counted"""
+
 Array = NDArray[np.float64]
 Given = ParamSpec("Given")
 
@@ -46,11 +51,21 @@ def frozen_array(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
 def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
     """Values as a float64 array, copied only if needed."""
     try:
-        if getattr(getattr(values, "dtype", None), "kind", "") in ("c", "m", "M"):
-            raise TypeError("complex numbers and durations are not supported")
+        validate_plain(values)
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{what}: expected numbers {kind}".rstrip() + f", got {values!r}") from error
+
+
+def validate_plain(values: object) -> None:
+    """Raise for numbers that a conversion would misread: parts, durations, fields and what a mask hides."""
+    if getattr(getattr(values, "dtype", None), "kind", "") in ("c", "m", "M", "V"):
+        raise TypeError("complex numbers, durations and named fields are not supported")
+    if type(values) is np.ndarray:
+        return
+    parts = values if isinstance(values, list | tuple) else (values,)
+    if any(isinstance(part, np.ma.MaskedArray) and np.ma.is_masked(part) for part in parts):
+        raise TypeError("masked elements have no number")
 
 
 def checked(values: ArrayLike, size: int, what: str) -> Array:
@@ -104,8 +119,8 @@ def positive_numbers(values: ArrayLike, what: str) -> Array:
     return positive_per_joint(values, numbers(values, what).size, what)
 
 
-def positive_number(value: object, what: str) -> float:
-    """Positive finite number as a float."""
+def positive_number(value: object, what: str, least: float = 1.0 / MAX_SETTING, most: float = MAX_SETTING) -> float:
+    """Positive finite number from `least` to `most` as a float."""
     value = _alone(value)
     try:
         number = float(value) if _is_number(value) else math.nan
@@ -113,7 +128,14 @@ def positive_number(value: object, what: str) -> float:
         number = math.inf
     if not (math.isfinite(number) and number > 0.0):
         raise InputError(f"{what}, got {printable(repr(value))}")
+    if not least <= number <= most:
+        raise InputError(f"{what}, from {least:g} to {most:g}, got {printable(repr(value))}")
     return number
+
+
+def positive_period(value: object, what: str) -> float:
+    """Control period in s as a float."""
+    return positive_number(value, f"{what}: expected a positive time in s", MIN_PERIOD, MAX_DURATION)
 
 
 def real_number(value: object, what: str) -> float:

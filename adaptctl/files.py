@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import math
@@ -90,7 +91,13 @@ def validate_regular(path: str | Path, target: Path, instead: str = "another") -
 
 def real_place(path: str | Path) -> Path:
     """Resolved path of a file or folder to write."""
-    target = Path(os.path.realpath(path))
+    try:
+        target = Path(os.path.realpath(path))
+        target.exists()  # raises for names that are too long
+    except OSError as error:
+        gone = not Path(path).is_absolute() and error.errno == errno.ENOENT
+        cause = "the working folder does not exist any more; change to another" if gone else reason(error)
+        raise FileError(f"{printable(str(path))}: cannot be written ({cause})") from error
     if Path(path).is_symlink() and not target.is_relative_to(os.path.realpath(Path(path).parent)):
         raise FileError(f"{path}: is a link to {target}, outside its folder; give that path itself")
     return target

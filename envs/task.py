@@ -10,7 +10,16 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, frozen_array, numbers, per_joint, positive_number, real_number
+from adaptctl.arrays import (
+    MAX_DURATION,
+    Array,
+    frozen_array,
+    numbers,
+    per_joint,
+    positive_number,
+    positive_period,
+    real_number,
+)
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.envs.random_reference import Trajectory, validate_trajectory
@@ -125,13 +134,13 @@ class Judgement:
 
 def control_period_of(given: object) -> float:
     """Control period in s, checked."""
-    return positive_number(given, "control_period: expected a positive time in s")
+    return positive_period(given, "control_period")
 
 
 def steps_of(duration: object, control_period: float) -> int:
     """Number of control periods, at least one."""
     what = f"duration: expected at least one control period of {control_period:g} s"
-    if (length := positive_number(duration, what)) < control_period:
+    if (length := positive_number(duration, what, most=MAX_DURATION)) < control_period:
         raise InputError(f"{what}, got {length}")
     return round(length / control_period)
 

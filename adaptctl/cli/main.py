@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from typing import TextIO
+from contextlib import contextmanager, suppress
+from io import TextIOWrapper
+from typing import TextIO, get_args
 
 from cyclopts import App, ArgumentCollection, CycloptsError, Parameter, UnknownOptionError
 
@@ -33,12 +35,26 @@ def version() -> str:
     return f"adaptctl {adaptctl.__version__}"
 
 
-def whole_numbers(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
-    """Raise `InputError` for an argument such as 1.5 for a whole number, which cyclopts would round."""
+def plain_numbers(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
+    """Raise `InputError` for 1.5 as a whole number, which cyclopts would round, and for sizes that nothing has."""
     for argument in arguments:
+        for token in argument.tokens if argument.hint is float or float in get_args(argument.hint) else ():
+            _validate_size(argument.name, token.value)
         for token in argument.tokens if argument.hint is int else ():
             if not token.value.strip().removeprefix("-").isdecimal():
                 raise InputError(f"{argument.name}: expected a whole number, got {token.value!r}")
+
+
+def _validate_size(name: str, text: str) -> None:
+    """Raise `InputError` for a finite number, not 0, too large or small to be reckoned with."""
+    from adaptctl.arrays import MAX_SETTING
+
+    size = 0.0
+    with suppress(ValueError):  # what is no number is refused by cyclopts
+        size = abs(float(text))
+    least, most = 1.0 / MAX_SETTING, MAX_SETTING
+    if math.isfinite(size) and size != 0.0 and not least <= size <= most:
+        raise InputError(f"{name}: expected 0 or a number of a size from {least:g} to {most:g}, got {text}")
 
 
 app = App(
@@ -46,7 +62,7 @@ app = App(
     help="Adaptive control of robot mechanisms on their base parameters.",
     help_format="plaintext",
     default_parameter=Parameter(negative=(), consume_multiple=True),
-    config=whole_numbers,
+    config=plain_numbers,
     version=version,
     print_error=False,
     exit_on_error=False,
@@ -90,6 +106,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Errors of adaptctl and of the operating system and warnings become a line on stderr; other errors are bugs and pass.
     """
     given = list(sys.argv[1:] if argv is None else argv)
+    _write_any_character()
     with _warnings_as_notes():
         try:
             with needed(_called(given[: 3 if given[:1] == ["experiment"] else 1])):
@@ -111,6 +128,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             return _failed(error)
         except KeyboardInterrupt:
             return _complain("interrupted", INTERRUPTED)
+
+
+def _write_any_character() -> None:
+    """Let characters that a terminal's encoding has not be written by their number, such as \\u03c9, not fail."""
+    if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _validate_command(given: Sequence[str]) -> None:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import writable
+from adaptctl.arrays import validate_plain, writable
 from adaptctl.compilation.batch import ENTRY, MIN_STREAMED_BYTES, NativeBatch, batch
 from adaptctl.compilation.builtin import Finite, Form, builtin, builtin_source, has_builtins
 from adaptctl.compilation.lanes import Lanes, aligned
@@ -343,6 +343,7 @@ class Given(NamedTuple):
         try:
             if type(argument) is np.ndarray and argument.dtype is _DOUBLE and _in_rows(argument, sample_axes):
                 return argument
+            validate_plain(argument)
             given = np.asarray(argument)
             array = np.empty(given.shape)
             np.copyto(array, given, casting="same_kind")

@@ -261,7 +261,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         >>> law.reset(law.init(*many), np.array([True, False]), *many).estimate.shape
         (2, 6)
         """
-        chosen, p, v = np.asarray(arms), np.asarray(p), np.asarray(v)
+        chosen, p, v = np.asarray(arms), numbers(p, "reset: p"), numbers(v, "reset: v")
         if chosen.dtype != np.bool_ or not (*chosen.shape, self.dof) == p.shape == v.shape:
             raise InputError(
                 f"reset: expected p and v (..., {self.dof}) and a mask of bools (...), got p {p.shape}, v {v.shape} "

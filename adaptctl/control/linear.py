@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, numbers, positive_number
+from adaptctl.arrays import Array, frozen_array, numbers, positive_period
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -154,7 +154,7 @@ class LinearController(Controller[LinearState]):
         """
         import control
 
-        sampled = positive_number(control_period, "control_period: expected a positive time in s")
+        sampled = positive_period(control_period, "control_period")
         try:
             linear = control.ss(system)
         except (TypeError, ValueError, AttributeError) as error:

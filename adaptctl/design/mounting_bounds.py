@@ -18,6 +18,7 @@ from adaptctl.errors import InputError
 OFFSET_SHARE, MIN_OFFSET = 0.5, 0.1
 # Share of a link's mass that may be added.
 MASS_SHARE = 0.2
+MAX_RATIO = 1e6
 # Distance in m beyond a box that counts as inside.
 POSITION_TOLERANCE = 1e-9
 
@@ -109,9 +110,9 @@ class MountingBounds:
             real_number(mass_ratio, "mounting bounds: mass_ratio"),
             real_number(max_offset, "mounting bounds: max_offset"),
         )
-        if not 0.0 <= mass_ratio < np.inf or not 0.0 <= max_offset < np.inf:
+        if not (0.0 <= mass_ratio <= MAX_RATIO and 0.0 <= max_offset <= MAX_RATIO):
             raise InputError(
-                f"mounting bounds: mass_ratio, max_offset: expected ratios of at least 0, "
+                f"mounting bounds: mass_ratio, max_offset: expected ratios from 0 to {MAX_RATIO:g}, "
                 f"got {mass_ratio} and {max_offset}"
             )
         i = _index(mechanism, link)

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from adaptctl.arrays import Array
-from adaptctl.errors import FileError, MissingExtraError
+from adaptctl.arrays import MAX_SETTING, Array
+from adaptctl.errors import AdaptctlError, FileError, MissingExtraError
 
 MAX_ROWS = 20_000_000
 # Logs above these sizes are not read.
@@ -40,6 +40,13 @@ class LogTable:
             raise FileError(
                 f"{self.source}: column {name!r} ({what}): {bad.size} of {len(values)} rows not finite, the first "
                 f"is row {int(bad[0]) + 1} ({values[bad[0]]}); use a part of the log without missing numbers"
+            )
+        size = float(np.abs(values).max(initial=0.0))
+        if size != 0.0 and not 1.0 / MAX_SETTING <= size <= MAX_SETTING:
+            row = int(np.abs(values).argmax())
+            raise FileError(
+                f"{self.source}: column {name!r} ({what}): the largest number, {values[row]:g} in row {row + 1}, is "
+                f"beyond {1.0 / MAX_SETTING:g} to {MAX_SETTING:g}; expected readings in SI units or those of --units"
             )
         return values
 
@@ -179,8 +186,11 @@ def read_ros_bag(path: str | Path, topic: str | None = None) -> LogTable:
                 (stamp, reader.deserialize(raw, connection.msgtype))
                 for connection, stamp, raw in reader.messages(connections=chosen)
             ]
-    except (rosbags.AnyReaderError, OSError, KeyError) as error:
-        raise FileError(f"{path}: cannot be read as a ROS bag ({str(error).splitlines()[0]})") from error
+    except (AdaptctlError, MemoryError):
+        raise
+    except Exception as error:  # the package reads damaged bags without checks: any error may come of their bytes
+        told = (str(error) or type(error).__name__).splitlines()[0]
+        raise FileError(f"{path}: cannot be read as a ROS bag ({told})") from error
     if not messages or len(messages) > MAX_ROWS:
         raise FileError(f"{path}: has {len(messages)} joint states; expected 1 to {MAX_ROWS}")
     return table(str(path), _columns(path, messages), {"time": "s"} | _units(messages[0][1].name))

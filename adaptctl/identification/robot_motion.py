@@ -26,6 +26,7 @@ BLEND = np.polynomial.Polynomial([0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0])
 CHECK_RATE = 250.0
 MAX_TIME_SCALE = 100.0
 MAX_HALVINGS = 12
+MAX_DURATION = 1e4  # s, at CHECK_RATE some millions of points
 # A test that is true if all positions (n, r) are allowed.
 Allowed = Callable[[Array], bool]
 
@@ -276,7 +277,7 @@ def exciting_motion(
     >>> motion.duration >= 14.0
     True
     """
-    positive_number(duration, "duration: expected a positive number of seconds")
+    positive_number(duration, "duration: expected a positive number of seconds", most=MAX_DURATION)
     if not 0.0 < 2.0 * fade < duration:
         raise InputError(f"fade: expected a time up to half of the duration of {duration:g} s, got {fade:g}")
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))

@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, checked, positive_number, same_samples, stacked, vectors, whole_number
+from adaptctl.arrays import Array, checked, positive_period, same_samples, stacked, vectors, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.compilation.kernel import native_or_floats
 from adaptctl.control.gains.gains import torque_limits
@@ -85,7 +85,7 @@ class Plant(Tunable):
 
     def __post_init__(self) -> None:
         validate_kind(self.mechanism, Mechanism, "plant", "as load(...) gives one")
-        period = positive_number(self.control_period, "control_period: expected a positive time in s")
+        period = positive_period(self.control_period, "control_period")
         object.__setattr__(self, "control_period", period)
         whole_number(self.substeps, "substeps", 1, MAX_SUBSTEPS)
         validate_integrator(self.integrator)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, frozen, numbers, positive_number
+from adaptctl.arrays import Array, checked, frozen, numbers, positive_period
 from adaptctl.caching import sent_as_made
 from adaptctl.errors import FileError, InputError
 from adaptctl.optional_packages import needed
@@ -375,7 +375,7 @@ class Rollout:
         >>> bool(np.allclose(logged.error, run.error))
         True
         """
-        period = positive_number(control_period, "control_period: expected a positive time in s")
+        period = positive_period(control_period, "control_period")
         p = numbers(p, "p")
         shape = p.shape
         if len(shape) != 2 or shape[0] < 2 or shape[1] < 1:

@@ -10,7 +10,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import positive_number
+from adaptctl.arrays import positive_period
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError, LostSamplesWarning
 from adaptctl.files import validate_place
@@ -82,7 +82,7 @@ class RunLogger:
         for what, number, least in (("dof", dof, 1), ("estimates", estimates, 0), ("capacity", capacity, 2)):
             if isinstance(number, bool) or not isinstance(number, int) or number < least:
                 raise InputError(f"{what}: expected a whole number of at least {least}, got {number!r}")
-        self.control_period = positive_number(control_period, "control_period: expected a positive time in s")
+        self.control_period = positive_period(control_period, "control_period")
         width = 7 * dof + estimates + 1
         _validate_memory(8 * capacity * width, capacity)
         self._joints, self._units = joint_names(dof, joints), stated_units(dof, position_units)

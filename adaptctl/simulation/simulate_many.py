@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, checked, frozen, per_joint, positive_number, whole_count
+from adaptctl.arrays import MAX_DURATION, Array, checked, frozen, per_joint, positive_number, whole_count
 from adaptctl.caching import sent_as_made
 from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.compilation.lanes import Precision
@@ -296,7 +296,7 @@ class _Runs(Driven):
             precision,
         )
         what = f"duration: expected at least a control period of {self.control_period:g} s"
-        if positive_number(duration, what) < self.control_period:
+        if positive_number(duration, what, most=MAX_DURATION) < self.control_period:
             raise InputError(f"{what}, got {duration}")
         for name, number in (("record_every", 1 if every is None else every), ("threads", threads)):
             whole_count(number, name, 1)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from adaptctl.arrays import Array, numbers, positive_number
+from adaptctl.arrays import Array, numbers, positive_period
 from adaptctl.compilation import compile_function
 from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.control.controller import Controller, ReferencePoint
@@ -273,7 +273,7 @@ def _of_joints(update: Any, r: int, name: str, **timing: float) -> control.Nonli
 
 
 def _ticked(controller: Controller[Any], control_period: float) -> float:
-    control_period = positive_number(control_period, "control_period: expected a positive time in s")
+    control_period = positive_period(control_period, "control_period")
     own = getattr(controller, "control_period", None)
     if own is not None and not math.isclose(own, control_period):
         raise InputError(

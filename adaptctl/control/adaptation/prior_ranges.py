@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen, frozen_array, per_joint, positive_number, real_number
+from adaptctl.arrays import Array, frozen, frozen_array, per_joint, positive_number, positive_period, real_number
 from adaptctl.control.adaptation.gradient import checked_gain
 from adaptctl.control.gains.gains import Gains
 from adaptctl.control.gains.sampling_ratio import sampling_ratio
@@ -58,7 +58,7 @@ def parameter_sampling_ratios(
     L = per_joint(bandwidth, mechanism.dof, "bandwidth")
     if not np.all((L >= 0.0) & np.isfinite(L)):
         raise InputError(f"bandwidth: expected finite numbers of at least 0, got {L.tolist()}")
-    positive_number(control_period, "control_period: expected a positive time in s")
+    positive_period(control_period, "control_period")
     values, vectors = np.linalg.eigh(place.mass_matrices)
     inverse = (vectors / np.sqrt(np.maximum(values, np.finfo(float).tiny))[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     shares = inertia_shares(model, place.samples)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen, frozen_array, per_joint, positive_number, stacked_rows
+from adaptctl.arrays import Array, frozen, frozen_array, per_joint, positive_period, stacked_rows
 from adaptctl.caching import sent_as_made
 from adaptctl.compilation.object_cache import kept
 from adaptctl.control.gains.workspace import Workspace, Worst, everywhere, workspace_of
@@ -367,4 +367,4 @@ def _missing_inertia(mechanism: Mechanism, p: Array) -> str:
 
 def validate_period(control_period: float) -> None:
     """Raise `InputError` unless the period is positive."""
-    positive_number(control_period, "control period: expected a positive time in s")
+    positive_period(control_period, "control period")
