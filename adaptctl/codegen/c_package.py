@@ -17,7 +17,7 @@ from adaptctl.codegen.c_program import CProgram, Signature, helpers
 from adaptctl.codegen.closed_loop_check import RecordedTick, first_torque
 from adaptctl.codegen.gain_rules import GainRule, gain_rules
 from adaptctl.codegen.initialisation import start_of
-from adaptctl.codegen.interface import ARGUMENTS, Field, Interface, status_bits
+from adaptctl.codegen.interface import ARGUMENTS, Brake, Field, Interface, status_bits
 from adaptctl.compilation.graph import Op
 from adaptctl.compilation.sine import sine_for
 from adaptctl.dynamics.loops.continuation import MAX_LOST_GAP
@@ -131,8 +131,10 @@ class CPackage:
             "estimate": interface.estimate,
             "guarded": interface.guarded,
             "applied": interface.applied,
-            "brake": interface.brake and [Field(name, x) for name, x in interface.brake._asdict().items()],
-            "brake_text": "the braking torque of the safety limits" if interface.brake else "zero",
+            "brake": interface.brake and self._brake(interface.brake),
+            "brake_text": "damping within the torque limits in force, 0 where these are no gains"
+            if interface.brake
+            else "zero",
             "flags": list(map(_Mark, (f.name for f in fields[len(fields) - len(flags) :]), map(str.upper, flags))),
             "configurations": [fields[k] for k in self.start.configurations],
             "computed": [fields[k] for k in self.start.computed],
@@ -151,6 +153,15 @@ class CPackage:
         if walk is None:
             return None
         return {"home": walk.home, "home_text": self._array(walk.home), "primary": walk.primary, "looped": walk.looped}
+
+    def _brake(self, brake: Brake) -> list[dict[str, Any]]:
+        """Numbers of the brake: gains in force where the law reads them, else constants."""
+        given = {field.name for field in self.interface.gains}
+        rows = (("stop_damping", "damping", brake.damping), ("torque_limits", "most", brake.limit))
+        return [
+            {"name": name, "short": short, "told": Field(name, values), "tunable": name in given}
+            for name, short, values in rows
+        ]
 
     def _told_rule(self, rule: GainRule) -> dict[str, Any]:
         first = rule.field.place(0)

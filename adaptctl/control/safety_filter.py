@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, per_joint, positive_per_joint
+from adaptctl.compilation.sine import sine_for
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.control.gains.sampling_ratio import validate_period
 from adaptctl.control.pytree import leaves, row_each
@@ -20,6 +21,7 @@ from adaptctl.scalars import Column, Scalar, absolute, clip, column, maximum, mi
 from adaptctl.scalars.scalar import Condition
 
 MAX_SLIDING_VARIABLE = 1e6  # rad/s (m/s), so that its square stays finite
+MAX_POSITION = sine_for("double").farthest  # rad (m), beyond which exported code has no sine
 MAX_FLOAT = float(np.finfo(np.float64).max)
 
 Parts = TypeVar("Parts", bound=tuple[Any, ...])
@@ -110,7 +112,8 @@ class SafetyFilter(Controller[SafetyFilterState]):
     inner : Controller
         Controller for r joints.
     torque_limits : array_like, default inf
-        Torque limits in N m (N), one number or (r,). Infinity, the default, is off: limits are the drives' own.
+        Torque limits in N m (N), one number or (r,). Infinity, the default, is off: limits are the drives' own. Limits
+        that are lowered while a state is carried on take effect at the rate limits: until then, torques exceed them.
     rate_limits : array_like, default inf
         Limits of the torque's rate in N m/s (N/s), one number or (r,). Infinity, the default, is off and needs no
         control period.
@@ -137,8 +140,8 @@ class SafetyFilter(Controller[SafetyFilterState]):
 
     Notes
     -----
-    The arm is braked once a number is not finite, a joint leaves its limits, or it rings. Gravity is not compensated
-    then: a mechanical brake must hold the arm.
+    The arm is braked once a number is not finite, a joint leaves its limits or 1048576 rad (m), the range of the
+    exported sine, or it rings. Gravity is not compensated then: a mechanical brake must hold the arm.
 
     References
     ----------
@@ -324,9 +327,9 @@ class SafetyFilter(Controller[SafetyFilterState]):
         """1 if a joint is beyond its limits."""
         beyond: Any = 0.0
         lower, upper = self.position_limits or (np.full(self.dof, -np.inf), np.full(self.dof, np.inf))
-        for low, x, high in zip(np.asarray(lower).tolist(), p, np.asarray(upper).tolist(), strict=True):
-            beyond = where(x < low, 1.0, beyond) if np.isfinite(low) else beyond
-            beyond = where(x > high, 1.0, beyond) if np.isfinite(high) else beyond
+        lower, upper = np.maximum(lower, -MAX_POSITION), np.minimum(upper, MAX_POSITION)
+        for low, x, high in zip(lower.tolist(), p, upper.tolist(), strict=True):
+            beyond = where(x > high, 1.0, where(x < low, 1.0, beyond))
         for x, limit in zip(v, np.asarray(self.velocity_limits).tolist(), strict=True):
             beyond = where(absolute(x) > limit, 1.0, beyond) if np.isfinite(limit) else beyond
         return beyond
