@@ -112,7 +112,7 @@ class MountingBounds:
         )
         if not (0.0 <= mass_ratio <= MAX_RATIO and 0.0 <= max_offset <= MAX_RATIO):
             raise InputError(
-                f"mounting bounds: mass_ratio, max_offset: expected ratios from 0 to {MAX_RATIO:g}, "
+                f"mounting bounds: mass_ratio, max_offset: expected ratios of at least 0, at most {MAX_RATIO:g}, "
                 f"got {mass_ratio} and {max_offset}"
             )
         i = _index(mechanism, link)

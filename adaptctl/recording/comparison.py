@@ -231,7 +231,7 @@ class ControllerRun:
         InputError
             If the window is not positive and finite.
         """
-        positive_number(window, "window: expected a positive number of s")
+        positive_number(window, "window: expected a positive number of s", 0.0, np.inf)
         squares = np.mean(self.rollout.error**2, axis=1)
         sums = np.cumsum(np.concatenate([[0.0], squares]))
         stop = np.arange(1, len(squares) + 1)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from adaptctl.arrays import Array, positive_number, real_number, whole_number
-from adaptctl.control.gains.sampling_ratio import validate_period
 from adaptctl.errors import GainError, InputError, printable
 
 if TYPE_CHECKING:
@@ -66,7 +65,7 @@ class ErrorFeedback:
     control_period: float
 
     def __post_init__(self) -> None:
-        validate_period(self.control_period)
+        _validate_period(self.control_period)
         stiffness, rate = (real_number(getattr(self, name), f"gains: {name}") for name in ("stiffness", "rate"))
         if not (0.0 < stiffness < math.inf and 0.0 < rate < math.inf):
             raise InputError(f"gains: expected positive numbers, got {stiffness:g} 1/s^2 and {rate:g} 1/s")
@@ -112,7 +111,7 @@ class ErrorFeedback:
         given = real_number(bandwidth, "bandwidth"), real_number(damping_ratio, "damping ratio")
         if not all(0.0 < number < math.inf for number in given):
             raise InputError(f"expected a positive bandwidth and damping ratio, got {bandwidth} and {damping_ratio}")
-        validate_period(control_period)
+        _validate_period(control_period)
         try:
             return cls.from_poles([bandwidth * root for root in _roots(damping_ratio)], control_period)
         except InputError as error:
@@ -161,7 +160,7 @@ class ErrorFeedback:
             raise InputError(
                 f"poles: expected two in the left half-plane, real or conjugate, got {printable(repr(poles))}"
             )
-        validate_period(control_period)
+        _validate_period(control_period)
         with np.errstate(over="ignore", invalid="ignore"):  # what is too large is refused as a gain
             first, second = (
                 -np.expm1(given * control_period) / control_period
@@ -211,7 +210,7 @@ class ErrorFeedback:
             )
         import control
 
-        validate_period(control_period)
+        _validate_period(control_period)
         natural = (position / effort) ** 0.25  # 1/s: in this unit of time all weights are near 1
         step = natural * control_period
         A, B = np.array([[1.0, step], [0.0, 1.0]]), np.array([[0.5 * step**2], [step]])
@@ -263,7 +262,7 @@ class ErrorFeedback:
         >>> round(feedback.with_bandwidth_factor(2.0).bandwidth, 1)
         19.8
         """
-        positive_number(factor, "factor: expected a positive finite number")
+        positive_number(factor, "factor: expected a positive finite number", 0.0, math.inf)
         first, second = (factor * pole for pole in self.poles)
         mean = 0.5 * (first + second).real  # log puts the poles of a negative pair on one side of its cut
         conjugate = abs(first.imag) > 0.0
@@ -332,6 +331,11 @@ class ErrorFeedback:
         C = np.array([[self.stiffness * self.control_period**2, self.rate * self.control_period]])
         opened = control.ss(A, B, C, 0.0, self.control_period)
         return opened if delay == 0 else opened * _delay(delay, self.control_period)
+
+
+def _validate_period(control_period: float) -> None:
+    """Raise `InputError` unless the period is positive; its gains are exact however short it is."""
+    positive_number(control_period, "control period: expected a positive time in s", 0.0, math.inf)
 
 
 def _roots(damping_ratio: float) -> tuple[complex, complex]:
