@@ -139,7 +139,7 @@ def _learned(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Tol
         "Parameter errors, weighted by the torque of each parameter along the motion, relative to the torque of all "
         "parameters; one line per adaptive law, with its final value."
     )
-    drawing = Drawing("parameter-error", caption, partial(over_time, runs, curves, "parameter error"))
+    drawing = Drawing("parameter-error", caption, partial(over_time, runs, curves, "parameter error"), plain=True)
     return Told(findings, " ".join(said) or None, (drawing,) if curves else ())
 
 
@@ -318,7 +318,7 @@ def _rubbed(of: DisturbedArm, outcome: Outcome, basis: FundamentalBasis) -> Told
         "is fitted in this range, and may be inaccurate elsewhere."
     )
     draw = partial(friction_curves, mechanism, learned, learner.rollout.v, of.stribeck)
-    return Told(findings, answer, (Drawing("friction", caption, draw),))
+    return Told(findings, answer, (Drawing("friction", caption, draw, plain=True),))
 
 
 def friction_curves(mechanism: Mechanism, learned: Mapping[str, float], v: Array, stribeck: float) -> Figure:

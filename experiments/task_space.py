@@ -204,5 +204,7 @@ class TaskSpaceTracking(FromRanges):
         )
         caption = "Distance of the tool from its path, one line per controller (logarithmic scale)."
         millimetres = {name: 1e3 * values for name, values in errors.items()}
-        drawing = Drawing("tool-error", caption, partial(over_time, outcome.runs, millimetres, "tool error [mm]"))
+        drawing = Drawing(
+            "tool-error", caption, partial(over_time, outcome.runs, millimetres, "tool error [mm]"), plain=True
+        )
         return Told(findings, answer, (drawing,), TaskError("Distance of the tool from its path", "mm", errors))

@@ -37,7 +37,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def said(out: Path) -> dict[str, Any]:
     """The summary of the first 3 s, some of the laws, on an arm for which they compile in a moment."""
     laws = [argument for law in CHOSEN for argument in ("--laws", law)]
-    assert main([*COMMAND, "--robot", SMALL, "--out", str(out), "--duration", "3", *laws]) == 0
+    assert main([*COMMAND, "--robot", SMALL, "--out", str(out), "--duration", "3", "--figures", *laws]) == 0
     return json.loads((out / "summary.json").read_text())
 
 

@@ -149,6 +149,7 @@ def test_a_run_becomes_a_folder(tmp_path: Path) -> None:
         "0.2",
         "--payload-stop",
         "0.6",
+        "--figures",
     ]
     assert main(command) == 0
     content = json.loads((out / "summary.json").read_text())

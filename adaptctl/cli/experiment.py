@@ -86,18 +86,20 @@ def _command(kind: type[Experiment], name: str) -> Callable[..., int]:
         settings: Any = default,
         out: Path = Path("results") / name,
         overwrite: bool = False,
+        figures: bool = False,
         json: bool = False,
         live: bool = False,
     ) -> int:
         from adaptctl.recording.live import HOST, PORT, streaming
 
         with streaming(f"{HOST}:{PORT}" if live else None):
-            return run_experiment(settings, out, overwrite, json)
+            return run_experiment(settings, out, overwrite, json, figures)
 
     command.__annotations__ = {
         "settings": Annotated[kind, Parameter(name="*", group="Settings", show_default=text)],
         "out": Annotated[Path, Parameter(metavar="DIR", group="Output", help="Folder to write.")],
         "overwrite": Annotated[bool, Parameter(group="Output", help="Overwrite a folder that is not empty.")],
+        "figures": Annotated[bool, Parameter(group="Output", help="Also write the report's figures as PNG files.")],
         "live": Annotated[bool, Parameter(group="Output", help="Show the arm in the rerun viewer during the run.")],
         "json": Annotated[bool, Parameter(group="Output", help="Print JSON instead of text.")],
         "return": int,
@@ -105,7 +107,9 @@ def _command(kind: type[Experiment], name: str) -> Callable[..., int]:
     return command
 
 
-def run_experiment(experiment: Experiment, out: Path, overwrite: bool, json: bool = False) -> int:
+def run_experiment(
+    experiment: Experiment, out: Path, overwrite: bool, json: bool = False, figures: bool = False
+) -> int:
     """
     Run an experiment, write its results and print them.
 
@@ -119,6 +123,8 @@ def run_experiment(experiment: Experiment, out: Path, overwrite: bool, json: boo
         Replaces an older run in the folder.
     json : bool, default False
         Prints a JSON object.
+    figures : bool, default False
+        Also writes the report's figures as PNG files.
 
     Returns
     -------
@@ -136,7 +142,7 @@ def run_experiment(experiment: Experiment, out: Path, overwrite: bool, json: boo
     validate_for_results()
     with notes_last():
         with interruptible() as interruption, replacing_folder(out, overwrite) as folder:
-            result = _computed(experiment, folder, interruption)
+            result = _computed(experiment, folder, interruption, figures)
             interruption.hold()
         if json:
             print_json(as_builtins(experiment.name, result, out))
@@ -175,14 +181,18 @@ def notes_last() -> Iterator[None]:
             warnings.showwarning(one.message, one.category, one.filename, one.lineno)
 
 
-def _computed(experiment: Experiment, folder: Path, interruption: Interruption) -> Result:
+def _computed(experiment: Experiment, folder: Path, interruption: Interruption, figures: bool) -> Result:
     """Result of an experiment, computed and written, with progress on stderr."""
     with shown_progress() as progress:
         result = experiment.run(interruption.heeded(progress))
         interruption.hold()
         if not result.complete:
             print("adaptctl: interrupted; writing what was computed", file=sys.stderr)
-        result.write(folder, lambda what, share: progress("Recording, figures and report", share))
+        result.write(folder, lambda what, share: progress("Recording and report", share))
+        if figures and result.figures is not None:
+            from adaptctl.recording.result import FIGURES
+
+            result.figures(folder / FIGURES)
     return result
 
 

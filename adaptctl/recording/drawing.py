@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import base64
+from collections.abc import Callable, Iterable, Mapping
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, cast
 
 from adaptctl.files import replacing
+from adaptctl.recording.vector import Sheet
 
 if TYPE_CHECKING:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -122,16 +126,30 @@ STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """Figure of a report: its name, caption and the function that draws it."""
+    """Figure of a report: its name, caption and the function that draws it; `plain` if a `Sheet` has its methods."""
 
     name: str
     caption: str
     draw: Callable[[], Figure]
+    plain: bool = False
     kind: ClassVar[str] = "drawing"
+
+    def svg(self) -> str:
+        """Figure as SVG, of a plain drawing."""
+        token = _AS_SVG.set(True)
+        try:
+            return cast("Sheet", self.draw()).svg()
+        finally:
+            _AS_SVG.reset(token)
+
+
+_AS_SVG = ContextVar("_AS_SVG", default=False)
 
 
 def sheet(height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
     """Empty figure for a report, 9.2 inches wide."""
+    if _AS_SVG.get():
+        return cast("Figure", Sheet(FIGURE_WIDTH, height))
     from matplotlib.figure import Figure
 
     return Figure(figsize=(FIGURE_WIDTH, height), dpi=DOTS_PER_INCH, layout=layout)
@@ -149,6 +167,28 @@ def write_drawings(folder: str | Path, drawings: Iterable[Drawing]) -> dict[str,
             _draw_once(canvas := FigureCanvasAgg(drawing.draw()), beside)
             canvas.renderer = None  # axes hold their figure, and its pixels would stay beside those of the next
     return written
+
+
+def data_urls(drawings: Iterable[Drawing]) -> dict[str, str]:
+    """URLs of drawings by name that contain them: SVG if plain, else PNG."""
+    found = {}
+    with TemporaryDirectory() as folder:
+        for drawing in drawings:
+            if drawing.plain:
+                found[drawing.name] = data_url("image/svg+xml", drawing.svg().encode())
+            else:
+                found |= png_urls(write_drawings(folder, [drawing]))
+    return found
+
+
+def png_urls(figures: Mapping[str, Path]) -> dict[str, str]:
+    """URLs by name that contain PNG files."""
+    return {name: data_url("image/png", file.read_bytes()) for name, file in figures.items()}
+
+
+def data_url(kind: str, content: bytes) -> str:
+    """URL that contains a file of a MIME type."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 def _draw_once(canvas: FigureCanvasAgg, path: Path) -> None:

@@ -71,7 +71,9 @@ def drawings(comparison: Comparison) -> dict[str, Drawing]:
     missing = {"lyapunov"} if subject.lyapunov is None else set()
     missing |= set() if subject.rollout.estimate.shape[1] else {"parameters"}
     shown = {name: one for name, one in captions.items() if name not in missing}
-    return {name: Drawing(name, caption, partial(draw, comparison)) for name, (caption, draw) in shown.items()}
+    return {
+        name: Drawing(name, caption, partial(draw, comparison), plain=True) for name, (caption, draw) in shown.items()
+    }
 
 
 def tracking_error(comparison: Comparison) -> Figure:
@@ -177,7 +179,8 @@ def parameters(comparison: Comparison) -> Figure:
     for i, axes in panels:
         _estimate(axes, rollout.time[every], rollout.estimate[every, i], truth[i])
         axes.set_title(f"{names[i]}", size=7.5, pad=3.0, y=1.0)  # to search for a place takes a third of the time
-        axes.yaxis.get_offset_text().set(x=1.0, ha="right", size=6.5)  # a power of ten is opposite the title
+        if (ticks := getattr(axes, "yaxis", None)) is not None:  # a power of ten is opposite the title
+            ticks.get_offset_text().set(x=1.0, ha="right", size=6.5)
         axes.set_xlim(0.0, comparison.subject.duration)
         axes.tick_params(labelsize=6.5, pad=1.5)
         axes.locator_params(nbins=3)

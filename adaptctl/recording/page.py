@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -11,8 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 from adaptctl.files import write_json, write_text
+from adaptctl.folders import made_folder
 from adaptctl.optional_packages import needed
-from adaptctl.recording.drawing import Drawing, write_drawings
+from adaptctl.recording.drawing import Drawing, data_urls, png_urls, write_drawings
 from adaptctl.recording.result import FIGURES, RECORDING, REPORT, SUMMARY, Fact, Progress, all_or_none, silent
 
 if TYPE_CHECKING:
@@ -181,8 +181,7 @@ class Report:
 
     def html(self, figures: Mapping[str, Path]) -> str:
         """Page that needs no other file, with the figures' PNG files in it."""
-        data = {name: base64.b64encode(file.read_bytes()).decode("ascii") for name, file in figures.items()}
-        return rendered("page.html", HOME, report=self, figures=data)
+        return rendered("page.html", HOME, report=self, figures=png_urls(figures))
 
     def markdown(self, *parts: Part) -> str:
         """Text in Markdown for a recording: the outcome, and parts, or facts and all sections."""
@@ -206,8 +205,9 @@ class Report:
         tables: Mapping[str, Callable[[Path], object]] | None = None,
         record: Callable[[Path, Mapping[str, Path]], object] | None = None,
         progress: Progress = silent,
+        figures: bool = True,
     ) -> Path:
-        """Write the report's folder, all or none: summary, tables, figures, page and recording."""
+        """Write the report's folder, all or none: summary, tables, recording, page, and figures as PNG files."""
         with all_or_none(folder, last=name) as beside:
             progress("summary", 0.0)
             if summary is not None:
@@ -215,12 +215,12 @@ class Report:
             for table, write in (tables or {}).items():
                 write(beside / table)
             progress("figures", 0.1)
-            (beside / FIGURES).mkdir()
-            figures = write_drawings(beside / FIGURES, self.drawings)
+            files = write_drawings(made_folder(beside / FIGURES), self.drawings) if figures else {}
             progress("recording", 0.7)
-            (record or self.record)(beside / RECORDING, figures)
+            (record or self.record)(beside / RECORDING, files)
             progress("report", 0.95)
-            write_text(beside / REPORT, self.html(figures))
+            urls = png_urls(files) if figures else data_urls(self.drawings)
+            write_text(beside / REPORT, rendered("page.html", HOME, report=self, figures=urls))
             progress("report", 1.0)
         return Path(folder)
 
@@ -248,7 +248,11 @@ def settings_section(settings: Iterable[Any], *more: Part) -> Section:
 
 
 def files_section(
-    recording: str, summary: str, tables: Mapping[str, str] | None = None, name: str = SUMMARY
+    recording: str,
+    summary: str,
+    tables: Mapping[str, str] | None = None,
+    name: str = SUMMARY,
+    figures: bool = True,
 ) -> Section:
     """Section on the files beside the report."""
     rows = [
@@ -258,7 +262,7 @@ def files_section(
             (file, f'{meaning} Read it with pyarrow.parquet.read_table("{file}").')
             for file, meaning in (tables or {}).items()
         ),
-        (f"{FIGURES}/", "The figures of this report as PNG."),
+        *([(f"{FIGURES}/", "The figures of this report as PNG.")] if figures else ()),
     ]
     table = Table(("file", "contents"), rows, align="cl", layout=TableLayout.STACKED)
     return Section("Output files", (table,))

@@ -12,8 +12,9 @@ import numpy as np
 
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.files import finite_or_none
-from adaptctl.recording.comparison import Comparison, ControllerRun, Finding
-from adaptctl.recording.drawing import run_color
+from adaptctl.folders import made_folder
+from adaptctl.recording.comparison import Comparison, ControllerRun, Finding, StepCost
+from adaptctl.recording.drawing import run_color, write_drawings
 from adaptctl.recording.figures import drawings
 from adaptctl.recording.judgement import facts, final_error, first_error, judged, on_truth, outcome, outcome_words
 from adaptctl.recording.page import (
@@ -37,10 +38,10 @@ SOURCE = (
     f"Method: {SHEU_WALKER}; J.-J. E. Slotine and W. Li, On the Adaptive Control of Robot Manipulators, International "
     "Journal of Robotics Research 6(3), 1987."
 )
-COSTS = (
-    "Floating-point operations of the compiled law. Times, if requested, are measured on this machine. A native time "
-    "is the mean of a loop over many states, including their copying. A called time is that of one control step "
-    "called from Python."
+COSTS = "Floating-point operations of the compiled law."
+TIMES = (
+    "Times are measured on this machine. A native time is the mean of a loop over many states, including copies. "
+    "A called time is that of one control step called from Python."
 )
 
 
@@ -56,7 +57,8 @@ def shown(comparison: Comparison) -> Result:
     Returns
     -------
     Result
-        Headline, facts and verdict of the comparison. Its function `write` calls `write_artifacts`.
+        Headline, facts and verdict of the comparison. Its function `write` calls `write_artifacts` without figures as
+        files, which its function `figures` writes.
 
     Examples
     --------
@@ -69,11 +71,14 @@ def shown(comparison: Comparison) -> Result:
         headline=headline(outcome_words(comparison), comparison.complete),
         facts=tuple(facts(comparison)),
         verdict=judged(comparison),
-        write=lambda folder, progress: write_artifacts(folder, comparison, progress),
+        write=lambda folder, progress: write_artifacts(folder, comparison, progress, figures=False),
+        figures=lambda folder: write_drawings(made_folder(folder), report(comparison).drawings),
     )
 
 
-def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progress = silent) -> Path:
+def write_artifacts(
+    folder: str | Path, comparison: Comparison, progress: Progress = silent, *, figures: bool = True
+) -> Path:
     """
     Write recording, summary, trace, report and figures of a comparison, all or none.
 
@@ -85,6 +90,9 @@ def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progre
         Runs to write.
     progress : callable, optional
         Function of the file's name and the fraction done, 0 to 1, called before each file.
+    figures : bool, default True
+        Also writes the report's figures as PNG files, by Matplotlib. Without these the report has them as SVG, which
+        takes a twentieth of the time.
 
     Returns
     -------
@@ -109,21 +117,21 @@ def write_artifacts(folder: str | Path, comparison: Comparison, progress: Progre
     from adaptctl.recording.rerun_recording import write_recording
     from adaptctl.recording.trace import write_trace
 
-    def record(path: Path, figures: Mapping[str, Path]) -> None:
+    def record(path: Path, files: Mapping[str, Path]) -> None:
         write_recording(path, comparison)
 
-    tables = {TRACE: partial(write_trace, comparison=comparison)}
-    return report(comparison).write(folder, summary(comparison), tables=tables, record=record, progress=progress)
+    how: dict[str, Any] = {"tables": {TRACE: partial(write_trace, comparison=comparison)}, "record": record}
+    return report(comparison, figures).write(folder, summary(comparison), progress=progress, figures=figures, **how)
 
 
-def report(comparison: Comparison) -> Report:
-    """Report of a comparison: outcome, facts, tables, figures, settings."""
+def report(comparison: Comparison, figures: bool = True) -> Report:
+    """Report of a comparison: outcome, facts, tables, figures (as files too), settings."""
     return Report(
         experiment=comparison.experiment,
         title=comparison.title,
         outcome=outcome_words(comparison),
         facts=tuple(facts(comparison)),
-        sections=tuple(_sections(comparison)),
+        sections=tuple(_sections(comparison, figures)),
         about=f"seed {comparison.seed}",
         seed=comparison.seed,
         complete=comparison.complete,
@@ -131,7 +139,7 @@ def report(comparison: Comparison) -> Report:
     )
 
 
-def _sections(comparison: Comparison) -> Iterator[Section]:
+def _sections(comparison: Comparison, figures: bool) -> Iterator[Section]:
     figure = drawings(comparison)
     label = comparison.subject.label
     yield Section("Experiment", tuple(_run_parts(comparison)))
@@ -139,7 +147,7 @@ def _sections(comparison: Comparison) -> Iterator[Section]:
         yield Section("", (Fragment(comparison.live.html(label)),))
     elif comparison.live:
         yield Section("", (Note(f"This report has no live simulation: {comparison.live}."),))
-    yield Section("Cost of a control step", (COSTS, _costs(comparison)))
+    yield Section("Cost of a control step", tuple(_costs(comparison)))
     yield Section("Stability and effort", [figure[name] for name in ("lyapunov", "torque") if name in figure])
     if "parameters" in figure:
         yield Section("Parameter estimates", (on_truth(comparison), figure["parameters"], _parameters(comparison)))
@@ -149,6 +157,7 @@ def _sections(comparison: Comparison) -> Iterator[Section]:
         "The moving arm, with all curves.",
         "The numbers of this report, as JSON.",
         {TRACE: "All control periods of the adaptive run, with units."},
+        figures=figures,
     )
 
 
@@ -187,13 +196,16 @@ def _of_runs(
     return Table(("controller", *heads), cells, align=align, layout=TableLayout.ROWS, marked=(0,), note=note)
 
 
-def _costs(comparison: Comparison) -> Table:
-    rows = []
-    for cost in (run.cost for run in comparison.runs):
-        flops = f"{cost.flops:,}" if cost and cost.flops is not None else "–"
-        native = f"{1e9 * cost.native:,.0f} ns" if cost and cost.native else "–"
-        rows.append((flops, native, f"{1e6 * cost.called:.1f} µs" if cost and cost.called else "–"))
-    return _of_runs(comparison, ("operations", "native", "called"), rows, "lrrr")
+def _costs(comparison: Comparison) -> Iterator[Part]:
+    costs = [run.cost or StepCost() for run in comparison.runs]
+    columns = {
+        "operations": [f"{cost.flops:,}" if cost.flops is not None else "–" for cost in costs],
+        "native": [f"{1e9 * cost.native:,.0f} ns" if cost.native else "–" for cost in costs],
+        "called": [f"{1e6 * cost.called:.1f} µs" if cost.called else "–" for cost in costs],
+    }
+    shown = {name: cells for name, cells in columns.items() if name == "operations" or set(cells) != {"–"}}
+    yield f"{COSTS} {TIMES}" if len(shown) > 1 else COSTS
+    yield _of_runs(comparison, tuple(shown), list(zip(*shown.values(), strict=True)), "l" + "r" * len(shown))
 
 
 def _parameters(comparison: Comparison) -> Table:

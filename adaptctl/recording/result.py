@@ -312,9 +312,11 @@ class Result:
     verdict : Verdict
         Failures of the controllers, which decide the exit code.
     write : callable
-        Function of a folder and a progress callback that writes recording, report and figures.
+        Function of a folder and a progress callback that writes recording and report.
     failed : bool, default False
         True where the experiment itself counts its controller as failed.
+    figures : callable, optional
+        Function of a folder that writes the report's figures there as files. Default: none, or `write` does it.
 
     Examples
     --------
@@ -330,3 +332,4 @@ class Result:
     verdict: Verdict
     write: Callable[[Path, Progress], object]
     failed: bool = False
+    figures: Callable[[Path], object] | None = None

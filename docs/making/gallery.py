@@ -103,7 +103,7 @@ def make(results: Path) -> list[str]:
         folder = results / entry.name
         if not (folder / "report.html").is_file():
             command = [sys.executable, "-m", "adaptctl", "experiment", "run", *entry.arguments.split()]
-            if run([*command, "--out", str(folder)], check=False).returncode not in (0, 3):
+            if run([*command, "--out", str(folder), "--figures"], check=False).returncode not in (0, 3):
                 missing.append(f"{entry.name}: the run failed")
         missing += list(_picture(entry.name, folder))
         parts.append(_part(entry, folder))

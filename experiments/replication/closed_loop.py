@@ -175,7 +175,7 @@ def _sections(found: Compared, rows: Sequence[Sequence[str]]) -> Iterator[Sectio
     runs = [replace(one.subject, name=arm.name, label=arm.label) for arm, one in found.items()]
     errors = {arm.name: 1e3 * one.task_error.errors[ADAPTIVE] for arm, one in found.items() if one.task_error}
     caption = "Distance of each arm's tip from the common path (logarithmic scale)."
-    drawing = Drawing("tip-error", caption, partial(over_time, runs, errors, "distance from the path [mm]"))
+    drawing = Drawing("tip-error", caption, partial(over_time, runs, errors, "distance from the path [mm]"), plain=True)
     table = Table(("what", *(arm.label for arm in found)), rows, note=NOTE, align="lrr")
     where = "its report, recording and trace are in the folder"
     each = [Note(f"{where} {arm.name}.", f"{arm.label}:") for arm in found]
