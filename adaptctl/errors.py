@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 MAX_MESSAGE_CHARACTERS = 2_000
 """characters of a message"""
@@ -198,6 +199,18 @@ class NotCompiledWarning(UserWarning):
 
 class SimplificationWarning(UserWarning):
     """Warning of an omitted or simplified part of a robot file."""
+
+
+class RoundedAnglesWarning(SimplificationWarning):
+    """Warning that rounded angles of a robot are taken as right angles."""
+
+    def __init__(self, finding: str, before: Any = None, after: Any = None) -> None:
+        super().__init__(finding, before, after)
+        self.finding, self.before, self.after = finding, before, after
+        """What is rounded, and the robot's descriptions as the file writes it and as it is meant."""
+
+    def __str__(self) -> str:
+        return f"{self.finding}; as_written=True keeps them"
 
 
 class LoopError(InputError):

@@ -19,7 +19,8 @@ RENAMED: Mapping[str, tuple[str, ...]] = {
     "Whose": ("RunRole",),
     "adaptation": ("adaptation_ratio",),
     "alarm": ("reset_power",),
-    "as_is": ("no_snap", "snap"),
+    "as_is": ("as_written",),
+    "no_snap": ("as_written",),
     "at": ("mount",),
     "beyond": ("max_offset", "divergence_bound"),
     "encoders": ("encoder_side",),
@@ -35,7 +36,8 @@ RENAMED: Mapping[str, tuple[str, ...]] = {
     "lever": ("payload_offset",),
     "members": ("batch_size",),
     "minimise": ("objective",),
-    "near": ("near_singular",),
+    "near": ("as_written",),
+    "near_singular": ("as_written",),
     "noise": ("position_noise",),
     "novelty": ("novelty_threshold",),
     "period": ("control_period",),
@@ -88,6 +90,10 @@ RENAMED: Mapping[str, tuple[str, ...]] = {
     "whose": ("role",),
     "consistent-lift": ("consistent-adaptation",),
 }
+
+
+NOW_DEFAULT: Mapping[str, str] = {"snap": "as_written"}
+"""Former settings that are the default now, and the settings that choose otherwise."""
 
 
 def new_name(former: str, known: Mapping[str, object] | set[str] | frozenset[str]) -> str | None:

@@ -66,7 +66,7 @@ def reason(error: RankError, mechanism: Mechanism, method: str, rank: int) -> st
     if "as the geometry stands" not in str(error):
         return "uncertain"
     try:
-        found = essential_space(mechanism, method=method, near_singular="as_is").rank  # type: ignore[arg-type]
+        found = essential_space(mechanism, method=method, as_written=True).rank  # type: ignore[arg-type]
     except RankError:
         return "two ranks are possible; as it is: uncertain"
     return f"two ranks are possible; as it is: {'right' if found == rank else 'WRONG'}"

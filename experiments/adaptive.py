@@ -20,7 +20,7 @@ from adaptctl.errors import InputError
 from adaptctl.experiments.contest import (
     ADAPTIVE,
     Contender,
-    Learning,
+    FromFile,
     Outcome,
     Told,
     chosen_gains,
@@ -48,14 +48,13 @@ FIRST_ORDER = 0.5 * SHORTER
 
 
 @dataclass(frozen=True)
-class AdaptiveTracking(Learning):
+class AdaptiveTracking(FromFile):
     """Experiment of learning to track on any arm."""
 
     name: ClassVar[str] = "adaptive"
     title: ClassVar[str] = "{robot}: adaptive tracking from zero estimates"
 
     robot: str = setting("puma560_measured", "a built-in robot or a file (.urdf, .xml, .toml)")
-    floating_base: bool = setting(False, "the root link of a URDF file floats instead of being fixed")
     bandwidth: float = setting(4.0, "largest bandwidth, the decay rate of errors, 1/s", symbol="Λ", low=0.1, high=100.0)
     sampling_ratio: float = setting(
         0.5,
@@ -79,9 +78,7 @@ class AdaptiveTracking(Learning):
     )
     parameter_error: float = setting(0.3, "relative error of the links' inertias in the wrong model", low=0.0, high=1.0)
     plant: str = setting("adaptctl", "plant: adaptctl, mujoco (with the whole scene), or both for a comparison")
-    root: str = setting("", "first body of the arm, in a scene with several moving bodies")
     servos_off: bool = setting(False, "switch off actuators of the arm other than torque motors")
-    snap: bool = setting(False, "snap angles between joint axes within 1e-3 rad of right angles")
     search: int = setting(
         0, "number of settings to try in closed loop, in addition to the tuning rules", low=0, high=48
     )
@@ -115,10 +112,9 @@ class AdaptiveTracking(Learning):
 
     def mechanism(self) -> Mechanism:
         """Arm from `robot`, in MuJoCo's plant as MuJoCo reads it."""
-        root = self.root or None
         if self.in_mujoco and self.is_scene:
-            return load(as_mujoco(self.robot), snap=self.snap, root=root)
-        return load(self.robot, floating_base=self.floating_base, snap=self.snap, root=root)
+            return load(as_mujoco(self.robot), **self.reading)
+        return super().mechanism()
 
     def tuning(self, mechanism: Mechanism) -> Tuning:
         """Reference and gains found by `tune`."""

@@ -198,7 +198,26 @@ class Learning(ClosedLoopExperiment):
 
 
 @dataclass(frozen=True)
-class FromRanges(Learning):
+class FromFile(Learning):
+    """Base class of experiments on any robot file, with the choices in reading it."""
+
+    floating_base: bool = setting(False, "let the base float, pushed by ideal forces, instead of holding it")
+    root: str = setting("", "first body of the robot, in an MJCF scene with several")
+    as_written: bool = setting(False, "take angles and lengths as written, where rounding may have made them")
+
+    def mechanism(self) -> Mechanism:
+        """Arm from `robot`."""
+        return load(self.robot, **self.reading)
+
+    @property
+    def reading(self) -> dict[str, Any]:
+        """Choices in reading the robot other than the default, as arguments of `load`."""
+        chosen = {"floating_base": self.floating_base, "root": self.root, "as_written": self.as_written}
+        return {name: value for name, value in chosen.items() if value}
+
+
+@dataclass(frozen=True)
+class FromRanges(FromFile):
     """Base class of experiments with adaptation gains from prior ranges."""
 
     bandwidth: float = setting(8.0, "bandwidth, the decay rate of errors, 1/s", symbol="Λ", low=0.1, high=100.0)

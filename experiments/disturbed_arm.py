@@ -16,7 +16,7 @@ from adaptctl.control import Gains, Reference, Sinusoids, StoppedReference, exci
 from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError, suggested_name
-from adaptctl.experiments.contest import Learning, chosen_gains, listed
+from adaptctl.experiments.contest import FromFile, chosen_gains, listed
 from adaptctl.experiments.experiment import DIVERGENCE_ERROR, setting
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import Failure, Setting
@@ -50,7 +50,7 @@ DISTURBANCES: dict[str, dict[str, Any]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class DisturbedArm(Learning):
+class DisturbedArm(FromFile):
     """Base class of experiments on a roughly known arm with disturbances."""
 
     disturbance: str = setting("none", f"preset of the settings below for a disturbance: {', '.join(DISTURBANCES)}")

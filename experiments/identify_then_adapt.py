@@ -161,7 +161,7 @@ def identified_from(name: str, share: float) -> Mechanism:
     from adaptctl.identification.log_files import read_log
 
     with example(name) as files:
-        mechanism = load(files.robot, snap=True)
+        mechanism = load(files.robot)
         drives = read_drives(files.drives).ordered_like(mechanism)
         log = joint_log(read_log(files.log), drives)
     part = slice(0, round(share * len(log)))
@@ -174,7 +174,7 @@ def robot_file(name: str) -> Mechanism:
     from adaptctl.identification.examples import example
 
     with example(name) as files:
-        return load(files.robot, snap=True)
+        return load(files.robot)
 
 
 def _parameters(mechanism: Mechanism, other: Mechanism) -> Array:

@@ -13,7 +13,7 @@ from adaptctl.description import Pose
 from adaptctl.description.loops import Closure, ClosureKind, Loops
 from adaptctl.description.pose import rotation_about
 from adaptctl.description.transforms import joined
-from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.puma560_adaptive import DAMPING, Puma560Adaptive
@@ -57,7 +57,7 @@ class TwoArms(Puma560Adaptive):
 
     def mechanism(self) -> Mechanism:
         """Two arms that hold one rod."""
-        return two_arms(self.robot)
+        return two_arms(super().mechanism())
 
     def torque_limits(self, mechanism: Mechanism) -> Array:
         """Torque limits (6,), N m, equivalent to those of both arms."""
@@ -77,12 +77,12 @@ class TwoArms(Puma560Adaptive):
         yield Setting("torque limits", "of both arms' motors together", "in the left arm's joints, at the centre")
 
 
-def two_arms(robot: str) -> Mechanism:
+def two_arms(robot: Mechanism) -> Mechanism:
     """Mechanism of two arms with a rod welded to both hands."""
-    arm = load(robot).description
+    arm = robot.description
     if len(arm.links) != len(LEFT) or arm.loops is not None:
         raise InputError(
-            f"robot: {robot} has {len(arm.links)} links, but two arms need an arm with six links and no loops"
+            f"robot: {arm.name} has {len(arm.links)} links, but two arms need an arm with six links and no loops"
         )
     mounts = {
         "left": Pose.identity(),

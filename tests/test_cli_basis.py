@@ -163,16 +163,31 @@ def test_wrong_robots(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Non
 
 def test_a_rank_that_cannot_be_certified_fails(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """Not the user's input: what was asked for could not be done, exit code 1."""
-    links = "\n".join(f"[[links]]\nalpha = {twist}\na = 0.3\n" for twist in (1e-6, 1e-6, 0.0))
-    head = 'schema = "adaptctl/denavit-hartenberg/1"\nconvention = "standard"\ngravity = [0, -9.81, 0]\n'
-    (tmp_path / "flat.toml").write_text(head + links)
-    assert main(["basis", str(tmp_path / "flat.toml")]) == 1
+    flat = flat_arm(tmp_path, twist=5e-4)
+    assert main(["basis", flat]) == 1
     said = capsys.readouterr()
     assert said.out == ""
     assert "flat: the rank is 17 for the geometry as given, but 9 if nearly special values are made exact" in said.err
-    assert "joint1 and joint2 are 1.0e-06 rad from 0 degrees" in said.err
-    assert main(["basis", str(tmp_path / "flat.toml"), "--no-snap"]) == 1
-    assert "flat: the rank cannot be certified: the gap at 13 is" in capsys.readouterr().err
-    assert main(["basis", str(tmp_path / "flat.toml"), "--snap", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)["certificate"]
+    assert "joint1 and joint2 are 5.0e-04 rad from 0 degrees" in said.err
+    assert "or use them as they stand with as_written=True (--as-written)" in said.err
+    assert main(["basis", flat, "--as-written", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["certificate"]["rank_exact"] == 17
+
+
+def test_rounded_angles_are_taken_as_meant_and_said(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    flat = flat_arm(tmp_path, twist=1e-6)
+    assert main(["basis", flat, "--json"]) == 0
+    said = capsys.readouterr()
+    found = json.loads(said.out)["certificate"]
     assert (found["rank_energy"], found["rank_exact"], found["proof_method"]) == (9, 9, "a prime field")
+    assert said.err == f"adaptctl: note: {flat}: 2 rounded angles taken as right angles: rank 9; --as-written for 17\n"
+    assert main(["basis", flat, "--as-written"]) == 1
+    assert "flat: the rank cannot be certified: the gap at 13 is" in capsys.readouterr().err
+
+
+def flat_arm(folder: Path, twist: float) -> str:
+    """File of a planar arm whose joints 2 and 3 are a little out of the plane."""
+    links = "\n".join(f"[[links]]\nalpha = {each}\na = 0.3\n" for each in (twist, twist, 0.0))
+    head = 'schema = "adaptctl/denavit-hartenberg/1"\nconvention = "standard"\ngravity = [0, -9.81, 0]\n'
+    (folder / "flat.toml").write_text(head + links)
+    return str(folder / "flat.toml")

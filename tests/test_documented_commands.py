@@ -47,7 +47,7 @@ def is_pattern(words: list[str]) -> bool:
 
 def flags(command: App) -> set[str]:
     names = {name for argument in command.assemble_argument_collection() for name in argument.names}
-    return {name for name in names if name == "--no-snap" or not name.startswith(("--no-", "--empty-"))}
+    return {name for name in names if not name.startswith(("--no-", "--empty-"))}
 
 
 def test_every_command_of_a_page_is_taken() -> None:

@@ -10,7 +10,7 @@ from adaptctl.codegen import exporting, live_arm
 from adaptctl.compilation import kernel, llvm, object_cache, sine
 from adaptctl.control import ringing
 from adaptctl.control.gains import sampling_ratio
-from adaptctl.description import pose, transforms
+from adaptctl.description import pose, right_angles
 from adaptctl.description.readers import entries, xml_elements
 from adaptctl.dynamics.loops import continuation, single_precision
 from adaptctl.dynamics.recursion import drive
@@ -42,7 +42,7 @@ STATED = [
     ("concepts", f"this gap is at least {power(certificate.MIN_GAP)}"),
     ("concepts", f"at least {power(certificate.MIN_SINGULAR_VALUE_RATIO)}, and if"),
     ("concepts", f"close to round-off, below {power(certificate.MAX_RESIDUAL_SINGULAR_VALUE)} of $"),
-    ("concepts", f"within round-off of such a value ({power(certificate.RIGHT_ANGLE_TOLERANCE)} rad"),
+    ("concepts", f"within round-off of such a value ({power(right_angles.EXACT_RIGHT_ANGLE)} rad"),
     ("concepts", f"A value above {sampling_ratio.MAX_SAMPLING_RATIO} is refused"),
     ("concepts", f"in steps of at most {continuation.MAX_PRIMARY_STEP} rad"),
     ("concepts", f"Mechanisms of more than {kernel.MAX_COMPILED_LINKS} links run the same equations in Python"),
@@ -66,7 +66,7 @@ STATED = [
     ("robots", f"an element depth of {xml_elements.MAX_DEPTH}"),
     ("robots", f"frames farther apart than 1e{log10(pose.MAX_LENGTH):.0f} m"),
     ("robots", f"beyond 1e{log10(xml_elements.MAX_MAGNITUDE):.0f}"),
-    ("robots", f"within {power(transforms.RIGHT_ANGLE_TOLERANCE)} rad of a multiple of 90°"),
+    ("robots", f"within {power(right_angles.ROUNDED_ANGLE)} rad of a multiple of 90°"),
     ("identification", f"at most {percent(choice.MAX_MISFIT_RATIO - 1.0)} over that of least squares"),
     ("identification", f"the last {percent(HELD_OUT_SHARE)} of the others"),
     ("identification", f"the same filter of {choice.COMPARISON_CUTOFF:.0f} Hz"),

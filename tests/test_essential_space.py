@@ -17,7 +17,7 @@ from adaptctl.arrays import Array
 from adaptctl.description import Description, Joint, JointKind, Limits, Link, Pose
 from adaptctl.description.inertia import transformed
 from adaptctl.description.pose import rotation_about
-from adaptctl.description.transforms import snapped
+from adaptctl.description.right_angles import near_right_angles, snapped
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, NonFiniteError, RankError
 from adaptctl.identifiability import (
@@ -33,7 +33,6 @@ from adaptctl.identifiability import (
     random_states,
     states_within_limits,
 )
-from adaptctl.identifiability.certificate import near_right_angles
 from adaptctl.identifiability.energy_matrix import NumericalRank, energy_differences
 from adaptctl.identifiability.essential_space import _sample_count
 from adaptctl.identifiability.factorisation import singular_values
@@ -267,22 +266,22 @@ def test_the_certificate_says_how_sure_it_is(space: EssentialSpace) -> None:
 def test_a_tiny_twist_is_refused_with_both_ranks(twist: float) -> None:
     angle = rf"joint1 and joint2 are {twist:.1e} rad from 0 degrees"
     both = "planar: the rank is 17 for the geometry as given, but 9 if nearly special values are made exact"
-    with pytest.raises(RankError, match=rf'{both}: {angle}.*snap=True.*near_singular="as_is"'):
+    with pytest.raises(RankError, match=rf"{both}: {angle}.*as_written=True \(--as-written\)"):
         essential_space(planar(twist))
     assert essential_space(Mechanism(snapped(planar(twist).description))).rank == 9
 
 
 def test_a_tiny_twist_as_it_is_needs_digits_enough() -> None:
     """Floats see 1e-4 rad; of 1e-8 rad they see a part, and would say 13."""
-    seen = essential_space(planar(1e-4), near_singular="as_is").certificate
+    seen = essential_space(planar(1e-4), as_written=True).certificate
     assert (seen.rank, seen.rank_exact) == (17, 17)
     assert "joint1 and joint2 are 1.0e-04 rad from 0 degrees" in seen.warnings[0]
     with pytest.raises(RankError, match="energies 13, exact over a prime field 17"):
-        essential_space(planar(1e-8), near_singular="as_is")
+        essential_space(planar(1e-8), as_written=True)
     unproved = essential_space(planar(1e-8), prove=False).certificate
     assert (unproved.rank, unproved.rank_exact) == (13, None)
-    with pytest.raises(InputError, match="near_singular: expected one of refuse, as_is, got 'snap'"):
-        essential_space(planar(0.0), near_singular="snap")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="as_written: expected True or False, got 'snap'"):
+        essential_space(planar(0.0), as_written="snap")  # type: ignore[arg-type]
 
 
 def test_a_nearly_special_angle_that_does_not_matter_is_only_a_remark(puma: Mechanism) -> None:
@@ -296,7 +295,7 @@ def test_a_nearly_special_angle_that_does_not_matter_is_only_a_remark(puma: Mech
 
 def test_a_long_spectrum_is_shown_about_its_gap() -> None:
     with pytest.raises(RankError, match=r"\(from the 1?\dth\)") as refusal:
-        essential_space(planar(1e-6, links=10), near_singular="as_is")
+        essential_space(planar(1e-6, links=10), as_written=True)
     assert len(refusal.value.singular_values) == 100
     assert len(str(refusal.value)) < 8000
 

@@ -78,6 +78,7 @@ def test_damping_times_velocity_is_the_friction(mechanism: Mechanism) -> None:
     np.testing.assert_array_equal(smooth, np.zeros((mechanism.dof, mechanism.dof)))
 
 
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.RoundedAnglesWarning")
 @pytest.mark.parametrize("name", ["xarm7.urdf", "z1.urdf", "hextilt_flying_arm_5.urdf"])
 def test_stiff_friction_is_not_refused(name: str) -> None:
     assert integration(load(urdf(name)), (), PERIOD) == (4, LinearlyImplicitEuler())

@@ -25,7 +25,7 @@ ROBOTS = (
         "cart.toml",
     ),
     *("mjcf_classes.xml", "mjcf_coupled.xml", "mjcf_geoms.xml", "ur5_robot.urdf", "panda.urdf"),
-    *("xarm7.urdf snapped", "double_pendulum.urdf floating"),
+    *("xarm7.urdf", "double_pendulum.urdf floating"),
 )
 LAWS = ("three: gradient", "three: linear", "two: guarded")
 

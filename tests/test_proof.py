@@ -202,13 +202,13 @@ def test_what_is_nearly_special_is_right_or_refused(seed: int) -> None:
     rng = np.random.default_rng(seed)
     case = bent(rng, int(rng.integers(2, 6)))
     rank = len(independent(case.differences(seed), range(10 * len(case.links))))
-    for near in ("refuse", "as_is"):
-        assert right_or_refused(case, rank, near)
+    for as_written in (False, True):
+        assert right_or_refused(case, rank, as_written)
 
 
-def right_or_refused(case: Case, rank: int, near: str) -> bool:
+def right_or_refused(case: Case, rank: int, as_written: bool) -> bool:
     try:
-        return essential_space(case.mechanism(), near_singular=near).rank == rank  # type: ignore[arg-type]
+        return essential_space(case.mechanism(), as_written=as_written).rank == rank
     except RankError:
         return True
 

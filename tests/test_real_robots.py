@@ -34,7 +34,7 @@ def found(name: str) -> Path:
 @pytest.mark.parametrize(("name", "joints"), SERIAL.items())
 def test_a_serial_arm_with_its_first_axis_upright_holds_7n_less_6(name: str, joints: int) -> None:
     """Mayeda, Yoshida and Osuka (1990): 7n - 4 with gravity across the first axis, 7n - 6 along it."""
-    arm = load(found(name), snap=True)
+    arm = load(found(name))
     space = essential_space(arm)
     assert space.rank == 7 * joints - 6
     assert len(fundamental_basis(space).names) == space.rank

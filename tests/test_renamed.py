@@ -21,7 +21,8 @@ RUN = ("experiment", "run")
     [
         (("tune", "puma560", "--hold", "1"), "--sampling-ratio"),
         (("gains", "puma560", "--period", "1"), "--control-period"),
-        (("basis", "puma560", "--as-is"), "--no-snap"),
+        (("basis", "puma560", "--as-is"), "--as-written"),
+        (("tune", "puma560", "--no-snap"), "--as-written"),
         (("excite", "puma560", "--rate", "1"), "--sample-rate"),
         (("design", "puma560", "--share", "1"), "--mass-ratio"),
         ((*RUN, "adaptive", "--rate", "1"), "--adaptation-ratio"),
@@ -35,6 +36,12 @@ def test_a_former_flag_is_refused_with_the_new_one(
 ) -> None:
     assert main(line) == 2
     assert f"Did you mean {new}?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("line", [("basis", "puma560"), ("excite", "puma560"), (*RUN, "adaptive")])
+def test_what_is_the_default_now_is_said(line: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main((*line, "--snap")) == 2
+    assert "Unknown option: --snap, now the default; --as-written is its opposite" in capsys.readouterr().err
 
 
 def test_a_former_setting_is_refused_with_the_new_one() -> None:

@@ -194,8 +194,8 @@ def test_other_settings_are_other_results(folder: Path) -> None:
     assert fundamental_basis(space).columns == fundamental_basis(space, tolerance=2e-3).columns
     with pytest.raises(InputError, match="method"):
         essential_space(arm, method="guess")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="near"):
-        essential_space(arm, near_singular="far")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="as_written"):
+        essential_space(arm, as_written="far")  # type: ignore[arg-type]
     with pytest.raises((InputError, RankError)):
         fundamental_basis(space, tolerance=1.0)
 

@@ -1,6 +1,10 @@
-"""Right angles that files rounded: named, and made exact on request."""
+"""Right angles that files rounded: named, and made exact where torques hardly tell."""
 
 from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,11 +15,13 @@ from robot_files import urdf
 
 from adaptctl.description import Description, Joint, Link, Pose, read, snapped
 from adaptctl.description.pose import rotation_about
+from adaptctl.description.right_angles import ROUNDED_ANGLE, near_right_angles
+from adaptctl.description.writers.mechanism_file import write_mechanism
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import link_poses
-from adaptctl.errors import RankError
+from adaptctl.dynamics.rounded_angles import ROUNDED_TORQUE, _states, torque_change
+from adaptctl.errors import RankError, RoundedAnglesWarning
 from adaptctl.identifiability import essential_space
-from adaptctl.identifiability.certificate import near_right_angles
 
 
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
@@ -25,15 +31,18 @@ def test_a_tilt_of_six_microradians_makes_38_of_36(name: str) -> None:
     with pytest.raises(
         RankError, match=r"rank is 38 for the geometry as given, but 36 if .* gravity and shoulder_pan are"
     ):
-        essential_space(load(urdf(name)))
-    found = essential_space(load(urdf(name)), near_singular="as_is")
+        essential_space(Mechanism(read(urdf(name))))
+    found = essential_space(load(urdf(name), as_written=True))
     assert found.rank == found.certificate.rank_exact == 38
     assert found.certificate.relative_smallest < 1e-3
     (first, *_) = found.certificate.near_right_angles
     assert (first.parent, first.child) == ("gravity", "shoulder_pan")
     assert 1e-6 < abs(first.deviation) < 1e-5
     assert "rad from" in str(first)
-    exact = essential_space(load(urdf(name), snap=True))
+    words = r"taken as (a right angle|right angles); as_written=True keeps"
+    with pytest.warns(RoundedAnglesWarning, match=words) as said:
+        exact = essential_space(load(urdf(name)))
+    assert len(said) == 1
     assert exact.rank == 36
     assert exact.certificate.near_right_angles == ()
     assert exact.certificate.relative_smallest > 1e-2
@@ -52,6 +61,50 @@ def test_real_files_are_straight_afterwards_and_hardly_moved(name: str) -> None:
     p = np.random.default_rng(0).uniform(-1, 1, Mechanism(before).dof)
     places = [link_poses(Mechanism(description), p).translations for description in (before, after)]
     assert np.abs(places[0] - places[1]).max() < 1e-4
+
+
+def tilted(miss: float, gravity: float = 9.81) -> Description:
+    """An arm whose shoulder is tilted by `miss` rad, so that gravity turns its first joint, which it did not."""
+    arm = read("puma560_measured")
+    first = arm.links[0]
+    turn = Pose(rotation_about((1, 0, 0), miss), np.zeros(3))
+    return replace(
+        arm,
+        gravity=np.array([0.0, 0.0, -gravity]),
+        links=(replace(first, parent_to_joint=turn @ first.parent_to_joint), *arm.links[1:]),
+    )
+
+
+def test_angles_that_torques_tell_stay(tmp_path: Path) -> None:
+    """Within 1e-4 rad: what moves torques by less than 1e-4 is rounded, what moves them by more is not."""
+    for miss, gravity, rounded in ((1e-8, 9.81, True), (9e-5, 9.81, True), (9e-5, 50.0, False), (2e-4, 9.81, False)):
+        file = tmp_path / "arm.toml"
+        off = tilted(miss, gravity)
+        write_mechanism(file, off)
+        as_written = load(file, as_written=True)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            arm = load(file)
+        assert (arm.geometry_sha256 != as_written.geometry_sha256) == bool(said) == rounded
+        change = torque_change(off, snapped(off, 1e-3))
+        assert (miss < ROUNDED_ANGLE and change < ROUNDED_TORQUE) == rounded
+        assert essential_space(as_written, prove=True).certificate.rank_exact == 38
+        if not rounded:
+            with pytest.raises(RankError, match=r"38 for the geometry as given, but 36"):
+                essential_space(arm)
+
+
+def test_the_change_of_torques_is_that_of_another_recursion() -> None:
+    pinocchio = pytest.importorskip("pinocchio")
+    before, after = tilted(1e-5), read("puma560_measured")
+    states = _states(before)
+    torques = []
+    for arm in (before, after):
+        model = Mechanism(arm).to_pinocchio()
+        data = model.createData()
+        torques.append(np.array([pinocchio.rnea(model, data, *state) for state in zip(*states, strict=True)]))
+    expected = (np.abs(torques[1] - torques[0]).max(0) / np.abs(torques[0]).max(0)).max()
+    assert torque_change(before, after) == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize("name", ["puma560_measured", "semi_direct_drive", "semi_direct_drive_parallelogram"])

@@ -32,22 +32,22 @@ def rows(made: SweepStudy) -> list[dict[str, Any]]:
 
 
 def test_true_and_false_are_values() -> None:
-    assert parsed(FIELDS["snap"], "true, false") == (True, False)
-    assert parsed(FIELDS["snap"], ["False", "True"]) == (False, True)
-    assert as_span(FIELDS["snap"], (False, True)) is None
+    assert parsed(FIELDS["as_written"], "true, false") == (True, False)
+    assert parsed(FIELDS["as_written"], ["False", "True"]) == (False, True)
+    assert as_span(FIELDS["as_written"], (False, True)) is None
 
 
 @pytest.mark.parametrize("text", ["1", "0..1", "yes", "", "true,true", "nan"])
 def test_what_is_neither_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match=r"^snap: expected (true or false|one or more different values)"):
-        parsed(FIELDS["snap"], text)
+    with pytest.raises(InputError, match=r"^as_written: expected (true or false|one or more different values)"):
+        parsed(FIELDS["as_written"], text)
 
 
 def test_a_table_has_settings_that_are_true_or_false() -> None:
-    made = study(snap="true,false", seed="0,1")
+    made = study(as_written="true,false", seed="0,1")
     found = table(made, rows(made), made.count)
-    assert found.schema.field("snap").type == pa.bool_()
-    assert found.column("snap").to_pylist() == [True, True, False, False]
+    assert found.schema.field("as_written").type == pa.bool_()
+    assert found.column("as_written").to_pylist() == [True, True, False, False]
     assert set(found.column("floating_base").to_pylist()) == {False}
     assert set(found.column("status").to_pylist()) == {"done"}
 
@@ -61,23 +61,23 @@ def test_a_sweep_of_any_arm_is_kept_and_resumed(tmp_path: Path, capsys: pytest.C
 
 
 def test_draws_pick_true_or_false() -> None:
-    made = SweepStudy.named("adaptive", SHORT | {"snap": "false,true"}, sampling="sobol", samples=8)
-    assert {run["snap"] for run in made.runs()} == {False, True}
-    assert all(isinstance(run["snap"], bool) for run in made.runs())
+    made = SweepStudy.named("adaptive", SHORT | {"as_written": "false,true"}, sampling="sobol", samples=8)
+    assert {run["as_written"] for run in made.runs()} == {False, True}
+    assert all(isinstance(run["as_written"], bool) for run in made.runs())
 
 
 def test_best_settings_are_read_back_whatever_they_are(tmp_path: Path) -> None:
-    best = BestSettings({"snap": True, "robot": "my arm.urdf", "seed": 3}, "adaptive", 0.1, 5)
+    best = BestSettings({"as_written": True, "robot": "my arm.urdf", "seed": 3}, "adaptive", 0.1, 5)
     write_settings(tmp_path / "best.toml", study(), best)
     again = SweepStudy.named(str(tmp_path / "best.toml"), {})
-    assert again.settings == {"snap": (True,), "robot": ("my arm.urdf",), "seed": (3,)}
+    assert again.settings == {"as_written": (True,), "robot": ("my arm.urdf",), "seed": (3,)}
 
 
 def test_a_run_is_shown_again_with_all_its_settings(tmp_path: Path) -> None:
-    made = study(snap="true")
+    made = study(as_written="true")
     row = rows(made)[0] | {"robot": "my arm.urdf"}
     words = shlex.split(SweepReport(made, table(made, [row], 1)).replay(row))  # type: ignore[arg-type]
-    assert "--snap" in words
+    assert "--as-written" in words
     assert "True" not in words
     assert words[words.index("--robot") + 1] == "my arm.urdf"
     words[words.index("my arm.urdf")] = "docs/examples/two_link.toml"

@@ -15,44 +15,44 @@ from adaptctl.sweeps.rows import columns_of, rows_of
 from adaptctl.sweeps.search import BestSettings, write_settings
 from adaptctl.sweeps.study import Span, SweepStudy, as_span, parsed
 
-SNAP = {entry.name: entry for entry in fields(AdaptiveTracking)}["snap"]
+AS_WRITTEN = {entry.name: entry for entry in fields(AdaptiveTracking)}["as_written"]
 ARM = "docs/examples/two_link.toml"
 
 
 def test_switches_are_typed_as_true_and_false() -> None:
-    assert parsed(SNAP, "true,false") == (True, False)
-    assert parsed(SNAP, ["False", "True"]) == (False, True)
-    assert parsed(SNAP, "true") == (True,)
-    assert as_span(SNAP, (False, True)) is None
+    assert parsed(AS_WRITTEN, "true,false") == (True, False)
+    assert parsed(AS_WRITTEN, ["False", "True"]) == (False, True)
+    assert parsed(AS_WRITTEN, "true") == (True,)
+    assert as_span(AS_WRITTEN, (False, True)) is None
     for wrong in ("1", "yes", "0..1", "", "true,true"):
-        with pytest.raises(InputError, match=r"snap: expected (true or false|one or more different values)"):
-            parsed(SNAP, wrong)
+        with pytest.raises(InputError, match=r"as_written: expected (true or false|one or more different values)"):
+            parsed(AS_WRITTEN, wrong)
 
 
 def test_tables_have_switches(tmp_path: Path) -> None:
-    given = {"robot": ARM, "duration": "0.05", "snap": "true,false"}
+    given = {"robot": ARM, "duration": "0.05", "as_written": "true,false"}
     study = SweepStudy.named("adaptive", given, controllers=("adaptive",))
     rows = rows_of("adaptive", list(study.runs()), ("adaptive",))
     assert [row["status"] for row in rows] == ["done", "done"]
-    assert columns_of(AdaptiveTracking)["snap"][0] == "bool"
+    assert columns_of(AdaptiveTracking)["as_written"][0] == "bool"
     folder = Folder.opened(tmp_path / "sweep", study, 2, ())
     for shard in folder.shards():
         folder.keep(shard, rows)
     made = folder.finished()
-    assert made.column("snap").to_pylist() == [True, False]
+    assert made.column("as_written").to_pylist() == [True, False]
     assert made.column("floating_base").to_pylist() == [False, False]
     report = SweepReport.of(tmp_path / "sweep")
     commands = [report.replay(row) for row in report.rows]
-    assert ["--snap" in command.split() for command in commands] == [True, False]
-    assert "--snap True" not in commands[0]
+    assert ["--as-written" in command.split() for command in commands] == [True, False]
+    assert "--as-written True" not in commands[0]
     assert write_report(tmp_path / "sweep").exists()
 
 
 def test_a_search_writes_switches_as_toml_has_them(tmp_path: Path) -> None:
-    study = SweepStudy.named("adaptive", {"robot": ARM, "snap": "true,false"})
-    found = BestSettings({"robot": ARM, "snap": True}, "adaptive", 0.0, 1)
+    study = SweepStudy.named("adaptive", {"robot": ARM, "as_written": "true,false"})
+    found = BestSettings({"robot": ARM, "as_written": True}, "adaptive", 0.0, 1)
     write_settings(tmp_path / "best.toml", study, found)
-    assert "snap = [true]" in (tmp_path / "best.toml").read_text()
+    assert "as_written = [true]" in (tmp_path / "best.toml").read_text()
     again = SweepStudy.named(str(tmp_path / "best.toml"), {})
-    assert again.settings["snap"] == (True,)
-    assert not isinstance(again.settings["snap"], Span)
+    assert again.settings["as_written"] == (True,)
+    assert not isinstance(again.settings["as_written"], Span)

@@ -156,6 +156,7 @@ def test_a_search_is_no_worse_than_the_rule_where_it_judges(tuned: Tuning) -> No
     np.testing.assert_allclose(again.adaptation, searched.adaptation, rtol=1e-9)
 
 
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.RoundedAnglesWarning")
 def test_stiff_friction_is_integrated_not_refused() -> None:
     tuning = tune(load(urdf("xarm7.urdf")))
     assert tuning.integrator == LinearlyImplicitEuler()

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from adaptctl.cli.output import (
-    FloatingBase,
     Json,
     Robot,
     Words,
@@ -23,6 +22,7 @@ from adaptctl.cli.output import (
     titled,
     words,
 )
+from adaptctl.cli.robot import AS_USUAL, RobotFlags
 
 if TYPE_CHECKING:
     from rich.console import Group, RenderableType
@@ -53,8 +53,7 @@ def basis(
     *,
     priority: Annotated[Path | None, Parameter(metavar="FILE")] = None,
     energy_error: Annotated[float | None, Parameter(metavar="PERCENT")] = None,
-    snap: Annotated[bool | None, Parameter(negative="--no-snap")] = None,
-    floating_base: FloatingBase = False,
+    reading: RobotFlags = AS_USUAL,
     json: Json = False,
     out: Annotated[Path | None, Parameter(metavar="FILE")] = None,
     overwrite: Annotated[bool, Parameter(negative=())] = False,
@@ -71,9 +70,6 @@ def basis(
         TOML file with the order in which parameters are removed. Default: Sheu and Walker's Table 4.
     energy_error : float
         Also print how many essential components keep the energy error, %, below this within the joint limits.
-    snap : bool
-        Round angles within 1e-3 rad of right angles to these, or use them as given. Default: refuse such a robot if
-        they matter.
     out : Path
         Also save the basis, as JSON for `FundamentalBasis.load`.
     overwrite : bool
@@ -86,21 +82,20 @@ def basis(
     NotFoundError
         If the robot is unknown.
     InputError
-        If `energy_error` is below 0 or the robot of `floating_base` is no URDF file.
+        If `energy_error` is below 0, or an option does not go with the robot.
     LoopError
         If kinematic loops cannot be closed.
     RankError
-        If the number of parameters cannot be certified or, without `snap`, angles or lengths are nearly special.
+        If the number of parameters cannot be certified or, unless `as_written`, angles or lengths are nearly special.
     """
-    from adaptctl.dynamics import load
     from adaptctl.files import validate_place
     from adaptctl.identifiability import Priority, essential_space, fundamental_basis
 
     if out is not None:
         validate_place(out, overwrite)
-    mechanism = load(robot, floating_base=floating_base, snap=bool(snap))
+    mechanism = reading.load(robot)
     order = Priority.default(mechanism) if priority is None else Priority.read(priority, mechanism)
-    space = essential_space(mechanism, near_singular="as_is" if snap is False else "refuse", prove=True)
+    space = essential_space(mechanism, prove=True)
     found = fundamental_basis(space, order, prove=True)
     reduction = None if energy_error is None else _reduction(mechanism, energy_error)
     if out is not None:

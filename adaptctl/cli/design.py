@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from adaptctl.cli.output import FloatingBase, Json, Overwrite, Robot, print_json, print_sections
+from adaptctl.cli.output import Json, Overwrite, Robot, print_json, print_sections
+from adaptctl.cli.robot import AS_USUAL, RobotFlags
 
 if TYPE_CHECKING:
     from adaptctl.design import AddedMass, DesignStudy, DesignTask
@@ -36,7 +37,7 @@ def design(
     duration: float | None = None,
     control_period: float | None = None,
     components: int | None = None,
-    floating_base: FloatingBase = False,
+    reading: RobotFlags = AS_USUAL,
     json: Json = False,
     out: Annotated[Path | None, Parameter(metavar="DIR")] = None,
     overwrite: Overwrite = False,
@@ -98,7 +99,6 @@ def design(
     """
     from adaptctl.design import DesignTask, design_study
     from adaptctl.design.report import as_builtins, report, write_study
-    from adaptctl.dynamics import load
     from adaptctl.errors import InputError
     from adaptctl.optional_packages import validate_for_results
 
@@ -113,7 +113,7 @@ def design(
     if given and not drive:
         raise InputError(f"--{next(iter(given)).replace('_', '-')} is for closed-loop runs: add --drive")
     added = body or (1.0 if mass is None else mass)
-    mechanism = load(robot, floating_base=floating_base)
+    mechanism = reading.load(robot)
     task = DesignTask.within_limits(mechanism, samples, seed, speed)
     detail = None if link is None else _detail(task, link, added, mount, (mass_ratio, max_offset), energy_error)
     study = design_study(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from adaptctl.cli.output import Folder, Json, Overwrite, Robot, print_json
+from adaptctl.cli.robot import AS_USUAL, RobotFlags
 from adaptctl.folders import replacing_folder
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ def excite(
     sample_rate: float = 100.0,
     iterations: int = 10,
     seed: int = 0,
+    reading: RobotFlags = AS_USUAL,
     out: Folder = Path("results/excite"),
     overwrite: Overwrite = False,
     json: Json = False,
@@ -81,13 +83,12 @@ def excite(
         If the number of identifiable parameters cannot be certified.
     """
     from adaptctl.arrays import positive_per_joint
-    from adaptctl.dynamics import load
     from adaptctl.files import write_json
     from adaptctl.identification.robot_motion import RobotLimits, exciting_motion
     from adaptctl.identification.uncertainty import forecast
     from adaptctl.identification.workspace import workspace
 
-    mechanism = load(robot)
+    mechanism = reading.load(robot)
     _validate_rate(sample_rate)
     limits = RobotLimits.of(mechanism, limit_share, _each(acceleration), _each(jerk))
     residuals = positive_per_joint(_each(noise), mechanism.dof, "noise") if noise else None

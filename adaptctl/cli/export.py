@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from adaptctl.cli.output import FloatingBase, Period, Robot, print_json
+from adaptctl.cli.output import Period, Robot, print_json
+from adaptctl.cli.robot import AS_USUAL, RobotFlags
 
 if TYPE_CHECKING:
     from adaptctl.codegen import Exported
@@ -35,7 +36,7 @@ def export(
     without_safety_filter: bool = False,
     check: bool = False,
     anyway: bool = False,
-    floating_base: FloatingBase = False,
+    reading: RobotFlags = AS_USUAL,
     json: bool = False,
 ) -> None:
     """
@@ -81,13 +82,12 @@ def export(
     """
     from adaptctl.codegen import export as exported
     from adaptctl.codegen.builds import COMPILERS, builds
-    from adaptctl.dynamics import load
     from adaptctl.errors import VerdictError
     from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
     from adaptctl.tuning import tune
     from adaptctl.tuning.named_laws import guarded, named_law
 
-    mechanism = load(robot, floating_base=floating_base)
+    mechanism = reading.load(robot)
     tuning = tune(mechanism, control_period=control_period, bandwidth=bandwidth)
     if not anyway:
         tuning.validate_learning("--anyway")

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from adaptctl.cli.output import (
-    FloatingBase,
     Json,
     Period,
     Robot,
@@ -21,6 +20,7 @@ from adaptctl.cli.output import (
     titled,
     words,
 )
+from adaptctl.cli.robot import AS_USUAL, RobotFlags
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -55,7 +55,7 @@ def gains(
     weights: Annotated[tuple[float, float, float] | None, Parameter(metavar="P V A")] = None,
     control_period: Period = 1e-3,
     delay: int = 0,
-    floating_base: FloatingBase = False,
+    reading: RobotFlags = AS_USUAL,
     json: Json = False,
 ) -> None:
     """
@@ -93,10 +93,9 @@ def gains(
         If kinematic loops cannot be closed.
     """
     from adaptctl.control import GainDesign
-    from adaptctl.dynamics import load
 
     _validate_own(method, bandwidth=bandwidth, damping_ratio=damping_ratio, poles=poles, weights=weights)
-    mechanism, limited = load(robot, floating_base=floating_base), tuple[str, ...]()
+    mechanism, limited = reading.load(robot), tuple[str, ...]()
     match method:
         case "bandwidth" if damping_ratio is not None:
             wanted = 4.0 if bandwidth is None else bandwidth

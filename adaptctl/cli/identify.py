@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from adaptctl.cli.output import Folder, Json, Overwrite, print_json, print_outcome
+from adaptctl.cli.robot import AS_USUAL, RobotFlags
 from adaptctl.folders import replacing_folder
 
 if TYPE_CHECKING:
+    from adaptctl.dynamics import Mechanism
     from adaptctl.identification import Identification
     from adaptctl.identification.estimator_comparison import Amplification
 
@@ -37,6 +39,7 @@ def identify(
     prior_weight: float | None = None,
     instrumental_variables: bool = False,
     energy_differences: Annotated[float | None, Parameter(metavar="S")] = None,
+    reading: RobotFlags = AS_USUAL,
     out: Folder = Path("results/identify"),
     overwrite: Overwrite = False,
     json: Json = False,
@@ -99,9 +102,10 @@ def identify(
 
     validate_for_results()
     with replacing_folder(out, overwrite) as folder, _files(logs, robot, drives) as (logs, robot, drives):
+        mechanism = reading.load(robot)
         found = identified(
             logs,
-            robot,
+            mechanism,
             drives,
             validate=validate,
             columns=_pairs("--columns", columns),
@@ -114,10 +118,10 @@ def identify(
             prior_weight=prior_weight,
             instrumental_variables=instrumental_variables,
         )
-        _write(folder, found, robot)
+        _write(folder, found, robot, mechanism)
         compared = None
         if energy_differences is not None:
-            compared = _compared(logs, robot, drives, energy_differences, folder / ENERGIES)
+            compared = _compared(logs, mechanism, drives, energy_differences, folder / ENERGIES)
     if json:
         words = {} if compared is None else {"energy_differences": [case._asdict() for case in compared.measured]}
         print_json(as_builtins(found, out) | words)
@@ -156,7 +160,9 @@ def _files(
         yield logs, robot, drives
 
 
-def _compared(logs: tuple[Path, ...], robot: str, drives: Path | None, window: float, folder: Path) -> Amplification:
+def _compared(
+    logs: tuple[Path, ...], robot: Mechanism, drives: Path | None, window: float, folder: Path
+) -> Amplification:
     """Comparison of what two estimators make of torques that are off, written into a folder of its own."""
     from adaptctl.errors import InputError
     from adaptctl.folders import made_folder
@@ -170,11 +176,10 @@ def _compared(logs: tuple[Path, ...], robot: str, drives: Path | None, window: f
     return found
 
 
-def _write(folder: Path, found: Identification, robot: str) -> None:
-    from adaptctl.dynamics import load
+def _write(folder: Path, found: Identification, robot: str, before: Mechanism) -> None:
     from adaptctl.identification.files import write_identification
 
-    write_identification(folder, found, robot, load(robot, snap=True))
+    write_identification(folder, found, robot, before)
 
 
 def _pairs(option: str, given: Pairs) -> dict[str, str]:

@@ -13,6 +13,7 @@ from typing import TextIO, get_args
 
 from cyclopts import App, ArgumentCollection, CycloptsError, Parameter, UnknownOptionError
 
+from adaptctl.cli.robot import note_on
 from adaptctl.errors import (
     AdaptctlError,
     InputError,
@@ -23,7 +24,7 @@ from adaptctl.errors import (
     VerdictError,
 )
 from adaptctl.optional_packages import needed
-from adaptctl.renamed import new_name
+from adaptctl.renamed import NOW_DEFAULT, new_name
 
 DONE, FAILED, WRONG_INPUT, VERDICT, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -157,7 +158,10 @@ def _renamed_option(error: CycloptsError) -> str:
         return ""
     names = {name for argument in error.argument_collection for name in argument.names}
     option = (error.token.keyword or "").removeprefix("--").replace("-", "_")
-    new = new_name(option, {name.removeprefix("--").replace("-", "_") for name in names})
+    known = {name.removeprefix("--").replace("-", "_") for name in names}
+    if (other := NOW_DEFAULT.get(option)) in known:
+        return f"Unknown option: {error.token.keyword}, now the default; --{other.replace('_', '-')} is its opposite."
+    new = new_name(option, known)
     return f"Unknown option: {error.token.keyword}. Did you mean --{new.replace('_', '-')}?" if new else ""
 
 
@@ -198,7 +202,7 @@ def _warnings_as_notes() -> Iterator[None]:
         ) -> None:
             if not issubclass(category, ours):
                 theirs(message, category, filename, lineno, file, line)
-            elif (text := " ".join(str(message).split())) not in shown:
+            elif (text := " ".join(note_on(message).split())) not in shown:
                 shown.add(text)
                 print(f"adaptctl: note: {text}", file=sys.stderr)
 

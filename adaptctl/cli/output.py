@@ -25,9 +25,6 @@ if TYPE_CHECKING:
     from adaptctl.recording.result import Fact
 
 Robot = Annotated[str, Parameter(help="Name of a built-in robot, or a .urdf, .xml (MJCF) or .toml file.")]
-FloatingBase = Annotated[
-    bool, Parameter(help="Let the root link of a URDF file float, instead of fixing it to the ground.")
-]
 Json = Annotated[bool, Parameter(help="Print JSON instead of text.")]
 Period = Annotated[float, Parameter(help="Control period, s.")]
 Folder = Annotated[Path, Parameter(metavar="DIR", help="Folder to write.")]

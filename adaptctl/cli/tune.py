@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from adaptctl.cli.output import (
-    FloatingBase,
     Json,
     Period,
     Robot,
@@ -17,6 +16,7 @@ from adaptctl.cli.output import (
     titled,
     words,
 )
+from adaptctl.cli.robot import AS_USUAL, RobotFlags
 from adaptctl.files import finite_or_none
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def tune(
     adaptation_ratio: float = 0.5,
     search: int = 0,
     seed: int = 0,
-    floating_base: FloatingBase = False,
+    reading: RobotFlags = AS_USUAL,
     json: Json = False,
 ) -> int:
     """
@@ -76,10 +76,9 @@ def tune(
     LoopError
         If kinematic loops cannot be closed.
     """
-    from adaptctl.dynamics import load
     from adaptctl.tuning import tune as tuned
 
-    mechanism = load(robot, floating_base=floating_base)
+    mechanism = reading.load(robot)
     tuning = tuned(
         mechanism,
         control_period=control_period,

@@ -20,5 +20,5 @@ from adaptctl.description.readers.pinocchio_model import to_pinocchio_constraint
 from adaptctl.description.readers.registry import builtin_names as builtin_names
 from adaptctl.description.readers.registry import read as read
 from adaptctl.description.readers.urdf import read_urdf as read_urdf
-from adaptctl.description.transforms import snapped as snapped
+from adaptctl.description.right_angles import snapped as snapped
 from adaptctl.description.transforms import with_floating_base as with_floating_base

@@ -192,6 +192,9 @@ class Description:
         Shapes to draw, which hashes leave out.
     frames : sequence of NamedFrame, optional
         Named frames besides those of joints and links, which hashes leave out.
+    as_written : bool, default False
+        If true, nearly special angles and lengths are meant as they stand, and a rank that depends on them is not
+        refused. It is no part of the hashes, or of equality.
 
     Raises
     ------
@@ -216,6 +219,7 @@ class Description:
     loops: Loops | None = None
     visuals: tuple[Visual, ...] = ()
     frames: tuple[NamedFrame, ...] = ()
+    as_written: bool = False
 
     def __post_init__(self) -> None:
         for name in ("links", "visuals", "frames"):

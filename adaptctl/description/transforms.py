@@ -1,4 +1,4 @@
-"""Mechanisms made of mechanisms: joined, floating, with exact right angles."""
+"""Mechanisms made of mechanisms: joined, floating, with frames at their joints."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from adaptctl.arrays import Array, frozen_array
 from adaptctl.description.description import GROUND, Description, Joint, JointKind, Link
 from adaptctl.description.inertia import PARAMETERS, transformed
 from adaptctl.description.loops import Loops
-from adaptctl.description.pose import NamedFrame, Pose, exact_right_angles
+from adaptctl.description.pose import NamedFrame, Pose
 from adaptctl.description.visual import Visual
 from adaptctl.errors import InputError
 
@@ -158,107 +158,6 @@ def _base_link(i: int, name: str, inertia: ArrayLike) -> Link:
     if i < len(FLOATING_JOINTS) - 1:
         return Link(f"{name}_{suffix}", i - 1, joint, identity, identity, massless=True)
     return Link(name, i - 1, joint, identity, identity, np.asarray(inertia))
-
-
-RIGHT_ANGLE_TOLERANCE = 1e-3
-"""rad"""
-
-
-def snapped(description: Description, tolerance: float = RIGHT_ANGLE_TOLERANCE) -> Description:
-    """
-    Round nearly right angles between successive joint axes to exact multiples of 90 degrees.
-
-    Parameters
-    ----------
-    description : Description
-        Description of the mechanism, for example from a file with rounded angles.
-    tolerance : float, default 1e-3
-        Largest deviation of an angle in rad from a multiple of 90 degrees that is rounded.
-
-    Returns
-    -------
-    Description
-        The mechanism with exact frames and axes, also relative to gravity. Link origins move by at most `tolerance`
-        times the chain's length; limits and inertias in the links' frames stay.
-
-    Examples
-    --------
-    >>> from adaptctl.description import snapped
-    >>> snapped(arm.description).links[0].joint.axis.tolist()
-    [0.0, 0.0, 1.0]
-    """
-    links: list[Link] = []
-    for link in description.links:
-        straight = _straightened(link, tolerance)
-        carrier = _carrier(description, links, straight)
-        links.append(straight if carrier is None else _turned(carrier[1], straight, tolerance))
-    loops = description.loops
-    if loops is not None:
-        loops = replace(loops, closures=tuple(_closure(closure, tolerance) for closure in loops.closures))
-    return replace(description, links=tuple(links), loops=loops)
-
-
-def meeting_axes(description: Description) -> Iterator[tuple[Link, str, tuple[Array, Array]]]:
-    """Triples (link, name, axes) of a mechanism's `description` in the links' order."""
-    for link in description.links:
-        carrier = _carrier(description, description.links, link)
-        if carrier is not None:
-            yield link, carrier[0], (carrier[1], link.parent_to_joint.rotation @ link.joint.axis)
-
-
-def _carrier(description: Description, links: Sequence[Link], link: Link) -> tuple[str, Array] | None:
-    """Axis that a joint's angle is measured from (parent's joint or gravity), with its name, or None."""
-    if link.parent != GROUND:
-        parent = links[link.parent]
-        return parent.joint.name, parent.joint_to_link.rotation.T @ parent.joint.axis
-    strength = float(np.linalg.norm(description.gravity))
-    return ("gravity", description.gravity / strength) if strength > 0.0 else None
-
-
-def _straightened(link: Link, tolerance: float) -> Link:
-    """Link whose frames and axis are nearly on axes of what carries them, put onto these."""
-    axis, unit = link.joint.axis, np.round(link.joint.axis)
-    near_unit = np.abs(unit).sum() == 1.0 and np.linalg.norm(axis - unit) < tolerance
-    joint = replace(link.joint, axis=unit) if near_unit else link.joint
-    return replace(
-        link,
-        joint=joint,
-        parent_to_joint=_pose(link.parent_to_joint, tolerance),
-        joint_to_link=_pose(link.joint_to_link, tolerance),
-    )
-
-
-def _pose(pose: Pose, tolerance: float) -> Pose:
-    rounded = np.round(pose.rotation) + 0.0
-    is_turn = np.array_equal(np.abs(rounded).sum(0), np.ones(3)) and np.linalg.det(rounded) > 0.0
-    if is_turn and np.abs(pose.rotation - rounded).max() < tolerance:
-        return Pose(rounded, pose.translation)
-    return pose
-
-
-def _closure(closure: Closure, tolerance: float) -> Closure:
-    first, second = _pose(closure.first_frame, tolerance), _pose(closure.second_frame, tolerance)
-    return replace(closure, first_frame=first, second_frame=second)
-
-
-def _turned(first: Array, child: Link, tolerance: float) -> Link:
-    second = child.parent_to_joint.rotation @ child.joint.axis
-    along = float(first @ second)
-    across = second - along * first
-    if np.linalg.norm(across) < tolerance:
-        meant = np.copysign(1.0, along) * first
-    elif abs(along) < tolerance:
-        meant = across / np.linalg.norm(across)
-    else:
-        return child
-    rotation = exact_right_angles(_shortest_turn(second, meant) @ child.parent_to_joint.rotation, 1e-14)
-    return replace(child, parent_to_joint=Pose(rotation, child.parent_to_joint.translation))
-
-
-def _shortest_turn(start: Array, end: Array) -> Array:
-    x, y, z = np.cross(start, end)
-    hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + hat + hat @ hat / (1.0 + float(start @ end))
 
 
 def with_joint_frames(description: Description) -> Description:

@@ -859,7 +859,7 @@ def load(
     source: str | Path | pinocchio.Model | mujoco.MjModel,
     *,
     floating_base: bool = False,
-    snap: bool = False,
+    as_written: bool = False,
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
 ) -> Mechanism:
@@ -872,9 +872,9 @@ def load(
         Name of a built-in robot (``"puma560"``, see `builtin_names`), a file (.toml, .urdf, .xml, .mjcf), or a model.
     floating_base : bool, default False
         If true, the root link of a URDF file floats on six joints. By default it is fixed to the ground, as an arm is.
-    snap : bool, default False
-        If true, angles between successive joint axes within 1e-3 rad of a multiple of 90 degrees are made exact. By
-        default the file's values count.
+    as_written : bool, default False
+        If true, all angles are meant as they stand. By default those between successive joint axes that are within
+        1e-4 rad of a multiple of 90 degrees are taken as rounded and made exact, if torques change by less than 1e-4.
     mesh_folders : sequence of str or Path, optional
         Folders with meshes of a URDF file. Default: none besides its own package.
     root : str, optional
@@ -901,6 +901,8 @@ def load(
     -----
     PhysicalConsistencyWarning
         If a link has an inertia that no rigid body can have.
+    RoundedAnglesWarning
+        If rounded angles are taken as right angles.
     SimplificationWarning
         If a part of the source, such as springs, is left out.
 
@@ -910,11 +912,15 @@ def load(
     <Mechanism 'puma560_measured': 6 links, 6 degrees of freedom>
     """
     from adaptctl.description.readers.registry import read, read_model
+    from adaptctl.dynamics.rounded_angles import as_meant
 
-    options: dict[str, Any] = {"floating_base": floating_base, "snap": snap, "mesh_folders": mesh_folders, "root": root}
-    if not isinstance(source, str | Path):
-        return Mechanism(read_model(source, **options))
-    mechanism = Mechanism(read(source, **options))
+    options: dict[str, Any] = {"floating_base": floating_base, "mesh_folders": mesh_folders, "root": root}
+    is_file = isinstance(source, str | Path)
+    read_in = read(source, **options) if isinstance(source, str | Path) else read_model(source, **options)
+    where = str(source) if is_file else read_in.name
+    mechanism = Mechanism(replace(read_in, as_written=True) if as_written else as_meant(read_in, where, stacklevel=2))
+    if not is_file:
+        return mechanism
     try:
         _ = mechanism.continuation  # Closes the loops, so that a wrong file is named here and not later.
     except LoopError as error:

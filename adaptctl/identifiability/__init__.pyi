@@ -1,5 +1,5 @@
+from adaptctl.description.right_angles import NearRightAngle as NearRightAngle
 from adaptctl.identifiability.certificate import Certificate as Certificate
-from adaptctl.identifiability.certificate import NearRightAngle as NearRightAngle
 from adaptctl.identifiability.certificate import ResidualSingularValue as ResidualSingularValue
 from adaptctl.identifiability.consistency import ConsistentParameters as ConsistentParameters
 from adaptctl.identifiability.consistency import nearest_consistent as nearest_consistent

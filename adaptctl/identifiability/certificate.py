@@ -6,23 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from adaptctl.arrays import Array
-from adaptctl.description import Description
-from adaptctl.description.transforms import meeting_axes
+from adaptctl.description.right_angles import NearRightAngle
 from adaptctl.errors import RankError
 
 Method = Literal["automatic", "svd", "transfers"]
-
-Near = Literal["refuse", "as_is"]
-
-
-# Angle (rad) to a multiple of 90 degrees below which a miss is suspicious.
-NEAR_RIGHT_ANGLE = 1e-3
-# Angle (rad) to a multiple of 90 degrees below which it counts as reached: 1.57079632679 misses by 5e-12.
-RIGHT_ANGLE_TOLERANCE = 1e-11
-
 
 MIN_GAP = 1e6
 # Least sigma_k/sigma_1 of the scaled energy differences.
@@ -34,59 +22,6 @@ ROUND_OFF_RATIO = 1e-14
 MAX_RESIDUAL_SINGULAR_VALUE = 1e-8
 # Most singular values in a message.
 MAX_LISTED_VALUES = 80
-
-
-@dataclass(frozen=True)
-class NearRightAngle:
-    """
-    Angle between successive joint axes that is nearly, but not exactly, a multiple of 90 degrees.
-
-    Nearly means within 1e-3 rad. Nothing is checked at construction.
-
-    Parameters
-    ----------
-    parent : str
-        Name of the preceding joint, or "gravity" for a joint on the ground.
-    child : str
-        Name of the joint.
-    degrees : int
-        Nearest multiple of 90 degrees: 0, 90 or 180.
-    deviation : float
-        Angle minus that multiple, in rad.
-
-    Examples
-    --------
-    >>> from adaptctl.identifiability import NearRightAngle
-    >>> print(NearRightAngle("shoulder", "elbow", 90, 2e-5))  # doctest: +ELLIPSIS
-    shoulder and elbow are 2.0e-05 rad from 90 degrees
-    """
-
-    parent: str
-    child: str
-    degrees: int
-    deviation: float
-
-    def __str__(self) -> str:
-        return f"{self.parent} and {self.child} are {abs(self.deviation):.1e} rad from {self.degrees} degrees"
-
-
-def near_right_angles(description: Description, exact: float = RIGHT_ANGLE_TOLERANCE) -> tuple[NearRightAngle, ...]:
-    """Return the angles of successive joint axes that miss a right angle by more than `exact` rad."""
-    meeting = list(meeting_axes(description))
-    if not meeting:
-        return ()
-    axes = np.array([pair for _, _, pair in meeting])
-    first, second = axes[:, 0], axes[:, 1]
-    # The arc tangent is exact at all angles; the arc cosine loses half the digits near 0.
-    angles = np.arctan2(np.linalg.norm(np.cross(first, second), axis=1), np.sum(first * second, axis=1))
-    quarters = np.round(angles / (np.pi / 2)).astype(int)
-    misses = angles - quarters * (np.pi / 2)
-    near = np.flatnonzero((exact < np.abs(misses)) & (np.abs(misses) < NEAR_RIGHT_ANGLE)).tolist()
-    pairs = ((meeting[i], i) for i in near)
-    return tuple(
-        NearRightAngle(parent, link.joint.name, 90 * int(quarters[i]), float(misses[i]))
-        for (link, parent, _), i in pairs
-    )
 
 
 @dataclass(frozen=True)
@@ -222,7 +157,7 @@ class Certificate:
         if not (near := self.near_right_angles):
             return tuple(residual_singular_values)
         pairs = f"{len(near)} pairs of joint axes are" if len(near) > 1 else "one pair of joint axes is"
-        advice = "write the angles exactly, or load with snap=True (--snap)"
+        advice = "write the angles exactly"
         return (
             *residual_singular_values,
             f"{pairs} close to a right angle (rounded file?): {'; '.join(map(str, near))}; {advice}",

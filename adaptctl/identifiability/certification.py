@@ -10,6 +10,7 @@ from typing import NamedTuple, get_args
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.description.right_angles import near_right_angles
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability.certificate import (
@@ -17,9 +18,7 @@ from adaptctl.identifiability.certificate import (
     ROUND_OFF_RATIO,
     Certificate,
     Method,
-    Near,
     ResidualSingularValue,
-    near_right_angles,
 )
 from adaptctl.identifiability.energy_matrix import (
     SCALING_STATES,
@@ -53,12 +52,12 @@ class CertifiedNullSpace(NamedTuple):
 
 
 def certified(
-    mechanism: Mechanism, method: Method, near: Near, prove: bool | None, samples: int, seed: int
+    mechanism: Mechanism, method: Method, as_written: bool, prove: bool | None, samples: int, seed: int
 ) -> CertifiedNullSpace:
     """Certified null space by the method asked for."""
     if method not in get_args(Method):
         raise InputError(f"method: expected one of {', '.join(get_args(Method))}, got {method!r}")
-    proof = proved(mechanism, near, prove, seed)
+    proof = proved(mechanism, as_written, prove, seed)
     hindrance = _no_tree(mechanism)
     if method == "transfers":
         if hindrance:

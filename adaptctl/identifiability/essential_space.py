@@ -15,7 +15,7 @@ from adaptctl.caching import cached_property
 from adaptctl.compilation.object_cache import kept
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, printable, validate_kind
-from adaptctl.identifiability.certificate import Certificate, Method, Near
+from adaptctl.identifiability.certificate import Certificate, Method
 from adaptctl.identifiability.factorisation import right_vectors, singular_values
 from adaptctl.identifiability.regrouping import NullSpace, unscaled_bases
 from adaptctl.markup import table, titled
@@ -36,7 +36,7 @@ class Search:
 
     mechanism: Mechanism
     method: Method
-    near_singular: Near
+    as_written: bool
     prove: bool | None
     samples: int
     seed: int
@@ -44,7 +44,7 @@ class Search:
     @cached_property
     def inputs(self) -> list[str]:
         """Cache key: hashes of description and geometry, and the settings."""
-        settings = self.method, self.near_singular, self.prove, self.samples, self.seed
+        settings = self.method, self.as_written, self.prove, self.samples, self.seed
         return [self.mechanism.description.sha256, self.mechanism.geometry_sha256, *map(repr, settings)]
 
     @cached_property
@@ -52,7 +52,7 @@ class Search:
         """Certified null space."""
         from adaptctl.identifiability.certification import certified  # a tenth of the time to the first torque
 
-        return certified(self.mechanism, self.method, self.near_singular, self.prove, self.samples, self.seed)
+        return certified(self.mechanism, self.method, self.as_written, self.prove, self.samples, self.seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +233,7 @@ def essential_space(
     seed: int = 0,
     states: States | None = None,
     method: Method = "automatic",
-    near_singular: Near = "refuse",
+    as_written: bool = False,
     prove: bool | None = None,
 ) -> EssentialSpace:
     """
@@ -253,9 +253,9 @@ def essential_space(
     method : {"automatic", "svd", "transfers"}, default "automatic"
         "svd" decomposes energies at random states; "transfers" follows a tree's geometry joint by joint, in time
         proportional to its length. "automatic" takes transfers for trees of 100 parameters or more.
-    near_singular : {"refuse", "as_is"}, default "refuse"
-        Treatment of angles and offsets that are nearly special (see Notes), for which the rank would change if they
-        were exact. Refused by default, as they mostly are rounded numbers.
+    as_written : bool, default False
+        If true, angles and offsets that are nearly special (see Notes) are meant as they stand, as those of a robot
+        loaded ``as_written``. By default they are refused where they change the rank, as they mostly are rounded.
     prove : bool, optional
         If true, the rank is also computed in exact arithmetic. By default (None) this is done for trees, and for loops
         with nearly special geometry; if false, never, and nearly special geometry is not looked for.
@@ -290,7 +290,7 @@ def essential_space(
     search = Search(
         mechanism,
         method,
-        near_singular,
+        _as_written(as_written) or mechanism.description.as_written,
         _proof_asked(prove),
         _sample_count(samples, mechanism.num_energy_parameters),
         seed,
@@ -315,6 +315,12 @@ def _proof_asked(prove: bool | None) -> bool | None:
     if prove is None or isinstance(prove, bool | np.bool_):
         return prove if prove is None else bool(prove)
     raise InputError(f"prove: expected True, False or None, got {printable(repr(prove))}")
+
+
+def _as_written(asked: bool) -> bool:
+    if isinstance(asked, bool | np.bool_):
+        return bool(asked)
+    raise InputError(f"as_written: expected True or False, got {printable(repr(asked))}")
 
 
 def _same(energies: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
-from adaptctl.dynamics import load
+from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import joint_log
 from adaptctl.identification.drives_file import read_drives
@@ -84,12 +84,12 @@ class Amplification:
 
 
 def compared_estimators(
-    log: str | Path, robot: str | Path, drives: str | Path, window: float = 0.1, seed: int = 0
+    log: str | Path, robot: str | Path | Mechanism, drives: str | Path, window: float = 0.1, seed: int = 0
 ) -> Amplification:
     """Errors of two estimators on a log, with a model of the whole log taken as the truth."""
     if not 0.01 <= window <= 2.0:
         raise InputError(f"energy differences: expected windows of 0.01 to 2 s, got {window:g}")
-    mechanism = load(robot, snap=True)
+    mechanism = robot if isinstance(robot, Mechanism) else load(robot)
     own = read_drives(drives).ordered_like(mechanism)
     read = joint_log(read_log(log), own)
     evidence = gathered(mechanism, own, [read])[0]

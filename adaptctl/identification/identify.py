@@ -59,8 +59,7 @@ def identify(
     logs : str, pathlib.Path or sequence of them
         Logs as text, Parquet or ROS bags.
     robot : Mechanism, str or pathlib.Path
-        Mechanism, its file, or a built-in robot's name. Its inertial parameters are the prior. Joint axes of a file
-        that are within 1e-3 rad of right angles are made exact.
+        Mechanism, its file, or a built-in robot's name, as `load` reads it. Its inertial parameters are the prior.
     drives : Drives, str or pathlib.Path, optional
         Transmission between motors and joints, or its file. Default: none, for logs of joint positions and torques.
     validate : str, pathlib.Path or sequence of them, optional
@@ -135,7 +134,7 @@ def identify(
     if sample_rate is not None:
         positive_number(sample_rate, "sample_rate: expected a positive number of Hz")
     _validate_settings(cutoff, prior_weight)
-    mechanism = load(robot, snap=True) if not isinstance(robot, Mechanism) else robot
+    mechanism = load(robot) if not isinstance(robot, Mechanism) else robot
     known = read_drives(drives) if isinstance(drives, str | Path) else drives
     if known is None:
         known = joint_columns(mechanism, read_log(given[0], topic), columns, units)

@@ -46,7 +46,7 @@ def _mechanism(text: str) -> Mechanism:
     with TemporaryDirectory() as folder:
         file = Path(folder) / "mechanism.toml"
         file.write_text(text, encoding="utf-8")
-        return load(file)
+        return load(file, as_written=True)
 
 
 class _Rows:

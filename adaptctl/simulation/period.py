@@ -47,7 +47,7 @@ def fundamental_motion(mechanism: Mechanism) -> FundamentalMotion | None:
         return None
     turned = Mechanism(with_joint_frames(mechanism.description))
     try:
-        model = ReducedModel(turned, fundamental_basis(essential_space(turned, near_singular="as_is")))
+        model = ReducedModel(turned, fundamental_basis(essential_space(turned, as_written=True)))
     except AdaptctlError:
         return None
     matrix = np.zeros((len(turned.parameter_names), len(mechanism.parameter_names)))

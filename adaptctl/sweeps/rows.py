@@ -23,7 +23,7 @@ from adaptctl.errors import (
     SimplificationWarning,
 )
 from adaptctl.experiments import find
-from adaptctl.experiments.contest import Contender, Learning
+from adaptctl.experiments.contest import Contender, FromFile, Learning
 from adaptctl.experiments.experiment import CheckedSettings, Experiment
 from adaptctl.files import finite_or_none
 from adaptctl.identifiability import FundamentalBasis, essential_space, fundamental_basis
@@ -126,8 +126,7 @@ def _reset(experiment: Learning, mechanism: Mechanism) -> tuple[Episode, Any]:
 
 
 def _trials(experiment: Learning, controllers: Sequence[str], known: Begun) -> list[Trial]:
-    own = type(experiment).mechanism is not Learning.mechanism
-    mechanism = interned(experiment.mechanism()) if own else robot(experiment.robot)
+    mechanism = _mechanism(experiment)
     chosen = named(experiment.contenders(mechanism, offline(mechanism)), controllers)
     episode, env = started(experiment, mechanism, known)
     plant, reference = episode.plant, episode.reference
@@ -135,6 +134,13 @@ def _trials(experiment: Learning, controllers: Sequence[str], known: Begun) -> l
     if not simple or any(one.controller.reference_size != plant.dof for one in chosen):
         return []
     return [(one, episode, env) for one in chosen]
+
+
+def _mechanism(experiment: Learning) -> Mechanism:
+    """Mechanism of an experiment; a file is read once."""
+    if type(experiment).mechanism is FromFile.mechanism and isinstance(experiment, FromFile):
+        return robot(experiment.robot, **experiment.reading)
+    return interned(experiment.mechanism())
 
 
 Some = TypeVar("Some", Contender, ControllerRun)
@@ -156,19 +162,21 @@ def offline(mechanism: Mechanism) -> FundamentalBasis:
 
 
 @lru_cache(maxsize=64)
-def robot(source: str) -> Mechanism:
-    """Mechanism of a built-in robot or file, cached by its source."""
-    return interned(load(source))
+def robot(source: str, **reading: Any) -> Mechanism:
+    """Mechanism of a built-in robot or file, cached by its source and the way to read it."""
+    return interned(load(source, **reading))
 
 
-_MECHANISMS: dict[tuple[str, str], Mechanism] = {}
+_MECHANISMS: dict[tuple[str, str, bool], Mechanism] = {}
 
 
 def interned(mechanism: Mechanism) -> Mechanism:
     """First mechanism of equal description, so that equal ones share compiled code."""
     if len(_MECHANISMS) > 64:
         _MECHANISMS.clear()
-    return _MECHANISMS.setdefault((mechanism.description.sha256, mechanism.geometry_sha256), mechanism)
+    about = mechanism.description
+    key = about.sha256, mechanism.geometry_sha256, about.as_written
+    return _MECHANISMS.setdefault(key, mechanism)
 
 
 def _group(trial: Trial) -> Any:

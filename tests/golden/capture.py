@@ -119,13 +119,12 @@ def sources() -> dict[str, tuple[str | Path, Mapping[str, bool]]]:
     }
 
 
-SNAPPED, FLOATING = {"snap": True}, {"floating_base": True}
+FLOATING = {"floating_base": True}
 FOREIGN: Mapping[str, Mapping[str, bool]] = {
     "ur5_robot.urdf": {},
-    "ur5_robot.urdf snapped": SNAPPED,
-    "kinova.urdf snapped": SNAPPED,
-    "z1.urdf snapped": SNAPPED,
-    "xarm7.urdf snapped": SNAPPED,
+    "kinova.urdf": {},
+    "z1.urdf": {},
+    "xarm7.urdf": {},
     "panda.urdf": {},
     "pr2.urdf": {},
     "tiago.urdf": {},

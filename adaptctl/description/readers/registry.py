@@ -13,7 +13,6 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.description import Description
 from adaptctl.description.inertia import pseudo_inertia
-from adaptctl.description.transforms import snapped
 from adaptctl.errors import FileError, InputError, NotFoundError, PhysicalConsistencyWarning, suggested_name
 from adaptctl.files import read_toml
 
@@ -77,7 +76,6 @@ def read(
     source: str | Path,
     *,
     floating_base: bool = False,
-    snap: bool = False,
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
 ) -> Description:
@@ -90,9 +88,6 @@ def read(
         Name of a built-in robot (see `builtin_names`), or a file: .toml, .urdf, or MJCF as .xml or .mjcf.
     floating_base : bool, default False
         If true, the root link of a URDF file floats on six joints. By default it is fixed to the ground, as an arm is.
-    snap : bool, default False
-        If true, angles between successive joint axes within 1e-3 rad of a multiple of 90 degrees are made exact. By
-        default the file's values count.
     mesh_folders : sequence of str or Path, optional
         Folders with meshes of a URDF file. Default: none besides its own package.
     root : str, optional
@@ -144,14 +139,13 @@ def read(
         options = urdf if suffix == ".urdf" else {"root": root} if root is not None else {}
         description, remark = _reader(source)(source, **options), ""
     _warn_of_inconsistency(description, remark)
-    return snapped(description) if snap else description
+    return description
 
 
 def read_model(
     model: object,
     *,
     floating_base: bool = False,
-    snap: bool = False,
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
 ) -> Description:
@@ -168,7 +162,7 @@ def read_model(
     else:
         raise InputError(f"expected a robot's name, a file, a pinocchio.Model or a mujoco.MjModel, got {model!r}")
     _warn_of_inconsistency(description, "")
-    return snapped(description) if snap else description
+    return description
 
 
 def _reader(source: str | Path) -> Reader:

@@ -18,6 +18,7 @@ from adaptctl.description.readers.mjcf import MjcfBody, mjcf_bodies
 from adaptctl.description.readers.registry import read
 from adaptctl.description.readers.urdf import link_inertia
 from adaptctl.description.readers.xml_elements import parsed
+from adaptctl.description.right_angles import ROUNDED_ANGLE, snapped
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import decoded, read_bytes, write_bytes
 
@@ -30,7 +31,8 @@ def write_robot(path: str | Path, original: str | Path, after: Description, root
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # as when it was first read
         before = read(original, root=root)
-    if before.geometry_sha256 != after.geometry_sha256:
+    readings = before, snapped(before, ROUNDED_ANGLE)
+    if after.geometry_sha256 not in [one.geometry_sha256 for one in readings]:
         raise FileError(f"{original}: does not match {after.name}: its joints, frames or names differ")
     if suffix == ".urdf":
         write_urdf(path, original, before, after)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +19,7 @@ from adaptctl.dynamics.recursion.energy import Weight, carried_weight, link_ener
 from adaptctl.dynamics.recursion.motion import Twist, carried, twists
 from adaptctl.dynamics.recursion.segment import Placement, Segment
 from adaptctl.dynamics.tree_equations import TreeEquations
-from adaptctl.errors import InputError, RankError
-from adaptctl.identifiability.certificate import Near
+from adaptctl.errors import RankError
 from adaptctl.identifiability.proof import arithmetic
 from adaptctl.identifiability.proof.arithmetic import (
     BITS,
@@ -279,17 +278,15 @@ def _differences_in_digits(mechanism: Mechanism, geometry: ExactGeometry, rows: 
     return (E[1:] - E[:1])[:, : mechanism.num_energy_parameters]
 
 
-def proved(mechanism: Mechanism, near: Near, prove: bool | None, seed: int) -> ExactEnergies | None:
+def proved(mechanism: Mechanism, as_written: bool, prove: bool | None, seed: int) -> ExactEnergies | None:
     """Energies on exact geometry that prove the rank."""
-    if near not in get_args(Near):
-        raise InputError(f"near_singular: expected one of {', '.join(get_args(Near))}, got {near!r}")
     if prove is False:
         return None
     exact = ExactEnergies(mechanism, seed=seed)
     coincidences = near_coincidences(mechanism.description, exact.frames)
     if coincidences:
         exact = replace(exact, strict=True)
-    if coincidences and near == "refuse":
+    if coincidences and not as_written:
         _validate_one_rank(mechanism, exact, coincidences)
     return exact if prove or not exact.closed or coincidences else None
 
@@ -307,8 +304,7 @@ def _validate_one_rank(mechanism: Mechanism, exact: ExactEnergies, coincidences:
     raise RankError(
         f"{mechanism.name}: the rank is {exact.rank} for the geometry as given, but {if_meant} if nearly special "
         f"values are made exact: {'; '.join(coincidences[:MAX_LISTED_COINCIDENCES])}{more}. Write the values exactly, "
-        "or "
-        'load with snap=True (--snap); to use the geometry as given, set near_singular="as_is" (--no-snap)'
+        "or use them as they stand with as_written=True (--as-written)"
     )
 
 

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 from adaptctl.arrays import Array
 from adaptctl.description import GROUND, Description, Link, Pose
 from adaptctl.description.loops import Closure
+from adaptctl.description.right_angles import near_right_angles
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.loops.constraint import ClosureSide, Follower, Loop
 from adaptctl.dynamics.recursion.segment import Segment
 from adaptctl.errors import InputError
-from adaptctl.identifiability.certificate import ROUND_OFF_RATIO, near_right_angles
+from adaptctl.identifiability.certificate import ROUND_OFF_RATIO
 from adaptctl.identifiability.proof.arithmetic import digits, samples_of, stacked_digits
 from adaptctl.identifiability.proof.joint_frames import (
     AS_GIVEN,

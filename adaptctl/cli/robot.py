@@ -1,0 +1,65 @@
+"""Flags of commands that read a robot, and what they say of its rounded angles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from adaptctl.errors import AdaptctlError, RoundedAnglesWarning
+
+if TYPE_CHECKING:
+    from adaptctl.description import Description
+    from adaptctl.dynamics import Mechanism
+
+MAX_RANKED = 600
+"""parameters of a robot whose two ranks a note has"""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class RobotFlags:
+    """Choices in reading a robot, the same in every command."""
+
+    floating_base: Annotated[
+        bool, Parameter(help="Let the base float, pushed by ideal forces, instead of holding it.")
+    ] = False
+    root: Annotated[
+        str | None, Parameter(metavar="BODY", help="First body of the robot, in an MJCF scene with several.")
+    ] = None
+    as_written: Annotated[
+        bool, Parameter(help="Take angles and lengths as written, where rounding may have made them.")
+    ] = False
+
+    def load(self, robot: str) -> Mechanism:
+        """Robot of a name or file."""
+        from adaptctl.dynamics import load
+
+        return load(robot, floating_base=self.floating_base, root=self.root, as_written=self.as_written)
+
+
+AS_USUAL = RobotFlags()
+
+
+def note_on(warning: Warning | str) -> str:
+    """Text of a warning, with the two ranks and the flag where angles are rounded."""
+    if not isinstance(warning, RoundedAnglesWarning):
+        return str(warning)
+    meant, written = _rank(warning.after), _rank(warning.before)
+    if meant is None or written is None or meant == written:
+        return f"{warning.finding}; --as-written keeps them"
+    return f"{warning.finding}: rank {meant}; --as-written for {written}"
+
+
+def _rank(description: Description) -> int | None:
+    """Exact rank of a tree; None for loops, which take long."""
+    from adaptctl.dynamics import Mechanism
+    from adaptctl.identifiability.proof.exact_energies import ExactEnergies
+
+    if description.loops is not None or description.num_energy_parameters > MAX_RANKED:
+        return None
+    try:
+        return ExactEnergies(Mechanism(description), strict=True).rank
+    except (AdaptctlError, ArithmeticError):
+        return None
