@@ -198,7 +198,11 @@ class NotCompiledWarning(UserWarning):
 
 
 class SimplificationWarning(UserWarning):
-    """Warning of an omitted or simplified part of a robot file."""
+    """Warning of an omitted, simplified or doubtful part of a robot file."""
+
+
+class PlausibilityWarning(SimplificationWarning):
+    """Warning of masses, inertias or torque limits of a file that no robot has, such as grams read as kg."""
 
 
 class RoundedAnglesWarning(SimplificationWarning):

@@ -38,6 +38,7 @@ from adaptctl.simulation.effects import Effect, Payload, PlantEffects
 from adaptctl.simulation.effects.plant_effects import listed
 from adaptctl.simulation.integrator import integration
 from adaptctl.simulation.plant import validate_ten_a_link
+from adaptctl.simulation.reference_limits import warn_of_limits
 from adaptctl.simulation.references import Preview, warn_of_derivatives
 from adaptctl.simulation.transmission import Transmission
 
@@ -62,8 +63,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         consistent.
     reference : Reference, int, "random" or None, default None
         Trajectory, or the seed of a random one; None or "random" for a new one at each reset: a sinusoid for each joint
-        of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within the limits. Wrong derivatives warn
-        (`ReferenceWarning`).
+        of 0.1 to 0.25 Hz and up to 0.5 rad (m), faded in over 2 s, within the limits. Wrong derivatives,
+        and positions or speeds beyond limits, warn (`ReferenceWarning`).
     duration : float, default 20.0
         Length of an episode in s. 20 s are two periods of the slowest sinusoid of random references.
     control_period : float, default 0.001
@@ -213,7 +214,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         validate_reference(reference, self.mechanism.dof)
         self.trajectory = reference
         if callable(reference):
-            warn_of_derivatives(reference, [joint.name for joint in self.mechanism.primary_joints], duration, 4)
+            joints = self.mechanism.primary_joints
+            warn_of_derivatives(reference, [joint.name for joint in joints], duration, 4)
+            warn_of_limits(reference, joints, duration, 4)
         self._set_spaces()
         self._set_render_mode(render_mode)
         self._episode: RunningEpisode | None = None

@@ -87,6 +87,7 @@ inertia_at_center = { xx = 0.012, yy = 0.012, zz = 0.002 }
 """
 
 
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PlausibilityWarning")
 def test_gains_that_fail_in_simulation_are_not_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     robot, place = tmp_path / "grams.toml", tmp_path / "out"
     robot.write_text(GRAMS)

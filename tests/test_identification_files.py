@@ -24,6 +24,7 @@ from adaptctl.description.writers.robot_file import with_inertials, write_urdf
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError
 from adaptctl.experiments.identify_then_adapt import IdentifyThenAdapt
+from adaptctl.files import hashed
 from adaptctl.identification import Identification
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.examples import example
@@ -76,6 +77,9 @@ def test_the_robot_is_the_estimate_in_both_formats(folder: Path) -> None:
         robot.inertial_parameters, list(estimates["parameters"].values()), rtol=1e-12, atol=1e-15
     )
     assert list(robot.parameter_names) == list(estimates["parameters"])
+    numbers = {name: estimates[name] for name in ("fundamental", "parameters", "load_dependent_friction")}
+    assert estimates["sha256"] == hashed(numbers)
+    assert estimates["geometry_sha256"] == robot.geometry_sha256
     assert robot.description.drive_couplings == [[5, [["joint_5", "1.0"]]]]
     again = load(folder / "robot.urdf")
     np.testing.assert_allclose(again.inertial_parameters, robot.inertial_parameters[:60], rtol=1e-9, atol=1e-12)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -188,6 +189,7 @@ def test_table_is_lossless_and_names_units(folder: Path, shown: Comparison) -> N
     assert units["estimate.link2.mc_x"] == "kg m"
     assert units["estimate.link2.I_xy"] == "kg m^2"
     assert table.schema.metadata[b"seed"] == b"7"
+    assert table.schema.metadata[b"geometry_sha256"].decode() == shown.mechanism.geometry_sha256
 
 
 def test_summary_says_how_it_went(folder: Path, shown: Comparison) -> None:
@@ -380,3 +382,11 @@ def test_all_that_moves_is_seen_from_the_viewpoint() -> None:
     ahead = (seen.eye - tips) @ axis
     beside = np.linalg.norm((seen.eye - tips) - ahead[:, None] * axis, axis=-1)
     assert np.all(beside <= (VIEW_SLOPE + 1e-9) * ahead)
+
+
+def test_a_recording_says_of_what_geometry_and_content_it_is(folder: Path, shown: Comparison) -> None:
+    chunks = RrdReader(folder / "recording.rrd").store().stream()
+    texts = {str(chunk.to_record_batch()) for chunk in chunks if "adaptctl" in str(chunk.entity_path)}
+    positions = np.ascontiguousarray(shown.subject.rollout.p).tobytes()
+    for wanted in (shown.mechanism.geometry_sha256, hashlib.sha256(positions).hexdigest()):
+        assert any(wanted in text for text in texts)

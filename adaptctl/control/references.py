@@ -21,6 +21,12 @@ from adaptctl.optional_packages import needed
 from adaptctl.scalars import Column, Scalar, clip, cos, sin, where
 
 SPLINE_DEGREE = 5
+MAX_END_SPEEDUP = 2.0
+"""speed of a spline at its ends over that of its first or last two positions"""
+MIN_END_SHARE, REST_SHARE = 0.25, 1e-3
+"""of the largest speed between two positions: slower ends may be those of a turn, unless the two positions are equal"""
+OVERSHOOT_SAMPLES = 9
+"""number of times between two positions"""
 
 
 def quintic(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
@@ -259,7 +265,8 @@ class Spline:
     positions : array_like
         Positions (w, r) in rad (m for a prismatic joint), at least 6.
     times : array_like
-        Strictly increasing times (w,) in s. Velocities jump at the ends unless the samples rest there.
+        Strictly increasing times (w,) in s. An end whose two samples ask for less than half of the interpolated speed
+        is clamped, at zero velocity and acceleration; at others velocities jump, unless the samples rest there.
 
     Raises
     ------
@@ -348,7 +355,28 @@ class Spline:
             from scipy.interpolate import make_interp_spline
 
         spline = make_interp_spline(self.times, self.positions, k=SPLINE_DEGREE)
+        ends = [self._end(spline, end) for end in (0, -1)]
+        if any(clamped for _, clamped in ends):
+            conditions: Any = tuple(condition for condition, _ in ends)
+            spline = make_interp_spline(self.times, self.positions, k=SPLINE_DEGREE, bc_type=conditions)
         return spline, spline.derivative(), spline.derivative(2)
+
+    def _end(self, spline: Any, end: int) -> tuple[list[tuple[int, Array]], bool]:
+        """Velocity and acceleration at the first (0) or last (-1) time, and whether a joint is clamped there."""
+        v, a = (np.asarray(spline.derivative(order)(self.times[end])) for order in (1, 2))
+        asked = np.abs(np.diff(self.positions, axis=0)) / np.diff(self.times)[:, None]
+        fastest, rests = asked.max(axis=0), asked[end] <= REST_SHARE * asked.max(axis=0)
+        clamped = np.abs(v) > np.maximum(MAX_END_SPEEDUP * asked[end], np.where(rests, 0.0, MIN_END_SHARE * fastest))
+        return [(1, np.where(clamped, 0.0, v)), (2, np.where(clamped, 0.0, a))], bool(clamped.any())
+
+    @cached_property
+    def overshoot(self) -> Array:
+        """Distances (r,) in rad (m) by which the spline leaves the range of its positions."""
+        times = self.times[:-1, None] + np.diff(self.times)[:, None] * np.linspace(0.0, 1.0, OVERSHOOT_SAMPLES)
+        p = self._curves[0](times.ravel())
+        low, high = self.positions.min(axis=0), self.positions.max(axis=0)
+        beyond: Array = np.maximum(p.max(axis=0) - high, low - p.min(axis=0))
+        return np.maximum(beyond, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

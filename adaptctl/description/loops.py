@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from types import MappingProxyType
+from typing import TypeVar
 
 import numpy as np
 
 from adaptctl.arrays import real_number
 from adaptctl.description.pose import Pose
 from adaptctl.errors import InputError, NotFoundError
+
+SAME_FRAME = 1e-9
+"""m, and entries of a rotation, by which frames of one constraint given twice may differ"""
 
 
 class ClosureKind(Enum):
@@ -123,6 +127,9 @@ class Coupling:
                 f"coupling {self.name!r}: expected a finite ratio other than zero and a finite offset, "
                 f"got {self.ratio} and {self.offset}"
             )
+
+
+Constraint = TypeVar("Constraint", Closure, Coupling)
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,6 +317,38 @@ def _to_first_leader(coupling: Coupling, ahead: Mapping[str, Coupling]) -> Coupl
     raise InputError(
         f"coupling {name!r}: joint {follower!r} follows {coupling.leader!r}, but its leaders follow in a ring"
     )
+
+
+def given_once(constraints: Sequence[Constraint]) -> tuple[tuple[Constraint, ...], tuple[str, ...]]:
+    """Constraints without those that say the same as another before them, and the names of these."""
+    kept: list[Constraint] = []
+    repeated = []
+    for one in constraints:
+        if any(_is_same(one, other) for other in kept):
+            repeated.append(one.name)
+        else:
+            kept.append(one)
+    return tuple(kept), tuple(repeated)
+
+
+def _is_same(one: Closure | Coupling, other: Closure | Coupling) -> bool:
+    """True where two constraints say the same, closures in either direction."""
+    if isinstance(one, Closure) and isinstance(other, Closure):
+        swapped = (other.second, other.first, other.second_frame, other.first_frame)
+        ends = ((other.first, other.second, other.first_frame, other.second_frame), swapped)
+        return one.kind is other.kind and any(_ends_agree(one, *end) for end in ends)
+    return one == replace(other, name=one.name)
+
+
+def _ends_agree(one: Closure, first: str | None, second: str | None, first_frame: Pose, second_frame: Pose) -> bool:
+    frames = (one.first_frame, first_frame), (one.second_frame, second_frame)
+    arrays = ["translation"] if one.kind is ClosureKind.POINT else ["translation", "rotation"]
+    near = (
+        np.allclose(getattr(a, array), getattr(b, array), rtol=0.0, atol=SAME_FRAME)
+        for a, b in frames
+        for array in arrays
+    )
+    return (one.first, one.second) == (first, second) and all(near)
 
 
 def _rounded(x: float, digits: int | None) -> float:

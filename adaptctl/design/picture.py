@@ -105,7 +105,7 @@ def record(
     right = rrb.Vertical(views.text("summary", "Summary"), *_beside(study, runs))
     layout = views.tabs(rrb.Horizontal(arm, right, name="Overview"), rrb.Grid(*pictures, name="Figures"))
     content = np.ascontiguousarray(np.concatenate([study.counterweights.parameters, p.ravel()])).tobytes()
-    with saved_stream(path, shown, content, layout) as recording:
+    with saved_stream(path, shown, content, layout, mechanism) as recording:
         log_markdown(recording, "summary", shown.markdown())
         log_base(recording, mechanism, parts, floor_height(mechanism, parts, p))
         _log_costs(recording, study, parts, time, p)

@@ -905,6 +905,9 @@ def load(
         If rounded angles are taken as right angles.
     SimplificationWarning
         If a part of the source, such as springs, is left out.
+    PlausibilityWarning
+        If a link is denser than any material or beyond the robot's reach, or gravity exceeds a torque limit by 10 %
+        at a posture within position limits.
 
     Examples
     --------
@@ -912,6 +915,7 @@ def load(
     <Mechanism 'puma560_measured': 6 links, 6 degrees of freedom>
     """
     from adaptctl.description.readers.registry import read, read_model
+    from adaptctl.dynamics.plausibility import warn_of_implausible
     from adaptctl.dynamics.rounded_angles import as_meant
 
     options: dict[str, Any] = {"floating_base": floating_base, "mesh_folders": mesh_folders, "root": root}
@@ -925,4 +929,5 @@ def load(
         _ = mechanism.continuation  # Closes the loops, so that a wrong file is named here and not later.
     except LoopError as error:
         raise LoopError(f"{source}: {error}") from error
+    warn_of_implausible(mechanism, source)
     return mechanism

@@ -13,7 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.description.writers.mechanism_file import write_mechanism
 from adaptctl.description.writers.robot_file import write_urdf
 from adaptctl.dynamics import Mechanism
-from adaptctl.files import write_json
+from adaptctl.files import hashed, write_json
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.report import components, consistency, report
 from adaptctl.identification.validation import Validation
@@ -93,13 +93,19 @@ def estimates(found: Identification) -> dict[str, Any]:
         }
         for name, row in zip(found.names, columns, strict=True)
     }
+    parameters = found.mechanism.inertial_parameters.tolist()
+    numbers = {
+        "fundamental": fundamental,
+        "parameters": dict(zip(found.mechanism.parameter_names, parameters, strict=True)),
+        "load_dependent_friction": dict(zip(joints, found.load_friction.tolist(), strict=True)),
+    }
     return {
         "schema": ESTIMATES_SCHEMA,
         "robot": found.mechanism.name,
         "robot_sha256": found.mechanism.description.sha256,
-        "fundamental": fundamental,
-        "parameters": dict(zip(found.mechanism.parameter_names, found.mechanism.inertial_parameters, strict=True)),
-        "load_dependent_friction": dict(zip(joints, found.load_friction.tolist(), strict=True)),
+        "geometry_sha256": found.mechanism.geometry_sha256,
+        **numbers,
+        "sha256": hashed(numbers),
     }
 
 
@@ -118,6 +124,7 @@ def write_validation(path: str | Path, found: Identification) -> None:
             yield Quantity(f"predicted_{joint.name}", unit, f"torque predicted from the motion {filtered}", predicted)
 
     about = {"schema": VALIDATION_SCHEMA, "of": found.validation.origin, "cutoff": repr(found.validation.cutoff)}
+    about["geometry_sha256"] = found.mechanism.geometry_sha256
     write_columns(path, list(columns()), about)
 
 
@@ -145,7 +152,8 @@ def _record(found: Identification, shown: Report, path: Path, figures: Mapping[s
     left = rrb.Vertical(arm, views.text("summary", "Summary"), row_shares=[3, 2])
     both_sides = rrb.Horizontal(left, rrb.Grid(*right, grid_columns=2), column_shares=[2, 3], name="Validation torques")
     layout = views.tabs(both_sides)
-    with saved_stream(path, shown, np.ascontiguousarray(validation.measured).tobytes(), layout) as recording:
+    content = np.ascontiguousarray(validation.measured).tobytes()
+    with saved_stream(path, shown, content, layout, mechanism) as recording:
         log_markdown(recording, "summary", shown.markdown(consistency(found), components(found)))
         log_base(recording, mechanism, parts, floor_height(mechanism, parts, p))
         tip = log_arm(recording, "logged", mechanism, parts, time, p, run_color(0))

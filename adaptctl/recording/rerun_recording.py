@@ -50,7 +50,7 @@ def write_recording(path: str | Path, comparison: Comparison) -> None:
     words, comparison = summary_markdown(comparison), finite_part(comparison)
     positions = np.ascontiguousarray(comparison.subject.rollout.p).tobytes()
     parts = skeleton(comparison.mechanism)
-    with saved_stream(path, comparison, positions, blueprint(comparison, parts)) as recording:
+    with saved_stream(path, comparison, positions, blueprint(comparison, parts), comparison.mechanism) as recording:
         log_markdown(recording, "summary", words)
         floor = floor_height(comparison.mechanism, parts, comparison.subject.rollout.p)
         log_scene(recording, comparison, parts, floor, run_color(0))

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import rerun as rr
@@ -15,6 +15,7 @@ import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from adaptctl.arrays import Array
+from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError
 from adaptctl.files import replacing
 from adaptctl.recording import views
@@ -49,10 +50,12 @@ class Recorded(Protocol):
 
 @contextmanager
 def saved_stream(
-    path: str | Path, shown: Recorded, content: bytes, blueprint: rrb.Blueprint
+    path: str | Path, shown: Recorded, content: bytes, blueprint: rrb.Blueprint, mechanism: Mechanism | None = None
 ) -> Iterator[rr.RecordingStream]:
     """Context manager with a recording stream that becomes a file, whole or not at all."""
-    identifier = f"{shown.experiment}-seed{shown.seed}-{hashlib.sha256(content).hexdigest()[:12]}"
+    checksum = hashlib.sha256(content).hexdigest()
+    identifier = f"{shown.experiment}-seed{shown.seed}-{checksum[:12]}"
+    of: dict[str, Any] = {"geometry_sha256": mechanism.geometry_sha256} if mechanism is not None else {}
     with replacing(path) as beside:
         recording = rr.RecordingStream(f"adaptctl-{shown.experiment}", recording_id=identifier, make_default=False)
         try:
@@ -60,7 +63,8 @@ def saved_stream(
             recording.send_blueprint(blueprint)
             recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
             recording.send_recording_name(shown.title)
-            about = rr.AnyValues(experiment=shown.experiment, seed=shown.seed, complete=shown.complete)
+            how: dict[str, Any] = {"experiment": shown.experiment, "seed": shown.seed, "complete": shown.complete}
+            about = rr.AnyValues(**how, content_sha256=checksum, **of)
             recording.send_property("adaptctl", about)
             yield recording
             _flush(recording, path)

@@ -14,6 +14,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.files import replacing
 from adaptctl.recording.comparison import Comparison, ControllerRun
 from adaptctl.recording.wording import parameter_unit
+from adaptctl.simulation.rollout_file import CHECKSUM, checksum_of
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -46,6 +47,7 @@ def write_trace(path: str | Path, comparison: Comparison) -> None:
         "schema": SCHEMA,
         "experiment": comparison.experiment,
         "robot": comparison.mechanism.name,
+        "geometry_sha256": comparison.mechanism.geometry_sha256,
         "run": comparison.subject.name,
         "seed": str(comparison.seed),
         "control_period": repr(comparison.subject.rollout.control_period),
@@ -56,11 +58,12 @@ def write_trace(path: str | Path, comparison: Comparison) -> None:
 
 
 def write_columns(path: str | Path, columns: Sequence[Quantity], about: dict[str, str]) -> None:
-    """Write columns with their units and meanings to a Parquet file, whole or not at all."""
+    """Write columns with their units, meanings and checksum to a Parquet file, whole or not at all."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     table = _table(columns, about)
+    table = table.replace_schema_metadata(about | {CHECKSUM: checksum_of(table, about)})
     with replacing(path) as beside:
         pq.write_table(
             table,

@@ -99,8 +99,11 @@ class Checksum:
     def add(self, table: pyarrow.Table) -> None:
         """Add rows."""
         for name in table.column_names:
-            column = self._columns.setdefault(name, hashlib.sha256())
-            column.update(np.ascontiguousarray(table[name].to_numpy(), dtype="<f8"))
+            column, values = self._columns.setdefault(name, hashlib.sha256()), table[name].to_numpy()
+            if values.dtype.kind == "O":
+                column.update("".join(f"{len(text)} {text}" for text in values.tolist()).encode())
+            else:
+                column.update(np.ascontiguousarray(values, dtype="<f8"))
 
     def of(self, about: Mapping[str, str]) -> str:
         """Hash with entries (as JSON)."""
@@ -167,23 +170,24 @@ def read_rollout(
         raise FileError(f"{path}: not a run of adaptctl: expected the schema {SCHEMA!r}, got {found!r}{more}")
     try:
         if not accept_edited:
-            _validate_unchanged(path, table, about)
+            validate_unchanged(path, table, about, f"Rollout.load({str(path)!r}, accept_edited=True)")
         columns, flags = _arrays(table)
         return columns, flags, {name: json.loads(about[name]) for name in STORED_ENTRIES if name in about}
     except (KeyError, TypeError, ValueError) as error:
         raise FileError(f"{path}: {type(error).__name__}: {error}; the file is incomplete") from error
 
 
-def _validate_unchanged(path: str | Path, table: Any, about: Mapping[str, str]) -> None:
-    """Raise `FileError` if numbers or entries are not those that were written."""
+def checksum_of(table: pyarrow.Table, about: Mapping[str, str]) -> str:
+    """Hash of a whole table and its file's entries, schema and hash apart."""
     checksum = Checksum()
     checksum.add(table)
-    entries = {name: value for name, value in about.items() if name not in ("schema", CHECKSUM)}
-    if about.get(CHECKSUM) != checksum.of(entries):
-        raise FileError(
-            f"{path}: the numbers are not those that were written; to accept them, use "
-            f"Rollout.load({str(path)!r}, accept_edited=True)"
-        )
+    return checksum.of({name: value for name, value in about.items() if name not in ("schema", CHECKSUM)})
+
+
+def validate_unchanged(path: str | Path, table: Any, about: Mapping[str, str], accepting: str) -> None:
+    """Raise `FileError` if numbers or entries are not those that were written."""
+    if about.get(CHECKSUM) != checksum_of(table, about):
+        raise FileError(f"{path}: the numbers are not those that were written; to accept them, use {accepting}")
 
 
 def _file_columns(

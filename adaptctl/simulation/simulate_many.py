@@ -18,11 +18,13 @@ from adaptctl.compilation.lanes import Precision
 from adaptctl.compilation.stepper import Source
 from adaptctl.control.controller import GAINS, Controller, Reference
 from adaptctl.control.pytree import leaves, like
+from adaptctl.control.safety_filter import SafetyFilter
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 from adaptctl.simulation.closed_loop import ClosedLoop, Driven, not_compiled
 from adaptctl.simulation.members import Noise, Seeds, arms_of, checked_seeds, differing, gains_of, validate_single
 from adaptctl.simulation.plant import Plant
+from adaptctl.simulation.reference_limits import warn_of_limits
 from adaptctl.simulation.references import REFERENCE, ReferenceForm, ReferencesOfMany, warn_of_derivatives
 from adaptctl.simulation.summaries import (
     FINAL_WINDOW,
@@ -307,7 +309,10 @@ class _Runs(Driven):
         self.references = ReferencesOfMany.of(reference, loop.controller.reference_size)
         self.final = max(0, self.steps - round(FINAL_WINDOW / self.control_period))
         first = reference[0] if isinstance(reference, Sequence) else reference
-        warn_of_derivatives(first, [joint.name for joint in loop.plant.mechanism.primary_joints], duration, 4)
+        joints = loop.plant.mechanism.primary_joints
+        warn_of_derivatives(first, [joint.name for joint in joints], duration, 4)
+        if _is_in_joints(loop.controller):
+            warn_of_limits(first, joints, duration, 4)
 
     @property
     def count(self) -> int:
@@ -431,6 +436,13 @@ def _of_arms(memory: Any, arms: slice) -> Any:
 
 def _given(values: ArrayLike | None, own: Array) -> ArrayLike:
     return own if values is None else values
+
+
+def _is_in_joints(controller: Controller[Any]) -> bool:
+    """True where a reference point gives positions of joints, not of a point in space."""
+    while isinstance(controller, SafetyFilter):
+        controller = controller.inner
+    return bool(getattr(controller, "reference_in_joints", True))
 
 
 def _validate_compilable(loop: ClosedLoop) -> None:

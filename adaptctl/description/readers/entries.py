@@ -181,6 +181,13 @@ def warn_of_weightless(path: Any, links: Sequence[Link], loops: Loops | None, st
         warnings.warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
 
 
+def warn_of_repeated(path: Any, names: Sequence[str], stacklevel: int = 3) -> None:
+    """Warn of constraints that say the same as others of a file."""
+    if names:
+        text = "constraints given twice are taken once"
+        warnings.warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
+
+
 def unknown_body(name: str, known: Sequence[str]) -> str:
     """Text of a message that a scene has no body of this `name`."""
     guess = suggested_name(name, known)

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from adaptctl.description.description import GROUND, STANDARD_GRAVITY, Description, Link, depth_first
-from adaptctl.description.loops import Closure, ClosureKind, Condition, Coupling, Loops
+from adaptctl.description.loops import Closure, ClosureKind, Condition, Coupling, Loops, given_once
 from adaptctl.description.pose import FrameKind, NamedFrame
 from adaptctl.description.readers.entries import (
     MAX_ENTRIES,
@@ -21,6 +21,7 @@ from adaptctl.description.readers.entries import (
     Triple,
     is_more_than_a_turn,
     warn_of_degrees,
+    warn_of_repeated,
     warn_of_weightless,
 )
 from adaptctl.errors import FileError, InputError, NotFoundError
@@ -149,7 +150,7 @@ def read_mechanism_file(path: str | Path) -> Description:
     try:
         links = _links(content.links)
         name, gravity = content.name or Path(path).stem, np.array(content.gravity)
-        loops = _loops(content, links)
+        loops, repeated = _loops(content, links)
         frames = _frames(content.frames, [link.name for link in links])
         description = Description(name, links, gravity, content.source.strip(), loops, frames=frames)
     except InputError as error:
@@ -157,6 +158,7 @@ def read_mechanism_file(path: str | Path) -> Description:
     turned = (i for i, entry in enumerate(content.links) if is_more_than_a_turn((*_rpy(entry), *_rpy(entry.far))))
     warn_of_degrees(path, links, [f"rpy of $.links[{i}]" for i in turned])
     warn_of_weightless(path, links, loops)
+    warn_of_repeated(path, repeated)
     return description
 
 
@@ -199,14 +201,16 @@ def _frames(entries: Sequence[NamedFrameEntry], links: Sequence[str]) -> tuple[N
     return _built("frames", entries, frame)
 
 
-def _loops(content: MechanismFile, links: Sequence[Link]) -> Loops | None:
-    closures = _built("closures", content.closures, _closure)
-    couplings = _built("couplings", content.couplings, _coupling)
+def _loops(content: MechanismFile, links: Sequence[Link]) -> tuple[Loops | None, tuple[str, ...]]:
+    """Loops, and the names of constraints that were given twice."""
+    closures, again = given_once(_built("closures", content.closures, _closure))
+    couplings, more = given_once(_built("couplings", content.couplings, _coupling))
     if not closures and not couplings:
         _validate_nothing_of_loops(content)
-        return None
+        return None, ()
     conditions = _built("conditions", content.conditions, _condition)
-    return Loops(_primary(content, couplings, links), closures, couplings, content.reference, conditions)
+    loops = Loops(_primary(content, couplings, links), closures, couplings, content.reference, conditions)
+    return loops, (*again, *more)
 
 
 def _validate_nothing_of_loops(content: MechanismFile) -> None:

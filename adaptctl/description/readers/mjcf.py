@@ -90,7 +90,7 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
         arm, floating = _arm(scanned, root)
         links = tuple(arm.links())
         validate_at_most(len(links), MAX_LINKS, "moving links")
-        loops, name = loops_of(arm, links, floating), scanned.root.get("model") or Path(path).stem
+        loops, name = loops_of(arm, links, str(path), floating), scanned.root.get("model") or Path(path).stem
         made = Description(name, links, arm.gravity, f"MJCF file {Path(path).name}", loops)
     except FileError:
         raise

@@ -20,10 +20,10 @@ from adaptctl.description.readers.xml_elements import (
     number,
     numbers,
     parsed,
+    read_xml,
     refuse,
 )
 from adaptctl.errors import InputError, printable
-from adaptctl.files import read_text
 
 MAX_FILES = 100
 """files that one scene may consist of"""
@@ -113,7 +113,7 @@ class ScannedFile:
     @classmethod
     def of(cls, path: str | Path, whole: bool = True) -> ScannedFile:
         """The MJCF file at `path`, parsed, with what it includes."""
-        root = parsed(read_text(path), "mujoco")
+        root = parsed(read_xml(path), "mujoco")
         own = {id(body): k for k, body in enumerate(root.iter("body"))}
         _include(root, path)
         _validate_read(root)
@@ -165,7 +165,7 @@ def _content(element: Element, folder: Path, seen: set[Path]) -> list[Element]:
         refuse(element, f"<include>: {printable(name)!r} is included twice; remove one")
     seen.add(file)
     try:
-        return list(parsed(read_text(file), "mujocoinclude", "mujoco"))
+        return list(parsed(read_xml(file), "mujocoinclude", "mujoco"))
     except InputError as error:
         text = str(error).removeprefix(f"{file}: ")
         raise InputError(f"<include> of {printable(name)!r}: {text}") from error
@@ -240,7 +240,7 @@ def _leave_out(element: Element) -> None:
     """Take out what MuJoCo is not shown."""
     shown, left_out = _SHOWN.get(element.tag, ()), _LEFT_OUT.get(element.tag)
     for child in [child for child in element if child.tag not in shown]:
-        if left_out is not None and child.tag not in left_out:
+        if left_out is not None and child.tag not in left_out and not _is_foreign(child.tag):
             where = "" if element.tag == "mujoco" else f"{named(element)}: "
             refuse(child, f"{where}<{child.tag}> is not supported; supported: {', '.join((*shown, *left_out))}")
         if element.tag == "actuator":
@@ -252,8 +252,13 @@ def _leave_out(element: Element) -> None:
         element[:] = [child for child in element if child.get("joint") or child.get("jointinparent")]
     kept = _ATTRIBUTES.get(element.tag)
     for name in list(element.attrib):
-        if name in _UNSEEN or (kept is not None and name not in kept):
+        if name in _UNSEEN or _is_foreign(name) or (kept is not None and name not in kept):
             del element.attrib[name]
+
+
+def _is_foreign(name: str) -> bool:
+    """True for a name with a prefix, which no MJCF has."""
+    return (":" in name or name.startswith("{")) and "xacro" not in name
 
 
 def _check_numbers(element: Element) -> None:

@@ -64,8 +64,8 @@ class MujocoArm:
         cls, model: mujoco.MjModel, body: str | None = None, elements: Mapping[object, Element] | None = None
     ) -> MujocoArm:
         """Arm of a body of a MuJoCo model and all bodies on it."""
-        root = _moving_root(model) if body is None else _root(model, body)
-        below = {root}
+        roots = _moving_roots(model) if body is None else [_root(model, body)]
+        root, below = min(roots), set(roots)
         for i in range(root + 1, model.nbody):
             if model.body_parentid[i] in below:
                 below.add(i)
@@ -115,9 +115,9 @@ class MujocoArm:
 
     def _stand(self, i: int) -> tuple[int, Pose]:
         own = pose(self.model.body_pos[i], self.model.body_quat[i])
-        if i == self.root:
-            return GROUND, self.still(int(self.model.body_parentid[i])) @ own
         parent = int(self.model.body_parentid[i])
+        if parent not in self.carriers:
+            return GROUND, self.still(parent) @ own
         return self.carriers[parent], self.places[parent] @ own
 
     def still(self, i: int) -> Pose:
@@ -232,18 +232,41 @@ def _root(model: mujoco.MjModel, body: str) -> int:
     return root
 
 
-def _moving_root(model: mujoco.MjModel) -> int:
+def _moving_roots(model: mujoco.MjModel) -> list[int]:
+    """Bodies at which the mechanism begins: one, or several that loops join."""
     moved = {int(model.body_rootid[model.jnt_bodyid[j]]) for j in range(model.njnt) if model.jnt_type[j] != FREE}
     names = [model.body(i).name for i in sorted(moved)]
     if not moved:
         raise InputError("no moving joint: expected a hinge or a slide")
-    if len(moved) > 1:
+    if len(moved) > 1 and not moved <= _joined(model, min(moved)):
         known = ", ".join(map(repr, names))
         raise InputError(
             f"{len(moved)} root bodies move, {known}, each a separate mechanism; select one, such as "
             f"root={names[0]!r} (--root {names[0]})"
         )
-    return moved.pop()
+    return sorted(moved)
+
+
+def _joined(model: mujoco.MjModel, root: int) -> set[int]:
+    """Root bodies that active equalities join to one, itself counted."""
+    active = (
+        ()
+        if is_disabled(model, NO_EQUALITY)
+        else np.flatnonzero(model.eq_active0 & (model.eq_type <= OF_JOINTS)).tolist()
+    )
+    pairs = [set(model.body_rootid[ends].tolist()) - {WORLD} for e in active if (ends := equality_bodies(model, e))]
+    joined = {root}
+    while more := {other for pair in pairs if pair & joined for other in pair} - joined:
+        joined |= more
+    return joined
+
+
+def equality_bodies(model: mujoco.MjModel, e: int) -> list[int]:
+    """Bodies that an equality acts on."""
+    ends = [int(end) for end in (model.eq_obj1id[e], model.eq_obj2id[e]) if end >= 0]
+    if model.eq_type[e] == OF_JOINTS:
+        return [int(model.jnt_bodyid[j]) for j in ends]
+    return [int(model.site_bodyid[s]) for s in ends] if model.eq_objtype[e] == SITE else ends
 
 
 def _joint(model: mujoco.MjModel, j: int, name: str) -> Joint:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adaptctl.description.description import GROUND, Description, Link
-from adaptctl.description.loops import Closure, ClosureKind, Coupling, Loops
+from adaptctl.description.loops import Closure, ClosureKind, Coupling, Loops, given_once
 from adaptctl.description.pose import Pose
-from adaptctl.description.readers.entries import MAX_LINKS, validate_at_most
+from adaptctl.description.readers.entries import MAX_LINKS, validate_at_most, warn_of_repeated
 from adaptctl.description.readers.mujoco_arm import WORLD, MujocoArm, is_disabled, model_name, pose
 from adaptctl.errors import InputError, NotFoundError
 
@@ -30,15 +30,19 @@ def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
     arm = MujocoArm.of(model, body)
     links = tuple(arm.links())
     validate_at_most(len(links), MAX_LINKS, "moving links")
-    loops = loops_of(arm, links)
-    arm.warn(f"MuJoCo model, body {arm.body_name(arm.root)!r}", links)
+    where = f"MuJoCo model, body {arm.body_name(arm.root)!r}"
+    loops = loops_of(arm, links, where)
+    arm.warn(where, links)
     name = arm.body_name(arm.root) if body is not None or not model_name(model) else model_name(model)
     return Description(name, links, arm.gravity, "MuJoCo model", loops)
 
 
-def loops_of(arm: MujocoArm, links: Sequence[Link], floating: Sequence[str] = ()) -> Loops | None:
+def loops_of(arm: MujocoArm, links: Sequence[Link], where: str, floating: Sequence[str] = ()) -> Loops | None:
     """Loop constraints, that the active equalities of MuJoCo's model make on an `arm`."""
-    return _Equalities(arm, [link.name for link in links], [link.joint.name for link in links]).loops(floating)
+    found = _Equalities(arm, [link.name for link in links], [link.joint.name for link in links])
+    loops, repeated = found.loops(floating)
+    warn_of_repeated(where, repeated, stacklevel=5)
+    return loops
 
 
 @dataclass
@@ -50,7 +54,8 @@ class _Equalities:
     joints: Sequence[str]
     """Names of the arm's joints."""
 
-    def loops(self, floating: Sequence[str]) -> Loops | None:
+    def loops(self, floating: Sequence[str]) -> tuple[Loops | None, tuple[str, ...]]:
+        """Loops, and the names of constraints that were given twice."""
         closures: list[Closure] = []
         couplings: list[Coupling] = []
         model, driven = self.arm.model, self._driven(floating)
@@ -66,10 +71,13 @@ class _Equalities:
                 else:
                     closures.append(self._closure(e, name))
         if not closures and not couplings:
-            return None
+            return None, ()
+        once, repeated = given_once(closures)
+        geared, more = given_once(couplings)
         coordinates = {name: float(model.qpos0[model.jnt_qposadr[j]]) for j, name in self._named()}
         reference = {name: value for name, value in coordinates.items() if value != 0.0}
-        return Loops(tuple(self._primary(closures, couplings, driven)), tuple(closures), tuple(couplings), reference)
+        loops = Loops(tuple(self._primary(once, geared, driven)), once, geared, reference)
+        return loops, (*repeated, *more)
 
     def _named(self) -> Iterator[tuple[int, str]]:
         yield from zip(self.arm.joints, self.joints, strict=True)

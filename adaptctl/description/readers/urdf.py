@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -36,15 +36,16 @@ from adaptctl.description.readers.xml_elements import (
     numbers,
     only,
     parsed,
+    read_xml,
     refuse,
     required,
 )
 from adaptctl.description.transforms import above_base, floating
 from adaptctl.description.visual import Visual
 from adaptctl.errors import FileError, InputError, SimplificationWarning
-from adaptctl.files import read_text
 
 KINDS = {kind.value: kind for kind in JointKind}
+UNREAD_MACROS = ("property", "arg", "macro")
 UNREAD_KINDS = ("floating", "planar")
 
 
@@ -95,11 +96,14 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
     <Description 'arm': 1 links>
     """
     try:
-        robot = _robot(read_text(path))
+        robot = _robot(read_xml(path))
         bodies = _by_name(robot, "link")
         edges = [_Edge.of(element) for element in _by_name(robot, "joint").values()]
         root = _root(bodies, edges)
-        inertias = {name: link_inertia(body) for name, body in bodies.items()}
+        unread = (
+            set() if floating_base else _partial(_reached([root], [edge for edge in edges if not edge.joint]), bodies)
+        )
+        inertias = {name: np.zeros(10) if name in unread else link_inertia(body) for name, body in bodies.items()}
         name, source = robot.get("name") or Path(path).stem, f"URDF file {Path(path).name}"
         links, still, places = _movable(root, inertias, edges)
         meshes = Meshes(Path(path), mesh_folders)
@@ -118,6 +122,8 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
     except InputError as error:
         raise FileError(f"{path}: {error}") from error
     _warn(path, "mimic joints whose leader does not move are read as independent", _leaderless(edges))
+    repeated = [edge.name for edge in edges if _is_repeated(edge.element.findall("mimic"))]
+    _warn(path, "constraints given twice are taken once", repeated)
     _warn(path, "limits of zero are read as no limits", [edge.name for edge in edges if edge.zero_limits])
     _warn(
         path,
@@ -165,11 +171,21 @@ class _Edge:
 
 def _robot(text: str) -> Element:
     robot = parsed(text, "robot")
-    for element in robot.iter():
+    for element in _read_parts(robot):
         texts = (element.tag, *element.attrib.values())
         if "xacro" in element.tag or any("${" in value or "$(" in value for value in texts):
             refuse(element, "contains xacro macros; expand them first (xacro file.urdf.xacro > file.urdf)")
     return robot
+
+
+def _read_parts(robot: Element) -> Iterator[Element]:
+    """Elements that are read: not simulators', nor those that define a macro or its values."""
+    yield robot
+    for child in robot:
+        if child.tag in ("link", "joint", "material"):
+            yield from child.iter()
+        elif "xacro" in child.tag and not child.tag.endswith(UNREAD_MACROS):
+            yield child
 
 
 def _by_name(robot: Element, tag: str) -> dict[str, Element]:
@@ -215,6 +231,16 @@ def _reached(roots: Sequence[str], edges: Sequence[_Edge]) -> set[str]:
         reached.update(children)
         pending += children
     return reached
+
+
+def _partial(fixed: set[str], bodies: dict[str, Element]) -> set[str]:
+    """Links among those fixed to the ground whose <inertial> lacks a part, which no equation needs."""
+    parts = {name: bodies[name].find("inertial") for name in fixed}
+    return {
+        name
+        for name, part in parts.items()
+        if part is not None and (len(part.findall("mass")), len(part.findall("inertia"))) != (1, 1)
+    }
 
 
 def _movable(
@@ -283,7 +309,8 @@ def _axis(joint: Element, where: str) -> Array:
 
 
 def _mimic(joint: Element, where: str) -> Coupling | None:
-    mimic = only(joint, "mimic", where)
+    given = joint.findall("mimic")
+    mimic = given[0] if given and _is_repeated(given) else only(joint, "mimic", where)
     if mimic is None:
         return None
     leader, name = attribute(mimic, "joint", where), joint.attrib["name"]
@@ -295,6 +322,11 @@ def _mimic(joint: Element, where: str) -> Coupling | None:
         return Coupling(f"{name} mimics {leader}", name, leader, ratio, offset)
     except InputError as error:
         raise InputError(f"{where}: <mimic>: {error}") from error
+
+
+def _is_repeated(elements: Sequence[Element]) -> bool:
+    """True where more than one element says the same."""
+    return len(elements) > 1 and all(element.attrib == elements[0].attrib for element in elements)
 
 
 def _loops(edges: Sequence[_Edge], links: Sequence[Link]) -> Loops | None:

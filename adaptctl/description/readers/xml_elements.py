@@ -6,11 +6,13 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import NoReturn
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 from adaptctl.errors import InputError, printable
+from adaptctl.files import decoded, read_bytes
 
 MAX_ELEMENTS, MAX_DEPTH = 50_000, 600
 """Elements in one file, and their nesting depth."""
@@ -19,6 +21,9 @@ MAX_NAME_CHARACTERS, MAX_NUMBERS_CHARACTERS = 256, 4096
 MAX_MAGNITUDE = 1e30
 """Magnitude of the numbers that are read, limits apart: products of five of them are doubles still."""
 
+ENCODINGS = ("iso-8859-1", "latin-1", "latin1", "iso-8859-15", "windows-1252", "cp1252")
+"""encodings that are read where a file declares them and is not UTF-8"""
+_DECLARED = re.compile(rb"\s*<\?xml[^>]{0,200}?\sencoding\s*=\s*[\"']([A-Za-z0-9._-]{1,40})[\"']")
 _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 
@@ -33,42 +38,44 @@ class LineElement(Element):
 
 
 class _Parser:
-    """Parser that refuses document types before any entity can expand."""
+    """Parser that refuses document types before any entity can expand; elements of undeclared prefixes keep them."""
 
     def __init__(self) -> None:
-        self._expat = expat.ParserCreate(namespace_separator="}")
-        self._expat.namespace_prefixes = True
-        self._expat.StartNamespaceDeclHandler = self._declared
+        self._expat = expat.ParserCreate()
         self._expat.StartElementHandler = self._start
         self._expat.EndElementHandler = self._end
         self._expat.StartDoctypeDeclHandler = self._doctype
         self._builder = TreeBuilder(element_factory=LineElement)
-        self._depth = self._count = 0
+        self._count = 0
+        self._scopes: list[Mapping[str, str]] = [{"xml": "http://www.w3.org/XML/1998/namespace"}]
         self._default = ""
 
     def parse(self, text: str) -> Element:
         self._expat.Parse(text, True)
         return self._builder.close()
 
-    def _declared(self, prefix: str | None, uri: str) -> None:
-        if prefix is None and self._depth == 0 and "xacro" not in uri:
-            self._default = uri
+    def _enter(self, attributes: Mapping[str, str]) -> None:
+        """Add a scope of the namespaces that an element declares."""
+        spaces = {k.partition(":")[2]: uri for k, uri in attributes.items() if k == "xmlns" or k.startswith("xmlns:")}
+        if len(self._scopes) == 1 and "xacro" not in spaces.get("", ""):
+            self._default = spaces.get("", "")
+        self._scopes.append({**self._scopes[-1], **spaces} if spaces else self._scopes[-1])
 
-    def _qualified(self, name: str) -> str:
+    def _qualified(self, name: str, default: str = "") -> str:
         """Name as `ElementTree` has it, without the root's default namespace."""
-        uri, _, local = name.partition("}")
-        if not local:
-            return name
-        local, _, prefix = local.partition("}")
-        return local if uri == self._default and not prefix else f"{{{uri}}}{local}"
+        prefix, _, local = name.rpartition(":")
+        uri = self._scopes[-1].get(prefix, "") if prefix else default
+        return f"{{{uri}}}{local}" if uri and (prefix or uri != self._default) else name
 
     def _start(self, tag: str, attributes: Mapping[str, str]) -> None:
         line = self._expat.CurrentLineNumber
-        self._depth, self._count = self._depth + 1, self._count + 1
-        if self._depth > MAX_DEPTH or self._count > MAX_ELEMENTS:
-            what = f"{MAX_ELEMENTS} elements" if self._depth <= MAX_DEPTH else f"{MAX_DEPTH} nested elements"
+        depth, self._count = len(self._scopes), self._count + 1
+        if depth > MAX_DEPTH or self._count > MAX_ELEMENTS:
+            what = f"{MAX_ELEMENTS} elements" if depth <= MAX_DEPTH else f"{MAX_DEPTH} nested elements"
             raise ElementError(f"<{tag}>: more than {what}, the limit (line {line})")
-        element = self._builder.start(self._qualified(tag), {self._qualified(k): v for k, v in attributes.items()})
+        self._enter(attributes)
+        plain = {self._qualified(k): v for k, v in attributes.items() if k != "xmlns" and not k.startswith("xmlns:")}
+        element = self._builder.start(self._qualified(tag, self._scopes[-1].get("", "")), plain)
         element.line = line  # type: ignore[attr-defined]  # Python's own element takes further attributes
         for key in ("name", "model"):
             name = attributes.get(key, "")
@@ -77,11 +84,34 @@ class _Parser:
                 refuse(element, f"<{tag}>: {key}: expected {what}, got {printable(name)!r}")
 
     def _end(self, tag: str) -> None:
-        self._depth -= 1
-        self._builder.end(self._qualified(tag))
+        self._builder.end(self._qualified(tag, self._scopes.pop().get("", "")))
 
     def _doctype(self, *given: object) -> NoReturn:
         raise InputError("<!DOCTYPE ...> and entities are not supported; remove them")
+
+
+def read_xml(path: str | Path) -> str:
+    """Text of an XML file in UTF-8 or the encoding of one byte a character that it declares."""
+    return xml_text(path, read_bytes(path))
+
+
+def xml_text(path: str | Path, data: bytes) -> str:
+    """Text of an XML file's bytes."""
+    encoding = xml_encoding(data)
+    return data.decode(encoding, errors="replace") if encoding else decoded(path, data)
+
+
+def xml_encoding(data: bytes) -> str | None:
+    """Declared encoding, one of `ENCODINGS`, of XML that is not UTF-8; else None."""
+    declared = _DECLARED.match(data)
+    name = declared[1].decode().lower() if declared is not None else ""
+    if name not in ENCODINGS:
+        return None
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        return name
+    return None
 
 
 def parsed(text: str, tag: str, *others: str) -> Element:

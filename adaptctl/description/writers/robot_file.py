@@ -17,10 +17,10 @@ from adaptctl.description.inertia import from_tensor, inertia_tensor, is_physica
 from adaptctl.description.readers.mjcf import MjcfBody, mjcf_bodies
 from adaptctl.description.readers.registry import read
 from adaptctl.description.readers.urdf import link_inertia
-from adaptctl.description.readers.xml_elements import parsed
+from adaptctl.description.readers.xml_elements import parsed, xml_encoding, xml_text
 from adaptctl.description.right_angles import ROUNDED_ANGLE, snapped
 from adaptctl.errors import FileError, InputError
-from adaptctl.files import decoded, read_bytes, write_bytes
+from adaptctl.files import read_bytes, write_bytes
 
 
 def write_robot(path: str | Path, original: str | Path, after: Description, root: str | None = None) -> None:
@@ -43,7 +43,7 @@ def write_robot(path: str | Path, original: str | Path, after: Description, root
 def write_urdf(path: str | Path, original: str | Path, before: Description, after: Description) -> None:
     """Write a copy of a URDF file with other inertias."""
     data = read_bytes(original)
-    text = decoded(original, data)
+    text = xml_text(original, data)
     try:
         robot = parsed(text, "robot")
         elements = {element.attrib["name"]: element for element in robot.findall("link")}
@@ -143,7 +143,7 @@ class _Finder:
 
     @classmethod
     def spans_of(cls, data: bytes, tag: str, nested: bool) -> dict[str | int, _Span]:
-        parser, finder = expat.ParserCreate(), cls(data, tag, nested)
+        parser, finder = expat.ParserCreate(xml_encoding(data) or "utf-8"), cls(data, tag, nested)
         parser.StartElementHandler = lambda tag, attributes: finder.started(tag, attributes, parser.CurrentByteIndex)
         parser.EndElementHandler = lambda tag: finder.ended(tag, parser.CurrentByteIndex)
         parser.Parse(data, True)

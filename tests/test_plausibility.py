@@ -1,0 +1,215 @@
+"""Numbers that no robot has are told in one line; those of manufacturers' files are not."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from robot_files import urdf
+
+import adaptctl
+from adaptctl.control import MinimumJerk, Sinusoids, SlotineLi, Spline
+from adaptctl.control.task_space import TaskSpaceSlotineLi
+from adaptctl.description import Description, Joint, JointKind, Limits, Link, Pose
+from adaptctl.description.inertia import from_center_of_mass
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.plausibility import warn_of_implausible
+from adaptctl.envs import TrackingEnv
+from adaptctl.errors import PlausibilityWarning, ReferenceWarning
+from adaptctl.simulation import simulate_many
+from adaptctl.simulation.reference_limits import warn_of_limits
+
+PLAIN = ["ur5_robot.urdf", "kinova.urdf", "panda.urdf", "xarm7.urdf", "icub.urdf", "pr2.urdf", "b1.urdf"]
+
+
+def notes(mechanism: Mechanism) -> list[str]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        warn_of_implausible(mechanism, "my_arm.toml")
+    assert all(one.category is PlausibilityWarning for one in caught)
+    return [str(one.message) for one in caught]
+
+
+def rod(mass: float, inertia: float, effort: float = math.inf, length: float = 0.5, **limits: float) -> Mechanism:
+    """A rod that hangs from the ceiling at zero and turns about y."""
+    bounds = Limits(**{"lower": -math.pi, "upper": math.pi} | limits, effort=effort)
+    ten = from_center_of_mass(mass, [0.0, 0.0, -length], inertia * np.diag([1.0, 1.0, 0.1]))
+    joint = Joint("hinge", JointKind.REVOLUTE, [0.0, 1.0, 0.0], bounds)
+    return Mechanism(Description("rod", (Link("rod", -1, joint, Pose.identity(), Pose.identity(), ten),)))
+
+
+def test_grams_for_kilograms_are_denser_than_any_material() -> None:
+    (told,) = notes(rod(1400.0, 0.012))
+    assert told.startswith("my_arm.toml: implausible: link 'rod' has 1400 kg at a radius of gyration of 0.00293 m, ")
+    assert "denser than any material" in told
+    assert "\n" not in told
+
+
+def test_a_ball_of_osmium_is_the_limit() -> None:
+    """A ball of radius R has I = 2/5 m R^2; one of 22,500 kg/m^3 can be, one of 22,700 cannot."""
+    for density, expected in ((22_500.0, 0), (22_700.0, 1)):
+        radius = 0.05
+        mass = density * 4.0 / 3.0 * math.pi * radius**3
+        ten = from_center_of_mass(mass, [0.0, 0.0, -0.5], 0.4 * mass * radius**2 * np.eye(3))
+        link = rod(1.0, 0.1).links[0]
+        ball = Link("ball", -1, link.joint, link.parent_to_joint, link.joint_to_link, ten)
+        assert len(notes(Mechanism(Description("ball", (ball,))))) == expected
+
+
+def test_an_inertia_in_other_units_is_beyond_the_reach() -> None:
+    (told,) = notes(rod(1.0, 12_000.0))
+    assert "link 'rod' has 1 kg at a radius of gyration of 110 m, beyond the robot's reach" in told
+
+
+def test_mass_points_and_massless_frames_are_none() -> None:
+    assert not notes(rod(1.0, 0.0))
+    assert not notes(rod(1.0, 1e-19))
+    assert not notes(rod(0.0, 0.0))
+
+
+@pytest.mark.parametrize(("share", "told"), [(1.05, 0), (1.09, 0), (1.12, 1), (3.0, 1)])
+def test_gravity_beyond_the_torque_limit_by_a_tenth(share: float, told: int) -> None:
+    arm = rod(2.0, 0.1, 2.0 * 9.81 * 0.5 / share)
+    assert len(notes(arm)) == told
+
+
+def test_only_postures_within_position_limits_count() -> None:
+    """Within 0.2 rad of hanging, gravity asks for the sine of it."""
+    need = 2.0 * 9.81 * 0.5 * math.sin(0.2)
+    assert not notes(rod(2.0, 0.1, need, lower=-0.2, upper=0.2))
+    assert notes(rod(2.0, 0.1, need / 1.2, lower=-0.2, upper=0.2))
+
+
+@pytest.mark.parametrize("joints", [2, 4, 6])
+def test_the_worst_posture_of_a_chain_is_found(joints: int) -> None:
+    """A chain stretched out sideways asks for the sum of all masses times their distances."""
+    ten = from_center_of_mass(1.0, [0.0, 0.0, -0.1], 0.01 * np.eye(3))
+    step = Pose(np.eye(3), np.array([0.0, 0.0, -0.2]))
+
+    def chain(effort: float) -> Mechanism:
+        links = tuple(
+            Link(
+                f"l{k}",
+                k - 1,
+                Joint(f"j{k}", axis=[0.0, 1.0, 0.0], limits=Limits(-2.0, 2.0, effort=effort if k == 0 else math.inf)),
+                step if k else Pose.identity(),
+                Pose.identity(),
+                ten,
+            )
+            for k in range(joints)
+        )
+        return Mechanism(Description("chain", links))
+
+    need = 9.81 * sum(0.2 * k + 0.1 for k in range(joints))
+    assert notes(chain(need / 1.12))
+    assert not notes(chain(need / 1.09))
+
+
+def test_a_file_is_told_of_once(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(
+        '<robot name="arm"><link name="base"/><link name="rod"><inertial><origin xyz="0.5 0 0"/><mass value="1400"/>'
+        '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="hinge" type="revolute"><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="15" velocity="3"/>'
+        '<parent link="base"/><child link="rod"/></joint></robot>'
+    )
+    with pytest.warns(PlausibilityWarning) as caught:
+        load(file)
+    assert len(caught) == 1
+    assert f"{file}: implausible: link 'rod' has 1400 kg" in str(caught[0].message)
+    assert "gravity takes 6867 N m of joint 'hinge', whose limit is 15" in str(caught[0].message)
+
+
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+@pytest.mark.parametrize("name", PLAIN)
+def test_manufacturers_files_get_no_note(name: str) -> None:
+    load(urdf(name))
+
+
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+def test_robots_that_come_with_the_package_get_no_note() -> None:
+    for name in adaptctl.description.builtin_names():
+        load(name)
+
+
+def model_of(arm: Mechanism) -> adaptctl.ReducedModel:
+    return adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+
+
+def told_of(reference: object, arm: Mechanism) -> list[str]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        warn_of_limits(reference, arm.primary_joints, 4.0)  # type: ignore[arg-type]
+    return [str(one.message) for one in caught]
+
+
+def test_a_reference_beyond_range_or_speed_is_named() -> None:
+    arm = rod(1.0, 0.1, velocity=2.0)
+    assert not told_of(Sinusoids([0.0], [2.0], [0.1]), arm)
+    (told,) = told_of(MinimumJerk([[0.0], [3.5]], [0.0, 4.0]), arm)
+    assert told == "reference: hinge goes to 3.5 rad, beyond -3.142 to 3.142"
+    (told,) = told_of(Sinusoids([0.0], [1.0], [0.5]), arm)
+    assert told.startswith("reference: hinge moves at ")
+    assert told.endswith(" rad/s, beyond 2")
+
+
+def test_degrees_are_named() -> None:
+    (told,) = told_of(MinimumJerk([[30.0], [90.0]], [0.0, 4.0]), rod(1.0, 0.1))
+    assert told.endswith("; expected rad, and these look like degrees")
+    free = rod(1.0, 0.1, lower=-math.inf, upper=math.inf)
+    (told,) = told_of(MinimumJerk([[45.0], [90.0]], [0.0, 4.0]), free)
+    assert told == "reference: hinge starts at 45 rad; expected rad, and these look like degrees"
+    assert not told_of(MinimumJerk([[0.0], [90.0]], [0.0, 4.0]), free), "a wheel turns as far as it is told"
+
+
+def test_environments_and_ensembles_look() -> None:
+    arm = rod(1.0, 0.1)
+    far = MinimumJerk([[0.0], [3.5]], [0.0, 4.0])
+    with pytest.warns(ReferenceWarning, match="hinge goes to 3.5 rad"):
+        TrackingEnv(arm, far, duration=4.0)
+    law = SlotineLi(model_of(arm), 2.0, 1.0)
+    with pytest.warns(ReferenceWarning, match="hinge goes to 3.5 rad"):
+        simulate_many(adaptctl.Plant(arm, 0.001), law, far, batch_size=2, duration=4.0)
+
+
+def test_a_spline_that_rises_from_rest_starts_at_rest() -> None:
+    """Samples that rest and then move: the plain interpolation begins at a speed that nothing asks for."""
+    times = np.linspace(0.0, 3.0, 7)
+    positions = np.array([[0.0, 0.5], [0.01, 0.5], [0.5, 0.1], [1.0, -0.5], [1.2, -0.8], [1.2, -0.8], [1.2, -0.8]])
+    spline = Spline(positions, times)
+    np.testing.assert_allclose(spline(times).p, positions, atol=1e-12)
+    for end in (0.0, 3.0):
+        point = spline(end)
+        np.testing.assert_allclose([point.v, point.a], 0.0, atol=1e-9)
+    dense = np.linspace(0.0, 3.0, 30001)
+    p, v, a = spline(dense)
+    np.testing.assert_allclose(np.gradient(p, dense, axis=0)[1:-1], v[1:-1], atol=1e-5)
+    np.testing.assert_allclose(np.gradient(v, dense, axis=0)[1:-1], a[1:-1], atol=1e-4)
+    np.testing.assert_allclose(spline.at(0.7).v, spline(0.7).v, atol=1e-12)
+
+
+def test_a_spline_of_a_motion_that_moves_at_its_ends_keeps_its_speed() -> None:
+    times = np.linspace(0.0, 1.0, 11)
+    np.testing.assert_allclose(Spline(np.sin(times)[:, None], times)(0.0).v, 1.0, atol=1e-6)
+
+
+def test_a_spline_that_overshoots_is_noted() -> None:
+    steps = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])[:, None]
+    (told,) = told_of(Spline(steps, np.linspace(0.0, 4.0, 6)), rod(1.0, 0.1))
+    assert "hinge overshoots its spline's positions by 0." in told
+    smooth = Spline(np.sin(np.linspace(0.0, 3.0, 20))[:, None], np.linspace(0.0, 4.0, 20))
+    assert not told_of(smooth, rod(1.0, 0.1))
+
+
+def test_a_reference_in_space_is_not_held_against_joints() -> None:
+    """Its coordinates are m, of as many axes as there are joints here."""
+    arm = load("semi_direct_drive")
+    law = TaskSpaceSlotineLi(model_of(arm), 2.0, 1.0)
+    path = MinimumJerk([[0.4, 0.1, 0.3], [0.45, 0.1, 9.0]], [0.0, 4.0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        simulate_many(adaptctl.Plant(arm, 0.001), law, path, batch_size=2, duration=4.0)
