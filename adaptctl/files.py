@@ -9,6 +9,7 @@ import math
 import os
 import re
 import stat
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -83,6 +84,42 @@ def validate_place(path: str | Path, overwrite: bool = True) -> Path:
     return target
 
 
+def validate_output(path: str | Path, overwrite: bool = True) -> None:
+    """Raise `FileError` unless `write_bytes` can write a place: a file, or a stream that takes bytes as they come."""
+    if _own_stream(path) is None and not _takes_bytes(path):
+        validate_place(path, overwrite)
+
+
+def _own_stream(path: str | Path) -> int | None:
+    """Number of an open descriptor of this process that a path such as /dev/stdout names."""
+    named = os.path.normpath(path)
+    found = re.fullmatch(r"/(?:dev|proc/self)/fd/(\d{1,9})", named)
+    return int(found[1]) if found else {"/dev/stdout": 1, "/dev/stderr": 2}.get(named)
+
+
+def _takes_bytes(path: str | Path) -> bool:
+    """True for pipes and devices."""
+    with suppress(OSError, ValueError):
+        mode = Path(path).stat().st_mode
+        return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode)
+    return False
+
+
+def _stream(path: str | Path) -> int | None:
+    """New descriptor of a pipe that is read, a device, or a stream of this process; None for all other places."""
+    if (own := _own_stream(path)) is not None:
+        for stream in filter(None, (sys.stdout, sys.stderr)):
+            stream.flush()
+        return os.dup(own)
+    if not _takes_bytes(path):
+        return None
+    with suppress(OSError):  # of a pipe that nobody reads, which would hold us
+        descriptor = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+        os.set_blocking(descriptor, True)
+        return descriptor
+    return None
+
+
 def validate_regular(path: str | Path, target: Path, instead: str = "another") -> None:
     """Raise `FileError` where a pipe, a device or the like would be replaced."""
     if target.exists() and not (target.is_file() or target.is_dir()):
@@ -141,7 +178,14 @@ def is_stale_temporary(name: str) -> bool:
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
-    """Write a file atomically."""
+    """Write a file atomically, or through a pipe, device or stream as /dev/stdout."""
+    try:
+        if (descriptor := _stream(path)) is not None:
+            with os.fdopen(descriptor, "wb") as through:
+                through.write(data)
+            return
+    except OSError as error:
+        raise FileError(f"{path}: cannot be written ({reason(error)})") from error
     with replacing(path) as beside:
         beside.write_bytes(data)
 

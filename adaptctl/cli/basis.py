@@ -88,11 +88,11 @@ def basis(
     RankError
         If the number of parameters cannot be certified or, unless `as_written`, angles or lengths are nearly special.
     """
-    from adaptctl.files import validate_place
+    from adaptctl.files import validate_output
     from adaptctl.identifiability import Priority, essential_space, fundamental_basis
 
     if out is not None:
-        validate_place(out, overwrite)
+        validate_output(out, overwrite)
     mechanism = reading.load(robot)
     order = Priority.default(mechanism) if priority is None else Priority.read(priority, mechanism)
     space = essential_space(mechanism, prove=True)

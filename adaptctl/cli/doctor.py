@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -136,12 +137,14 @@ def install_completion(
 
     from adaptctl.cli.main import app
     from adaptctl.errors import InputError
-    from adaptctl.files import validate_place
+    from adaptctl.files import validate_output, write_text
 
     if out is not None:
-        validate_place(out)
+        validate_output(out)
     try:
-        path = app.install_completion(shell=shell, output=out, add_to_startup=out is None)
+        path = app.install_completion(shell=shell) if out is None else out
+        if out is not None:
+            write_text(out, app.generate_completion(shell=shell))
     except ShellDetectionError as error:
         raise InputError("--shell: the current shell is unknown: give bash, zsh or fish") from error
-    print(f"Written: {path}\nIt takes effect in new shells.")
+    print(f"Written: {path}\nIt takes effect in new shells.", file=sys.stderr if out is not None else sys.stdout)
