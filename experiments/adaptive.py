@@ -189,10 +189,9 @@ class AdaptiveTracking(FromFile):
         rule = "from prior ranges by typical inertias and reach, scaled to a normalised adaptation gain of"
         gain = f"{rule} {tuning.adaptation_ratio:.3g}, mapped"
         yield from chosen_gains(tuning.gains, gain, "adaptation gain: rate × (prior range)²")
-        env.reset(seed=self.seed)
-        drawn = env.unwrapped.reference  # type: ignore[attr-defined]
         for name, unit in (("center", "rad"), ("amplitude", "rad"), ("frequency", "Hz")):
-            yield Setting(f"reference {name}", listed(getattr(drawn, name).ravel()), f"per joint, {unit} (m)")
+            values = getattr(tuning.reference, name)
+            yield Setting(f"reference {name}", listed(values.ravel()), f"per joint, {unit} (m)")
         for joint, limit in zip(mechanism.primary_joints, tuning.limited_by, strict=True):
             yield Setting(f"gains of {joint.name}", limit, "what limits them")
         for k, note in enumerate(tuning.notes, 1):

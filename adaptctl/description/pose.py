@@ -54,6 +54,21 @@ def quaternion_rotation(quaternion: ArrayLike) -> Array:
     return exact_right_angles(rotation)
 
 
+def rotation_quaternions(rotations: Array) -> Array:
+    """Quaternions w, x, y, z (..., 4) of rotations (..., 3, 3), the largest part first (Shepperd 1978)."""
+    r, transposed = rotations, np.swapaxes(rotations, -1, -2)
+    trace, diagonal = np.trace(r, axis1=-2, axis2=-1)[..., None], np.diagonal(r, axis1=-2, axis2=-1)
+    squares = np.concatenate((1.0 + trace, 1.0 - trace + 2.0 * diagonal), axis=-1)
+    first = np.stack([r[..., i, j] - r[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=-1)
+    products = np.empty((*r.shape[:-2], 4, 4))
+    products[..., 0, 1:], products[..., 1:, 0], products[..., 1:, 1:] = first, first, r + transposed
+    parts = np.arange(4)
+    products[..., parts, parts] = squares
+    largest = squares.argmax(axis=-1)[..., None]
+    rows = np.take_along_axis(products, largest[..., None], axis=-2)[..., 0, :]
+    return np.asarray(0.5 * (rows / np.sqrt(np.take_along_axis(squares, largest, axis=-1))))
+
+
 @sent_as_made
 @dataclass(frozen=True, eq=False)
 class Pose:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.description import GROUND, Description
+from adaptctl.description.pose import rotation_quaternions
 from adaptctl.description.visual import Box, Cylinder, Mesh, Visual
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import LinkPoses, link_poses
@@ -27,10 +28,9 @@ GHOST_OPACITY = 70
 
 def log_poses(recording: rr.RecordingStream, name: str, mechanism: Mechanism, time: Array, poses: LinkPoses) -> None:
     """Let entities below "world" move as the links of a mechanism, by their poses (T, N)."""
-    from scipy.spatial.transform import Rotation
-
+    turns = np.roll(rotation_quaternions(poses.rotations), -1, axis=-1)  # x, y, z, w
     for i, link in enumerate(mechanism.links):
-        turned = Rotation.from_matrix(poses.rotations[:, i]).as_quat()
+        turned = np.ascontiguousarray(turns[:, i])
         moved = rr.Transform3D.columns(translation=poses.translations[:, i], quaternion=turned)
         recording.send_columns(f"{WORLD}/{name}/{entity(link.name)}", [rr.TimeColumn(TIMELINE, duration=time)], moved)
 
@@ -130,18 +130,22 @@ def _look(color: Color, ghost: bool) -> dict[str, Any]:
 
 
 def _drawn(solid: Solid, shapes: Sequence[Shape], color: Color, ghost: bool) -> rr.AsComponents:
-    from scipy.spatial.transform import Rotation
-
     given = {"radii": [shape.radius for shape in shapes], **_look(color, ghost)}
     centers = [(shape.start + shape.end) / 2.0 for shape in shapes]
     if solid is Solid.TOOL:
         return rr.Ellipsoids3D(centers=centers, **given)
-    upright = np.array([0.0, 0.0, 1.0])
-    turns = [Rotation.align_vectors(shape.end - shape.start, upright)[0].as_quat() for shape in shapes]
-    given |= {"lengths": [shape.length for shape in shapes], "quaternions": [rr.Quaternion(xyzw=x) for x in turns]}
+    turns = [rr.Quaternion(xyzw=_turned_up(shape.end - shape.start)) for shape in shapes]
+    given |= {"lengths": [shape.length for shape in shapes], "quaternions": turns}
     if solid is Solid.LINK:
         return rr.Capsules3D(translations=[shape.start for shape in shapes], **given)
     return rr.Cylinders3D(centers=centers, **given)
+
+
+def _turned_up(axis: Array) -> Array:
+    """Quaternion x, y, z, w that turns the z axis into another, by the shortest way."""
+    x, y, z = axis / np.linalg.norm(axis)
+    quaternion = np.array([-y, x, 0.0, 1.0 + z]) if z > -1.0 + 1e-12 else np.array([1.0, 0.0, 0.0, 0.0])
+    return np.asarray(quaternion / np.linalg.norm(quaternion))
 
 
 # Kinds of meshes that the viewer reads.

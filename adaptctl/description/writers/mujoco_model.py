@@ -11,7 +11,7 @@ from adaptctl.arrays import Array
 from adaptctl.description.description import GROUND, Description, Link
 from adaptctl.description.drive import MAY_BE_NEGATIVE
 from adaptctl.description.inertia import inertia_tensor, transformed
-from adaptctl.description.pose import Pose
+from adaptctl.description.pose import Pose, rotation_quaternions
 from adaptctl.description.readers.mujoco_arm import MujocoArm, body_ten
 from adaptctl.errors import InputError
 
@@ -64,7 +64,7 @@ def _body(above: mujoco.MjsBody, link: Link, description: Description) -> mujoco
         if link.parent == GROUND
         else description.links[link.parent].joint_to_link @ link.parent_to_joint
     )
-    body = above.add_body(name=link.name, pos=at.translation, quat=_quaternion(at.rotation))
+    body = above.add_body(name=link.name, pos=at.translation, quat=rotation_quaternions(at.rotation))
     mass, center, turn, principal = principal_axes(transformed(link.inertia, link.joint_to_link), link.name)
     body.mass, body.ipos, body.iquat, body.inertia = mass, center, turn, principal
     body.explicitinertial = True
@@ -132,18 +132,4 @@ def principal_axes(ten: Array, name: str) -> tuple[float, Array, Array, Array]:
     at_center = transformed(ten, Pose(np.eye(3), -center))
     moments, axes = np.linalg.eigh(inertia_tensor(at_center))
     axes[:, 0] *= np.sign(np.linalg.det(axes))
-    return mass, center, _quaternion(axes), np.maximum(moments, 0.0)
-
-
-def _quaternion(rotation: Array) -> Array:
-    """Quaternion w, x, y, z of a rotation, its largest part found first (Shepperd 1978)."""
-    r = rotation
-    squares = np.array([1.0 + np.trace(r), *(1.0 - np.trace(r) + 2.0 * np.diag(r))])
-    k = int(np.argmax(squares))
-    first = [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]
-    products = np.empty((4, 4))
-    products[0], products[1:, 0] = [squares[0], *first], first
-    products[1:, 1:] = r + r.T
-    np.fill_diagonal(products, squares)
-    row: Array = products[k] / math.sqrt(products[k, k])
-    return 0.5 * row
+    return mass, center, rotation_quaternions(axes), np.maximum(moments, 0.0)
