@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import signal
 import sys
@@ -19,11 +20,14 @@ if TYPE_CHECKING:
     Handler = Callable[[int, FrameType | None], Any] | signal.Handlers
 
 INTERRUPTED = 130
+COLLECTED = 200_000, 10, 10
+"""Thresholds of the collector of cycles, which equations do not have: to look for them took a tenth of a command."""
 
 
 def run() -> NoReturn:
     """Run the command line and exit with its code."""
     _on_signals(_leave)  # while packages are imported, there is nothing to keep
+    gc.set_threshold(*COLLECTED)
     main = _main()
     from adaptctl.cli.interruption import raised
 

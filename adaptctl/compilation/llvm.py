@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from adaptctl.compilation.function_body import FunctionBody
@@ -19,10 +21,17 @@ PROLOGUE_SUFFIX = ".before"
 """suffix of the name of a step's prologue"""
 
 
-def program(routine: Routine, lanes: Lanes, same: Invariants = NONE, uniform: Container[int] = ()) -> tuple[str, str]:
-    """LLVM IR of a routine and its calls, and its function's name."""
-    symbols = _symbols(routine)
-    functions = [_called(r, symbols, lanes) for r in symbols if r is not routine]
+def program(
+    routine: Routine,
+    lanes: Lanes,
+    same: Invariants = NONE,
+    uniform: Container[int] = (),
+    apart: Mapping[Any, str] = MappingProxyType({}),
+) -> tuple[str, str]:
+    """LLVM IR of a routine and its calls, and its function's name; routines `apart` have another module."""
+    symbols = _symbols(routine) | dict(apart)
+    functions = [_called(r, symbols, lanes) for r in symbols if r is not routine and r not in apart]
+    functions += [f"declare void @{symbol}({', '.join(_pointers(r, NONE))})" for r, symbol in apart.items()]
     landed = landings(routine).places
     parts = {routine: pieces(routine.body, landed)}
     if same.stored:
@@ -33,6 +42,30 @@ def program(routine: Routine, lanes: Lanes, same: Invariants = NONE, uniform: Co
     functions.append(_function(routine, parts[routine], symbols, lanes, same, uniform))
     text = "\n".join(functions)
     return f"{text}\n{_sines(text, lanes)}", symbols[routine]
+
+
+MIN_APART = 500
+"""Expressions of a routine from which it has a module of its own, compiled once for all that call it."""
+
+
+def worth_a_module(routine: Routine) -> list[Routine]:
+    """Long routines that a routine calls, which call none."""
+    return [
+        r
+        for r in _symbols(routine)
+        if r is not routine and isinstance(r, Routine) and not r.subroutines and len(r.body) >= MIN_APART
+    ]
+
+
+def module_of(routine: Routine, lanes: Lanes, target: str) -> tuple[str, str]:
+    """LLVM IR of a module of one routine, and its function's name, which tells its content and the `target`."""
+    text = _called(routine, {routine: _NAME}, lanes).replace("define internal void", "define void")
+    text = f"{text}\n{_sines(text, lanes)}"
+    symbol = f"{_NAME}.{hashlib.sha256((target + text).encode()).hexdigest()[:32]}"
+    return text.replace(f"@{_NAME}(", f"@{symbol}("), symbol
+
+
+_NAME = "shared"
 
 
 def _called(routine: Routine | LoopRoutine, symbols: Mapping[Any, str], lanes: Lanes) -> str:

@@ -98,6 +98,19 @@ def load(text: str, processor: Processor | None = None) -> NativeCode:
         return NativeCode(_object(text, processor, machine), machine)
 
 
+_modules: weakref.WeakValueDictionary[str, NativeCode] = weakref.WeakValueDictionary()
+
+
+def load_shared(text: str, symbol: str, processor: Processor) -> NativeCode:
+    """Code of a module that others call by a symbol, loaded once; they must keep it."""
+    with _compiler():
+        code = _modules.get(symbol)
+        if code is None:
+            code = _modules[symbol] = load(text, processor)
+            define({symbol: code.address(symbol)})
+        return code
+
+
 def define(addresses: Mapping[str, int]) -> None:
     """Register addresses for native code loaded later."""
     with _compiler():

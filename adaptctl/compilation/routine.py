@@ -217,7 +217,8 @@ def outlined(function: F) -> F:
 
     Notes
     -----
-    Constants among the arguments are folded: there is one subroutine for each pattern of constants.
+    Constants among the arguments are folded: there is one subroutine for each pattern of constants. The last eight are
+    kept for other traces.
 
     Examples
     --------
@@ -227,6 +228,8 @@ def outlined(function: F) -> F:
     2
     """
 
+    kept: dict[Any, Routine] = {}
+
     @functools.wraps(function)
     def call(*arguments: Any) -> Any:
         layout, scalars = flatten(arguments)
@@ -234,24 +237,39 @@ def outlined(function: F) -> F:
         nodes = [x for x in values if isinstance(x, Node)]
         if not nodes or any(x is None for x in values):
             return function(*arguments)
-        routine = _shared(function, layout, values, nodes[0].graph)
+        routine = _shared(function, layout, values, nodes[0].graph, kept)
         return routine.layout.restored(_results(routine, nodes))
 
     return cast(F, call)
 
 
-def _shared(function: Callable[..., Any], layout: Layout, values: Sequence[Any], graph: Graph) -> Routine:
-    key = function, layout, tuple(None if isinstance(x, Node) else x for x in values)
+MAX_KEPT_ROUTINES = 8
+"""Traces of an outlined function that it keeps."""
+
+
+def _shared(
+    function: Callable[..., Any], layout: Layout, values: Sequence[Any], graph: Graph, kept: dict[Any, Routine]
+) -> Routine:
+    pattern = layout, tuple(None if isinstance(x, Node) else x for x in values)
+    key = function, *pattern
     if key not in graph.routines:
-        rest = iter(values)
-        sizes = tuple(sum(isinstance(x, Node) for x in islice(rest, size)) for size in layout.sizes)
-        inner = Graph(graph.routines, passed=len(sizes))
-        nodes = chain.from_iterable(_inputs(inner, sizes))
-        scalars = [next(nodes) if isinstance(x, Node) else x for x in values]
-        made = _routine(_name(function), inner, sizes, function(*layout.restored(scalars)))
-        places = tuple(x.index for x in inner.turned)  # the inputs were made first
-        graph.routines[key] = replace(made, inputs=(*sizes, 2 * len(places)), sines=places) if places else made
+        if pattern not in kept:
+            while len(kept) >= MAX_KEPT_ROUTINES:
+                kept.pop(next(iter(kept)), None)
+            kept[pattern] = _traced(function, layout, values, graph)
+        graph.routines[key] = kept[pattern]
     return cast(Routine, graph.routines[key])
+
+
+def _traced(function: Callable[..., Any], layout: Layout, values: Sequence[Any], graph: Graph) -> Routine:
+    rest = iter(values)
+    sizes = tuple(sum(isinstance(x, Node) for x in islice(rest, size)) for size in layout.sizes)
+    inner = Graph(graph.routines, passed=len(sizes))
+    nodes = chain.from_iterable(_inputs(inner, sizes))
+    scalars = [next(nodes) if isinstance(x, Node) else x for x in values]
+    made = _routine(_name(function), inner, sizes, function(*layout.restored(scalars)))
+    places = tuple(x.index for x in inner.turned)  # the inputs were made first
+    return replace(made, inputs=(*sizes, 2 * len(places)), sines=places) if places else made
 
 
 def _results(routine: Routine, nodes: Sequence[Node]) -> list[Value]:

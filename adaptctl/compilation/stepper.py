@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import whole_count
 from adaptctl.compilation.lanes import Array, LaneArray, Lanes, Precision
-from adaptctl.compilation.llvm import PROLOGUE_SUFFIX, program
-from adaptctl.compilation.native import Processor, load
+from adaptctl.compilation.llvm import PROLOGUE_SUFFIX, module_of, program, worth_a_module
+from adaptctl.compilation.native import NativeCode, Processor, load, load_shared
 from adaptctl.compilation.routine import Invariants, Operations, Routine, trace
 from adaptctl.errors import InputError
 
@@ -209,7 +209,8 @@ class Stepper:
         self.operations = Operations(routine.operations)
         self.operations.subtract(x.op for x in same.computed)
         first = len(state) + len(columns[Source.HELD])
-        text, symbol = program(routine, lanes, same, range(first, first + len(columns[Source.SHARED])))
+        self._called, apart = _shared(routine, lanes, processor) if lanes.count == 1 else ([], {})
+        text, symbol = program(routine, lanes, same, range(first, first + len(columns[Source.SHARED])), apart)
         lengths = {source: tuple(part.values()) for source, part in columns.items()}
         self._code = load(f"{text}\n{loop(routine, symbol, lanes, lengths, len(same.stored))}", processor)
         self.native = NativeLoop(self._code.address(ENTRY))
@@ -276,6 +277,13 @@ class Stepper:
         after = state.copy()
         self.native(0, 1, steps, 0, 0, 0, after.ctypes.data, held.ctypes.data, None, None, None)
         return after
+
+
+def _shared(routine: Routine, lanes: Lanes, processor: Processor) -> tuple[list[NativeCode], dict[Routine, str]]:
+    """Code that a routine shares with others, and its functions' names."""
+    modules = {r: module_of(r, lanes, repr(processor)) for r in worth_a_module(routine)}
+    codes = [load_shared(text, symbol, processor) for text, symbol in modules.values()]
+    return codes, {r: symbol for r, (_, symbol) in modules.items()}
 
 
 class Signals(NamedTuple):
