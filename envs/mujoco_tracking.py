@@ -54,8 +54,8 @@ class MuJoCoTrackingEnv(TrackingEnv):
     Raises
     ------
     InputError
-        If a value is bad, an actuator is refused, the arm has ball or free joints or equalities, or several root bodies
-        move and none is named.
+        If a value is bad, an actuator is refused, the arm has ball joints, equalities or a floating base, or several
+        root bodies move and none is named.
     NotFoundError
         If there is no such built-in, body or mode.
     FileError

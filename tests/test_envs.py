@@ -237,6 +237,7 @@ def test_a_payload_does_not_keep_to_relations() -> None:
         TrackingEnv(related, 1, effects=[PayloadHeld(1.0)])
 
 
+@pytest.mark.filterwarnings("ignore:.*the base floats:adaptctl.errors.SimplificationWarning")
 def test_a_payload_finds_its_link_among_those_with_mass() -> None:
     """A floating base's first links own no parameters."""
     floating = load(urdf("ur5_robot.urdf"), floating_base=True)

@@ -179,6 +179,7 @@ def test_limits(tmp_path: Path, joint: str, before: str, expected: Limits) -> No
     assert reading(tmp_path, mjcf(chain(joint), before=before)).links[0].joint.limits == expected
 
 
+@pytest.mark.filterwarnings("ignore:.*no actuator drives these joints:adaptctl.errors.SimplificationWarning")
 def test_efforts_of_several_actuators_add_and_the_joint_bounds_them(tmp_path: Path) -> None:
     motors = '<motor joint="j1" ctrlrange="-1 1"/><motor jointinparent="j1" ctrlrange="-2 2" gear="3"/>'
     assert reading(tmp_path, mjcf(chain(), f"<actuator>{motors}</actuator>")).links[0].joint.limits.effort == 7.0

@@ -12,7 +12,7 @@ import pytest
 from adaptctl.arrays import Array
 from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.errors import FileError
+from adaptctl.errors import FileError, SimplificationWarning
 from adaptctl.identifiability import essential_space
 
 INERTIA = '<inertial pos=".1 .2 .3" euler="10 20 30" mass="2" diaginertia=".1 .2 .25"/>'
@@ -26,7 +26,8 @@ SIX = ("x", "y", "z", "yaw", "pitch", "roll")
 
 def reading(folder: Path, text: str) -> Mechanism:
     (folder / "robot.xml").write_text(text)
-    return load(folder / "robot.xml")
+    with pytest.warns(SimplificationWarning, match="the base floats: .* pushed by six ideal forces that no robot has"):
+        return load(folder / "robot.xml", floating_base=True)
 
 
 def set_state(model: mujoco.MjModel, data: mujoco.MjData, p: Array, v: Array) -> None:
@@ -56,7 +57,8 @@ def test_energies_are_mujocos(tmp_path: Path, text: str) -> None:
 
 def test_gymnasiums_own_robots() -> None:
     """An ant: 8 hinges with armature and damping and 10 + 7 * 8 of its links; two a link are the drives'."""
-    ant = load(Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets" / "ant.xml")
+    with pytest.warns(SimplificationWarning, match="pushed by six ideal forces"):
+        ant = load(Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets" / "ant.xml", floating_base=True)
     drives = sum(name.startswith(("hip", "ankle")) for name in ant.parameter_names)
     assert essential_space(ant).rank == 10 + 7 * 8 + 8
     assert drives == 16
@@ -84,5 +86,7 @@ def test_gymnasiums_own_robots() -> None:
     ],
 )
 def test_what_cannot_float(tmp_path: Path, text: str, message: str) -> None:
-    with pytest.raises(FileError, match=message):
-        reading(tmp_path, text)
+    (tmp_path / "robot.xml").write_text(text)
+    for floating_base in (False, True):
+        with pytest.raises(FileError, match=message):
+            load(tmp_path / "robot.xml", floating_base=floating_base)

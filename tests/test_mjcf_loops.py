@@ -132,6 +132,7 @@ def test_an_equality_without_coefficients_is_one_to_one(tmp_path: Path) -> None:
     assert (coupling.name, coupling.ratio, coupling.offset) == ("joint1", 1.0, 0.0)
 
 
+@pytest.mark.filterwarnings("ignore:.*no actuator drives these joints:adaptctl.errors.SimplificationWarning")
 def test_what_is_not_active_binds_nothing(tmp_path: Path) -> None:
     pin = CLOSED["connect"]
     for text in (

@@ -34,7 +34,10 @@ EQUAL = CLOSED["connect"]
             mjcf(chain() + chain().replace('"a"', '"z"').replace('"b"', '"y"').replace('"j', '"k')),
             "2 root bodies move, 'a', 'z', each a separate mechanism; select one, .* root='a'",
         ),
-        (mjcf(chain('type="ball"')), "body 'a' has a ball joint, 'j1', but only hinges and slides are supported"),
+        (
+            mjcf(chain('type="ball"/><joint name="own"')),
+            "body 'a': a ball joint must be the last joint of its body, and the only one",
+        ),
         (mjcf(chain('type="screw"')), "joint 'j1': MuJoCo: invalid keyword: 'screw'"),
         (mjcf(chain('axsi="x"')), "joint 'j1': MuJoCo: unrecognized attribute: 'axsi'"),
         (mjcf(chain().replace('"0 1 0"', '"0 0 0"')), "joint 'j1': MuJoCo: axis too small in joint"),

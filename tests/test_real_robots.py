@@ -109,7 +109,7 @@ def test_a_body_alone_in_the_air() -> None:
 
 
 def test_only_files_with_a_root_link_can_float() -> None:
-    with pytest.raises(InputError, match="puma560_measured: floating_base: only for URDF files"):
+    with pytest.raises(InputError, match=r"measured: floating_base: only for URDF and MJCF files.* with_floating_base"):
         read("puma560_measured", floating_base=True)
 
 

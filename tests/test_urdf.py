@@ -28,6 +28,7 @@ LINKS = f'<link name="base"/><link name="arm">{BODY}</link>'
 ENDS = '<parent link="base"/><child link="arm"/>'
 JOINT = f'<joint name="hinge" type="revolute">{ENDS}<axis xyz="0 1 0"/></joint>'
 ROBOT = f'<robot name="one">{LINKS}{JOINT}</robot>'
+BELOW = """<link name="loose"/><joint name="below" type="KIND"><parent link="arm"/><child link="loose"/></joint>"""
 
 
 def reading(folder: Path, text: str) -> Description:
@@ -284,10 +285,14 @@ OUTSIDE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]>'
         ('<robot><link name="a"/></robot>', "no moving joint: expected a revolute, continuous or prismatic joint"),
         (ROBOT.replace("revolute", "fixed"), "no moving joint"),
         (
-            ROBOT.replace("revolute", "floating"),
-            "joint 'hinge': type 'floating' is not supported; build it from revolute",
+            ROBOT.replace("</robot>", BELOW.replace("KIND", "floating") + "</robot>"),
+            "joint 'below': type 'floating' is only for a base; build it from revolute",
         ),
-        (ROBOT.replace("revolute", "planar"), "joint 'hinge': type 'planar' is not supported"),
+        (
+            ROBOT.replace("</robot>", BELOW.replace("KIND", "planar") + "</robot>"),
+            "joint 'below': type",
+        ),
+        (ROBOT.replace("revolute", "floating"), r"no moving joint: .*; the base 'base' is held still, and floats with"),
         (
             ROBOT.replace("revolute", "hinge"),
             "joint 'hinge': unknown type 'hinge'; expected one of revolute, continuous",

@@ -871,7 +871,8 @@ def load(
     source : str, Path, pinocchio.Model or mujoco.MjModel
         Name of a built-in robot (``"puma560"``, see `builtin_names`), a file (.toml, .urdf, .xml, .mjcf), or a model.
     floating_base : bool, default False
-        If true, the root link of a URDF file floats on six joints. By default it is fixed to the ground, as an arm is.
+        If true, the base floats on six joints: the root link of a URDF file, the root body of an MJCF file. By default
+        it is held still, whatever the file says.
     as_written : bool, default False
         If true, all angles are meant as they stand. By default those between successive joint axes that are within
         1e-4 rad of a multiple of 90 degrees are taken as rounded and made exact, if torques change by less than 1e-4.

@@ -18,7 +18,14 @@ from adaptctl.caching import cached_property
 from adaptctl.control.controller import Reference
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import FileError, InputError, MissingExtraError, NonFiniteError, ReferenceWarning
+from adaptctl.errors import (
+    FileError,
+    InputError,
+    MissingExtraError,
+    NonFiniteError,
+    ReferenceWarning,
+    SimplificationWarning,
+)
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.plant import Plant
 
@@ -46,6 +53,11 @@ class MuJoCoPlant(Plant):
         if tuple(self.effects):
             raise InputError("MuJoCoPlant: effects are not supported: model them in MuJoCo")
         super().__post_init__()
+        if self.arm.held:
+            raise InputError(
+                f"{self.mechanism.name}: the base {self.arm.held[0]!r} floats in this MuJoCo model, where nothing "
+                "drives it: weld it to the world, or give the file, whose base is held"
+            )
         if self.arm.servos and not self.servos_off:
             raise InputError(
                 f"{self.mechanism.name}: these actuators are not torques and would work against the controller: "
@@ -188,12 +200,27 @@ def as_mujoco(robot: str | Path | Mechanism | mujoco.MjModel) -> mujoco.MjModel:
         return robot
     if isinstance(robot, str | Path) and Path(robot).suffix.lower() in (".xml", ".mjcf"):
         try:
-            return mujoco.MjModel.from_xml_path(str(robot))
+            return _held(robot, mujoco.MjModel.from_xml_path(str(robot)))
         except ValueError as error:
             raise FileError(f"{robot}: MuJoCo: {' '.join(str(error).split())}") from error
     from adaptctl.dynamics import load
 
     return (robot if isinstance(robot, Mechanism) else load(robot)).to_mujoco()
+
+
+def _held(path: str | Path, model: mujoco.MjModel) -> mujoco.MjModel:
+    """Model of a file, with the bases of its mechanisms held still."""
+    import mujoco
+
+    if not np.any(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+        return model
+    from adaptctl.description.readers.mjcf_joints import held_scene
+
+    spec = mujoco.MjSpec.from_file(str(path))
+    if not (names := held_scene(spec)):
+        return model
+    warnings.warn(f"{path}: the base is held still: {', '.join(names)}", SimplificationWarning, stacklevel=4)
+    return spec.compile()
 
 
 CONTACT_SAMPLES, CONTACT_HORIZON = 201, 20.0

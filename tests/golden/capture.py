@@ -114,7 +114,7 @@ def sources() -> dict[str, tuple[str | Path, Mapping[str, bool]]]:
     }
     return {
         **{name: (name, {}) for name in builtin_names()},
-        **{path.name: (path, {}) for path in own if path.name != "priority.toml"},
+        **{path.name: (path, FLOATING if "floating" in path.name else {}) for path in own if path.stem != "priority"},
         **{name: (wheel[name.split()[0]], how) for name, how in FOREIGN.items()},
     }
 

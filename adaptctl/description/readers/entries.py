@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from adaptctl.description.loops import Loops
 
 
+FLOATING_FLAG = "floating_base=True (--floating-base)"
 MAX_ENTRIES = 256
 """Links, closures, couplings or conditions in one file."""
 

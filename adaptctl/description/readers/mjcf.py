@@ -21,11 +21,11 @@ from adaptctl.arrays import Array
 from adaptctl.description.description import Description
 from adaptctl.description.pose import Pose
 from adaptctl.description.readers.entries import MAX_LINKS, validate_at_most, warn_of_degrees
+from adaptctl.description.readers.mjcf_joints import Rewriting
 from adaptctl.description.readers.mjcf_scan import ScannedFile, validate_within
-from adaptctl.description.readers.mujoco_arm import FREE, HINGE, SLIDE, MujocoArm, body_ten, mujoco_package
+from adaptctl.description.readers.mujoco_arm import MujocoArm, body_ten, mujoco_package
 from adaptctl.description.readers.mujoco_model import loops_of
-from adaptctl.description.readers.xml_elements import LineElement, named, refuse
-from adaptctl.description.transforms import FLOATING_JOINTS
+from adaptctl.description.readers.xml_elements import element_of, named, refuse
 from adaptctl.errors import FileError, InputError, printable
 
 if TYPE_CHECKING:
@@ -35,10 +35,9 @@ MAX_MESH_SECONDS, MAX_MESH_MEMORY = 20, 4 * 2**30
 """s and bytes that reading meshes may take"""
 _BODIES = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
 """What a model says of bodies' inertias."""
-_ACTING = ("armature", "damping", "frictionloss", "stiffness")
 
 
-def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
+def read_mjcf(path: str | Path, *, root: str | None = None, floating_base: bool = False) -> Description:
     """
     Read a mechanism from an MJCF file, with the loops that its equalities close.
 
@@ -49,26 +48,29 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
     root : str, optional
         Name of the body at which the mechanism begins; its descendants are included. Default: the only root body that
         moves.
+    floating_base : bool, default False
+        If true, that body floats on three slides and three hinges, with endings `_x` to `_roll`, named after its free
+        joint or itself. By default it is held still.
 
     Returns
     -------
     Description
-        Links are named after bodies, with frames at the joints. Actuated joints are primary. A free joint becomes three
-        slides and three hinges, with endings `_x` to `_roll`.
+        Links are named after bodies, with frames at the joints. A ball joint becomes three hinges, `_yaw`, `_pitch` and
+        `_roll`. In loops, driven joints are primary, and others that these do not determine.
 
     Raises
     ------
     FileError
         If the file cannot be read, MuJoCo refuses it, `root` is unknown or on a moving body, or a joint is not
-        supported (ball joints, several moving roots); the message names the element.
+        supported (several moving roots); the message names the element.
     MissingExtraError
         If MuJoCo is not installed.
 
     Warns
     -----
     SimplificationWarning
-        If springs, tendons or gravity compensation are left out, actuators command no torque, or angles look like
-        degrees.
+        If a base is held, no actuator drives a joint, springs, tendons or gravity compensation are left out, actuators
+        command no torque, or angles look like degrees.
 
     Notes
     -----
@@ -87,16 +89,24 @@ def read_mjcf(path: str | Path, *, root: str | None = None) -> Description:
     """
     try:
         scanned = ScannedFile.of(path, whole=root is None)
-        arm, floating = _arm(scanned, root)
+        arm, changed = _arm(scanned, root, floating_base)
         links = tuple(arm.links())
         validate_at_most(len(links), MAX_LINKS, "moving links")
-        loops, name = loops_of(arm, links, str(path), floating), scanned.root.get("model") or Path(path).stem
+        loops = loops_of(arm, links, str(path), changed.floating)
+        name = scanned.root.get("model") or Path(path).stem
         made = Description(name, links, arm.gravity, f"MJCF file {Path(path).name}", loops)
     except FileError:
         raise
     except InputError as error:
         raise FileError(f"{path}: {error}") from error
-    arm.warn(str(path), links, scanned.tendons, stacklevel=4)
+    arm.warn(
+        str(path),
+        links,
+        ("tendons are ignored", scanned.tendons),
+        ("friction, armature, limits and actuators of ball and free joints are ignored", changed.ignored),
+        arm.undriven(links, loops, changed.floating),
+        stacklevel=4,
+    )
     warn_of_degrees(path, links, (), stacklevel=4)
     return made
 
@@ -110,14 +120,14 @@ class MjcfBody:
     place: Pose
 
 
-def mjcf_bodies(path: str | Path, root: str | None = None) -> dict[int, MjcfBody]:
+def mjcf_bodies(path: str | Path, root: str | None = None, floating_base: bool = False) -> dict[int, MjcfBody]:
     """Bodies of an MJCF file with their own inertias, by link index."""
     scanned = ScannedFile.of(path, whole=root is None)
     if any(compiler.get("inertiafromgeom") == "true" for compiler in scanned.root.findall("compiler")):
         raise InputError(
             "<compiler>: inertiafromgeom: expected 'auto', got 'true', which ignores the <inertial> elements"
         )
-    arm, _ = _arm(scanned, root)
+    arm, _ = _arm(scanned, root, floating_base)
     arm.links()
     return {
         arm.carriers[i]: MjcfBody(scanned.numbers.get(arm.body_name(i)), body_ten(arm.model, i), arm.places[i])
@@ -126,19 +136,19 @@ def mjcf_bodies(path: str | Path, root: str | None = None) -> dict[int, MjcfBody
     }
 
 
-def _arm(scanned: ScannedFile, root: str | None) -> tuple[MujocoArm, list[str]]:
+def _arm(scanned: ScannedFile, root: str | None, floating_base: bool) -> tuple[MujocoArm, Rewriting]:
     mj = mujoco_package("MJCF")
     text, elements = scanned.text()
     with _mujocos_errors(elements):
         spec = mj.MjSpec.from_string(text)
-        floating = _unfold(spec, elements)
+        changed = Rewriting.of(spec, elements, root, floating_base)
         meshes = _need_meshes(spec, kept=False)
         model = spec.compile()
     if meshes:
         _add_mesh_inertias(model, scanned, meshes)
     known: dict[object, Element] = {body.attrib["name"]: body for body in scanned.root.iter("body")}
     equalities = [element for section in scanned.root.findall("equality") for element in section]
-    return MujocoArm.of(model, root, known | dict(enumerate(equalities))), floating
+    return MujocoArm.of(model, root, known | dict(enumerate(equalities)), changed.held), changed
 
 
 @contextmanager
@@ -156,39 +166,8 @@ def _mujocos_errors(elements: Sequence[Element]) -> Iterator[None]:
 def _refuse(error: str, elements: Sequence[Element]) -> NoReturn:
     lines = error.splitlines() or ["no reason given"]
     text = f"MuJoCo: {printable(re.sub(r'^(XML Error: |Error: |Schema violation: )+', '', lines[0]), 200)}"
-    element = _element(lines[-1], elements)
+    element = element_of(lines[-1], elements)
     refuse(element, f"{named(element)}: {text}" if element.tag else text)
-
-
-def _element(place: str, elements: Sequence[Element]) -> Element:
-    found = re.findall(r"line (\d+)", place)
-    k = int(found[-1]) if found else 0
-    return elements[k - 1] if 0 < k <= len(elements) else LineElement("")
-
-
-def _unfold(spec: mujoco.MjSpec, elements: Sequence[Element]) -> list[str]:
-    mjtJoint, names = mujoco_package().mjtJoint, list[str]()
-    for body in [body for body in spec.bodies if any(joint.type == FREE for joint in body.joints)]:
-        joint, *others = body.joints
-        element, above = _element(joint.info, elements), body.parent
-        while above is not None and not above.joints:
-            above = above.parent
-        if others or above is not None:
-            text = "a free joint must be the only joint of its body, and the bodies above must be fixed"
-            refuse(element, f"body {body.name!r}: {text}")
-        name = joint.name or body.name
-        for what in _ACTING:
-            if np.any(getattr(joint, what)):
-                given = np.ravel(getattr(joint, what)).tolist()
-                refuse(element, f"joint {name!r}: {what}: expected 0 for a free joint, got {given[0]:g}")
-        for k, (suffix, kind, axis) in enumerate(FLOATING_JOINTS):
-            part = body.add_joint() if k else joint
-            part.name, part.type, part.axis = f"{name}_{suffix}", mjtJoint(HINGE if kind.is_revolute else SLIDE), axis
-            part.pos, part.ref, part.limited, part.actfrclimited, part.info = np.zeros(3), 0.0, 0, 0, joint.info
-            for what in _ACTING:
-                setattr(part, what, 0.0 * np.asarray(getattr(part, what)))
-            names.append(part.name)
-    return names
 
 
 def _need_meshes(spec: mujoco.MjSpec, kept: bool) -> dict[str, str]:
@@ -214,7 +193,7 @@ def _add_mesh_inertias(model: mujoco.MjModel, scanned: ScannedFile, needed: Mapp
     """Give bodies the inertias of their meshes, from a process that reads these."""
     _, elements = scanned.text()
     for name, place in needed.items():
-        geom = _element(place, elements)
+        geom = element_of(place, elements)
         if name not in scanned.meshes:
             refuse(geom, f"{named(geom)}: unknown mesh {printable(name)!r}, which its inertia depends on")
         mesh = scanned.meshes[name]
@@ -254,7 +233,7 @@ def _serve() -> None:
     mj = mujoco_package()
     try:
         spec = mj.MjSpec.from_string(sys.stdin.read())
-        _unfold(spec, ())
+        Rewriting.of(spec)
         _need_meshes(spec, kept=True)
         model = spec.compile()
         found: object = {name: getattr(model, name).ravel().tolist() for name in _BODIES}

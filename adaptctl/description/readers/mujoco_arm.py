@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,10 @@ from adaptctl.arrays import Array
 from adaptctl.description.description import GROUND, Joint, JointKind, Link
 from adaptctl.description.drive import Drive, Limits
 from adaptctl.description.inertia import from_center_of_mass, transformed
+from adaptctl.description.loops import Loops
 from adaptctl.description.pose import Pose, quaternion_rotation, rotation_about
 from adaptctl.description.readers.entries import (
+    FLOATING_FLAG,
     unknown_body,
     validate_mass_of_inertia,
 )
@@ -56,27 +58,35 @@ class MujocoArm:
     bodies: tuple[int, ...]
     joints: tuple[int, ...]
     elements: Mapping[object, Element] = field(default_factory=dict)
+    held: tuple[str, ...] = ()
+    """bodies whose free joints are not there, so that they stand still"""
     carriers: dict[int, int] = field(default_factory=dict)
     places: dict[int, Pose] = field(default_factory=dict)
 
     @classmethod
     def of(
-        cls, model: mujoco.MjModel, body: str | None = None, elements: Mapping[object, Element] | None = None
+        cls,
+        model: mujoco.MjModel,
+        body: str | None = None,
+        elements: Mapping[object, Element] | None = None,
+        held: Sequence[str] = (),
     ) -> MujocoArm:
         """Arm of a body of a MuJoCo model and all bodies on it."""
-        roots = _moving_roots(model) if body is None else [_root(model, body)]
+        held = (*held, *(model.body(i).name for i in range(model.nbody) if _floats(model, i)))
+        roots = _moving_roots(model, held) if body is None else [_root(model, body)]
         root, below = min(roots), set(roots)
         for i in range(root + 1, model.nbody):
             if model.body_parentid[i] in below:
                 below.add(i)
         bodies = tuple(sorted(below))
         joints = tuple(j for i in bodies for j in _joints(model, i))
-        found = cls(model, root, bodies, joints, elements or {})
+        below_world = [model.body(i).name for top in roots for i in (top, *_above(model, top))]
+        found = cls(model, root, bodies, joints, elements or {}, tuple(name for name in held if name in below_world))
         for i in bodies:
             with found.at_line(found.body_name(i)):
                 found._validate_plain(i)
         if not joints:
-            raise InputError(f"body {model.body(root).name!r}: no moving joint: expected a hinge or a slide")
+            raise InputError(f"body {model.body(root).name!r}: {_nothing_moves(found.held)}")
         return found
 
     def at_line(self, key: object) -> AbstractContextManager[None]:
@@ -86,10 +96,10 @@ class MujocoArm:
     def _validate_plain(self, i: int) -> None:
         where = f"body {self.body_name(i)!r}"
         for j in _joints(self.model, i):
-            if (kind := self.model.jnt_type[j]) in (FREE, BALL):
-                what = "a free joint" if kind == FREE else f"a ball joint, {self.model.joint(j).name!r}"
+            if self.model.jnt_type[j] == BALL:
                 raise InputError(
-                    f"{where} has {what}, but only hinges and slides are supported; pass as root a body that it carries"
+                    f"{where} has a ball joint, {self.model.joint(j).name!r}, but a compiled model may have only "
+                    "hinges and slides; load its file, where it becomes three hinges"
                 )
         if self.model.body_mocapid[i] >= 0:
             raise InputError(f"{where}: mocap bodies are not supported; remove it")
@@ -148,18 +158,35 @@ class MujocoArm:
         """Acceleration of gravity (3,) in m/s^2; zero where the model disables it."""
         return np.zeros(3) if is_disabled(self.model, NO_GRAVITY) else np.array(self.model.opt.gravity)
 
-    def warn(self, where: str, links: Sequence[Link], tendons: Sequence[str] = (), stacklevel: int = 3) -> None:
-        """Warn (`SimplificationWarning`) of what the arm has and its description has not."""
+    def warn(
+        self,
+        where: str,
+        links: Sequence[Link],
+        *more: tuple[str, Sequence[str]],
+        stacklevel: int = 3,
+    ) -> None:
+        """Warn (`SimplificationWarning`) of what the arm has and its description has not, and of `more`."""
         sprung = [link.joint.name for j, link in zip(self.joints, links, strict=True) if _is_sprung(self.model, j)]
         lifted = [self.body_name(i) for i in self.bodies if self.model.body_gravcomp[i]]
         for text, names in (
             ("actuators without torque input (expected <motor>)", self.servos),
             ("joint springs are ignored", sprung),
             ("gravity compensation is ignored", lifted),
-            ("tendons are ignored", tendons),
+            (f"the base is held still, and floats with {FLOATING_FLAG}", self.held),
+            *more,
         ):
             if names:
                 warnings.warn(f"{where}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
+
+    def undriven(
+        self, links: Sequence[Link], loops: Loops | None, floating: Sequence[str] = ()
+    ) -> tuple[str, list[str]]:
+        """Note on primary joints without an actuator, where others have one."""
+        on = {int(self.model.actuator_trnid[i, 0]) for i in self.actuators}
+        names = [link.joint.name for j, link in zip(self.joints, links, strict=True) if j not in on]
+        primary = names if loops is None else loops.primary
+        text = "no actuator drives these joints, which are taken as driven"
+        return text, [name for name in names if on and name in primary and name not in floating]
 
     def body_name(self, i: int) -> str:
         """Name of body `i`, such as "body3" where it has none."""
@@ -211,9 +238,26 @@ def _name_of_actuator(model: mujoco.MjModel, i: int) -> str:
     return repr(model.actuator(i).name or f"actuator {i}")
 
 
-def _joints(model: mujoco.MjModel, i: int) -> range:
+def _joints(model: mujoco.MjModel, i: int) -> list[int]:
+    """Joints of body `i` but a free one, which is held."""
     first = int(model.body_jntadr[i])
-    return range(first, first + int(model.body_jntnum[i])) if first >= 0 else range(0)
+    own = range(first, first + int(model.body_jntnum[i])) if first >= 0 else range(0)
+    return [j for j in own if model.jnt_type[j] != FREE]
+
+
+def _floats(model: mujoco.MjModel, i: int) -> bool:
+    first = int(model.body_jntadr[i])
+    return first >= 0 and bool(model.jnt_type[first] == FREE)
+
+
+def _above(model: mujoco.MjModel, i: int) -> Iterator[int]:
+    while (i := int(model.body_parentid[i])) != WORLD:
+        yield i
+
+
+def _nothing_moves(held: Sequence[str]) -> str:
+    more = f"; the base {held[0]!r} is held still, floats with {FLOATING_FLAG}" if held else ""
+    return f"no moving joint: expected a hinge or a slide{more}"
 
 
 def _root(model: mujoco.MjModel, body: str) -> int:
@@ -221,23 +265,21 @@ def _root(model: mujoco.MjModel, body: str) -> int:
     if body not in names:
         raise NotFoundError(unknown_body(body, names))
     root = names.index(body) + 1
-    above = int(model.body_parentid[root])
-    while above != WORLD:
-        if model.body_jntnum[above]:
+    for above in _above(model, root):
+        if _joints(model, above):
             raise InputError(
                 f"root: body {body!r} is attached to {model.body(above).name!r}, which moves; give that body or a "
                 "fixed one"
             )
-        above = int(model.body_parentid[above])
     return root
 
 
-def _moving_roots(model: mujoco.MjModel) -> list[int]:
+def _moving_roots(model: mujoco.MjModel, held: Sequence[str]) -> list[int]:
     """Bodies at which the mechanism begins: one, or several that loops join."""
     moved = {int(model.body_rootid[model.jnt_bodyid[j]]) for j in range(model.njnt) if model.jnt_type[j] != FREE}
     names = [model.body(i).name for i in sorted(moved)]
     if not moved:
-        raise InputError("no moving joint: expected a hinge or a slide")
+        raise InputError(_nothing_moves(held))
     if len(moved) > 1 and not moved <= _joined(model, min(moved)):
         known = ", ".join(map(repr, names))
         raise InputError(

@@ -32,7 +32,7 @@ def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
     validate_at_most(len(links), MAX_LINKS, "moving links")
     where = f"MuJoCo model, body {arm.body_name(arm.root)!r}"
     loops = loops_of(arm, links, where)
-    arm.warn(where, links)
+    arm.warn(where, links, arm.undriven(links, loops))
     name = arm.body_name(arm.root) if body is not None or not model_name(model) else model_name(model)
     return Description(name, links, arm.gravity, "MuJoCo model", loops)
 

@@ -13,7 +13,14 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.description import Description
 from adaptctl.description.inertia import pseudo_inertia
-from adaptctl.errors import FileError, InputError, NotFoundError, PhysicalConsistencyWarning, suggested_name
+from adaptctl.errors import (
+    FileError,
+    InputError,
+    NotFoundError,
+    PhysicalConsistencyWarning,
+    SimplificationWarning,
+    suggested_name,
+)
 from adaptctl.files import read_toml
 
 Reader = Callable[..., Description]
@@ -25,6 +32,7 @@ READERS = {
     ".mjcf": "mjcf:read_mjcf",
 }
 """Suffixes of files and their readers, as `module:function` in this folder, imported when a file needs them."""
+MJCF = tuple(suffix for suffix, reader in READERS.items() if reader.startswith("mjcf:"))
 SCHEMAS = {
     "adaptctl/denavit-hartenberg/1": "denavit_hartenberg:read_denavit_hartenberg",
     "adaptctl/mechanism/1": "mechanism_file:read_mechanism_file",
@@ -87,7 +95,8 @@ def read(
     source : str or Path
         Name of a built-in robot (see `builtin_names`), or a file: .toml, .urdf, or MJCF as .xml or .mjcf.
     floating_base : bool, default False
-        If true, the root link of a URDF file floats on six joints. By default it is fixed to the ground, as an arm is.
+        If true, the base floats on six joints: the root link of a URDF file, the root body of an MJCF file. By default
+        it is held still, whatever the file says.
     mesh_folders : sequence of str or Path, optional
         Folders with meshes of a URDF file. Default: none besides its own package.
     root : str, optional
@@ -124,20 +133,25 @@ def read(
     <Description 'puma560_measured': 6 links>
     """
     suffix = Path(source).suffix.lower()
-    if floating_base and suffix != ".urdf":
-        raise InputError(f"{source}: floating_base: only for URDF files")
+    if floating_base and suffix not in (".urdf", *MJCF):
+        raise InputError(
+            f"{source}: floating_base: only for URDF and MJCF files, whose bases have inertias; for others, "
+            "with_floating_base(description, name, inertia) makes one in Python"
+        )
     if isinstance(mesh_folders, str | Path):
         raise InputError(f"{source}: mesh_folders: expected a list of folders, got {str(mesh_folders)!r}")
     if mesh_folders and suffix != ".urdf":
         raise InputError(f"{source}: mesh_folders: only for URDF files, got {mesh_folders!r}")
-    if root is not None and suffix not in (".xml", ".mjcf"):
+    if root is not None and suffix not in MJCF:
         raise InputError(f"{source}: root: only for MJCF files, got {root!r}")
     if isinstance(source, str) and source in builtin_names():
         description, remark = read_toml_mechanism(_ROBOTS / f"{source}.toml"), _ASSIGNED.get(source, "")
     else:
-        urdf: dict[str, object] = {"floating_base": floating_base, "mesh_folders": mesh_folders}
-        options = urdf if suffix == ".urdf" else {"root": root} if root is not None else {}
-        description, remark = _reader(source)(source, **options), ""
+        asked = {"floating_base": floating_base, "mesh_folders": mesh_folders, "root": root}
+        description, remark = _reader(source)(source, **{name: x for name, x in asked.items() if x}), ""
+    if floating_base:
+        text = "the base floats: in closed loop it is pushed by six ideal forces that no robot has"
+        warnings.warn(f"{source}: {text}", SimplificationWarning, stacklevel=3)
     _warn_of_inconsistency(description, remark)
     return description
 
@@ -152,7 +166,7 @@ def read_model(
     """Description of the mechanism in a loaded `model`, a `pinocchio.Model` or a `mujoco.MjModel`."""
     library = type(model).__module__.partition(".")[0]
     if floating_base or mesh_folders:
-        raise InputError("floating_base and mesh_folders: only for files, not for a loaded model")
+        raise InputError("floating_base and mesh_folders: only for files, not for a loaded model, whose base is held")
     if library == "pinocchio" and hasattr(model, "njoints"):
         if root is not None:
             raise InputError(f"root: only for MuJoCo models and MJCF files, got {root!r}")

@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -19,6 +18,7 @@ from adaptctl.description.inertia import from_center_of_mass, transformed
 from adaptctl.description.loops import Coupling, Loops
 from adaptctl.description.pose import Pose
 from adaptctl.description.readers.entries import (
+    FLOATING_FLAG,
     MAX_BODIES,
     MAX_LINKS,
     is_more_than_a_turn,
@@ -46,7 +46,8 @@ from adaptctl.errors import FileError, InputError, SimplificationWarning
 
 KINDS = {kind.value: kind for kind in JointKind}
 UNREAD_MACROS = ("property", "arg", "macro")
-UNREAD_KINDS = ("floating", "planar")
+BASE_KINDS = ("floating", "planar")
+"""Kinds of joints that only a base is on."""
 
 
 def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Sequence[str | Path] = ()) -> Description:
@@ -77,8 +78,8 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
     Warns
     -----
     SimplificationWarning
-        If a mimic joint has no moving leader, limits are zero (taken as none), angles look like degrees, end links have
-        no mass, or a mesh is outside the folders.
+        If a base is held that may be meant to float, a mimic joint has no moving leader, limits are zero (taken as
+        none), angles look like degrees, end links have no mass, or a mesh is outside the folders.
 
     Notes
     -----
@@ -108,10 +109,12 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
         links, still, places = _movable(root, inertias, edges)
         meshes = Meshes(Path(path), mesh_folders)
         shown = _shown(robot, bodies, places, meshes)
+        held = _held(root, still, links, edges)
         if floating_base:
             links, shown = floating(links, root, still), above_base(shown)
         elif not links:
-            raise InputError("no moving joint: expected a revolute, continuous or prismatic joint")
+            more = f"; the base {root!r} is held still, and floats with {FLOATING_FLAG}" if np.any(still) else ""
+            raise InputError(f"no moving joint: expected a revolute, continuous or prismatic joint{more}")
         loops = _loops(edges, links)
         for link in links:
             with located(bodies.get(link.name, robot)):
@@ -124,6 +127,7 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
     _warn(path, "mimic joints whose leader does not move are read as independent", _leaderless(edges))
     repeated = [edge.name for edge in edges if _is_repeated(edge.element.findall("mimic"))]
     _warn(path, "constraints given twice are taken once", repeated)
+    _warn(path, f"the base is held still, and floats with {FLOATING_FLAG}", [] if floating_base else held)
     _warn(path, "limits of zero are read as no limits", [edge.name for edge in edges if edge.zero_limits])
     _warn(
         path,
@@ -148,6 +152,11 @@ class _Edge:
     mimic: Coupling | None = None
     zero_limits: bool = False
 
+    @property
+    def kind(self) -> str:
+        """Type in the file."""
+        return self.element.get("type", "")
+
     @classmethod
     def of(cls, element: Element) -> _Edge:
         """Joint of an element."""
@@ -158,11 +167,11 @@ class _Edge:
     def _of(cls, element: Element) -> _Edge:
         where = named(element)
         kind = attribute(element, "type", where)
-        if kind != "fixed" and kind not in KINDS:
-            _refuse_kind(where, kind)
+        if kind not in ("fixed", *KINDS, *BASE_KINDS):
+            refuse(element, f"{where}: unknown type {kind!r}; expected one of {', '.join([*KINDS, 'fixed'])}")
         parent, child = (attribute(required(element, tag, where), "link", where) for tag in ("parent", "child"))
         name, origin = element.attrib["name"], origin_pose(element, where)
-        if kind == "fixed":
+        if kind not in KINDS:
             return cls(element, name, parent, child, origin)
         limits, zero = _limits(only(element, "limit", where), KINDS[kind], where)
         joint = Joint(name, KINDS[kind], _axis(element, where), limits, _drive(element, where))
@@ -389,11 +398,18 @@ def _rpy(origin: Element) -> list[float]:
         return []
 
 
-def _refuse_kind(where: str, kind: str) -> NoReturn:
-    known = ", ".join([*KINDS, "fixed"])
-    if kind in UNREAD_KINDS:
-        raise InputError(f"{where}: type {kind!r} is not supported; build it from {known} joints")
-    raise InputError(f"{where}: unknown type {kind!r}; expected one of {known}")
+def _held(root: str, still: Array, links: Sequence[Link], edges: Sequence[_Edge]) -> list[str]:
+    """Base that may be meant to float: on a floating joint, or heavy with several branches."""
+    loose = [edge for edge in edges if edge.kind in BASE_KINDS]
+    carried = _reached([link.name for link in links], edges) if loose else set()
+    for edge in (edge for edge in loose if edge.parent in carried):
+        known = ", ".join([*KINDS, "fixed"])
+        refuse(
+            edge.element, f"joint {edge.name!r}: type {edge.kind!r} is only for a base; build it from {known} joints"
+        )
+    on_base = {i for i, link in enumerate(links) if link.parent == GROUND}
+    limbs = {link.parent for link in links} & on_base
+    return [edge.child for edge in loose] or ([root] if len(limbs) > 1 and np.any(still) else [])
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
@@ -212,3 +212,10 @@ def _wanted(counts: range) -> str:
         return "a finite number"
     least, most = counts[0], counts[-1]
     return f"{least} finite numbers" if least == most else f"{least} to {most} finite numbers"
+
+
+def element_of(place: str, elements: Sequence[Element]) -> Element:
+    """Element on the line that MuJoCo names, one of those that it was shown a line each."""
+    found = re.findall(r"line (\d+)", place)
+    k = int(found[-1]) if found else 0
+    return elements[k - 1] if 0 < k <= len(elements) else LineElement("")

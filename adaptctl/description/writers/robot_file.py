@@ -19,7 +19,7 @@ from adaptctl.description.readers.registry import read
 from adaptctl.description.readers.urdf import link_inertia
 from adaptctl.description.readers.xml_elements import parsed, xml_encoding, xml_text
 from adaptctl.description.right_angles import ROUNDED_ANGLE, snapped
-from adaptctl.errors import FileError, InputError
+from adaptctl.errors import AdaptctlError, FileError, InputError
 from adaptctl.files import read_bytes, write_bytes
 
 
@@ -30,14 +30,27 @@ def write_robot(path: str | Path, original: str | Path, after: Description, root
         raise InputError(f"{original}: expected a URDF or MJCF file, got {suffix!r}")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # as when it was first read
-        before = read(original, root=root)
-    readings = before, snapped(before, ROUNDED_ANGLE)
-    if after.geometry_sha256 not in [one.geometry_sha256 for one in readings]:
-        raise FileError(f"{original}: does not match {after.name}: its joints, frames or names differ")
+        floating_base, before = _reading(original, root, after)
     if suffix == ".urdf":
         write_urdf(path, original, before, after)
     else:
-        _write_mjcf(path, original, before, after, root)
+        _write_mjcf(path, original, before, after, root, floating_base)
+
+
+def _reading(original: str | Path, root: str | None, after: Description) -> tuple[bool, Description]:
+    """Reading of a file that a description was made of: true if the base floats, and the description."""
+    different = f"{original}: does not match {after.name}: its joints, frames or names differ"
+    errors: list[AdaptctlError] = []
+    for floating_base in (False, True):
+        try:
+            before = read(original, root=root, floating_base=floating_base)
+        except InputError as error:
+            errors.append(error)
+            continue
+        for one in (before, snapped(before, ROUNDED_ANGLE)):
+            if one.geometry_sha256 == after.geometry_sha256:
+                return floating_base, one
+    raise FileError(different) if len(errors) < 2 else errors[0]
 
 
 def write_urdf(path: str | Path, original: str | Path, before: Description, after: Description) -> None:
@@ -49,7 +62,8 @@ def write_urdf(path: str | Path, original: str | Path, before: Description, afte
         elements = {element.attrib["name"]: element for element in robot.findall("link")}
         fixed = _fixed_below(robot)
         changed: dict[str, Array | None] = {}
-        for old, new in zip(before.links, after.links, strict=True):
+        links = zip(before.links, after.links, strict=True)
+        for old, new in ((old, new) for old, new in links if not old.massless):
             others = old.inertia - link_inertia(elements[old.name])
             rest = new.inertia - others
             if np.any(others) and not is_physically_consistent(rest):
@@ -92,12 +106,17 @@ def _all_below(fixed: Mapping[str, list[str]], name: str) -> list[str]:
 
 
 def _write_mjcf(
-    path: str | Path, original: str | Path, before: Description, after: Description, root: str | None
+    path: str | Path,
+    original: str | Path,
+    before: Description,
+    after: Description,
+    root: str | None,
+    floating_base: bool,
 ) -> None:
     """Same for MJCF."""
     data = read_bytes(original)
     try:
-        bodies, spans = mjcf_bodies(original, root), _Finder.spans_of(data, "body", nested=True)
+        bodies, spans = mjcf_bodies(original, root, floating_base), _Finder.spans_of(data, "body", nested=True)
         edits = []
         for i, (old, new) in enumerate(zip(before.links, after.links, strict=True)):
             if not np.array_equal(old.inertia, new.inertia):
