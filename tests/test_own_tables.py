@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -78,3 +79,12 @@ def test_tables_of_others_are_read_as_they_are(tmp_path: Path) -> None:
     for k, metadata in enumerate([None, {"sha256": "00"}, {"schema": "other/1", "sha256": "00"}]):
         pq.write_table(table.replace_schema_metadata(metadata), tmp_path / f"{k}.parquet")
         assert len(read_log(tmp_path / f"{k}.parquet").column("q", "position")) == 50
+
+
+def test_names_that_are_no_text_are_refused(tmp_path: Path) -> None:
+    data = rollout(tmp_path / "run.parquet").read_bytes()
+    (tmp_path / "bad.parquet").write_bytes(data.replace(b"reference_a.joint1", b"reference_a.join\xc3\x31"))
+    readers: list[Callable[[Path], object]] = [read_log, Rollout.load]
+    for read in readers:
+        with pytest.raises(FileError):
+            read(tmp_path / "bad.parquet")

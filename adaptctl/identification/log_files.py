@@ -13,7 +13,7 @@ import numpy as np
 
 from adaptctl.arrays import MAX_SETTING, Array
 from adaptctl.errors import AdaptctlError, FileError, MissingExtraError
-from adaptctl.simulation.rollout_file import CHECKSUM, validate_unchanged
+from adaptctl.simulation.rollout_file import validate_own
 
 MAX_ROWS = 20_000_000
 # Logs above these sizes are not read.
@@ -128,20 +128,14 @@ def read_parquet(path: str | Path) -> LogTable:
             read, metadata = file.read(), file.metadata.metadata
     except OSError as error:
         raise FileError(f"{path}: cannot be read ({(error.strerror or str(error)).splitlines()[0].lower()})") from error
-    except pa.ArrowException as error:
+    except (pa.ArrowException, UnicodeDecodeError) as error:
         raise FileError(f"{path}: not a Parquet file ({str(error).splitlines()[0]})") from error
-    _validate_own(path, read, metadata)
-    units = {name: _unit(field) for field in read.schema for name in _names(field)}
-    return table(str(path), _parquet_columns(read), {name: unit for name, unit in units.items() if unit})
-
-
-def _validate_own(path: str | Path, read: Any, metadata: Mapping[bytes, bytes] | None) -> None:
-    """Raise `FileError` if a file that adaptctl wrote has other numbers than were written."""
-    texts = {key.decode(errors="replace"): value.decode(errors="replace") for key, value in (metadata or {}).items()}
-    about = {key: value for key, value in texts.items() if key != "ARROW:schema"}
-    if CHECKSUM in about and about.get("schema", "").startswith("adaptctl/"):
-        plain = f"pq.read_table({str(path)!r}).replace_schema_metadata()"
-        validate_unchanged(path, read, about, f"pq.write_table({plain}, {str(path)!r}), pq being pyarrow.parquet")
+    validate_own(path, read, metadata)
+    try:
+        units = {name: _unit(field) for field in read.schema for name in _names(field)}
+        return table(str(path), _parquet_columns(read), {name: unit for name, unit in units.items() if unit})
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path}: a name or unit is not UTF-8 ({error.reason})") from error
 
 
 def _unit(field: Any) -> str:

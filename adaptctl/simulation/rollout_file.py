@@ -101,7 +101,7 @@ class Checksum:
         for name in table.column_names:
             column, values = self._columns.setdefault(name, hashlib.sha256()), table[name].to_numpy()
             if values.dtype.kind == "O":
-                column.update("".join(f"{len(text)} {text}" for text in values.tolist()).encode())
+                column.update("\n".join(map(repr, values.tolist())).encode())
             else:
                 column.update(np.ascontiguousarray(values, dtype="<f8"))
 
@@ -161,9 +161,9 @@ def read_rollout(
     try:
         with pq.ParquetFile(path) as file:
             metadata, table = file.metadata.metadata or {}, file.read()
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise FileError(f"{path}: cannot be read as Parquet ({str(error).splitlines()[0]})") from error
-    about = {key.decode(): value.decode() for key, value in metadata.items() if key != b"ARROW:schema"}
+    about = entries_of(metadata)
     if about.get("schema") != SCHEMA:
         found = about.get("schema")
         more = earlier_schema(str(found), SCHEMA)
@@ -182,6 +182,20 @@ def checksum_of(table: pyarrow.Table, about: Mapping[str, str]) -> str:
     checksum = Checksum()
     checksum.add(table)
     return checksum.of({name: value for name, value in about.items() if name not in ("schema", CHECKSUM)})
+
+
+def entries_of(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
+    """Entries of a Parquet file's metadata as texts."""
+    pairs = {key.decode(errors="replace"): value.decode(errors="replace") for key, value in (metadata or {}).items()}
+    return {key: value for key, value in pairs.items() if key != "ARROW:schema"}
+
+
+def validate_own(path: str | Path, table: Any, metadata: Mapping[bytes, bytes] | None) -> None:
+    """Raise `FileError` if a file that this package wrote with a checksum has other numbers now."""
+    about = entries_of(metadata)
+    if CHECKSUM in about and about.get("schema", "").startswith("adaptctl/"):
+        plain = f"pq.read_table({str(path)!r}).replace_schema_metadata()"
+        validate_unchanged(path, table, about, f"pq.write_table({plain}, {str(path)!r}), pq being pyarrow.parquet")
 
 
 def validate_unchanged(path: str | Path, table: Any, about: Mapping[str, str], accepting: str) -> None:

@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import hashed, read_json, replacing, write_json
 from adaptctl.folders import made_folder
+from adaptctl.simulation.rollout_file import CHECKSUM, checksum_of, entries_of, validate_own
 from adaptctl.sweeps.rows import columns_of
 from adaptctl.sweeps.study import SweepStudy
 from adaptctl.version import __version__
@@ -87,12 +88,12 @@ class Folder:
         return self.path / "shards" / f"{shard.key}.parquet"
 
     def has(self, shard: Shard) -> bool:
-        """True if a shard's file can be read and has the rows of all its runs."""
+        """True if a shard's file can be read, is as it was written, and has the rows of all its runs."""
         try:
-            about = pq.read_metadata(self.place(shard)).metadata or {}
-        except (OSError, pa.ArrowInvalid):
+            about = entries_of(_read(self.place(shard)).schema.metadata)
+        except FileError:
             return False
-        return bool(about.get(b"runs") == str(len(shard.runs)).encode())
+        return CHECKSUM in about and about.get("runs") == str(len(shard.runs))
 
     def keep(self, shard: Shard, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write the rows of a shard, whole or not at all."""
@@ -104,7 +105,7 @@ class Folder:
         shards = list(self.shards())
         if missing := [shard for shard in shards if not self.has(shard)]:
             raise FileError(f"{self.place(missing[0])}: is missing: run the command again")
-        whole = pa.concat_tables([pq.read_table(self.place(shard)) for shard in shards])
+        whole = pa.concat_tables([_read(self.place(shard)) for shard in shards])
         _write(self.path / TABLE, whole)
         return whole
 
@@ -124,10 +125,18 @@ def read_table(path: Path) -> pa.Table:
     places = [whole] if whole.is_file() else sorted((path / "shards").glob("[!.]*.parquet"))
     if not places:
         raise FileError(f"{path}: has no finished runs of a sweep")
+    return pa.concat_tables([_read(place) for place in places])
+
+
+def _read(place: Path) -> pa.Table:
+    """Table of a Parquet file of rows; `FileError` where it is damaged or was changed."""
     try:
-        return pa.concat_tables([pq.read_table(place) for place in places])
-    except (OSError, pa.ArrowInvalid) as error:
-        raise FileError(f"{path}: cannot be read ({error})") from error
+        with pq.ParquetFile(place) as file:
+            found, metadata = file.read(), file.metadata.metadata
+    except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
+        raise FileError(f"{place}: cannot be read ({(str(error) or 'damaged').splitlines()[0]})") from error
+    validate_own(place, found, metadata)
+    return found
 
 
 def saved_study(path: Path) -> Saved:
@@ -138,5 +147,7 @@ def saved_study(path: Path) -> Saved:
 
 
 def _write(path: Path, content: pa.Table) -> None:
+    about = {name: text for name, text in entries_of(content.schema.metadata).items() if name != CHECKSUM}
+    content = content.replace_schema_metadata(about | {CHECKSUM: checksum_of(content, about)})
     with replacing(path) as beside:
         pq.write_table(content, beside, compression="zstd")
