@@ -161,7 +161,7 @@ def _urdf() -> Iterator[tuple[str, str]]:
             "origin-far": ('xyz="0 0 1"', 'xyz="0 0 1e12"'),
             "inertia-vast": ('ixx="0.2"', 'ixx="1e25"'),
             "limits-crossed": ('lower="-2"', 'lower="3"'),
-            "effort-negative": ('effort="40"', 'effort="-40"'),
+            "effort-word": ('effort="40"', 'effort="forty"'),
             "friction-negative": ('friction="0.2"', 'friction="-0.2"'),
             "xacro-value": ('mass value="2"', 'mass value="${m}"'),
             "xacro-find": ('name="two"', 'name="$(arg name)"'),

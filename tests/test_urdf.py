@@ -352,7 +352,6 @@ OUTSIDE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]>'
         ),
         (limit('lower="1" upper="-1"'), r"joint 'hinge': position limits: expected lower < upper, got 1\.0 and -1\.0"),
         (limit('lower="1" upper="1"'), "joint 'hinge': position limits: expected lower < upper"),
-        (limit('lower="-1" upper="1" velocity="-3"'), "joint 'hinge': limits: expected positive velocity and effort"),
         (limit('lower="-1" upper="1" effort="many"'), "joint 'hinge': effort of <limit>: expected a finite number"),
     ],
 )
@@ -376,3 +375,18 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 def test_a_long_chain_is_no_trouble(tmp_path: Path) -> None:
     joints = [(f"j{i}", "revolute" if i % 4 == 0 else "fixed", f"l{i}", f"l{i + 1}") for i in range(1000)]
     assert len(reading(tmp_path, tree(joints)).links) == 250
+
+
+@pytest.mark.parametrize("given", ['velocity="-1" effort="-1"', 'velocity="-1" effort="7"', 'effort="-1e-3"'])
+def test_negative_limits_are_none_but_said(tmp_path: Path, given: str) -> None:
+    """A habit of some files, as by Pinocchio, which keeps the numbers."""
+    words = "negative limits of effort or velocity are read as none: hinge"
+    with pytest.warns(SimplificationWarning) as said:
+        limits = reading(tmp_path, limit(f'lower="-1" upper="1" {given}')).links[0].joint.limits
+    assert [str(one.message) for one in said] == [f"{tmp_path / 'robot.urdf'}: {words}"]
+    assert (limits.velocity, limits.effort) == (np.inf, 7.0 if "7" in given else np.inf)
+    model = pinocchio.buildModelFromXML(limit('lower="-1" upper="1" velocity="1" effort="1"'))
+    model.velocityLimit[0] = model.effortLimit[0] = -1.0
+    with pytest.warns(SimplificationWarning, match=words):
+        own = from_pinocchio(model).links[0].joint.limits
+    assert (own.velocity, own.effort) == (np.inf, np.inf)

@@ -186,7 +186,8 @@ class MujocoArm:
         names = [link.joint.name for j, link in zip(self.joints, links, strict=True) if j not in on]
         primary = names if loops is None else loops.primary
         text = "no actuator drives these joints, which are taken as driven"
-        return text, [name for name in names if on and name in primary and name not in floating]
+        asked = bool(on) or (loops is not None and bool(loops.closures))
+        return text, [name for name in names if asked and name in primary and name not in floating]
 
     def body_name(self, i: int) -> str:
         """Name of body `i`, such as "body3" where it has none."""

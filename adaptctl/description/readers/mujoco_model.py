@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.description.description import GROUND, Description, Link
 from adaptctl.description.loops import Closure, ClosureKind, Coupling, Loops, given_once
 from adaptctl.description.pose import Pose
@@ -23,6 +25,8 @@ CONNECT, WELD, OF_JOINTS = range(3)
 SITE = 6
 """MuJoCo's number of sites among objects (mjtObj)."""
 NO_EQUALITY = "mjDSBL_EQUALITY"
+MIN_INDEPENDENT = 1e-7
+"""of the largest singular value, below which constraints do not bind a joint"""
 
 
 def from_mujoco(model: mujoco.MjModel, body: str | None = None) -> Description:
@@ -68,15 +72,15 @@ class _Equalities:
             with self.arm.at_line(e):
                 if tag == "joint":
                     couplings.append(self._coupling(e, name, driven))
-                else:
-                    closures.append(self._closure(e, name))
+                elif (closure := self._closure(e, name)) is not None:
+                    closures.append(closure)
         if not closures and not couplings:
             return None, ()
         once, repeated = given_once(closures)
         geared, more = given_once(couplings)
         coordinates = {name: float(model.qpos0[model.jnt_qposadr[j]]) for j, name in self._named()}
         reference = {name: value for name, value in coordinates.items() if value != 0.0}
-        loops = Loops(tuple(self._primary(once, geared, driven)), once, geared, reference)
+        loops = Loops(tuple(self._primary(geared, driven)), once, geared, reference)
         return loops, (*repeated, *more)
 
     def _named(self) -> Iterator[tuple[int, str]]:
@@ -84,7 +88,7 @@ class _Equalities:
 
     def _driven(self, floating: Sequence[str]) -> list[str]:
         on = {int(self.arm.model.actuator_trnid[i, 0]) for i in self.arm.actuators}
-        return [name for j, name in self._named() if j in on or name in floating] if on else []
+        return [name for j, name in self._named() if j in on or name in floating]
 
     def _ends(self, e: int) -> list[int]:
         model = self.arm.model
@@ -96,16 +100,30 @@ class _Equalities:
         own = self.arm.joints if self.arm.model.eq_type[e] == OF_JOINTS else self.arm.bodies
         return self.arm.model.eq_type[e] <= OF_JOINTS and any(end in own for end in self._ends(e))
 
-    def _primary(self, closures: Sequence[Closure], couplings: Sequence[Coupling], driven: list[str]) -> list[str]:
-        followers = {coupling.follower for coupling in couplings}
-        if closures and not driven:
-            raise InputError(
-                f"loops need primary joints, but no actuator drives a joint; add <actuator><motor joint=.../>"
-                f"</actuator> for the driven joints among {', '.join(self.joints)}"
-            )
-        return driven or [name for name in self.joints if name not in followers]
+    def _primary(self, couplings: Sequence[Coupling], driven: list[str]) -> list[str]:
+        """Driven joints, and others that these and the loops do not determine: of each loop those nearest the base."""
+        followers = [coupling.follower for coupling in couplings]
+        free = [name for name in self.joints[::-1] if name not in driven and name not in followers]
+        J, dependent = self._jacobian(), list[str]()
+        for name in (*followers, *free):
+            columns = [self.joints.index(one) for one in (*dependent, name)]
+            if _rank(J[:, columns]) == len(columns):
+                dependent.append(name)
+        return [name for name in self.joints if name not in dependent and name not in followers]
 
-    def _closure(self, e: int, name: str) -> Closure:
+    def _jacobian(self) -> Array:
+        """Derivatives (rows, n) of the equalities with respect to the arm's joints, at the reference."""
+        import mujoco
+
+        model = copy.copy(self.arm.model)
+        model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        rows = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+        J: Array = data.efc_J.reshape(-1, model.nv)[rows]
+        return J[:, [int(model.jnt_dofadr[j]) for j in self.arm.joints]]
+
+    def _closure(self, e: int, name: str) -> Closure | None:
         model, data = self.arm.model, self.arm.model.eq_data[e]
         first, second = self._ends(e)
         weld = model.eq_type[e] == WELD
@@ -117,6 +135,8 @@ class _Equalities:
         else:
             one, other = (Pose(np.eye(3), np.array(anchor)) for anchor in (data[:3], data[3:6]))
         (link, at), (link2, at2) = self._stand(first, name), self._stand(second, name)
+        if link == link2 is None and self.arm.held:
+            return None  # it held the base that is held anyway
         if link == link2:
             raise InputError(
                 f"equality {name!r}: both ends are on the same rigid body, {link or 'the world'}; remove it"
@@ -152,3 +172,8 @@ class _Equalities:
             return Coupling(name, follower, leader, c1, offset)
         except InputError as error:
             raise InputError(f"{where}: {error}") from error
+
+
+def _rank(matrix: Array) -> int:
+    values = np.linalg.svd(matrix, compute_uv=False)
+    return int((values > MIN_INDEPENDENT * values.max(initial=1e-300)).sum())

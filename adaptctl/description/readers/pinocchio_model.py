@@ -112,7 +112,7 @@ def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Descripti
     Warns
     -----
     SimplificationWarning
-        If limits are zero, which are taken as no limits.
+        If limits are zero or negative, which are taken as no limits.
 
     Examples
     --------
@@ -124,6 +124,7 @@ def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Descripti
         raise InputError(f"{model.name}: gravity: expected no angular part, got {model.gravity}")
     links = [_link(model, i) for i in range(1, model.njoints)]
     _warn(model, "limits of zero are read as no limits", _zero_limited(model))
+    _warn(model, "negative limits of effort or velocity are read as none", _negative_limited(model))
     ordered = depth_first(links)
     gravity, frames = np.array(model.gravity.linear), tuple(_frames(model, [link.joint.name for link in ordered]))
     return Description(name or model.name or "mechanism", ordered, gravity, frames=frames)
@@ -262,7 +263,7 @@ def _limits(model: pinocchio.Model, index: int) -> Limits:
     if lower == upper == 0.0:
         lower, upper = -math.inf, math.inf
     try:
-        return Limits(lower, upper, velocity or math.inf, effort or math.inf)
+        return Limits(lower, upper, *(most if most > 0.0 else math.inf for most in (velocity, effort)))
     except InputError as error:
         raise InputError(f"{model.name}: joint {model.names[index]!r}: {error}") from error
 
@@ -290,6 +291,10 @@ def _bounds(model: pinocchio.Model, index: int) -> list[float]:
 def _zero_limited(model: pinocchio.Model) -> list[str]:
     bounds = {model.names[i]: _bounds(model, i) for i in range(1, model.njoints)}
     return [name for name, (a, b, velocity, effort) in bounds.items() if a == b == 0.0 or not velocity or not effort]
+
+
+def _negative_limited(model: pinocchio.Model) -> list[str]:
+    return [model.names[i] for i in range(1, model.njoints) if min(_bounds(model, i)[2:]) < 0.0]
 
 
 def _warn(model: pinocchio.Model, text: str, names: list[str]) -> None:

@@ -78,8 +78,8 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
     Warns
     -----
     SimplificationWarning
-        If a base is held that may be meant to float, a mimic joint has no moving leader, limits are zero (taken as
-        none), angles look like degrees, end links have no mass, or a mesh is outside the folders.
+        If a base is held that may be meant to float, a mimic joint has no moving leader, limits are zero or negative
+        (taken as none), angles look like degrees, end links have no mass, or a mesh is outside the folders.
 
     Notes
     -----
@@ -128,6 +128,7 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
     repeated = [edge.name for edge in edges if _is_repeated(edge.element.findall("mimic"))]
     _warn(path, "constraints given twice are taken once", repeated)
     _warn(path, f"the base is held still, and floats with {FLOATING_FLAG}", [] if floating_base else held)
+    _warn(path, "negative limits of effort or velocity are read as none", [e.name for e in edges if e.negative_limits])
     _warn(path, "limits of zero are read as no limits", [edge.name for edge in edges if edge.zero_limits])
     _warn(
         path,
@@ -151,6 +152,7 @@ class _Edge:
     joint: Joint | None = None
     mimic: Coupling | None = None
     zero_limits: bool = False
+    negative_limits: bool = False
 
     @property
     def kind(self) -> str:
@@ -173,9 +175,9 @@ class _Edge:
         name, origin = element.attrib["name"], origin_pose(element, where)
         if kind not in KINDS:
             return cls(element, name, parent, child, origin)
-        limits, zero = _limits(only(element, "limit", where), KINDS[kind], where)
+        limits, zero, negative = _limits(only(element, "limit", where), KINDS[kind], where)
         joint = Joint(name, KINDS[kind], _axis(element, where), limits, _drive(element, where))
-        return cls(element, name, parent, child, origin, joint, _mimic(element, where), zero)
+        return cls(element, name, parent, child, origin, joint, _mimic(element, where), zero, negative)
 
 
 def _robot(text: str) -> Element:
@@ -367,9 +369,10 @@ def _drive(joint: Element, where: str) -> Drive:
         raise InputError(f"{where}: <dynamics>: {error}") from error
 
 
-def _limits(limit: Element | None, kind: JointKind, where: str) -> tuple[Limits, bool]:
+def _limits(limit: Element | None, kind: JointKind, where: str) -> tuple[Limits, bool, bool]:
+    """Limits, and whether one is zero and one negative, which limit nothing."""
     if limit is None:
-        return Limits(), False
+        return Limits(), False, False
     lower, upper, velocity, effort = (
         number(limit, name, where, math.inf) if name in limit.attrib else None
         for name in ("lower", "upper", "velocity", "effort")
@@ -380,8 +383,10 @@ def _limits(limit: Element | None, kind: JointKind, where: str) -> tuple[Limits,
         bounds = (lower or 0.0, upper or 0.0)
     elif kind is not JointKind.CONTINUOUS:
         zero = zero or lower is not None or upper is not None
+    most = [value if value is not None and value > 0.0 else math.inf for value in (velocity, effort)]
+    negative = any(value is not None and value < 0.0 for value in (velocity, effort))
     try:
-        return Limits(*bounds, velocity or math.inf, effort or math.inf), zero
+        return Limits(*bounds, *most), zero, negative
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
 
