@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from adaptctl.errors import AdaptctlError, RoundedAnglesWarning
+from adaptctl.errors import AdaptctlError, RoundedAnglesWarning, SimplificationWarning
 
 if TYPE_CHECKING:
     from adaptctl.description import Description
@@ -36,7 +37,11 @@ class RobotFlags:
         """Robot of a name or file."""
         from adaptctl.dynamics import load
 
-        return load(robot, floating_base=self.floating_base, root=self.root, as_written=self.as_written)
+        found = load(robot, floating_base=self.floating_base, root=self.root, as_written=self.as_written)
+        if not found.inertial_parameters[: found.num_energy_parameters].any():
+            text = "no link has an inertia: base parameters follow from the geometry alone, all else needs inertias"
+            warnings.warn(f"{robot}: {text}", SimplificationWarning, stacklevel=2)
+        return found
 
 
 AS_USUAL = RobotFlags()
