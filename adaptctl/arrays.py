@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from typing import Any, Concatenate, ParamSpec, Protocol, TypeGuard, TypeVar
@@ -62,6 +63,8 @@ def validate_plain(values: object) -> None:
     if getattr(getattr(values, "dtype", None), "kind", "") in ("c", "m", "M", "V"):
         raise TypeError("complex numbers, durations and named fields are not supported")
     if type(values) is np.ndarray:
+        return
+    if "numpy.ma" not in sys.modules:  # then there are no masks, and to look for them would import it
         return
     parts = values if isinstance(values, list | tuple) else (values,)
     if any(isinstance(part, np.ma.MaskedArray) and np.ma.is_masked(part) for part in parts):

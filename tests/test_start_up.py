@@ -25,13 +25,17 @@ UNUSED = {
     "adaptctl.identifiability.consistency",
     "adaptctl.description.readers.mjcf",
     "adaptctl.description.readers.urdf",
+    "adaptctl.compilation.loops",
+    "adaptctl.compilation.recorded_loops",
     "adaptctl.simulation",
+    "numpy.ma",
     "xml",
 }
 """Other laws, what only loops need, readers of other files."""
 RESULTS = ("certificate", "fundamental basis", "whether it keeps energies", "sampling ratio")
 """Results that are kept beside the tick's object."""
 SEARCHING = {
+    "adaptctl.description.loops",
     "adaptctl.identifiability.certification",
     "adaptctl.identifiability.proof.exact_energies",
     "adaptctl.identifiability.sampling",
@@ -65,3 +69,20 @@ def test_the_first_tick_needs_one_kernel_and_no_heavy_package(tmp_path: Path) ->
         assert after[path].st_ino == before.st_ino  # not written anew
         assert after[path].st_mtime_ns > before.st_mtime_ns  # but read
     assert not SEARCHING & modules
+
+
+HELPED = ("basis", "design", "doctor", "excite", "experiment", "export", "gains", "identify", "sweep", "tune")
+HELP = """
+import sys
+from adaptctl.cli.main import main
+for command in sys.argv[1:]:
+    main([command, "--help"])
+    print(command, *sorted({name.partition(".")[0] for name in sys.modules}), file=sys.stderr)
+"""
+
+
+def test_help_needs_no_array() -> None:
+    process = subprocess.run([sys.executable, "-c", HELP, *HELPED], capture_output=True, text=True, timeout=60)
+    assert process.returncode == 0, process.stderr
+    for line, command in zip(process.stderr.splitlines(), HELPED, strict=True):
+        assert not {"numpy", "llvmlite", "msgspec", *HEAVY} & set(line.split()[1:]), command

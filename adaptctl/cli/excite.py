@@ -9,7 +9,6 @@ from cyclopts import Parameter
 
 from adaptctl.cli.output import Folder, Json, Overwrite, Robot, print_json
 from adaptctl.cli.robot import AS_USUAL, RobotFlags
-from adaptctl.folders import replacing_folder
 
 if TYPE_CHECKING:
     from adaptctl.identification.robot_motion import RobotMotion
@@ -84,6 +83,7 @@ def excite(
     """
     from adaptctl.arrays import positive_per_joint
     from adaptctl.files import write_json
+    from adaptctl.folders import replacing_folder
     from adaptctl.identification.robot_motion import RobotLimits, exciting_motion
     from adaptctl.identification.uncertainty import forecast
     from adaptctl.identification.workspace import workspace

@@ -11,7 +11,6 @@ from cyclopts import Parameter
 
 from adaptctl.cli.output import Folder, Json, Overwrite, print_json, print_outcome
 from adaptctl.cli.robot import AS_USUAL, RobotFlags
-from adaptctl.folders import replacing_folder
 
 if TYPE_CHECKING:
     from adaptctl.dynamics import Mechanism
@@ -96,6 +95,7 @@ def identify(
     AdaptctlError
         If no consistent estimate is found.
     """
+    from adaptctl.folders import replacing_folder
     from adaptctl.identification import identify as identified
     from adaptctl.identification.report import facts, verdict
     from adaptctl.optional_packages import validate_for_results

@@ -17,7 +17,6 @@ from adaptctl.cli.output import (
     words,
 )
 from adaptctl.cli.robot import AS_USUAL, RobotFlags
-from adaptctl.files import finite_or_none
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -136,6 +135,8 @@ def as_builtins(tuning: Tuning) -> dict[str, Any]:
 
 
 def _verified(run: Verification) -> dict[str, Any]:
+    from adaptctl.files import finite_or_none
+
     numbers = {
         name: finite_or_none(getattr(run, name))
         for name in (

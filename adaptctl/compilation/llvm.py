@@ -6,16 +6,17 @@ import hashlib
 import re
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from adaptctl.compilation.function_body import FunctionBody
 from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.landing import NOWHERE, Landings, landings
 from adaptctl.compilation.lanes import Lanes
-from adaptctl.compilation.loop_llvm import loop_function
-from adaptctl.compilation.recorded_loops import LoopRoutine
 from adaptctl.compilation.routine import NONE, Invariants, Routine, numbered, trace
 from adaptctl.compilation.sine import MAX_SINE_STEP, sine_for
+
+if TYPE_CHECKING:
+    from adaptctl.compilation.recorded_loops import LoopRoutine
 
 PROLOGUE_SUFFIX = ".before"
 """suffix of the name of a step's prologue"""
@@ -69,7 +70,9 @@ _NAME = "shared"
 
 
 def _called(routine: Routine | LoopRoutine, symbols: Mapping[Any, str], lanes: Lanes) -> str:
-    if isinstance(routine, LoopRoutine):
+    if not isinstance(routine, Routine):
+        from adaptctl.compilation.loop_llvm import loop_function  # few laws have matrices
+
         return loop_function(routine, symbols[routine], lanes)
     return _function(routine, pieces(routine.body, landings(routine).places), symbols, lanes)
 

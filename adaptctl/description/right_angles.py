@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.description.description import GROUND, Description, Link
-from adaptctl.description.loops import Closure
 from adaptctl.description.pose import Pose, exact_right_angles
+
+if TYPE_CHECKING:
+    from adaptctl.description.loops import Closure
 
 NEAR_RIGHT_ANGLE = 1e-3
 """rad, to a multiple of 90 degrees, below which a miss is suspicious"""
