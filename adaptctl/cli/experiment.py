@@ -5,14 +5,16 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
+from adaptctl.cli.compiling import Announcement
 from adaptctl.cli.interruption import Interruption, interruptible
 from adaptctl.cli.output import Json, print_json, print_outcome
+from adaptctl.compilation.watch import watching
 from adaptctl.errors import InputError
 from adaptctl.experiments import EXPERIMENTS, RENAMED, find, from_entry_point, from_file, offered
 
@@ -212,8 +214,13 @@ def shown_progress() -> Iterator[Callable[[str, float], None]]:
                 tasks[what] = shown.add_task(what, total=1.0)
             shown.update(tasks[what], completed=share)
 
+        compiling = shown.add_task("Compiling", total=None, visible=False)
+        watcher = Announcement(
+            lambda: shown.update(compiling, visible=True), lambda: shown.update(compiling, visible=False)
+        )
         try:
-            yield progress
+            with watching(watcher if console.is_terminal else nullcontext):
+                yield progress
         except BaseException:
             shown.live.transient = True  # what went wrong is one line, with no half-filled bars above it
             raise

@@ -13,6 +13,7 @@ from typing import TextIO, get_args
 
 from cyclopts import App, ArgumentCollection, CycloptsError, Parameter, UnknownOptionError
 
+from adaptctl.cli.compiling import compilation_shown
 from adaptctl.cli.robot import note_on
 from adaptctl.errors import (
     AdaptctlError,
@@ -108,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if argv is None else argv)
     _write_any_character()
-    with _warnings_as_notes():
+    with _warnings_as_notes(), compilation_shown():
         try:
             with needed(_called(given[: 3 if given[:1] == ["experiment"] else 1])):
                 if given[:2] == ["experiment", "run"]:

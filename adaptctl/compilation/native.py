@@ -15,6 +15,7 @@ import llvmlite.binding as llvm
 
 from adaptctl.compilation.lanes import Precision
 from adaptctl.compilation.object_cache import ObjectCache, cache_folder
+from adaptctl.compilation.watch import watched
 from adaptctl.errors import InputError
 
 _WIDEST = {"avx512f": 8, "avx": 4, "sse2": 2, "neon": 2}
@@ -142,6 +143,11 @@ def _key(text: str, processor: Processor, triple: str) -> bytes:
 
 
 def _compiled(text: str, machine: llvm.TargetMachine) -> bytes:
+    with watched():
+        return _emitted(text, machine)
+
+
+def _emitted(text: str, machine: llvm.TargetMachine) -> bytes:
     module = llvm.parse_assembly(text, llvm.create_context())
     module.verify()
     passes = llvm.create_new_module_pass_manager()

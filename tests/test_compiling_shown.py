@@ -1,0 +1,97 @@
+"""Compilation that takes long is shown, on terminals alone."""
+
+from __future__ import annotations
+
+import os
+import pty
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from adaptctl.cli import compiling
+from adaptctl.cli.compiling import TEXT, Announcement, compilation_shown
+from adaptctl.compilation import compile_function
+from adaptctl.compilation.watch import watched, watching
+
+
+def announced(monkeypatch: pytest.MonkeyPatch, patience: float, *seconds: float) -> list[str]:
+    """What an announcement does in compilations of some seconds each."""
+    monkeypatch.setattr(compiling, "PATIENCE", patience)
+    told: list[str] = []
+    announcement = Announcement(lambda: told.append("shown"), lambda: told.append("hidden"))
+    with watching(announcement):
+        for each in seconds:
+            with watched():
+                time.sleep(each)
+                told.append("compiled")
+    return told
+
+
+def test_it_is_shown_from_the_first_second_in_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert announced(monkeypatch, 0.5, 0.01) == ["compiled"]
+    assert announced(monkeypatch, 0.05, 0.3) == ["shown", "compiled", "hidden"]
+    assert announced(monkeypatch, 0.3, 0.2, 0.4) == ["compiled", "shown", "compiled", "hidden"]
+    assert announced(monkeypatch, 0.0, 0.2, 0.2) == 2 * ["shown", "compiled", "hidden"]
+
+
+def test_what_fails_hides_it_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiling, "PATIENCE", 0.0)
+    told: list[str] = []
+    announcement = Announcement(lambda: told.append("s"), lambda: told.append("h"))
+
+    def interrupted() -> None:
+        with announcement():
+            time.sleep(0.2)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert told == ["s", "h"]
+
+
+def test_compilation_is_what_is_watched(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("ADAPTCTL_CACHE", str(tmp_path))
+    monkeypatch.setattr(compiling, "PATIENCE", -1.0)
+    told: list[str] = []
+    with watching(Announcement(lambda: told.append("shown"), lambda: told.append("hidden"))):
+        for _ in range(2):  # the second is found in the cache
+            assert compile_function(lambda x: 3.0 * x[0], {"x": 1}, name="tripled")([2.0]) == 6.0
+    assert told in (["shown", "hidden"], [])  # it may be over before the timer's thread begins
+    assert compilation_shown().__class__.__name__ == "nullcontext"
+
+
+PROGRAM = """
+import sys, time
+from adaptctl.cli import compiling
+from adaptctl.compilation.watch import watched
+compiling.PATIENCE = 0.0
+with compiling.compilation_shown(), watched():
+    time.sleep(0.3)
+print("done", file=sys.stderr)
+"""
+
+
+def test_a_terminal_sees_a_line_that_goes() -> None:
+    ours, theirs = pty.openpty()
+    with subprocess.Popen([sys.executable, "-c", PROGRAM], stderr=theirs, stdin=theirs) as process:
+        os.close(theirs)
+        seen = b""
+        while True:
+            try:
+                part = os.read(ours, 1024)
+            except OSError:  # Linux's end of a terminal
+                break
+            if not part:
+                break
+            seen += part
+        assert process.wait(30) == 0
+    os.close(ours)
+    assert seen.decode().replace("\r\n", "\n") == f"{TEXT}\r\x1b[Kdone\n"
+
+
+def test_no_terminal_sees_nothing() -> None:
+    done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "done\n")
