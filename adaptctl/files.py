@@ -25,6 +25,8 @@ MAX_BYTES = 16 * 2**20
 """size above which files are not read"""
 MAX_TOML_BYTES = 2**20
 """size above which TOML files are not read"""
+MAX_STEM_BYTES, MAX_SUFFIX_BYTES = 200, 40
+"""bytes of a name that its temporaries repeat, and of a suffix among them"""
 MAX_KEY_PARTS = 16
 """parts of a TOML key; reading time is quadratic in them"""
 RENAMED_PAGE = "docs/renamed.md"
@@ -64,7 +66,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
             raise
         raise FileError(f"{path}: cannot be written ({reason(error)})") from error
     finally:
-        beside.unlink(missing_ok=True)
+        with suppress(OSError):  # told already, where nothing can be written
+            beside.unlink(missing_ok=True)
     with suppress(OSError):  # Some file systems do not flush folders; the file is in place by now.
         flush(target.parent)
 
@@ -142,12 +145,21 @@ def real_place(path: str | Path) -> Path:
 
 def name_beside(target: Path) -> Path:
     """Hidden path beside another, for temporary files."""
-    return target.with_name(f".{target.stem}.{_process_space()}-{os.getpid()}-{os.urandom(4).hex()}{target.suffix}")
+    stem, suffix = _parts(target.name)
+    return target.with_name(f".{stem}.{_process_space()}-{os.getpid()}-{os.urandom(4).hex()}{suffix}")
+
+
+def _parts(name: str) -> tuple[str, str]:
+    """Stem and suffix of a name, the stem cut so that a temporary's name is not too long."""
+    stem, suffix = Path(name).stem, Path(name).suffix
+    if len(os.fsencode(suffix)) > MAX_SUFFIX_BYTES:
+        stem, suffix = name, ""
+    return os.fsdecode(os.fsencode(stem)[: max(0, MAX_STEM_BYTES - len(os.fsencode(suffix)))]), suffix
 
 
 def remove_stale_temporaries(folder: Path, name: str) -> list[Path]:
     """Delete temporaries of ended processes; return others."""
-    stem, suffix = Path(name).stem, Path(name).suffix
+    stem, suffix = _parts(name)
     pattern = re.compile(rf"\.{re.escape(stem)}\.[\w-]+-\d+-[0-9a-f]{{8}}{re.escape(suffix)}")
     alive: list[Path] = []
     with suppress(OSError):

@@ -316,3 +316,11 @@ def test_json_keeps_every_bit(tmp_path_factory: pytest.TempPathFactory, numbers:
     text = text.encode("utf-8", "ignore").decode()
     write_json(path, {"numbers": numbers, "text": text})
     assert read_json(path, dict[str, Any]) == {"numbers": numbers, "text": text}
+
+
+@pytest.mark.parametrize("name", ["a" * 250 + ".json", "ä" * 125 + ".json", "a" * 255, "a." + "b" * 253])
+def test_the_longest_names_are_written(tmp_path: Path, name: str) -> None:
+    write_json(tmp_path / name, 1)
+    with pytest.raises(FileError, match="cannot be written"):
+        write_json(tmp_path / (name[:-5] + "xx" + name[-5:]), 1)
+    assert content_names(tmp_path) == [name]
