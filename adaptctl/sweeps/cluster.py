@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import logging
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -61,13 +62,14 @@ class Cluster:
             if self.scheduler is None and self.scheduler_file is None:
                 # A worker whose last heartbeat finds no scheduler any more would print a traceback.
                 quiet = dask.config.set({"logging.distributed": "critical"})
-                local = distributed.LocalCluster(  # type: ignore[no-untyped-call]
-                    n_workers=self.jobs or len(os.sched_getaffinity(0)),
-                    threads_per_worker=1,
-                    host="127.0.0.1",
-                    dashboard_address="127.0.0.1:0",
-                    silence_logs=logging.CRITICAL,
-                )
+                with _ended_quietly():
+                    local = distributed.LocalCluster(  # type: ignore[no-untyped-call]
+                        n_workers=self.jobs or len(os.sched_getaffinity(0)),
+                        threads_per_worker=1,
+                        host="127.0.0.1",
+                        dashboard_address="127.0.0.1:0",
+                        silence_logs=logging.CRITICAL,
+                    )
                 with quiet, local, distributed.Client(local) as client:  # type: ignore[no-untyped-call]
                     yield client
                 return
@@ -86,6 +88,20 @@ class Cluster:
             return distributed.Client(**given)
         except (OSError, ValueError, TypeError, RuntimeError) as error:
             raise InputError(f"scheduler {place}: cannot be reached ({' '.join(str(error).split())})") from error
+
+
+@contextmanager
+def _ended_quietly() -> Iterator[None]:
+    """Context in which a cluster whose start is interrupted is closed; at exit Dask would print a traceback of it."""
+    try:
+        yield
+    except BaseException:
+        from distributed.deploy.spec import close_clusters
+
+        atexit.unregister(close_clusters)
+        with suppress(Exception):
+            close_clusters()  # type: ignore[no-untyped-call]
+        raise
 
 
 def versions() -> str:
