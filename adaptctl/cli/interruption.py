@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import stat
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -12,7 +13,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from types import FrameType
+    from types import FrameType, TracebackType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ctrl-C, what batch systems send before they kill, and the end of a terminal or connection."""
@@ -36,13 +37,37 @@ def raised(number: int, frame: FrameType | None) -> None:
     innermost = frame is not None and frame.f_code.co_filename == IMPORTING
     waited = time.monotonic() - _since.setdefault(number, time.monotonic())
     if innermost or (_importing(frame) and waited < IMPORT_TIMEOUT):
-        main = threading.main_thread().ident or 0
-        threading.Timer(RETRY_DELAY, signal.pthread_kill, (main, number)).start()
+        _send_again(number)
         return
     del _since[number]
     if number == signal.SIGHUP:
         _leave_terminal()
     raise KeyboardInterrupt
+
+
+def _send_again(number: int) -> None:
+    threading.Timer(RETRY_DELAY, signal.pthread_kill, (threading.main_thread().ident or 0, number)).start()
+
+
+def repeated_where_lost() -> None:
+    """
+    Send interruptions again whose exception did not arrive.
+
+    Native code, destructors and callbacks may drop it: the command would go on, with what they left half done.
+    """
+    told, shown = sys.unraisablehook, sys.excepthook
+
+    def dropped(unraisable: sys.UnraisableHookArgs, /) -> None:
+        if unraisable.exc_type is not KeyboardInterrupt:
+            told(unraisable)
+        elif threading.current_thread() is threading.main_thread():
+            _send_again(signal.SIGINT)
+
+    def printed(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        if kind is not KeyboardInterrupt:  # printed of one that is dropped; none ends a command
+            shown(kind, error, trace)
+
+    sys.unraisablehook, sys.excepthook = dropped, printed
 
 
 def not_ignored() -> tuple[signal.Signals, ...]:

@@ -100,7 +100,7 @@ def _ended_quietly() -> Iterator[None]:
 
         atexit.unregister(close_clusters)
         with suppress(Exception):
-            close_clusters()  # type: ignore[no-untyped-call]
+            close_clusters()
         raise
 
 
