@@ -250,7 +250,10 @@ def _mjcf() -> Iterator[tuple[str, str]]:
             "equality-unknown": ("<actuator>", '<equality><weld body1="arm" body2="none"/></equality><actuator>'),
             "holds-still": ("<actuator>", '<equality><joint joint1="second"/></equality><actuator>'),
             "name-controls": ('joint name="first"', 'joint name="\x85first"'),
-            "two-moving-roots": ("</worldbody>", '<body><joint/><geom size="1"/></body></worldbody>'),
+            "two-moving-roots": (
+                "</worldbody>",
+                '<body><joint name="own"/><geom size="1"/></body></worldbody><actuator><motor joint="own"/></actuator>',
+            ),
         },
         "xml",
     )

@@ -90,6 +90,30 @@ def test_what_only_floats_names_the_flag(tmp_path: Path) -> None:
         assert load(tmp_path / "drone.xml", floating_base=True).dof == 6
 
 
+def test_a_held_base_may_have_armature(tmp_path: Path) -> None:
+    path = scene(tmp_path, '<joint type="free" armature=".1" damping="2"/>')
+    with pytest.warns(SimplificationWarning, match="the base is held still"):
+        assert load(path).dof == 4
+
+
+def test_the_only_mechanism_with_motors_is_meant(tmp_path: Path) -> None:
+    """Of a door beside a robot: named, and left out also of MuJoCo's plant."""
+    door = '<body name="door" pos="2 0 0"><joint name="hinge"/><geom size=".1"/></body>'
+    path = scene(tmp_path, "", door)
+    with pytest.warns(SimplificationWarning) as said:
+        robot = load(path)
+    left_out = "other bodies that move, but have no actuator, are left out: door"
+    assert [str(one.message) for one in said] == [f"{path}: {left_out}"]
+    assert robot.description.joint_names == JOINTS
+    with pytest.warns(SimplificationWarning, match=left_out):
+        assert MuJoCoPlant.of(path, 1e-3).mechanism.dof == 4
+    assert load(path, root="door").description.joint_names == ("hinge",)
+    both = path.read_text().replace("</actuator>", '<motor joint="hinge"/></actuator>')
+    (tmp_path / "both.xml").write_text(both)
+    with pytest.raises(FileError, match=r"2 root bodies move, 'trunk', 'door', .* \(--root trunk\)"):
+        load(tmp_path / "both.xml")
+
+
 def test_mujocos_plant_holds_the_base_of_a_file(tmp_path: Path) -> None:
     """As the controller's model does: without torques the legs swing, and the trunk stays where it is."""
     path = scene(tmp_path, more=BOX)

@@ -49,6 +49,7 @@ def weakened(mechanism: Mechanism, joint: int, effort: float) -> Mechanism:
     return Mechanism(replace(mechanism.description, links=tuple(links)))
 
 
+@pytest.mark.filterwarnings("ignore:.*the base is held still:adaptctl.errors.SimplificationWarning")
 @pytest.mark.parametrize("name", ["baxter.urdf", "pr2.urdf"])
 def test_a_gripper_whose_fingers_move_together_hides_no_posture(name: str) -> None:
     """Mimicking fingers close no loop: the arms are put where gravity asks little, far from the position of zero."""
@@ -134,6 +135,7 @@ def test_a_weak_joint_starts_near_enough_to_be_brought_back() -> None:
     np.testing.assert_array_equal(given.initial_error, np.full(6, 0.1))
 
 
+@pytest.mark.filterwarnings("ignore:.*the base is held still:adaptctl.errors.SimplificationWarning")
 def test_gravity_at_the_initial_error_leaves_torque_for_heavier_links() -> None:
     """The humanoid balances on a waist with a weak motor: 0.1 rad off in every joint, links 30 % off, it fell."""
     humanoid = load(urdf("simple_humanoid.urdf"))

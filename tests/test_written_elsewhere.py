@@ -119,11 +119,12 @@ def test_chains_side_by_side_that_a_loop_joins_are_one_mechanism(tmp_path: Path)
     four = adaptctl.load(tmp_path / "four.xml")
     assert (four.dof, len(four.links), [link.parent for link in four.links]) == (1, 3, [-1, 0, -1])
     np.testing.assert_allclose(four.configuration([0.3]), [0.3, -0.3, 0.3], atol=1e-9)
-    alone = MJCF.replace('<connect name="pin" body1="c" body2="b" anchor="1 0 0"/>', "")
+    both = MJCF.replace("</actuator>", '<motor joint="jb"/></actuator>')
+    alone = both.replace('<connect name="pin" body1="c" body2="b" anchor="1 0 0"/>', "")
     with pytest.raises(FileError, match="2 root bodies move, 'a', 'b', each a separate mechanism"):
         reading(tmp_path, alone, "alone.xml")
     with pytest.raises(FileError, match="2 root bodies move"):
-        reading(tmp_path, MJCF.replace('name="pin"', 'name="pin" active="false"'), "off.xml")
+        reading(tmp_path, both.replace('name="pin"', 'name="pin" active="false"'), "off.xml")
 
 
 def test_chains_that_gears_join_are_one_mechanism(tmp_path: Path) -> None:

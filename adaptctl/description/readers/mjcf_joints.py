@@ -46,7 +46,7 @@ class Rewriting:
         made = cls(spec, elements)
         base = made._base(root) if floating_base else None
         for body, joint in made._joints(FREE):
-            made._validate_free(body, joint)
+            made._validate_free(body, joint, floats=base is not None and body.name == base.name)
         for body, joint in made._joints(FREE):
             if base is None or body.name != base.name:
                 made._ignore_actuators(joint.name)
@@ -77,14 +77,14 @@ class Rewriting:
             )
         return moved[0] if moved else None
 
-    def _validate_free(self, body: Any, joint: Any) -> None:
+    def _validate_free(self, body: Any, joint: Any, floats: bool) -> None:
         element, above = element_of(joint.info, self.elements), body.parent
         while above is not None and not above.joints:
             above = above.parent
         if len(body.joints) > 1 or above is not None:
             text = "a free joint must be the only joint of its body, and the bodies above must be fixed"
             refuse(element, f"body {body.name!r}: {text}")
-        for what in _ACTING:
+        for what in _ACTING if floats else ():
             if np.any(getattr(joint, what)):
                 given = np.ravel(getattr(joint, what)).tolist()
                 name = joint.name or body.name

@@ -52,6 +52,7 @@ _LEFT_OUT: Mapping[str, tuple[str, ...]] = {
     "equality": (),
 }
 """Elements that it need not see. Others are refused within these, and left out within all others."""
+_WRITTEN_OUT = dict.fromkeys(("attach", "composite"), "mujoco.mj_saveLastXML writes the scene without it")
 _UNREAD_EQUALITIES = ("tendon", "flex", "flexvert", "flexstrain", "distance")
 _PLACE = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 _OF_ACTUATORS = (
@@ -242,7 +243,8 @@ def _leave_out(element: Element) -> None:
     for child in [child for child in element if child.tag not in shown]:
         if left_out is not None and child.tag not in left_out and not _is_foreign(child.tag):
             where = "" if element.tag == "mujoco" else f"{named(element)}: "
-            refuse(child, f"{where}<{child.tag}> is not supported; supported: {', '.join((*shown, *left_out))}")
+            way = f"; {_WRITTEN_OUT[child.tag]}" if child.tag in _WRITTEN_OUT else ""
+            refuse(child, f"{where}<{child.tag}> is not supported; supported: {', '.join((*shown, *left_out))}{way}")
         if element.tag == "actuator":
             child.tag = "general"
             child.attrib["biastype"] = "affine"

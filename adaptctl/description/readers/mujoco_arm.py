@@ -60,6 +60,8 @@ class MujocoArm:
     elements: Mapping[object, Element] = field(default_factory=dict)
     held: tuple[str, ...] = ()
     """bodies whose free joints are not there, so that they stand still"""
+    beside: tuple[str, ...] = ()
+    """other root bodies that move, which no actuator drives"""
     carriers: dict[int, int] = field(default_factory=dict)
     places: dict[int, Pose] = field(default_factory=dict)
 
@@ -80,8 +82,12 @@ class MujocoArm:
                 below.add(i)
         bodies = tuple(sorted(below))
         joints = tuple(j for i in bodies for j in _joints(model, i))
+        moving = {int(model.body_rootid[model.jnt_bodyid[j]]) for j in range(model.njnt) if model.jnt_type[j] != FREE}
+        beside = tuple(model.body(i).name for i in sorted(moving - set(roots)) if body is None)
         below_world = [model.body(i).name for top in roots for i in (top, *_above(model, top))]
-        found = cls(model, root, bodies, joints, elements or {}, tuple(name for name in held if name in below_world))
+        found = cls(
+            model, root, bodies, joints, elements or {}, tuple(name for name in held if name in below_world), beside
+        )
         for i in bodies:
             with found.at_line(found.body_name(i)):
                 found._validate_plain(i)
@@ -173,6 +179,7 @@ class MujocoArm:
             ("joint springs are ignored", sprung),
             ("gravity compensation is ignored", lifted),
             (f"the base is held still, and floats with {FLOATING_FLAG}", self.held),
+            ("other bodies that move, but have no actuator, are left out", self.beside),
             *more,
         ):
             if names:
@@ -276,18 +283,25 @@ def _root(model: mujoco.MjModel, body: str) -> int:
 
 
 def _moving_roots(model: mujoco.MjModel, held: Sequence[str]) -> list[int]:
-    """Bodies at which the mechanism begins: one, or several that loops join."""
+    """Bodies at which the mechanism begins: one, the only one with actuators, or several that loops join."""
     moved = {int(model.body_rootid[model.jnt_bodyid[j]]) for j in range(model.njnt) if model.jnt_type[j] != FREE}
     names = [model.body(i).name for i in sorted(moved)]
     if not moved:
         raise InputError(_nothing_moves(held))
-    if len(moved) > 1 and not moved <= _joined(model, min(moved)):
+    driven = {int(model.body_rootid[model.jnt_bodyid[j]]) for j in _driven(model)} & moved
+    joined = _joined(model, min(driven or moved))
+    if not (driven or moved) <= joined:
         known = ", ".join(map(repr, names))
         raise InputError(
             f"{len(moved)} root bodies move, {known}, each a separate mechanism; select one, such as "
             f"root={names[0]!r} (--root {names[0]})"
         )
-    return sorted(moved)
+    return sorted(moved & joined)
+
+
+def _driven(model: mujoco.MjModel) -> list[int]:
+    """Joints that actuators act on directly."""
+    return [int(model.actuator_trnid[i, 0]) for i in range(model.nu) if model.actuator_trntype[i] in (0, 1)]
 
 
 def _joined(model: mujoco.MjModel, root: int) -> set[int]:

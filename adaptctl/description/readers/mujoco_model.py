@@ -150,7 +150,9 @@ class _Equalities:
             return None if carrier == GROUND else self.links[carrier], arm.places[i]
         if arm.model.body_weldid[i] == WORLD:
             return None, arm.still(i)
-        raise NotFoundError(f"equality {name!r}: body {arm.body_name(i)!r} is not part of the mechanism")
+        raise NotFoundError(
+            f"equality {name!r}: body {arm.body_name(i)!r} is not part of the mechanism; remove the equality"
+        )
 
     def _coupling(self, e: int, name: str, driven: Sequence[str]) -> Coupling:
         """Coupling q1 - ref1 = c0 + c1 (q2 - ref2); the first joint follows, unless it alone is driven."""
