@@ -19,7 +19,7 @@ from adaptctl.recording.vector_marks import (
     Axis,
     Mark,
     Scale,
-    Span,
+    ShadedSpan,
     Words,
     drawn,
     written,
@@ -40,7 +40,7 @@ class Panel:
     x: Axis = field(default_factory=Axis)
     y: Axis = field(default_factory=Axis)
     marks: list[Mark] = field(default_factory=list)
-    spans: list[Span] = field(default_factory=list)
+    spans: list[ShadedSpan] = field(default_factory=list)
     texts: list[Words] = field(default_factory=list)
     title: str = ""
     title_size: float = TITLE_SIZE
@@ -67,12 +67,12 @@ class Panel:
 
     def axhspan(self, low: float, high: float, color: str, alpha: float, linewidth: float = 0.0) -> None:
         """Shade a horizontal band."""
-        self.spans.append(Span(np.array([low]), np.array([high]), [color], alpha))
+        self.spans.append(ShadedSpan(np.array([low]), np.array([high]), [color], alpha))
 
     def bar(self, places: Array, heights: Array, bottom: float, color: Sequence[str], width: float) -> None:
         """Add bars."""
         low = np.full(len(heights), bottom)
-        self.spans.append(Span(low, low + heights, color, 1.0, np.asarray(places), width))
+        self.spans.append(ShadedSpan(low, low + heights, color, 1.0, np.asarray(places), width))
 
     def text(self, x: float, y: float, text: str, **style: Any) -> None:
         """Add a text."""

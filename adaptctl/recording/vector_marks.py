@@ -55,7 +55,7 @@ class Words(NamedTuple):
     style: dict[str, Any]
 
 
-class Span(NamedTuple):
+class ShadedSpan(NamedTuple):
     """Horizontal band, or bars where it has widths."""
 
     low: Array
