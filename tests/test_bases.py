@@ -96,6 +96,16 @@ def test_a_held_base_may_have_armature(tmp_path: Path) -> None:
         assert load(path).dof == 4
 
 
+def test_the_mesh_of_a_held_base_need_not_be_there(tmp_path: Path) -> None:
+    """Its inertia plays no part; that of a floating base does."""
+    mesh = '<mujoco><asset><mesh name="m" file="gone.stl"/></asset>'
+    path = scene(tmp_path, '<geom type="mesh" mesh="m"/>')
+    path.write_text(path.read_text().replace("<mujoco>", mesh).replace(TEN.format(0.1, 4), ""))
+    assert load(path).dof == 4
+    with pytest.raises(FileError, match=r"mesh 'm': no such file: 'gone.stl'|no such file"):
+        load(path, floating_base=True)
+
+
 def test_the_only_mechanism_with_motors_is_meant(tmp_path: Path) -> None:
     """Of a door beside a robot: named, and left out also of MuJoCo's plant."""
     door = '<body name="door" pos="2 0 0"><joint name="hinge"/><geom size=".1"/></body>'

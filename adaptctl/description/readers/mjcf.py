@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -177,7 +177,7 @@ def _need_meshes(spec: mujoco.MjSpec, kept: bool) -> dict[str, str]:
     way = spec.compiler.inertiafromgeom
     for geom in spec.geoms:
         written = geom.parent.explicitinertial if way == ways.mjINERTIAFROMGEOM_AUTO else False
-        ignored = written or way == ways.mjINERTIAFROMGEOM_FALSE or geom.parent is spec.worldbody
+        ignored = written or way == ways.mjINERTIAFROMGEOM_FALSE or _stands(geom.parent)
         weighs = (geom.mass if math.isfinite(geom.mass) else geom.density) != 0.0
         shape = geom.type not in (mj.mjtGeom.mjGEOM_PLANE, mj.mjtGeom.mjGEOM_HFIELD)
         counts = not ignored and weighs and shape and first <= geom.group <= last
@@ -187,6 +187,15 @@ def _need_meshes(spec: mujoco.MjSpec, kept: bool) -> dict[str, str]:
             geom.type, geom.size, geom.fromto = mj.mjtGeom.mjGEOM_SPHERE, np.ones(3), np.full(6, np.nan)
             geom.meshname, geom.mass = "", float(counts)
     return needed
+
+
+def _stands(body: Any) -> bool:
+    """True for a body that no joint moves, whose inertia plays no part."""
+    while body is not None:
+        if body.joints:
+            return False
+        body = body.parent
+    return True
 
 
 def _add_mesh_inertias(model: mujoco.MjModel, scanned: ScannedFile, needed: Mapping[str, str]) -> None:
