@@ -51,6 +51,7 @@ def test_contacts_are_those_of_the_arm_alone(tmp_path: Path) -> None:
     assert contacts_along(arm, reference(3.0))["post", "fore"] > 20
 
 
+@pytest.mark.filterwarnings("ignore:reference. a goes to:adaptctl.errors.ReferenceWarning")
 def test_a_reference_that_touches_something_is_told_of(tmp_path: Path) -> None:
     path = scene(tmp_path)
     MuJoCoTrackingEnv(str(path), reference(0.0))
