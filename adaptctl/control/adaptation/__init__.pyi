@@ -6,6 +6,7 @@ from adaptctl.control.adaptation.gradient import DeadZone as DeadZone
 from adaptctl.control.adaptation.gradient import EModification as EModification
 from adaptctl.control.adaptation.gradient import Gradient as Gradient
 from adaptctl.control.adaptation.gradient import SigmaModification as SigmaModification
+from adaptctl.control.adaptation.guarded_learning import GuardedLearning as GuardedLearning
 from adaptctl.control.adaptation.law import AdaptationLaw as AdaptationLaw
 from adaptctl.control.adaptation.law import Period as Period
 from adaptctl.control.adaptation.least_squares import BoundedGainForgetting as BoundedGainForgetting

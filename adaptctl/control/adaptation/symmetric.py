@@ -44,9 +44,20 @@ def solve(entries: Column, right: Column, shift: float = 0.0) -> Column:
     return _solver(len(right))(entries, right, Column((shift,)))[0]
 
 
+def solve_with_forms(entries: Column, right: Column, rows: Sequence[Column], shift: float) -> tuple[Column, Column]:
+    """Solution x of B x = b with B = A + shift 1, as by `solve`, and w' B^-1 w of each row w."""
+    x, forms = _solver(len(right), len(rows))(entries, right, Column((shift,)), _joined(rows))
+    return x, forms
+
+
 def scaled(entries: Column, factor: Scalar) -> Column:
     """Product of a factor and a matrix."""
     return _scaler(len(entries))(entries, Column((factor,)))[0]
+
+
+def weighted_sum(A: Column, B: Column, a: Scalar, b: Scalar) -> Column:
+    """Sum a A + b B of two matrices."""
+    return _adder(len(A))(A, B, Column((a, b)))[0]
 
 
 def rank_update(entries: Column, rows: Sequence[Column], weights: Column, keep: Scalar, diagonal: Scalar) -> Column:
@@ -95,6 +106,17 @@ def _scaler(size: int) -> MatrixOperation:
 
 
 @cache
+def _adder(size: int) -> MatrixOperation:
+    def weighted_sum(m: Interpreter, A: Any, B: Any, factors: Any, out: Any) -> None:
+        for j in m.columns(0, size):
+            out[j] = factors[0] * A[j] + factors[1] * B[j]
+
+    return MatrixOperation(
+        weighted_sum, [vector(size), vector(size), vector(2)], [vector(size)], math.isqrt(2 * size)
+    )
+
+
+@cache
 def _product(k: int) -> MatrixOperation:
     def symmetric_product(m: Interpreter, A: Any, x: Any, out: Any) -> None:
         full, right, y = _symmetric(m, A, k, 1.0), _copied(m, x, 1, k), m.scratch(1, k)
@@ -106,20 +128,23 @@ def _product(k: int) -> MatrixOperation:
 
 
 @cache
-def _solver(k: int) -> MatrixOperation:
-    tolerance = k * float(np.finfo(np.float64).eps)
+def _solver(k: int, forms: int = 0) -> MatrixOperation:
+    tolerance, width = k * float(np.finfo(np.float64).eps), k + 1 + forms
 
-    def symmetric_solve(m: Interpreter, A: Any, b: Any, shift: Any, out: Any) -> None:
-        """Factors U' D^-1 U row by row, b beside A; then x from the last to the first."""
-        upper, inverse, smallest, x = m.scratch(k, k + 1), m.scratch(k), m.scratch(k), m.scratch(k + 1)
+    def symmetric_solve(m: Interpreter, A: Any, b: Any, shift: Any, *given: Any) -> None:
+        """Factors U' D^-1 U row by row, b and rows beside A; then x from the last to the first."""
+        upper, inverse, smallest, x = m.scratch(k, width), m.scratch(k), m.scratch(k), m.scratch(k + 1)
+        *rows, out = given[:-1] if forms else given
         for i in m.range(k):
             for j in m.columns(i, k):
                 upper[i, j] = A[i, j]
             upper[i, i] = upper[i, i] + shift[0]
             upper[i, k] = b[i]
+            for q in m.range(forms) if forms else ():
+                upper[i, q + k + 1] = rows[0][q, i]
             smallest[i] = tolerance * upper[i, i]
-        for rows in _groups(m, k, ROWS_AT_ONCE):
-            _eliminate(m, upper, inverse, smallest, rows, k)
+        for group in _groups(m, k, ROWS_AT_ONCE):
+            _eliminate(m, upper, inverse, smallest, group, width)
         for done in m.range(k):
             i, total = k - 1 - done, m.sum()
             for j in m.columns(i + 1, k):
@@ -127,8 +152,15 @@ def _solver(k: int) -> MatrixOperation:
             x[i] = (upper[i, k] - total.value) * inverse[i]
         for j in m.columns(0, k):
             out[j] = x[j]
+        for q in m.range(forms) if forms else ():
+            form = m.variable(0.0)
+            for i in m.range(k):
+                form.value = form.value + (upper[i, q + k + 1] * upper[i, q + k + 1]) * inverse[i]
+            given[-1][q] = form.value
 
-    return MatrixOperation(symmetric_solve, [Triangle(k), vector(k), vector(1)], [vector(k)], k)
+    inputs: list[Shape] = [Triangle(k), vector(k), vector(1), *([matrix(forms, k)] if forms else [])]
+    outputs: list[Shape] = [vector(k), *([vector(forms)] if forms else [])]
+    return MatrixOperation(symmetric_solve, inputs, outputs, k)
 
 
 ROWS_AT_ONCE = 4
@@ -143,13 +175,13 @@ def _groups(m: Interpreter, count: int, size: int) -> Iterator[list[Any]]:
         yield list(range(count - count % size, count))
 
 
-def _eliminate(m: Interpreter, upper: Any, inverse: Any, smallest: Any, rows: list[Any], k: int) -> None:
+def _eliminate(m: Interpreter, upper: Any, inverse: Any, smallest: Any, rows: list[Any], width: int) -> None:
     """Rows of U, less those before; row i of L' is row i of U over its pivot."""
-    factors = m.scratch(len(rows), k)
+    factors = m.scratch(len(rows), width)
     for p in m.range(rows[0]):
         for c, i in enumerate(rows):
             factors[c, p] = upper[p, i] * inverse[p]
-    for j in m.columns(rows[0], k + 1):
+    for j in m.columns(rows[0], width):
         entries = [m.variable(upper[i, j]) for i in rows]
         for p in m.range(rows[0]):
             above = upper[p, j]
@@ -161,7 +193,7 @@ def _eliminate(m: Interpreter, upper: Any, inverse: Any, smallest: Any, rows: li
         inverse[i] = _quotient(m, 1.0, upper[i, i], smallest[i])
         for below in rows[c + 1 :]:
             factor = upper[i, below] * inverse[i]
-            for j in m.columns(below, k + 1):
+            for j in m.columns(below, width):
                 upper[below, j] = upper[below, j] - factor * upper[i, j]
 
 

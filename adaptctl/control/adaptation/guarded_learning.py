@@ -1,0 +1,468 @@
+"""Composite learning with guards of its memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from adaptctl.arrays import Array, frozen_array, per_joint
+from adaptctl.control.adaptation import payload_test, two_stage_filter
+from adaptctl.control.adaptation.composite import residual
+from adaptctl.control.adaptation.law import Period
+from adaptctl.control.adaptation.least_squares import ForgettingLeastSquares
+from adaptctl.control.adaptation.payload_test import PayloadSums, PayloadTest
+from adaptctl.control.adaptation.symmetric import (
+    from_triangle,
+    rank_update,
+    scaled,
+    solve_with_forms,
+    symmetric_product,
+    weighted_sum,
+)
+from adaptctl.control.adaptation.two_stage_filter import FilteredTwice
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.scalars import Column, Scalar, absolute, column, each, maximum, minimum, where
+
+MODEL, UNKNOWN, PAYLOAD, CONTACT = 0.0, 1.0, 2.0, 3.0
+"""Decisions on what the missed torques are: nothing new, not known yet, a changed load, a push."""
+QUARANTINE = 0.3
+"""s, mean time from a sample to the memory, so that a contact that is detected is forgotten"""
+THRESHOLD = 4.0
+"""standard deviations of a missed torque that is no noise"""
+SLACK = 10.0
+"""deviations of torque noise (3 % of a torque limit) that friction may hold at speeds below `min_speed`"""
+SETTLING = 2.0
+"""time constants of the filters for which a joint has to move before its equation counts"""
+YOUTH, NOISE_MEMORY = 2.0, 5.0
+"""s of motion in which all misses count as noise; s over which noise is averaged later"""
+MAX_NOISE_RISE = 2.0
+"""ratio of a squared miss to the noise, above which it counts as this much: a load must not pass for noise"""
+TRANSIENT = 0.5
+"""s after which the filters show a changed load alone"""
+CLEAR, RETURN_AFTER, RETURN = 1.0, 0.1, 0.03
+"""s without a miss that end a doubt, and that start the return to the trusted estimate; its time constant"""
+LEAK = 0.5
+"""1/s, return of the trial estimate to the trusted one"""
+
+
+class Stored(NamedTuple):
+    """Information and z of memory and of quarantine, in units of the initial gain."""
+
+    information: Any
+    known: Any
+    pending: Any
+    pending_known: Any
+
+
+class Watch(NamedTuple):
+    """Trusted estimate (k,), noise (r,) in N^2 m^2, doubt and motion (r,) in s, age and alarm (1,) in s."""
+
+    trusted: Any
+    noise: Any
+    doubt: Any
+    moving: Any
+    age: Any
+    alarm: Any
+    announced: Any
+    decision: Any
+
+
+class GuardedMemory(NamedTuple):
+    """Internal state of `GuardedLearning`."""
+
+    stored: Stored
+    filtered: FilteredTwice
+    watch: Watch
+    sums: PayloadSums
+
+    @property
+    def logged_state(self) -> Any:
+        """Decision (1,): 0 model, 1 unknown, 2 payload, 3 contact."""
+        return self.watch.decision
+
+
+class Sample(NamedTuple):
+    """One period's rows (r of k) in both units, torques missed by the trusted estimate, and which joints count."""
+
+    rows: list[Column]
+    units: list[Column]
+    torque: Column
+    missed: Column
+    weights: Column
+    counts: Column
+    moving: Column
+
+
+@dataclass(frozen=True, eq=False)
+class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
+    r"""
+    Composite learning that tells its model's errors from payloads and contacts.
+
+    Parameters
+    ----------
+    gain : array_like
+        Diagonal (k,) of the initial gain Gamma, in units of the parameters squared per J. Times 1 J it is taken as the
+        prior covariance.
+    prediction_weight : array_like, default 1.0
+        Weight R of the torque prediction error in 1/(N m s) (m/(N s)), one number or (r,): 1/(sigma^2 1 s) for torques
+        that are known within sigma. `learning_law` chooses it.
+    cutoff : float, default 10.0
+        Corner frequency in rad/s of the two equal low-pass filters of torques and regressor. At 10 velocity noise of
+        0.03 rad/s costs little; 20 learns faster.
+    forgetting : float, default 0.2
+        Rate in 1/s at which the past fades while joints move. At 0.2 the time constant is 5 s.
+    recall : float, default 10.0
+        Rate rho in 1/s of convergence to the stored information, at most 0.5 divided by the control period. At 10 it is
+        faster than arms move.
+    min_speed : array_like, default 0.05
+        Speed in rad/s (m/s), one number or (r,), below which a joint's equation is not stored, since friction at rest
+        says nothing of the model.
+    time_limit : float, default 10.0
+        Time in s of an undecided change, after which the trial estimate is taken and the memory cleared.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range or a shape is wrong.
+    NonFiniteError
+        If a weight is NaN.
+
+    Notes
+    -----
+    .. math::
+
+        \dot{\hat\beta}=-P\bigl(Y^\top s+\rho(Q\hat\beta-z)\bigr),\quad P^{-1}=\Gamma^{-1}+Q,
+
+    where Q and z hold :math:`W^\top RW` and :math:`W^\top RF[\tau]` of the past [1]_, after a quarantine of 0.3 s. Torques
+    that the estimate does not explain raise a doubt: nothing is stored, a gradient from a copy of the estimate tracks,
+    and ten parameters of the last link are fitted. If they explain the misses, the load is taken; if the misses
+    end, the estimate returns. docs/adaptation.md has the proof.
+
+    References
+    ----------
+    .. [1] Pan and Yu, IEEE Trans. Automatic Control, 2018.
+
+    Examples
+    --------
+    >>> learning = adaptctl.control.GuardedLearning(np.full(6, 0.1))
+    >>> controller = adaptctl.SlotineLi(model, 5.0, 4.0, learning)
+    >>> state = controller.init(p, v).law_state
+    >>> learning.decision(state)
+    'model'
+    """
+
+    tunable = ("gain", "prediction_weight", "cutoff", "forgetting", "recall", "min_speed", "time_limit")
+    needs_double = True
+
+    called: ClassVar[str] = "guarded learning"
+
+    cutoff: float = 10.0
+    forgetting: float = 0.2
+    recall: float = 10.0
+    min_speed: ArrayLike = 0.05
+    time_limit: float = 10.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, unit in (("recall", "1/s"), ("time_limit", "s")):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(f"{self.called}: {name}: expected a finite number of at least 0 {unit}, got {value}")
+        speeds = np.asarray(self.min_speed, dtype=np.float64)
+        if not (np.all(np.isfinite(speeds)) and np.all(speeds >= 0.0)):
+            raise InputError(f"{self.called}: min_speed: expected finite speeds of at least 0, got {self.min_speed}")
+        object.__setattr__(self, "min_speed", frozen_array(speeds, speeds.shape, f"{self.called}: min_speed"))
+
+    def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
+        """
+        Raise an error if the law does not fit the model and the control period.
+
+        Parameters
+        ----------
+        model : ReducedModel
+            Reduced model with k parameters and r primary joints.
+        initial : ndarray
+            Initial estimate (k,) in SI units.
+        control_period : float
+            Control period in s.
+
+        Raises
+        ------
+        InputError
+            If a size is wrong, the cutoff or the recall is too high for the control period, or linear constraints fix
+            parameters at values other than zero.
+        """
+        super().validate(model, initial, control_period)
+        per_joint(self.min_speed, model.mechanism.dof, f"{self.called}: min_speed")
+        if self.recall * control_period > 0.5:
+            raise InputError(
+                f"{self.called}: recall: {self.recall:g} 1/s is too fast for a control period of {control_period:g} s; "
+                f"use at most {0.5 / control_period:g} 1/s"
+            )
+
+    def initial_state(
+        self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
+    ) -> GuardedMemory:
+        """
+        Return the initial state, an empty memory and torque filters of zero.
+
+        Parameters
+        ----------
+        model : ReducedModel
+            Reduced model with k parameters.
+        initial : ndarray
+            Initial estimate (k,) in SI units.
+        q, v : ndarray
+            Positions (..., n) in rad (m) of the n joints of the spanning tree, and velocities (..., r) of the primary
+            joints in rad/s (m/s).
+        control_period : float
+            Control period in s.
+
+        Returns
+        -------
+        GuardedMemory
+            Internal state of the law. Leading axes of q are arms; a part that does not depend on q is without them.
+
+        Raises
+        ------
+        InputError
+            If linear constraints fix parameters of the model at values other than zero.
+        """
+        k, r = len(model.columns), model.mechanism.dof
+        nothing, none, rest = np.zeros(k * (k + 1) // 2), np.zeros(k), np.zeros(r)
+        one = np.zeros(1)
+        return GuardedMemory(
+            Stored(nothing, none, nothing, none),
+            two_stage_filter.start(model, q, v, self.cutoff, control_period),
+            Watch(np.array(initial), rest, rest, rest, one, one, one, one),
+            PayloadSums.zero(r),
+        )
+
+    def law(
+        self, model: ReducedModel, estimate: Column, period: Period, memory: GuardedMemory
+    ) -> tuple[Column, GuardedMemory]:
+        """
+        Update the estimate, the memory and the decision by one control period.
+
+        Parameters
+        ----------
+        model : ReducedModel
+            Reduced model with k parameters.
+        estimate : Column
+            Estimate (k,) before the period, in SI units.
+        period : Period
+            Sliding variable, torque and regressor of the control period, see `Period`.
+        memory : GuardedMemory
+            Internal state before the period.
+
+        Returns
+        -------
+        tuple of Column and GuardedMemory
+            Estimate (k,) in SI units and internal state after the period.
+        """
+        watch = memory.watch
+        prediction = two_stage_filter.predicted(model, period, memory.filtered, self.cutoff)
+        sample = self._sample(prediction, period, watch)
+        stored, recall = self._stored(memory.stored, sample, period, watch)
+        slope = self._scale * period.gradient(period.integral)
+        x = Column(value / scale for value, scale in zip(estimate, self._scale, strict=True))
+        newton = slope + symmetric_product(recall[0], x) - recall[1]
+        step, unsure = solve_with_forms(stored.information, newton, sample.units, 1.0)
+        trial = self._scale * slope + self._returning(watch, period) * (estimate - watch.trusted)
+        after = estimate - _chosen(watch.alarm[0] > 0.0, trial, self._scale * step)
+        return self._decided(model, after, stored, sample, unsure, period, memory, prediction.after)
+
+    def _sample(self, prediction: two_stage_filter.Prediction, period: Period, watch: Watch) -> Sample:
+        rows, r = prediction.rows, len(prediction.rows)
+        slow = (absolute(v) < least for v, least in zip(prediction.speed, each(self.min_speed, r), strict=True))
+        moving = Column(where(still, 0.0, m + period.period) for still, m in zip(slow, watch.moving, strict=True))
+        counts = Column(where(m > SETTLING / self.cutoff, period.dt_ratio, 0.0) for m in moving)
+        missed = residual(rows, watch.trusted, prediction.torque)
+        units = [self._scale * row for row in rows]
+        return Sample(rows, units, prediction.torque, missed, each(self.prediction_weight, r), counts, moving)
+
+    def _stored(
+        self, stored: Stored, sample: Sample, period: Period, watch: Watch
+    ) -> tuple[Stored, tuple[Column, Column]]:
+        """Memory with what leaves quarantine, and the matrix and vector of this period's step towards it."""
+        quiet, T = where(watch.alarm[0] > 0.0, 0.0, 1.0), period.period
+        keep = 1.0 / (1.0 + (self.forgetting * period.dt) * (quiet * reduce(maximum, sample.counts)))
+        stay, leave = 1.0 / (1.0 + T / QUARANTINE), quiet * (1.0 - 1.0 / (1.0 + T / QUARANTINE))
+        rho = quiet * (self.recall * period.dt)
+        information = weighted_sum(stored.information, stored.pending, keep, leave)
+        known = keep * stored.known + leave * stored.pending_known
+        # The step recalls what was kept, and takes what is new at once: then V does not rise (docs/adaptation.md).
+        recalled = weighted_sum(stored.information, stored.pending, rho * keep, leave)
+        target = (rho * keep) * stored.known + leave * stored.pending_known
+        shares = quiet * period.dt * (sample.counts * sample.weights)
+        pending, pending_known = rank_update(stored.pending, sample.units, shares, stay, 0.0), stay * stored.pending_known
+        for unit, share, torque in zip(sample.units, shares, sample.torque, strict=True):
+            pending_known = pending_known + (share * torque) * unit
+        return Stored(information, known, pending, pending_known), (recalled, target)
+
+    def _returning(self, watch: Watch, period: Period) -> Scalar:
+        """Share of the way from the trial estimate back to the trusted one."""
+        calm = reduce(maximum, watch.doubt) < CLEAR - RETURN_AFTER
+        return where(calm, min(period.period / RETURN, 1.0), LEAK * period.period)
+
+    def _decided(
+        self, model: ReducedModel, after: Column, stored: Stored, sample: Sample, unsure: Column, period: Period,
+        memory: GuardedMemory, filtered: FilteredTwice,
+    ) -> tuple[Column, GuardedMemory]:  # fmt: skip
+        """Estimate and state after what the missed torques are taken for."""
+        watch, T = memory.watch, period.period
+        old, noise, doubt, age = self._doubted(sample, unsure, period, watch)
+        alarmed = watch.alarm[0] > 0.0
+        going = where(watch.alarm[0] > TRANSIENT, 1.0, 0.0)
+        shares = (going * period.dt) * (sample.counts * sample.weights)
+        step = payload_test.Step(T, going, watch.announced[0], sample.weights)
+        test = PayloadTest(model, column(self.gain))
+        verdict = test.judged(sample.rows, sample.missed, shares, watch.noise, memory.sums, step)
+        worst, lasting = reduce(maximum, doubt), where(verdict.payload > 0.5, T, watch.alarm[0] + T)
+        cleared, late = where(worst > 0.0, 0.0, 1.0), where(lasting > self.time_limit, 1.0, 0.0)
+        over = maximum(cleared, late)
+        alarm = where(alarmed, where(over > 0.5, 0.0, lasting), where(worst > 0.0, T, 0.0))
+        still = alarm > 0.0
+        trusted = watch.trusted + verdict.payload * verdict.change
+        ended = where(alarmed, cleared, 0.0) > 0.5
+        after = _chosen(ended, trusted, after)
+        trusted = _chosen(still, trusted, after)
+        # What is remembered of another load, or of what was never explained, is of no use.
+        forgotten = maximum(verdict.payload, where(alarmed, late * (1.0 - cleared), 0.0))
+        stored = _cleared(stored, 1.0 - forgotten, where(still, 0.0, 1.0))
+        open_ = where(verdict.contact > 0.5, CONTACT, maximum(watch.decision[0], UNKNOWN))
+        decision = where(still, where(verdict.payload > 0.5, PAYLOAD, open_), MODEL)
+        states = (age, alarm, where(still, watch.announced[0], 0.0), decision)
+        doubts = Column(where(still, x, 0.0) for x in doubt)
+        watch = Watch(trusted, noise, doubts, sample.moving, *(Column((x,)) for x in states))
+        return after, GuardedMemory(stored, filtered, watch, _emptied(verdict.after, 1.0 - verdict.payload))
+
+    def _doubted(
+        self, sample: Sample, unsure: Column, period: Period, watch: Watch
+    ) -> tuple[Scalar, Column, list[Scalar], Scalar]:
+        """1 once old enough to doubt, the noise (r,), the doubts (r,) in s, and the age in s."""
+        age = watch.age[0] + period.dt * reduce(maximum, sample.counts)
+        old = where(age < YOUTH, 0.0, 1.0)
+        pace = period.period / minimum(maximum(0.25 * age, 0.1), NOISE_MEMORY)
+        quiet = where(watch.alarm[0] > 0.0, 0.0, 1.0)
+        noises, doubts = [], []
+        parts = zip(sample.missed, unsure, sample.weights, sample.counts, watch.noise, watch.doubt, strict=True)
+        for miss, form, weight, counts, noise, doubt in parts:
+            square, usual = miss * miss, noise + 1.0 / weight
+            limit = (THRESHOLD * THRESHOLD) * (usual + form)
+            loose = limit + where(counts > 0.5, 0.0, SLACK * SLACK / weight)
+            calmer = where(square > limit, doubt, maximum(doubt - period.dt, 0.0))
+            doubts.append(old * where(square * period.dt_ratio > loose, CLEAR, calmer))
+            seen = maximum(square - form, 0.0)
+            seen = where(old > 0.5, minimum(seen, MAX_NOISE_RISE * usual), seen)
+            takes = quiet * where(old * where(square > limit, 1.0, 0.0) > 0.5, 0.0, pace * counts)
+            noises.append(noise + takes * (seen - noise))
+        return old, Column(noises), doubts, age
+
+    def decision(self, memory: GuardedMemory) -> str:
+        """
+        Return what the law takes the missed torques for.
+
+        Parameters
+        ----------
+        memory : GuardedMemory
+            Internal state of one arm.
+
+        Returns
+        -------
+        str
+            "model" if it learns, "unknown" if it does not know yet, "payload" after a changed load until the misses
+            end, "contact" while torques are missed that a constant push explains and a payload does not.
+
+        Raises
+        ------
+        ValueError
+            If the state is of several arms.
+
+        Examples
+        --------
+        >>> learning = adaptctl.control.GuardedLearning(np.full(6, 0.1))
+        >>> learning.decision(adaptctl.SlotineLi(model, 5.0, 4.0, learning).init(p, v).law_state)
+        'model'
+        """
+        return ("model", "unknown", "payload", "contact")[int(np.asarray(memory.watch.decision).item())]
+
+    def expect_payload(self, memory: GuardedMemory) -> GuardedMemory:
+        """
+        Announce that the load of the last link changes now, as a gripper does.
+
+        Parameters
+        ----------
+        memory : GuardedMemory
+            Internal state.
+
+        Returns
+        -------
+        GuardedMemory
+            State in which missed torques are taken for a payload without a comparison with a contact.
+
+        Examples
+        --------
+        >>> learning = adaptctl.control.GuardedLearning(np.full(6, 0.1))
+        >>> state = adaptctl.SlotineLi(model, 5.0, 4.0, learning).init(p, v).law_state
+        >>> learning.decision(learning.expect_payload(state))
+        'unknown'
+        """
+        watch = memory.watch
+        one, doubt = np.ones_like(watch.alarm), np.full_like(watch.doubt, CLEAR)
+        alarm = np.maximum(watch.alarm, 1e-3)
+        return memory._replace(
+            watch=watch._replace(announced=one, doubt=doubt, alarm=alarm, decision=UNKNOWN * one)
+        )
+
+    def covariance(self, memory: GuardedMemory) -> Array:
+        """
+        Return the present adaptation gain.
+
+        Parameters
+        ----------
+        memory : GuardedMemory
+            Internal state of one arm.
+
+        Returns
+        -------
+        ndarray
+            Covariance P (k, k) in units of the parameters squared per J.
+
+        Raises
+        ------
+        ValueError
+            If the state is of several arms.
+
+        Examples
+        --------
+        >>> learning = adaptctl.control.GuardedLearning(np.full(6, 0.1))
+        >>> learning.covariance(adaptctl.SlotineLi(model, 5.0, 4.0, learning).init(p, v).law_state).diagonal()
+        array([0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
+        """
+        k, scale = len(self.gain), np.sqrt(self.gain)
+        information = from_triangle(memory.stored.information, k)
+        return np.asarray(np.linalg.inv(np.eye(k) + information) * np.outer(scale, scale))
+
+
+def _chosen(condition: Any, one: Column, other: Column) -> Column:
+    return Column(where(condition, a, b) for a, b in zip(one, other, strict=True))
+
+
+def _cleared(stored: Stored, kept: Scalar, pending: Scalar) -> Stored:
+    return Stored(
+        scaled(stored.information, kept),
+        kept * stored.known,
+        scaled(stored.pending, pending),
+        pending * stored.pending_known,
+    )
+
+
+def _emptied(sums: PayloadSums, kept: Scalar) -> PayloadSums:
+    lines = payload_test.LineSums(*(kept * x for x in sums.lines))
+    return PayloadSums(kept * sums.normal, kept * sums.right, lines)

@@ -1,0 +1,143 @@
+"""Test of missed torques: a payload of the last link, a contact, or neither."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control.adaptation.symmetric import rank_update, solve
+from adaptctl.identifiability import ReducedModel
+from adaptctl.scalars import Column, Scalar, maximum, where
+
+WINDOW, MIN_TIME = 1.0, 0.45
+"""s: time constant of the sums, and the time they hold at least for a verdict, what 0.6 s of a steady stream leave"""
+MAX_LEFT, MAX_LEFT_RATIO = 0.1, 0.3
+"""what a payload may leave of the squared misses, relative to all and to what a contact leaves"""
+MIN_SPREAD = 1e-12
+"""variance of the times, relative to the weight, below which a slope says nothing"""
+
+
+class LineSums(NamedTuple):
+    """Sums (r,) of weight, time, squared time, miss, time times miss, and squared miss; time counts from now."""
+
+    n: Any
+    t: Any
+    tt: Any
+    e: Any
+    te: Any
+    ee: Any
+
+
+class PayloadSums(NamedTuple):
+    """Normal equations of ten payload parameters, and sums of lines in time."""
+
+    normal: Any
+    right: Any
+    lines: LineSums
+
+    @classmethod
+    def zero(cls, dof: int) -> PayloadSums:
+        """No data."""
+        return cls(np.zeros(55), np.zeros(10), LineSums(*(np.zeros(dof) for _ in LineSums._fields)))
+
+
+class Verdict(NamedTuple):
+    """1 or 0 each for a payload and a contact, the payload's change (k,) of the parameters, and the sums."""
+
+    payload: Scalar
+    contact: Scalar
+    change: Column
+    after: PayloadSums
+
+
+class Step(NamedTuple):
+    """Length in s; 1 while the test goes on, else 0; 1 for an announced payload; weights (r,) of joints, per s."""
+
+    period: float
+    going: Scalar
+    announced: Scalar
+    weights: Column
+
+
+@dataclass(frozen=True)
+class PayloadTest:
+    """
+    Least squares of missed torques by ten parameters of a link, against a line in time for each joint.
+
+    A constant push makes torques that a line follows; a payload makes those of ten constant parameters. At rest both
+    fit, and neither is said.
+    """
+
+    model: ReducedModel
+    gain: Any
+
+    @property
+    def _effect(self) -> Array:
+        """Change (k, 10) of the parameters for each parameter of the last link."""
+        last = 10 * (len(self.model.mechanism.description.bodies) - 1)
+        return self.model.regrouping[:, last : last + 10]
+
+    def judged(
+        self, rows: Sequence[Column], missed: Column, shares: Column, noise: Column, sums: PayloadSums, step: Step
+    ) -> Verdict:
+        """Verdict with one more period. `shares` (r,) weigh its squared misses, `noise` (r,) is their usual size."""
+        lines, keep = [self._effects(row) for row in rows], step.going / (1.0 + step.period / WINDOW)
+        normal, right = rank_update(sums.normal, lines, shares, keep, 0.0), keep * sums.right
+        for line, share, miss in zip(lines, shares, missed, strict=True):
+            right = right - (share * miss) * line
+        own = solve(normal + self._prior, right)
+        fits = list(zip(*(_line(one, step, keep) for one in zip(*sums.lines, missed, shares, strict=True)), strict=True))
+        after = LineSums(*map(Column, fits[: len(LineSums._fields)]))
+        whole, straight = reduce(add, after.ee), reduce(add, fits[-1])
+        usual = 2.0 * (after.n @ noise)
+        left = maximum(whole - own @ right, 0.0) - usual
+        times = [n / weight for n, weight in zip(after.n, step.weights, strict=True)]
+        full = where(reduce(maximum, times) > MIN_TIME, 1.0, 0.0)
+        payload = full * where(left < MAX_LEFT * whole, 1.0, 0.0)
+        better = where(left < MAX_LEFT_RATIO * straight, 1.0, step.announced)
+        contact = full * where(straight - usual < MAX_LEFT * whole, 1.0, 0.0) * (1.0 - payload * better)
+        return Verdict(payload * better, contact, self._change(own), PayloadSums(normal, right, after))
+
+    def _effects(self, row: Column) -> Column:
+        """Torque (10,) of a joint for each parameter of the link."""
+        return Column(_combined(column, row) for column in self._effect.T)
+
+    def _change(self, own: Column) -> Column:
+        return Column(_combined(row, own) for row in self._effect)
+
+    @property
+    def _prior(self) -> Column:
+        """Upper triangle of effect' Gamma^-1 effect."""
+        inverse, effect = Column(1.0 / x for x in self.gain), self._effect
+        pairs = ((i, j) for i in range(10) for j in range(i, 10))
+        return Column(_combined(effect[:, i] * effect[:, j], inverse) for i, j in pairs)
+
+
+def _combined(factors: Array, values: Column) -> Scalar:
+    """Sum of products without those that are zero."""
+    terms = [(x, y) for x, y in zip(factors.tolist(), values, strict=True) if x != 0.0 and not _is_zero(y)]
+    return sum((x * y for x, y in terms[1:]), terms[0][0] * terms[0][1]) if terms else 0.0
+
+
+def _is_zero(value: Any) -> bool:
+    return isinstance(value, float) and value == 0.0
+
+
+def _line(one: tuple[Any, ...], step: Step, keep: Scalar) -> tuple[Any, ...]:
+    """Sums of a joint with one more period, and the squared misses that a line leaves."""
+    *sums, miss, share = one
+    n, t, tt, e, te, ee = (keep * x for x in sums)
+    T = step.period
+    t, tt, te = t - T * n, tt - (2.0 * T) * t + (T * T) * n, te - T * e
+    n, e, ee = n + share, e + share * miss, ee + share * (miss * miss)
+    weight = where(n > 0.0, n, 1.0)
+    variance, common, own = tt - (t / weight) * t, te - (e / weight) * t, ee - (e / weight) * e
+    tells = variance > MIN_SPREAD * weight
+    slope = where(tells, common / where(tells, variance, 1.0), 0.0)
+    return n, t, tt, e, te, ee, maximum(own - slope * common, 0.0)
