@@ -32,7 +32,7 @@ MODEL, UNKNOWN, PAYLOAD, CONTACT = 0.0, 1.0, 2.0, 3.0
 """Decisions on what the missed torques are: nothing new, not known yet, a changed load, a push."""
 QUARANTINE = 0.3
 """s, mean time from a sample to the memory, so that a contact that is detected is forgotten"""
-THRESHOLD = 4.0
+THRESHOLD = 3.5
 """standard deviations of a missed torque that is no noise"""
 SLACK = 10.0
 """deviations of torque noise (3 % of a torque limit) that friction may hold at speeds below `min_speed`"""
@@ -46,6 +46,8 @@ TRANSIENT = 0.5
 """s after which the filters show a changed load alone"""
 CLEAR, RETURN_AFTER, RETURN = 1.0, 0.1, 0.03
 """s without a miss that end a doubt, and that start the return to the trusted estimate; its time constant"""
+TRIAL_GAIN = 0.05
+"""share of the initial gain with which a trial estimate follows: noise drives it with all of it"""
 LEAK = 0.5
 """1/s, return of the trial estimate to the trusted one"""
 
@@ -273,7 +275,7 @@ class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
         x = Column(value / scale for value, scale in zip(estimate, self._scale, strict=True))
         newton = slope + symmetric_product(recall[0], x) - recall[1]
         step, unsure = solve_with_forms(stored.information, newton, sample.units, 1.0)
-        trial = self._scale * slope + self._returning(watch, period) * (estimate - watch.trusted)
+        trial = (TRIAL_GAIN * self._scale) * slope + self._returning(watch, period) * (estimate - watch.trusted)
         after = estimate - _chosen(watch.alarm[0] > 0.0, trial, self._scale * step)
         return self._decided(model, after, stored, sample, unsure, period, memory, prediction.after)
 
