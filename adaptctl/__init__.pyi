@@ -34,5 +34,6 @@ from adaptctl.simulation import rollout as rollout
 from adaptctl.simulation import simulate as simulate
 from adaptctl.simulation import simulate_many as simulate_many
 from adaptctl.tuning import Tuning as Tuning
+from adaptctl.tuning import adaptive_controller as adaptive_controller
 from adaptctl.tuning import tune as tune
 from adaptctl.version import __version__ as __version__

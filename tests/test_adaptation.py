@@ -23,6 +23,7 @@ from adaptctl.control import (
     DeadZone,
     EModification,
     Gradient,
+    GuardedLearning,
     Natural,
     Period,
     Projection,
@@ -69,6 +70,7 @@ LAWS: dict[str, Callable[[str], AdaptationLaw]] = {
     "bounded-gain forgetting": lambda name: BoundedGainForgetting(gain(name), 0.1),
     "cushioned floor": lambda name: CushionedFloor(gain(name), 0.1),
     "composite learning": lambda name: CompositeLearning(gain(name), 0.1, reset_power=1.0),
+    "guarded learning": lambda name: GuardedLearning(gain(name), 0.1),
     "concurrent learning": lambda name: ConcurrentLearning(gain(name), 0.1, stack_size=3, novelty_threshold=1e-3),
 }
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Law = Annotated[
     str,
     Parameter(
-        help="slotine-li, slotine-li-fixed, slotine-li-composite, passivity-integral, task-space, "
+        help="slotine-li, slotine-li-learning, slotine-li-fixed, slotine-li-composite, passivity-integral, task-space, "
         "adaptive-computed-torque, computed-torque or pd-gravity."
     ),
 ]

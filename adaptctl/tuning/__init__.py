@@ -1,6 +1,7 @@
 """Automatic tuning."""
 
+from adaptctl.tuning.default_controller import adaptive_controller, learning_law, with_friction
 from adaptctl.tuning.tune import Tuning, tune
 from adaptctl.tuning.verification import Verification
 
-__all__ = ["Tuning", "Verification", "tune"]
+__all__ = ["Tuning", "Verification", "adaptive_controller", "learning_law", "tune", "with_friction"]

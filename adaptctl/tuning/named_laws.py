@@ -21,10 +21,12 @@ from adaptctl.control import (
 )
 from adaptctl.errors import NotFoundError
 from adaptctl.identifiability import ReducedModel
+from adaptctl.tuning.default_controller import learning_law
 from adaptctl.tuning.tune import Tuning
 
 LAWS = (
     "slotine-li",
+    "slotine-li-learning",
     "slotine-li-fixed",
     "slotine-li-composite",
     "passivity-integral",
@@ -52,6 +54,8 @@ def named_law(law: str, tuning: Tuning, model: ReducedModel) -> Controller[Any]:
     match law:
         case "slotine-li":
             return SlotineLi(model, gains.bandwidth, gains.damping, gain, **shared)
+        case "slotine-li-learning":
+            return SlotineLi(model, gains.bandwidth, gains.damping, learning_law(model, tuning), **shared)
         case "slotine-li-fixed":
             return SlotineLi(model, gains.bandwidth, gains.damping, None, true, **shared)
         case "slotine-li-composite":

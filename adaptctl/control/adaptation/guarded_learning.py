@@ -12,13 +12,14 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, frozen_array, per_joint
 from adaptctl.control.adaptation import payload_test, two_stage_filter
 from adaptctl.control.adaptation.composite import residual
+from adaptctl.control.adaptation.doubt import CLEAR, MODEL, UNKNOWN, Sample, Watch, doubted, ended, named
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.least_squares import ForgettingLeastSquares
 from adaptctl.control.adaptation.payload_test import PayloadSums, PayloadTest
+from adaptctl.control.adaptation.stored import QUARANTINE, Stored
 from adaptctl.control.adaptation.symmetric import (
     from_triangle,
     rank_update,
-    scaled,
     solve_with_forms,
     symmetric_product,
     weighted_sum,
@@ -26,52 +27,18 @@ from adaptctl.control.adaptation.symmetric import (
 from adaptctl.control.adaptation.two_stage_filter import FilteredTwice
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, absolute, column, each, maximum, minimum, where
+from adaptctl.scalars import Column, Scalar, absolute, column, each, maximum, where
 
-MODEL, UNKNOWN, PAYLOAD, CONTACT = 0.0, 1.0, 2.0, 3.0
-"""Decisions on what the missed torques are: nothing new, not known yet, a changed load, a push."""
-QUARANTINE = 0.3
-"""s, mean time from a sample to the memory, so that a contact that is detected is forgotten"""
-THRESHOLD = 3.5
-"""standard deviations of a missed torque that is no noise"""
-SLACK = 10.0
-"""deviations of torque noise (3 % of a torque limit) that friction may hold at speeds below `min_speed`"""
 SETTLING = 2.0
 """time constants of the filters for which a joint has to move before its equation counts"""
-YOUTH, NOISE_MEMORY = 2.0, 5.0
-"""s of motion in which all misses count as noise; s over which noise is averaged later"""
-MAX_NOISE_RISE = 2.0
-"""ratio of a squared miss to the noise, above which it counts as this much: a load must not pass for noise"""
 TRANSIENT = 0.5
 """s after which the filters show a changed load alone"""
-CLEAR, RETURN_AFTER, RETURN = 1.0, 0.1, 0.03
-"""s without a miss that end a doubt, and that start the return to the trusted estimate; its time constant"""
+RETURN_AFTER, RETURN = 0.1, 0.03
+"""s without a miss that start the return to the trusted estimate; its time constant"""
 TRIAL_GAIN = 0.05
 """share of the initial gain with which a trial estimate follows: noise drives it with all of it"""
 LEAK = 0.5
 """1/s, return of the trial estimate to the trusted one"""
-
-
-class Stored(NamedTuple):
-    """Information and z of memory and of quarantine, in units of the initial gain."""
-
-    information: Any
-    known: Any
-    pending: Any
-    pending_known: Any
-
-
-class Watch(NamedTuple):
-    """Trusted estimate (k,), noise (r,) in N^2 m^2, doubt and motion (r,) in s, age and alarm (1,) in s."""
-
-    trusted: Any
-    noise: Any
-    doubt: Any
-    moving: Any
-    age: Any
-    alarm: Any
-    announced: Any
-    decision: Any
 
 
 class GuardedMemory(NamedTuple):
@@ -86,18 +53,6 @@ class GuardedMemory(NamedTuple):
     def logged_state(self) -> Any:
         """Decision (1,): 0 model, 1 unknown, 2 payload, 3 contact."""
         return self.watch.decision
-
-
-class Sample(NamedTuple):
-    """One period's rows (r of k) in both units, torques missed by the trusted estimate, and which joints count."""
-
-    rows: list[Column]
-    units: list[Column]
-    torque: Column
-    missed: Column
-    weights: Column
-    counts: Column
-    moving: Column
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,10 +95,10 @@ class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
 
         \dot{\hat\beta}=-P\bigl(Y^\top s+\rho(Q\hat\beta-z)\bigr),\quad P^{-1}=\Gamma^{-1}+Q,
 
-    where Q and z hold :math:`W^\top RW` and :math:`W^\top RF[\tau]` of the past [1]_, after a quarantine of 0.3 s. Torques
-    that the estimate does not explain raise a doubt: nothing is stored, a gradient from a copy of the estimate tracks,
-    and ten parameters of the last link are fitted. If they explain the misses, the load is taken; if the misses
-    end, the estimate returns. docs/adaptation.md has the proof.
+    where Q and z hold :math:`W^\top RW` and :math:`W^\top RF[\tau]` of the past [1]_, after a quarantine of
+    0.3 s. Torques that the estimate does not explain raise a doubt: nothing is stored, a trial estimate follows the
+    gradient, and ten parameters of the last link are fitted. If they explain the misses, the load is taken; if the
+    misses end, the estimate returns. docs/adaptation.md has the proof.
 
     References
     ----------
@@ -302,7 +257,10 @@ class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
         recalled = weighted_sum(stored.information, stored.pending, rho * keep, leave)
         target = (rho * keep) * stored.known + leave * stored.pending_known
         shares = quiet * period.dt * (sample.counts * sample.weights)
-        pending, pending_known = rank_update(stored.pending, sample.units, shares, stay, 0.0), stay * stored.pending_known
+        pending, pending_known = (
+            rank_update(stored.pending, sample.units, shares, stay, 0.0),
+            stay * stored.pending_known,
+        )
         for unit, share, torque in zip(sample.units, shares, sample.torque, strict=True):
             pending_known = pending_known + (share * torque) * unit
         return Stored(information, known, pending, pending_known), (recalled, target)
@@ -318,53 +276,24 @@ class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
     ) -> tuple[Column, GuardedMemory]:  # fmt: skip
         """Estimate and state after what the missed torques are taken for."""
         watch, T = memory.watch, period.period
-        old, noise, doubt, age = self._doubted(sample, unsure, period, watch)
-        alarmed = watch.alarm[0] > 0.0
+        noise, doubt, age = doubted(sample, unsure, period, watch)
         going = where(watch.alarm[0] > TRANSIENT, 1.0, 0.0)
         shares = (going * period.dt) * (sample.counts * sample.weights)
         step = payload_test.Step(T, going, watch.announced[0], sample.weights)
         test = PayloadTest(model, column(self.gain))
         verdict = test.judged(sample.rows, sample.missed, shares, watch.noise, memory.sums, step)
-        worst, lasting = reduce(maximum, doubt), where(verdict.payload > 0.5, T, watch.alarm[0] + T)
-        cleared, late = where(worst > 0.0, 0.0, 1.0), where(lasting > self.time_limit, 1.0, 0.0)
-        over = maximum(cleared, late)
-        alarm = where(alarmed, where(over > 0.5, 0.0, lasting), where(worst > 0.0, T, 0.0))
-        still = alarm > 0.0
+        end = ended(watch, doubt, verdict.payload, self.time_limit, T)
+        still = end.alarm > 0.0
         trusted = watch.trusted + verdict.payload * verdict.change
-        ended = where(alarmed, cleared, 0.0) > 0.5
-        after = _chosen(ended, trusted, after)
+        after = _chosen(end.cleared > 0.5, trusted, after)
         trusted = _chosen(still, trusted, after)
         # What is remembered of another load, or of what was never explained, is of no use.
-        forgotten = maximum(verdict.payload, where(alarmed, late * (1.0 - cleared), 0.0))
-        stored = _cleared(stored, 1.0 - forgotten, where(still, 0.0, 1.0))
-        open_ = where(verdict.contact > 0.5, CONTACT, maximum(watch.decision[0], UNKNOWN))
-        decision = where(still, where(verdict.payload > 0.5, PAYLOAD, open_), MODEL)
-        states = (age, alarm, where(still, watch.announced[0], 0.0), decision)
+        stored = stored.cleared(1.0 - maximum(verdict.payload, end.late), where(still, 0.0, 1.0))
+        decision = where(still, named(verdict.payload, verdict.contact, watch.decision[0]), MODEL)
+        states = (age, end.alarm, where(still, watch.announced[0], 0.0), decision)
         doubts = Column(where(still, x, 0.0) for x in doubt)
         watch = Watch(trusted, noise, doubts, sample.moving, *(Column((x,)) for x in states))
-        return after, GuardedMemory(stored, filtered, watch, _emptied(verdict.after, 1.0 - verdict.payload))
-
-    def _doubted(
-        self, sample: Sample, unsure: Column, period: Period, watch: Watch
-    ) -> tuple[Scalar, Column, list[Scalar], Scalar]:
-        """1 once old enough to doubt, the noise (r,), the doubts (r,) in s, and the age in s."""
-        age = watch.age[0] + period.dt * reduce(maximum, sample.counts)
-        old = where(age < YOUTH, 0.0, 1.0)
-        pace = period.period / minimum(maximum(0.25 * age, 0.1), NOISE_MEMORY)
-        quiet = where(watch.alarm[0] > 0.0, 0.0, 1.0)
-        noises, doubts = [], []
-        parts = zip(sample.missed, unsure, sample.weights, sample.counts, watch.noise, watch.doubt, strict=True)
-        for miss, form, weight, counts, noise, doubt in parts:
-            square, usual = miss * miss, noise + 1.0 / weight
-            limit = (THRESHOLD * THRESHOLD) * (usual + form)
-            loose = limit + where(counts > 0.5, 0.0, SLACK * SLACK / weight)
-            calmer = where(square > limit, doubt, maximum(doubt - period.dt, 0.0))
-            doubts.append(old * where(square * period.dt_ratio > loose, CLEAR, calmer))
-            seen = maximum(square - form, 0.0)
-            seen = where(old > 0.5, minimum(seen, MAX_NOISE_RISE * usual), seen)
-            takes = quiet * where(old * where(square > limit, 1.0, 0.0) > 0.5, 0.0, pace * counts)
-            noises.append(noise + takes * (seen - noise))
-        return old, Column(noises), doubts, age
+        return after, GuardedMemory(stored, filtered, watch, verdict.after.times(1.0 - verdict.payload))
 
     def decision(self, memory: GuardedMemory) -> str:
         """
@@ -418,9 +347,7 @@ class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
         watch = memory.watch
         one, doubt = np.ones_like(watch.alarm), np.full_like(watch.doubt, CLEAR)
         alarm = np.maximum(watch.alarm, 1e-3)
-        return memory._replace(
-            watch=watch._replace(announced=one, doubt=doubt, alarm=alarm, decision=UNKNOWN * one)
-        )
+        return memory._replace(watch=watch._replace(announced=one, doubt=doubt, alarm=alarm, decision=UNKNOWN * one))
 
     def covariance(self, memory: GuardedMemory) -> Array:
         """
@@ -454,17 +381,3 @@ class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
 
 def _chosen(condition: Any, one: Column, other: Column) -> Column:
     return Column(where(condition, a, b) for a, b in zip(one, other, strict=True))
-
-
-def _cleared(stored: Stored, kept: Scalar, pending: Scalar) -> Stored:
-    return Stored(
-        scaled(stored.information, kept),
-        kept * stored.known,
-        scaled(stored.pending, pending),
-        pending * stored.pending_known,
-    )
-
-
-def _emptied(sums: PayloadSums, kept: Scalar) -> PayloadSums:
-    lines = payload_test.LineSums(*(kept * x for x in sums.lines))
-    return PayloadSums(kept * sums.normal, kept * sums.right, lines)

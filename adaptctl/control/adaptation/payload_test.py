@@ -46,6 +46,10 @@ class PayloadSums(NamedTuple):
         """No data."""
         return cls(np.zeros(55), np.zeros(10), LineSums(*(np.zeros(dof) for _ in LineSums._fields)))
 
+    def times(self, kept: Scalar) -> PayloadSums:
+        """All sums times a factor."""
+        return PayloadSums(kept * self.normal, kept * self.right, LineSums(*(kept * x for x in self.lines)))
+
 
 class Verdict(NamedTuple):
     """1 or 0 each for a payload and a contact, the payload's change (k,) of the parameters, and the sums."""
@@ -92,7 +96,9 @@ class PayloadTest:
         for line, share, miss in zip(lines, shares, missed, strict=True):
             right = right - (share * miss) * line
         own = solve(normal + self._prior, right)
-        fits = list(zip(*(_line(one, step, keep) for one in zip(*sums.lines, missed, shares, strict=True)), strict=True))
+        fits = list(
+            zip(*(_line(one, step, keep) for one in zip(*sums.lines, missed, shares, strict=True)), strict=True)
+        )
         after = LineSums(*map(Column, fits[: len(LineSums._fields)]))
         whole, straight = reduce(add, after.ee), reduce(add, fits[-1])
         usual = 2.0 * (after.n @ noise)

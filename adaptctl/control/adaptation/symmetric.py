@@ -111,9 +111,7 @@ def _adder(size: int) -> MatrixOperation:
         for j in m.columns(0, size):
             out[j] = factors[0] * A[j] + factors[1] * B[j]
 
-    return MatrixOperation(
-        weighted_sum, [vector(size), vector(size), vector(2)], [vector(size)], math.isqrt(2 * size)
-    )
+    return MatrixOperation(weighted_sum, [vector(size), vector(size), vector(2)], [vector(size)], math.isqrt(2 * size))
 
 
 @cache

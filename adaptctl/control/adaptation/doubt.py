@@ -1,0 +1,92 @@
+"""Doubt whether missed torques are errors of the model."""
+
+from __future__ import annotations
+
+from functools import reduce
+from typing import Any, NamedTuple
+
+from adaptctl.control.adaptation.law import Period
+from adaptctl.scalars import Column, maximum, minimum, where
+
+MODEL, UNKNOWN, PAYLOAD, CONTACT = 0.0, 1.0, 2.0, 3.0
+"""Decisions on what the missed torques are: nothing new, not known yet, a changed load, a push."""
+THRESHOLD = 3.5
+"""standard deviations of a missed torque that is no noise"""
+SLACK = 10.0
+"""deviations of torque noise (3 % of a torque limit) that friction may hold at speeds below `min_speed`"""
+CLEAR = 1.0
+"""s without a miss that end a doubt"""
+YOUTH, NOISE_MEMORY = 2.0, 5.0
+"""s of motion in which all misses count as noise; s over which noise is averaged later"""
+MAX_NOISE_RISE = 2.0
+"""ratio of a squared miss to the noise, above which it counts as this much: a load must not pass for noise"""
+
+
+class Watch(NamedTuple):
+    """Trusted estimate (k,), noise (r,) in N^2 m^2, doubt and motion (r,) in s, age and alarm (1,) in s."""
+
+    trusted: Any
+    noise: Any
+    doubt: Any
+    moving: Any
+    age: Any
+    alarm: Any
+    announced: Any
+    decision: Any
+
+
+class Sample(NamedTuple):
+    """One period's rows (r of k) in both units, torques missed by the trusted estimate, and which joints count."""
+
+    rows: list[Column]
+    units: list[Column]
+    torque: Column
+    missed: Column
+    weights: Column
+    counts: Column
+    moving: Column
+
+
+def doubted(sample: Sample, unsure: Column, period: Period, watch: Watch) -> tuple[Column, Column, Any]:
+    """The noise (r,), the doubts (r,) in s, and the age in s."""
+    age = watch.age[0] + period.dt * reduce(maximum, sample.counts)
+    old = where(age < YOUTH, 0.0, 1.0)
+    pace = period.period / minimum(maximum(0.25 * age, 0.1), NOISE_MEMORY)
+    quiet = where(watch.alarm[0] > 0.0, 0.0, 1.0)
+    noises, doubts = [], []
+    parts = zip(sample.missed, unsure, sample.weights, sample.counts, watch.noise, watch.doubt, strict=True)
+    for miss, form, weight, counts, noise, doubt in parts:
+        square, usual = miss * miss, noise + 1.0 / weight
+        limit = (THRESHOLD * THRESHOLD) * (usual + form)
+        loose = limit + where(counts > 0.5, 0.0, SLACK * SLACK / weight)
+        calmer = where(square > limit, doubt, maximum(doubt - period.dt, 0.0))
+        doubts.append(old * where(square * period.dt_ratio > loose, CLEAR, calmer))
+        seen = maximum(square - form, 0.0)
+        seen = where(old > 0.5, minimum(seen, MAX_NOISE_RISE * usual), seen)
+        takes = quiet * where(old * where(square > limit, 1.0, 0.0) > 0.5, 0.0, pace * counts)
+        noises.append(noise + takes * (seen - noise))
+    return Column(noises), Column(doubts), age
+
+
+class End(NamedTuple):
+    """Alarm in s after the period, 0 once it has ended; 1 where it was cleared, and where it lasted too long."""
+
+    alarm: Any
+    cleared: Any
+    late: Any
+
+
+def ended(watch: Watch, doubt: Column, payload: Any, time_limit: Any, period: float) -> End:
+    """Beginning, going on or end of an alarm. A payload that was found begins it anew."""
+    worst: Any = reduce(maximum, doubt)
+    alarmed = watch.alarm[0] > 0.0
+    calm: Any = where(worst > 0.0, 0.0, 1.0)
+    lasting: Any = where(payload > 0.5, period, watch.alarm[0] + period)
+    over: Any = where(lasting > time_limit, 1.0, calm)
+    alarm = where(alarmed, where(over > 0.5, 0.0, lasting), where(worst > 0.0, period, 0.0))
+    return End(alarm, where(alarmed, calm, 0.0), where(alarmed, over - calm, 0.0))
+
+
+def named(payload: Any, contact: Any, before: Any) -> Any:
+    """Decision while an alarm lasts: what was said stays said until something else is."""
+    return where(payload > 0.5, PAYLOAD, where(contact > 0.5, CONTACT, maximum(before, UNKNOWN)))

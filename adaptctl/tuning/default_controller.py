@@ -1,0 +1,158 @@
+"""Adaptive controller of any arm, with everything chosen by rule."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control import GuardedLearning, SlotineLi
+from adaptctl.control.adaptation.prior_ranges import mapped_gain
+from adaptctl.control.controller import Reference
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.tuning.default_gains import HORIZON
+from adaptctl.tuning.tune import Tuning, tune
+
+TORQUE_ERROR_SHARE = 3e-3
+"""share of a torque limit within which torques are known, about what a drive's current loop keeps"""
+SPEED_NOISE = 3.3e-3
+"""rad/s (m/s): times the damping it is a torque error, which matters where limits are far above the loads"""
+MIN_SPEED, MIN_SPEED_SHARE = 0.05, 0.15
+"""rad/s (m/s), and share of the reference's greatest speed, below which friction at rest is met"""
+SPEED_SAMPLES = 400
+"""times at which the reference's speeds are read"""
+
+
+def adaptive_controller(
+    mechanism: Mechanism,
+    *,
+    control_period: float = 1e-3,
+    reference: Reference | None = None,
+    friction: bool = True,
+    seed: int = 0,
+    anyway: bool = False,
+) -> SlotineLi:
+    """
+    Return Slotine and Li's controller with the default learning law, from zero estimates.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with r joints.
+    control_period : float, default 0.001
+        Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
+    reference : Reference, optional
+        Trajectory for which the gains are chosen. Unless given, sinusoids within 60 % of the torque limits are drawn.
+    friction : bool, default True
+        True to learn viscous and Coulomb friction of every primary joint: a real one has both, and a model without
+        them explains friction by inertia.
+    seed : int, default 0
+        Seed of all random choices. Fixed, so that a controller can be repeated.
+    anyway : bool, default False
+        True to accept gains that failed in simulation.
+
+    Returns
+    -------
+    SlotineLi
+        Controller with `GuardedLearning` on the base parameters; `controller.model` is its reduced model.
+
+    Raises
+    ------
+    VerdictError
+        If the arm does not learn with the tuned gains in the nominal simulation.
+    InputError
+        If a number is out of range, or no gains hold the arm at this period.
+
+    Notes
+    -----
+    Gains are those of `tune`, the law that of `learning_law`; docs/adaptation.md has what it ends at on real arms.
+
+    Examples
+    --------
+    >>> controller = adaptctl.adaptive_controller(arm, control_period=0.004)
+    >>> controller
+    <SlotineLi>
+    >>> len(controller.model.names)  # with two friction parameters per joint
+    10
+    """
+    if not isinstance(friction, bool):
+        raise InputError(f"friction: expected True or False, got {friction!r}")
+    mechanism = with_friction(mechanism) if friction else mechanism
+    tuning = tune(mechanism, control_period=control_period, reference=reference, seed=seed)
+    model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism, seed=seed)))
+    controller = tuning.controller(model, anyway=anyway)
+    return replace(controller, adaptation=learning_law(model, tuning))
+
+
+def learning_law(model: ReducedModel, tuning: Tuning) -> GuardedLearning:
+    """
+    Return the default learning law for the gains of a tuning.
+
+    Parameters
+    ----------
+    model : ReducedModel
+        Reduced model with k parameters of the tuning's mechanism.
+    tuning : Tuning
+        Gains, torque limits and reference.
+
+    Returns
+    -------
+    GuardedLearning
+        Law whose gain is the diagonal of the tuning's, and whose weight is 1/(sigma^2 1 s): sigma of a joint is 0.3 %
+        of its torque limit, or what 0.0033 rad/s makes by its damping, if that is less.
+
+    Raises
+    ------
+    InputError
+        If the model is of another number of parameters.
+
+    Examples
+    --------
+    >>> from adaptctl.tuning import learning_law
+    >>> law = learning_law(model, adaptctl.tune(arm, control_period=0.004))
+    >>> law.gain.shape, law.prediction_weight.shape
+    ((6,), (2,))
+    """
+    gain = np.diag(mapped_gain(model, tuning.adaptation))
+    speeds = np.abs(tuning.reference(np.linspace(0.0, HORIZON, SPEED_SAMPLES)).v).max(axis=0)
+    least = np.minimum(MIN_SPEED, MIN_SPEED_SHARE * speeds)
+    recall = min(GuardedLearning.recall, 0.5 / tuning.control_period)
+    cutoff = min(GuardedLearning.cutoff, 0.5 / tuning.control_period)
+    weight = 1.0 / torque_error(tuning.torque_limits, tuning.gains.damping) ** 2
+    return GuardedLearning(gain, weight, cutoff=cutoff, recall=recall, min_speed=least)
+
+
+def torque_error(limits: Array, damping: Array) -> Array:
+    """Errors sigma (r,) of torques in N m (N)."""
+    return np.asarray(np.minimum(TORQUE_ERROR_SHARE * limits, SPEED_NOISE * damping))
+
+
+def with_friction(mechanism: Mechanism) -> Mechanism:
+    """
+    Return the mechanism with viscous and Coulomb friction of its primary joints as parameters.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with r primary joints.
+
+    Returns
+    -------
+    Mechanism
+        Mechanism whose terms that the description does not have are 0.
+
+    Examples
+    --------
+    >>> from adaptctl.tuning import with_friction
+    >>> with_friction(arm).parameter_names[-4:]
+    ('shoulder.viscous', 'shoulder.coulomb', 'elbow.viscous', 'elbow.coulomb')
+    """
+    primary = {joint.name for joint in mechanism.primary_joints}
+    drives = [
+        replace(drive, viscous=drive.viscous or 0.0, coulomb=drive.coulomb or 0.0) if name in primary else drive
+        for name, drive in ((link.joint.name, link.joint.drive) for link in mechanism.links)
+    ]
+    return mechanism.with_drives(drives)

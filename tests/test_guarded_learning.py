@@ -1,0 +1,308 @@
+"""Guarded learning: one step against dense matrices, a Lyapunov function, and what missed torques are taken for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sampled_loops import Loop, arm, gains, kinetic, loaded, loop, own_gain, posture, reduced, swinging
+
+from adaptctl import Plant, SlotineLi, adaptive_controller, simulate_many
+from adaptctl.arrays import Array
+from adaptctl.control import AdaptiveState, GuardedLearning
+from adaptctl.control.adaptation.doubt import CLEAR
+from adaptctl.control.adaptation.guarded_learning import GuardedMemory
+from adaptctl.control.adaptation.payload_test import PayloadSums, PayloadTest, Step
+from adaptctl.control.adaptation.stored import QUARANTINE
+from adaptctl.control.adaptation.symmetric import from_triangle, solve, solve_with_forms, weighted_sum
+from adaptctl.control.controller import ReferencePoint
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.scalars import Column, column, where
+from adaptctl.simulation.effects import Encoder, Friction, PayloadHeld
+from adaptctl.simulation.effects.effect import ActuatorEffect
+from adaptctl.tuning import with_friction
+
+ARM = "puma560_arm3"
+K = len(reduced(ARM).columns)
+TRUE = reduced(ARM).fundamental_parameters
+
+
+def learner(period: float = 1e-3, **options: Any) -> SlotineLi:
+    weight = 1.0 / (3.3e-3 * gains(ARM).damping) ** 2
+    law = GuardedLearning(own_gain(ARM), weight, **options)
+    given: Any = (8.0, gains(ARM).damping * min(1.0, 1e-3 / period), law, None, period)
+    return SlotineLi(reduced(ARM), *given, torque_limits=np.inf)
+
+
+def memory(state: AdaptiveState) -> GuardedMemory:
+    found: GuardedMemory = state.law_state
+    return found
+
+
+@dataclass(frozen=True)
+class Push(ActuatorEffect):
+    """Torques (r,) that act besides the controller's from one time to another, s."""
+
+    torque: tuple[float, ...]
+    start: float
+    stop: float
+
+    rank: ClassVar[int] = 9
+
+    def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+        pass
+
+    def initial_state(self, torque: Array, control_period: float) -> Array:
+        return np.zeros((*torque.shape[:-1], 1))
+
+    def apply(self, torque: Column, memory: Column, control_period: float) -> tuple[Column, Column]:
+        t = memory[0]
+        level = where(t < self.start, 0.0, where(t < self.stop, 1.0, 0.0))
+        return torque + Column(level * x for x in self.torque), Column((t + control_period,))
+
+
+def dense(k: int, seed: int) -> tuple[Array, Array]:
+    """A positive semidefinite matrix of less than full rank, and a vector."""
+    rng = np.random.default_rng(seed)
+    W = rng.normal(size=(k // 2 + 1, k))
+    return W.T @ W, rng.normal(size=k)
+
+
+@given(k=st.integers(1, 20), rows=st.integers(1, 7), seed=st.integers(0, 999))
+@settings(max_examples=30, deadline=None)
+def test_solutions_and_forms_are_those_of_dense_matrices(k: int, rows: int, seed: int) -> None:
+    A, b = dense(k, seed)
+    W = np.random.default_rng(seed + 1).normal(size=(rows, k))
+    upper, B = column(A[np.triu_indices(k)]), A + np.eye(k)
+    x, forms = solve_with_forms(upper, column(b), [column(w) for w in W], 1.0)
+    np.testing.assert_allclose(x.of, np.linalg.solve(B, b), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(forms.of, np.einsum("qi,qi->q", W, np.linalg.solve(B, W.T).T), rtol=1e-9)
+    assert solve(upper, column(b), 1.0).of == x.of
+    total = from_triangle(np.array(weighted_sum(upper, upper, 0.25, 2.0).of), k)
+    np.testing.assert_allclose(total, 2.25 * A, rtol=1e-14)
+
+
+@pytest.mark.parametrize("period", [1e-3, 2e-3, 5e-3])
+def test_v_does_not_rise_while_nothing_is_doubted(period: float) -> None:
+    """V = s'Ms/2 + x' P^-1 x/2, x the parameter error; the gradient's part is sampled, hence a small allowance."""
+    controller = learner(period, min_speed=0.0)
+    run = loop(controller, arm(ARM), swinging(arm(ARM)), 3.0, period, off=0.05)
+    law: Any = controller.adaptation_law
+    errors = run.estimate - TRUE
+    inverse = [np.linalg.inv(law.covariance(memory(state))) for state in run.states]
+    V = kinetic(arm(ARM), run) + 0.5 * np.einsum("ti,tij,tj->t", errors, np.array(inverse), errors)
+    assert all(law.decision(memory(state)) == "model" for state in run.states)
+    assert np.diff(V).max() < 2e-4 * V[0]
+    assert V[-1] < 0.5 * V[0]
+
+
+def step_of_memory(stored: Any, missed: Array, dt: float, law: GuardedLearning) -> tuple[Array, Array]:
+    """P^-1 and the parameter step without tracking error, by dense matrices: the sum of a Newton step on what
+    leaves quarantine and of a recall of what was known."""
+    scale = np.sqrt(law.gain)
+    Q, pending = (from_triangle(x, K) for x in (stored.information, stored.pending))
+    leave = 1.0 - 1.0 / (1.0 + dt / QUARANTINE)
+    keep = 1.0 / (1.0 + law.forgetting * dt)
+    after = keep * Q + leave * pending
+    x = missed / scale
+    force = leave * (pending @ x) + law.recall * dt * keep * (Q @ x)
+    return after, scale * np.linalg.solve(np.eye(K) + after, force)
+
+
+def test_a_step_is_that_of_dense_matrices() -> None:
+    controller, mechanism = learner(min_speed=0.0), arm(ARM)
+    run = loop(controller, mechanism, swinging(mechanism), 1.0)
+    law: Any = controller.adaptation_law
+    for before, after in zip(run.states[-5:-1], run.states[-4:], strict=True):
+        stored = memory(before).stored
+        information, step = step_of_memory(stored, before.estimate - TRUE, 1e-3, law)
+        np.testing.assert_allclose(
+            from_triangle(memory(after).stored.information, K), information, rtol=1e-9, atol=1e-9
+        )
+        moved = before.estimate - after.estimate
+        tracked = law.covariance(memory(after)) @ regressor_gradient(before, after, run, mechanism)
+        np.testing.assert_allclose(moved, step + tracked, rtol=1e-4, atol=1e-7 * np.abs(before.estimate).max())
+
+
+def regressor_gradient(before: AdaptiveState, after: AdaptiveState, run: Loop, mechanism: Mechanism) -> Array:
+    """Integral of Y's over a period, of the regressor at its start."""
+    k = next(i for i, state in enumerate(run.states) if state is before)
+    reference = swinging(mechanism)(run.time[k : k + 1])
+    e, rate = run.p[k] - reference.p[0], run.v[k] - reference.v[0]
+    Y = reduced(ARM).slotine_li_regressor(run.p[k], run.v[k], reference.v[0] - 8.0 * e, reference.a[0] - 8.0 * rate)
+    return np.asarray(Y.T @ (0.5e-3 * (before.s + after.s)))
+
+
+def measured(plant: Plant, controller: SlotineLi, duration: float = 20.0, **more: Any) -> Any:
+    reference = swinging(plant.mechanism, amplitude=0.4)
+    p = reference(np.zeros(1)).p[0] + 0.05
+    return simulate_many(
+        plant, controller, reference, duration=duration, p=p, v=np.zeros(3), batch_size=1, record_every=5, **more
+    )
+
+
+def final(runs: Any, first: float, last: float) -> float:
+    between = (runs.time >= first) & (runs.time < last)
+    return 1e3 * float(np.sqrt(np.mean(runs.error[between, 0] ** 2)))
+
+
+def torque_error(estimate: Array) -> float:
+    """Error of predicted torques along the motion, relative."""
+    points = swinging(arm(ARM), amplitude=0.4)(np.linspace(0.0, 20.0, 300))
+    Y = reduced(ARM).torque_regressor(points.p, points.v, points.a)
+    return float(np.linalg.norm(Y @ (estimate - TRUE)) / np.linalg.norm(Y @ TRUE))
+
+
+@lru_cache
+def known(effects: tuple[Any, ...] = (), **more: Any) -> Any:
+    law = SlotineLi(reduced(ARM), 8.0, gains(ARM).damping, None, TRUE, torque_limits=np.inf)
+    return measured(Plant(arm(ARM), 1e-3, effects=effects), law, seed=1)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.03])
+def test_it_ends_at_the_error_of_the_true_parameters(noise: float) -> None:
+    effects = (Encoder(velocity_noise=noise),) if noise else ()
+    learned = measured(Plant(arm(ARM), 1e-3, effects=effects), learner(), seed=1)
+    ratio = final(learned, 18.0, 20.0) / final(known(effects), 18.0, 20.0)
+    assert ratio < (1.3 if noise else 2.0)
+
+
+def test_a_dropped_load_is_told_from_a_push_and_learned() -> None:
+    plant = Plant(arm(ARM), 1e-3, effects=[PayloadHeld(1.5, stop=8.0)])
+    runs = measured(plant, learner(), seed=1)
+    assert final(runs, 18.0, 20.0) < 10.0 * final(known(), 18.0, 20.0)
+    assert torque_error(runs.estimate[-1, 0]) < 0.02
+
+
+@pytest.mark.parametrize("share", [0.05, 0.1])
+def test_a_push_leaves_no_trace(share: float) -> None:
+    limits = np.array([97.6, 186.4, 89.4])
+    push = Push(tuple((share * limits).tolist()), 6.0, 11.0)
+    runs = measured(Plant(arm(ARM), 1e-3, effects=[push]), learner(), seed=1)
+    undisturbed = measured(Plant(arm(ARM), 1e-3), learner(), seed=1)
+    assert final(runs, 15.0, 17.0) < 2.0 * final(undisturbed, 8.0, 10.0)  # as long learned; 80 during the push
+    assert torque_error(runs.estimate[-1, 0]) < 0.01
+
+
+def test_ten_minutes_at_rest_with_friction_and_noise_leave_the_estimate() -> None:
+    """Friction of which the model has nothing, at rest, where it may hold any torque."""
+    still = np.array(posture(arm(ARM)))
+    plant = Plant(arm(ARM), 1e-3, effects=[Friction(coulomb=2.0, stribeck=1.0), Encoder(velocity_noise=0.01)])
+    moved = measured(Plant(arm(ARM), 1e-3), learner(), 8.0).estimate[-1, 0]
+    given: Any = (reduced(ARM), 8.0, gains(ARM).damping, GuardedLearning(own_gain(ARM), 10.0), moved)
+    reference = swinging(arm(ARM), amplitude=0.0)
+    rest = simulate_many(
+        plant, SlotineLi(*given, torque_limits=np.inf), reference, duration=600.0, p=still, v=np.zeros(3), batch_size=1,
+        record_every=1000, seed=3,
+    )  # fmt: skip
+    assert np.isfinite(rest.estimate).all()
+    assert np.abs(rest.error[-60:]).max() < 0.05
+
+
+def judged(payload: bool, seed: int, noise: float) -> tuple[Any, float]:
+    """Verdict on 3 s with a changed last link or lines in time, and what its change leaves of the misses."""
+    rng, model, T = np.random.default_rng(seed), reduced(ARM), 0.01
+    reference = swinging(arm(ARM), seed % 7, 0.5)(np.arange(300) * T)
+    rows = model.torque_regressor(reference.p, reference.v, reference.a)
+    change = model.regrouping @ (loaded(arm(ARM), 2.0) - arm(ARM).inertial_parameters)
+    line = rng.uniform(2.0, 10.0, 3) + rng.uniform(-1.0, 1.0, 3) * (np.arange(300) * T)[:, None]
+    missed = (rows @ -change if payload else line) + noise * rng.normal(size=(300, 3))
+    sums = PayloadSums.zero(3)
+    sums = PayloadSums(column(sums.normal), column(sums.right), type(sums.lines)(*map(column, sums.lines)))
+    weights, usual = Column([400.0] * 3), Column([max(noise, 1e-3) ** 2] * 3)
+    for Y, miss in zip(rows, missed, strict=True):
+        step, test = Step(T, 1.0, 0.0, weights), PayloadTest(model, column(own_gain(ARM)))
+        verdict = test.judged([column(y) for y in Y], column(miss), T * weights, usual, sums, step)
+        sums = verdict.after
+    left = rows[-50:] @ (np.array(verdict.change.of) - change)
+    return verdict, float(np.abs(left).max() / np.abs(rows[-50:] @ change).max())
+
+
+@given(seed=st.integers(0, 999), noise=st.floats(0.0, 0.05))
+@settings(max_examples=15, deadline=None)
+def test_a_push_is_never_taken_for_a_payload(seed: int, noise: float) -> None:
+    verdict, _ = judged(False, seed, noise)
+    assert (verdict.payload, verdict.contact) == (0.0, 1.0)
+
+
+def test_payloads_are_found_by_their_torques() -> None:
+    found = [judged(True, seed, 0.0) for seed in range(12)]
+    taken = [left for verdict, left in found if verdict.payload == 1.0]
+    assert len(taken) >= 8
+    assert max(taken) < 0.15
+
+
+def test_an_announced_payload_is_taken_at_once_and_ends() -> None:
+    controller = learner()
+    law: Any = controller.adaptation_law
+    run = loop(controller, arm(ARM), swinging(arm(ARM)), 4.0)
+    state = run.states[-1]
+    told = state._replace(law_state=law.expect_payload(memory(state)))
+    assert law.decision(memory(told)) == "unknown"
+    reference, body = swinging(arm(ARM)), Plant(arm(ARM), 1e-3, torque_limits=np.full(3, np.inf))
+    moving, found = body.init(run.p[-1], run.v[-1]), []
+    for k in range(3500):
+        point = reference(np.array([4.0 + 1e-3 * k]))
+        torque, told = controller.step(told, moving.p, moving.v, ReferencePoint(*(part[0] for part in point)))
+        moving = body.step(moving, torque, loaded(arm(ARM), 1.0))
+        found.append(law.decision(memory(told)))
+    assert "payload" in found
+    assert found[-1] == "model"
+    assert found.index("payload") < 2000
+
+
+def test_a_decision_has_a_time_limit() -> None:
+    law = GuardedLearning(own_gain(ARM), 1e4, time_limit=1.0)
+    controller = SlotineLi(reduced(ARM), 8.0, gains(ARM).damping, law, torque_limits=np.inf)
+
+    def jumping(t: float) -> Array:
+        return np.array([8.0, -9.0, 7.0]) * np.sign(np.sin(40.0 * t * t)) * (t > 3.0)
+
+    run = loop(controller, arm(ARM), swinging(arm(ARM)), 7.0, disturbance=jumping)
+    alarms = [float(memory(state).watch.alarm[0]) for state in run.states]
+    assert max(alarms) > 0.9
+    assert max(alarms) <= 1.0 + 2e-3
+    assert CLEAR == 1.0
+
+
+def test_the_default_controller_learns_friction_too() -> None:
+    controller = adaptive_controller(arm(ARM))
+    assert [name for name in controller.model.names if name.endswith("coulomb")]
+    plant = Plant(with_friction(arm(ARM)), 1e-3)
+    true = plant.mechanism.inertial_parameters.copy()
+    for k, name in enumerate(plant.mechanism.parameter_names):
+        true[k] += 2.0 * name.endswith("viscous") + 3.0 * name.endswith("coulomb")
+    runs = measured(plant, controller, parameters=true[None], seed=1)
+    own = SlotineLi(
+        controller.model, controller.bandwidth, controller.damping, None, controller.model.regrouping @ true
+    )
+    assert final(runs, 18.0, 20.0) < 2.0 * final(measured(plant, own, parameters=true[None]), 18.0, 20.0)
+    assert adaptive_controller(arm(ARM), friction=False).model.names == reduced(ARM).names
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"recall": 600.0}, "recall: 600 1/s is too fast for a control period of 0.001 s; use at most 500 1/s"),
+        ({"recall": -1.0}, "recall: expected a finite number of at least 0"),
+        ({"time_limit": np.inf}, "time_limit: expected a finite number of at least 0 s"),
+        ({"min_speed": -0.1}, "min_speed: expected finite speeds of at least 0"),
+        ({"min_speed": [0.1, 0.1]}, "min_speed"),
+        ({"forgetting": -1.0}, "forgetting: expected at least 0"),
+        ({"cutoff": 2000.0}, "cutoff"),
+    ],
+)
+def test_absurd_settings_are_refused(options: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        learner(**options)
+
+
+def test_the_default_controller_refuses_what_is_no_yes_or_no() -> None:
+    with pytest.raises(InputError, match="friction: expected True or False"):
+        adaptive_controller(arm(ARM), friction=1)  # type: ignore[arg-type]
