@@ -35,7 +35,7 @@ TRANSIENT = 0.5
 """s after which the filters show a changed load alone"""
 RETURN_AFTER, RETURN = 0.1, 0.03
 """s without a miss that start the return to the trusted estimate; its time constant"""
-TRIAL_GAIN = 0.05
+TRIAL_GAIN = 0.2
 """share of the initial gain with which a trial estimate follows: noise drives it with all of it"""
 LEAK = 0.5
 """1/s, return of the trial estimate to the trusted one"""
