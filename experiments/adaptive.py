@@ -31,7 +31,7 @@ from adaptctl.experiments.puma560_adaptive import FROM_NOTHING, from_nothing, on
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Finding, Setting
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco, clear_of_contacts
-from adaptctl.tuning import Tuning, tune
+from adaptctl.tuning import Tuning, learning_law, tune
 from adaptctl.tuning.feasible_gains import MAX_INITIAL_ERROR
 from adaptctl.tuning.feasible_reference import motion_ranges
 
@@ -150,7 +150,7 @@ class AdaptiveTracking(FromFile):
         model.opt.timestep = min(model.opt.timestep, self.control_period) / SHORTER
         return model
 
-    def slotine_li(self, model: ReducedModel, adaptation: Array | None = None) -> SlotineLi:
+    def slotine_li(self, model: ReducedModel, adaptation: Any = None) -> SlotineLi:
         """Slotine and Li's law from zero estimates."""
         tuning = self.tuning(model.mechanism)
         given = (None, self.control_period, tuning.workspace, tuning.torque_limits)
@@ -168,8 +168,8 @@ class AdaptiveTracking(FromFile):
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Controllers to compare, the subject first."""
-        bandwidth = self.gains(mechanism).bandwidth
-        given = (self.slotine_li, self.adaptation, bandwidth, self.parameter_error, self.seed)
+        learning = partial(learning_law, tuning=self.tuning(mechanism))
+        given = (self.slotine_li, self.adaptation, learning, self.gains(mechanism), self.parameter_error, self.seed)
         found = from_nothing(mechanism, basis, *given)
         if self.plant != "both":
             return found
@@ -178,7 +178,7 @@ class AdaptiveTracking(FromFile):
         fine, ours = (lambda: on(True, self._finer(mechanism))), partial(on, False, None)
         return [
             subject,
-            replace(found[1], label="the same, adaptation off"),
+            replace(found[2], label="the same, adaptation off"),
             replace(subject, name=FINE, label=f"Slotine-Li on MuJoCo, {shorter}", env=fine),
             replace(subject, name=OURS, label="Slotine-Li on the built-in plant", env=ours),
         ]

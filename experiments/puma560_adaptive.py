@@ -14,11 +14,14 @@ from adaptctl.control import (
     AdaptationLaw,
     ComputedTorque,
     Gains,
+    GuardedLearning,
+    PDGravity,
     Sinusoids,
     SlotineLi,
     Subspace,
     mapped_gain,
 )
+from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.errors import InputError
@@ -43,6 +46,7 @@ from adaptctl.identifiability import (
     states_within_limits,
 )
 from adaptctl.recording import Finding, Setting, wording
+from adaptctl.tuning.default_controller import learning_by_rule
 from adaptctl.tuning.verification import scaled_links
 
 if TYPE_CHECKING:
@@ -57,7 +61,7 @@ SOME = (
     "The controller has only the first s essential components, sorted by energy: it adapts them from zero, or holds "
     "their true values. The order of the components needs the true parameters; the estimates do not."
 )
-MAPPED = "adaptive-mapped"
+MAPPED, LEARNING = "adaptive-mapped", "learning"
 KEPT, FIXED = "adaptive", "fixed"
 """names of runs with some components"""
 STATES = 101
@@ -120,9 +124,8 @@ class Puma560Adaptive(FromRanges):
                 f"robot: {mechanism.name} has {mechanism.dof} joints, but this experiment needs {self.joints}; "
                 "use the experiment 'adaptive'"
             )
-        reference = Sinusoids(**{name: getattr(self, name) for name in REFERENCE})
         more = {"torque_limits": self.torque_limits(mechanism), "initial_error": self.initial_error}
-        return self.tracking(mechanism, reference, self.environment_id, **more)
+        return self.tracking(mechanism, self.reference, self.environment_id, **more)
 
     def task(self, mechanism: Mechanism) -> tuple[Any, ...]:
         """Settings of the environment, for comparison."""
@@ -141,6 +144,17 @@ class Puma560Adaptive(FromRanges):
         """Bandwidth, 1/s, and damping, N m s/rad, (r,) each."""
         return Gains(np.full(self.joints, self.bandwidth), np.array(self.damping))
 
+    def learning(self, model: ReducedModel) -> GuardedLearning:
+        """Default learning law for these gains."""
+        mechanism, gain = model.mechanism, mapped_gain(model, self.adaptation(ReducedModel.full(model.mechanism)))
+        limits, damping = finite_torque_limits(mechanism), self.gains(mechanism).damping
+        return learning_by_rule(gain, limits, damping, self.control_period, self.reference)
+
+    @property
+    def reference(self) -> Sinusoids:
+        """Sinusoids to follow."""
+        return Sinusoids(**{name: getattr(self, name) for name in REFERENCE})
+
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Controllers to compare, the subject first."""
 
@@ -152,8 +166,7 @@ class Puma560Adaptive(FromRanges):
 
         model = ReducedModel(mechanism, basis)
         if self.components == (0,):
-            bandwidth = self.gains(mechanism).bandwidth
-            given = (law, self.adaptation, bandwidth, self.parameter_error, self.seed)
+            given = (law, self.adaptation, self.learning, self.gains(mechanism), self.parameter_error, self.seed)
             mapped = f"Slotine-Li, {len(basis.columns)} parameters, Γ mapped"
             return [
                 *from_nothing(mechanism, basis, *given),
@@ -229,9 +242,10 @@ class Puma560Adaptive(FromRanges):
 def from_nothing(
     mechanism: Mechanism,
     basis: FundamentalBasis,
-    law: Callable[[ReducedModel, Array | None], SlotineLi],
+    law: Callable[[ReducedModel, Any], SlotineLi],
     gain: Callable[[ReducedModel], Array],
-    bandwidth: Array,
+    learning: Callable[[ReducedModel], GuardedLearning],
+    gains: Gains,
     share: float,
     seed: int,
 ) -> list[Contender]:
@@ -241,10 +255,14 @@ def from_nothing(
     off = f"{100 * share:.0f} % wrong"
 
     def computed_torque(parameters: Array) -> ComputedTorque:
-        return ComputedTorque(mechanism, bandwidth, parameters=parameters)
+        return ComputedTorque(mechanism, gains.bandwidth, parameters=parameters)
+
+    def with_gravity() -> PDGravity:
+        return PDGravity.from_model(model, gains.bandwidth * gains.damping, gains.damping)
 
     return [
         Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", NO_MODEL, lambda: law(model, gain(model))),
+        Contender(LEARNING, f"Guarded learning, {k} parameters", NO_MODEL, lambda: law(model, learning(model))),
         Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", NO_MODEL, lambda: law(model, None)),
         Contender("computed-torque", "Computed torque, true model", "exact", lambda: computed_torque(true)),
         Contender(
@@ -253,7 +271,7 @@ def from_nothing(
             f"links {off}",
             lambda: computed_torque(scaled_links(mechanism, share, seed)),
         ),
-        Contender("computed-torque-none", "Computed torque, no model", NO_MODEL, lambda: computed_torque(0.0 * true)),
+        Contender("pd-gravity", "PD with true gravity", "gravity", with_gravity),
         Contender(FULL, f"Slotine-Li, all {P} parameters", NO_MODEL, lambda: law(full, gain(full))),
     ]
 

@@ -17,7 +17,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import AdaptiveState, GuardedLearning
 from adaptctl.control.adaptation.doubt import CLEAR
 from adaptctl.control.adaptation.guarded_learning import GuardedMemory
-from adaptctl.control.adaptation.payload_test import PayloadSums, PayloadTest, Step
+from adaptctl.control.adaptation.payload_test import JudgedPeriod, PayloadSums, PayloadTest
 from adaptctl.control.adaptation.stored import QUARANTINE
 from adaptctl.control.adaptation.symmetric import from_triangle, solve, solve_with_forms, weighted_sum
 from adaptctl.control.controller import ReferencePoint
@@ -217,7 +217,7 @@ def judged(payload: bool, seed: int, noise: float) -> tuple[Any, float]:
     sums = PayloadSums(column(sums.normal), column(sums.right), type(sums.lines)(*map(column, sums.lines)))
     weights, usual = Column([400.0] * 3), Column([max(noise, 1e-3) ** 2] * 3)
     for Y, miss in zip(rows, missed, strict=True):
-        step, test = Step(T, 1.0, 0.0, weights), PayloadTest(model, column(own_gain(ARM)))
+        step, test = JudgedPeriod(T, 1.0, 0.0, weights), PayloadTest(model, column(own_gain(ARM)))
         verdict = test.judged([column(y) for y in Y], column(miss), T * weights, usual, sums, step)
         sums = verdict.after
     left = rows[-50:] @ (np.array(verdict.change.of) - change)

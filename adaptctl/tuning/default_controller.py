@@ -68,13 +68,13 @@ def adaptive_controller(
 
     Notes
     -----
-    Gains are those of `tune`, the law that of `learning_law`; docs/adaptation.md has what it ends at on real arms.
+    Gains are those of `tune`, the law that of `learning_law`; docs/adaptation.md has what it ends at on arms of other makers.
 
     Examples
     --------
     >>> controller = adaptctl.adaptive_controller(arm, control_period=0.004)
     >>> controller
-    <SlotineLi>
+    <SlotineLi of 2 joints>
     >>> len(controller.model.names)  # with two friction parameters per joint
     10
     """
@@ -116,13 +116,19 @@ def learning_law(model: ReducedModel, tuning: Tuning) -> GuardedLearning:
     >>> law.gain.shape, law.prediction_weight.shape
     ((6,), (2,))
     """
-    gain = np.diag(mapped_gain(model, tuning.adaptation))
-    speeds = np.abs(tuning.reference(np.linspace(0.0, HORIZON, SPEED_SAMPLES)).v).max(axis=0)
+    gain, damping = mapped_gain(model, tuning.adaptation), tuning.gains.damping
+    return learning_by_rule(gain, tuning.torque_limits, damping, tuning.control_period, tuning.reference)
+
+
+def learning_by_rule(
+    gain: Array, torque_limits: Array, damping: Array, control_period: float, reference: Reference
+) -> GuardedLearning:
+    """Learning law with the diagonal of a gain (k, k), for torque limits and damping (r,) each."""
+    speeds = np.abs(reference(np.linspace(0.0, HORIZON, SPEED_SAMPLES)).v).max(axis=0)
     least = np.minimum(MIN_SPEED, MIN_SPEED_SHARE * speeds)
-    recall = min(GuardedLearning.recall, 0.5 / tuning.control_period)
-    cutoff = min(GuardedLearning.cutoff, 0.5 / tuning.control_period)
-    weight = 1.0 / torque_error(tuning.torque_limits, tuning.gains.damping) ** 2
-    return GuardedLearning(gain, weight, cutoff=cutoff, recall=recall, min_speed=least)
+    recall, cutoff = (min(x, 0.5 / control_period) for x in (GuardedLearning.recall, GuardedLearning.cutoff))
+    weight = 1.0 / torque_error(torque_limits, damping) ** 2
+    return GuardedLearning(np.diag(gain), weight, cutoff=cutoff, recall=recall, min_speed=least)
 
 
 def torque_error(limits: Array, damping: Array) -> Array:
@@ -148,7 +154,7 @@ def with_friction(mechanism: Mechanism) -> Mechanism:
     --------
     >>> from adaptctl.tuning import with_friction
     >>> with_friction(arm).parameter_names[-4:]
-    ('shoulder.viscous', 'shoulder.coulomb', 'elbow.viscous', 'elbow.coulomb')
+    ('shoulder.viscous', 'elbow.viscous', 'shoulder.coulomb', 'elbow.coulomb')
     """
     primary = {joint.name for joint in mechanism.primary_joints}
     drives = [

@@ -35,7 +35,7 @@ class Watch(NamedTuple):
     decision: Any
 
 
-class Sample(NamedTuple):
+class TorqueEquations(NamedTuple):
     """One period's rows (r of k) in both units, torques missed by the trusted estimate, and which joints count."""
 
     rows: list[Column]
@@ -47,7 +47,7 @@ class Sample(NamedTuple):
     moving: Column
 
 
-def doubted(sample: Sample, unsure: Column, period: Period, watch: Watch) -> tuple[Column, Column, Any]:
+def doubted(sample: TorqueEquations, unsure: Column, period: Period, watch: Watch) -> tuple[Column, Column, Any]:
     """The noise (r,), the doubts (r,) in s, and the age in s."""
     age = watch.age[0] + period.dt * reduce(maximum, sample.counts)
     old = where(age < YOUTH, 0.0, 1.0)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, frozen_array, per_joint
 from adaptctl.control.adaptation import payload_test, two_stage_filter
 from adaptctl.control.adaptation.composite import residual
-from adaptctl.control.adaptation.doubt import CLEAR, MODEL, UNKNOWN, Sample, Watch, doubted, ended, named
+from adaptctl.control.adaptation.doubt import CLEAR, MODEL, UNKNOWN, TorqueEquations, Watch, doubted, ended, named
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.least_squares import ForgettingLeastSquares
 from adaptctl.control.adaptation.payload_test import PayloadSums, PayloadTest
@@ -234,17 +234,17 @@ class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
         after = estimate - _chosen(watch.alarm[0] > 0.0, trial, self._scale * step)
         return self._decided(model, after, stored, sample, unsure, period, memory, prediction.after)
 
-    def _sample(self, prediction: two_stage_filter.Prediction, period: Period, watch: Watch) -> Sample:
+    def _sample(self, prediction: two_stage_filter.FilteredPrediction, period: Period, watch: Watch) -> TorqueEquations:
         rows, r = prediction.rows, len(prediction.rows)
         slow = (absolute(v) < least for v, least in zip(prediction.speed, each(self.min_speed, r), strict=True))
         moving = Column(where(still, 0.0, m + period.period) for still, m in zip(slow, watch.moving, strict=True))
         counts = Column(where(m > SETTLING / self.cutoff, period.dt_ratio, 0.0) for m in moving)
         missed = residual(rows, watch.trusted, prediction.torque)
         units = [self._scale * row for row in rows]
-        return Sample(rows, units, prediction.torque, missed, each(self.prediction_weight, r), counts, moving)
+        return TorqueEquations(rows, units, prediction.torque, missed, each(self.prediction_weight, r), counts, moving)
 
     def _stored(
-        self, stored: Stored, sample: Sample, period: Period, watch: Watch
+        self, stored: Stored, sample: TorqueEquations, period: Period, watch: Watch
     ) -> tuple[Stored, tuple[Column, Column]]:
         """Memory with what leaves quarantine, and the matrix and vector of this period's step towards it."""
         quiet, T = where(watch.alarm[0] > 0.0, 0.0, 1.0), period.period
@@ -271,15 +271,15 @@ class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
         return where(calm, min(period.period / RETURN, 1.0), LEAK * period.period)
 
     def _decided(
-        self, model: ReducedModel, after: Column, stored: Stored, sample: Sample, unsure: Column, period: Period,
-        memory: GuardedMemory, filtered: FilteredTwice,
+        self, model: ReducedModel, after: Column, stored: Stored, sample: TorqueEquations, unsure: Column,
+        period: Period, memory: GuardedMemory, filtered: FilteredTwice,
     ) -> tuple[Column, GuardedMemory]:  # fmt: skip
         """Estimate and state after what the missed torques are taken for."""
         watch, T = memory.watch, period.period
         noise, doubt, age = doubted(sample, unsure, period, watch)
         going = where(watch.alarm[0] > TRANSIENT, 1.0, 0.0)
         shares = (going * period.dt) * (sample.counts * sample.weights)
-        step = payload_test.Step(T, going, watch.announced[0], sample.weights)
+        step = payload_test.JudgedPeriod(T, going, watch.announced[0], sample.weights)
         test = PayloadTest(model, column(self.gain))
         verdict = test.judged(sample.rows, sample.missed, shares, watch.noise, memory.sums, step)
         end = ended(watch, doubt, verdict.payload, self.time_limit, T)

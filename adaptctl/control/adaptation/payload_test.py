@@ -51,7 +51,7 @@ class PayloadSums(NamedTuple):
         return PayloadSums(kept * self.normal, kept * self.right, LineSums(*(kept * x for x in self.lines)))
 
 
-class Verdict(NamedTuple):
+class LoadVerdict(NamedTuple):
     """1 or 0 each for a payload and a contact, the payload's change (k,) of the parameters, and the sums."""
 
     payload: Scalar
@@ -60,7 +60,7 @@ class Verdict(NamedTuple):
     after: PayloadSums
 
 
-class Step(NamedTuple):
+class JudgedPeriod(NamedTuple):
     """Length in s; 1 while the test goes on, else 0; 1 for an announced payload; weights (r,) of joints, per s."""
 
     period: float
@@ -88,8 +88,14 @@ class PayloadTest:
         return self.model.regrouping[:, last : last + 10]
 
     def judged(
-        self, rows: Sequence[Column], missed: Column, shares: Column, noise: Column, sums: PayloadSums, step: Step
-    ) -> Verdict:
+        self,
+        rows: Sequence[Column],
+        missed: Column,
+        shares: Column,
+        noise: Column,
+        sums: PayloadSums,
+        step: JudgedPeriod,
+    ) -> LoadVerdict:
         """Verdict with one more period. `shares` (r,) weigh its squared misses, `noise` (r,) is their usual size."""
         lines, keep = [self._effects(row) for row in rows], step.going / (1.0 + step.period / WINDOW)
         normal, right = rank_update(sums.normal, lines, shares, keep, 0.0), keep * sums.right
@@ -108,7 +114,7 @@ class PayloadTest:
         payload = full * where(left < MAX_LEFT * whole, 1.0, 0.0)
         better = where(left < MAX_LEFT_RATIO * straight, 1.0, step.announced)
         contact = full * where(straight - usual < MAX_LEFT * whole, 1.0, 0.0) * (1.0 - payload * better)
-        return Verdict(payload * better, contact, self._change(own), PayloadSums(normal, right, after))
+        return LoadVerdict(payload * better, contact, self._change(own), PayloadSums(normal, right, after))
 
     def _effects(self, row: Column) -> Column:
         """Torque (10,) of a joint for each parameter of the link."""
@@ -135,7 +141,7 @@ def _is_zero(value: Any) -> bool:
     return isinstance(value, float) and value == 0.0
 
 
-def _line(one: tuple[Any, ...], step: Step, keep: Scalar) -> tuple[Any, ...]:
+def _line(one: tuple[Any, ...], step: JudgedPeriod, keep: Scalar) -> tuple[Any, ...]:
     """Sums of a joint with one more period, and the squared misses that a line leaves."""
     *sums, miss, share = one
     n, t, tt, e, te, ee = (keep * x for x in sums)

@@ -21,7 +21,7 @@ class FilteredTwice(NamedTuple):
     speed: Any
 
 
-class Prediction(NamedTuple):
+class FilteredPrediction(NamedTuple):
     """Regressor by rows, torques (r,), speeds (r,), and the filters' next state."""
 
     rows: list[Column]
@@ -36,9 +36,9 @@ def start(model: ReducedModel, q: Array, v: Array, cutoff: float, control_period
     return FilteredTwice(first, Filtered(np.zeros(sum(map(len, momentum_columns(model)))), rest), rest)
 
 
-def predicted(model: ReducedModel, period: Period, memory: FilteredTwice, cutoff: Any) -> Prediction:
+def predicted(model: ReducedModel, period: Period, memory: FilteredTwice, cutoff: Any) -> FilteredPrediction:
     """
-    Prediction at the end of a control period.
+    FilteredPrediction at the end of a control period.
 
     One stage passes noise of velocities into the regressor with the gain `cutoff`; a second one takes it out.
     """
@@ -50,4 +50,4 @@ def predicted(model: ReducedModel, period: Period, memory: FilteredTwice, cutoff
     speed = keep * memory.speed + (1.0 - keep) * period.v
     twice = [spread(Column(entries), at, k) for entries, at in zip(kept, places, strict=True)]
     second = Filtered(Column(x for entries in kept for x in entries), torque)
-    return Prediction(twice, torque, speed, FilteredTwice(first, second, speed))
+    return FilteredPrediction(twice, torque, speed, FilteredTwice(first, second, speed))
