@@ -68,7 +68,7 @@ def adaptive_controller(
 
     Notes
     -----
-    Gains are those of `tune`, the law that of `learning_law`; docs/adaptation.md has what it ends at on arms of other makers.
+    Gains are those of `tune`, the law that of `learning_law`. docs/adaptation.md has the errors that it ends at.
 
     Examples
     --------
