@@ -44,7 +44,7 @@ def test_a_run_whose_terminal_is_closed_keeps_what_was_computed(tmp_path: Path) 
     said = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert said["complete"] is False
     assert next(iter(said["runs"])) == "adaptive"
-    assert 0.0 < said["duration_run"] <= 300.0
+    assert 0.0 < said["duration_run"] < 300.1  # rounded up to a whole sample
 
 
 @nightly

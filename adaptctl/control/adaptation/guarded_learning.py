@@ -27,7 +27,7 @@ from adaptctl.control.adaptation.symmetric import (
 from adaptctl.control.adaptation.two_stage_filter import FilteredTwice
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, absolute, column, each, maximum, where
+from adaptctl.scalars import Column, Scalar, absolute, column, each, maximum, minimum, where
 
 SETTLING = 2.0
 """time constants of the filters for which a joint has to move before its equation counts"""
@@ -35,8 +35,8 @@ TRANSIENT = 0.5
 """s after which the filters show a changed load alone"""
 RETURN_AFTER, RETURN = 0.1, 0.03
 """s without a miss that start the return to the trusted estimate; its time constant"""
-TRIAL_GAIN = 0.2
-"""share of the initial gain with which a trial estimate follows: noise drives it with all of it"""
+MIN_TRIAL_GAIN = 0.1
+"""least share of the gain with which a trial estimate follows: noise drives it with all of it"""
 LEAK = 0.5
 """1/s, return of the trial estimate to the trusted one"""
 
@@ -230,7 +230,9 @@ class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
         x = Column(value / scale for value, scale in zip(estimate, self._scale, strict=True))
         newton = slope + symmetric_product(recall[0], x) - recall[1]
         step, unsure = solve_with_forms(stored.information, newton, sample.units, 1.0)
-        trial = (TRIAL_GAIN * self._scale) * slope + self._returning(watch, period) * (estimate - watch.trusted)
+        trial = (trial_share(sample, watch) * self._scale) * slope + self._returning(watch, period) * (
+            estimate - watch.trusted
+        )
         after = estimate - _chosen(watch.alarm[0] > 0.0, trial, self._scale * step)
         return self._decided(model, after, stored, sample, unsure, period, memory, prediction.after)
 
@@ -377,6 +379,12 @@ class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
         k, scale = len(self.gain), np.sqrt(self.gain)
         information = from_triangle(memory.stored.information, k)
         return np.asarray(np.linalg.inv(np.eye(k) + information) * np.outer(scale, scale))
+
+
+def trial_share(sample: TorqueEquations, watch: Watch) -> Scalar:
+    """Share of the gain with which a trial estimate follows, less where torques are noisier than is stated."""
+    shares = (1.0 / (1.0 + weight * noise) for weight, noise in zip(sample.weights, watch.noise, strict=True))
+    return maximum(MIN_TRIAL_GAIN, reduce(minimum, shares))
 
 
 def _chosen(condition: Any, one: Column, other: Column) -> Column:
