@@ -13,7 +13,13 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, numbers
 from adaptctl.errors import InputError, TraceError
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, where
+from adaptctl.scalars.scalar import Condition
+
+
+def either(condition: Condition, yes: Column, no: Column) -> Column:
+    """Entries of one column or of another."""
+    return Column(where(condition, x, y) for x, y in zip(yes, no, strict=True))
 
 
 def checked_step(law: Any, *given: Any) -> Any:

@@ -13,7 +13,7 @@ from adaptctl.arrays import Array, per_joint, positive_per_joint
 from adaptctl.compilation.sine import sine_for
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.control.gains.sampling_ratio import validate_period
-from adaptctl.control.pytree import leaves, row_each
+from adaptctl.control.pytree import either, leaves, row_each
 from adaptctl.control.ringing import Ringing
 from adaptctl.dynamics.equations import ClosedPositions
 from adaptctl.errors import InputError, validate_kind
@@ -304,7 +304,7 @@ class SafetyFilter(Controller[SafetyFilterState]):
         detector = memory.ringing.updated(self._sliding(sound, after, clean))
         lost = maximum(self._outside(clean[0], clean[1]), detector.brake)
         stopped = where(sound, maximum(memory.flags.stopped[0], lost), 1.0)
-        torque = _where(stopped > 0.5, -(column(self.stop_damping) * clean[1]), torque)
+        torque = either(stopped > 0.5, -(column(self.stop_damping) * clean[1]), torque)
         after = _chosen(stopped > 0.5, memory.inner, after)
         limits = Column(minimum(limit, MAX_FLOAT) for limit in column(self.torque_limits))
         limited = Column(map(clip, torque, -limits, limits))
@@ -412,13 +412,9 @@ def _differ(asked: Column, given: Column) -> Any:
     return other
 
 
-def _where(condition: Condition, yes: Column, no: Column) -> Column:
-    return Column(where(condition, x, y) for x, y in zip(yes, no, strict=True))
-
-
 def _chosen(condition: Condition, yes: Parts, no: Parts) -> Parts:
     pairs = zip(yes, no, strict=True)
-    return type(no)(*(_chosen(condition, a, b) if isinstance(a, tuple) else _where(condition, a, b) for a, b in pairs))
+    return type(no)(*(_chosen(condition, a, b) if isinstance(a, tuple) else either(condition, a, b) for a, b in pairs))
 
 
 def _with_applied_torque(memory: Parts, applied: Column | Array) -> Parts:
@@ -443,6 +439,6 @@ def _without_learning(condition: Condition, memory: Parts) -> Parts:
         if isinstance(part, tuple):
             part = _without_learning(condition, part)
         elif name == "dt":
-            part = _where(condition, Column.zeros(len(part)), part)
+            part = either(condition, Column.zeros(len(part)), part)
         parts.append(part)
     return type(memory)(*parts)

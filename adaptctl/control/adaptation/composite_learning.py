@@ -11,7 +11,7 @@ from adaptctl.arrays import Array
 from adaptctl.control.adaptation.composite import Filtered, TorqueFilter, residual
 from adaptctl.control.adaptation.gradient import MIN_POWER
 from adaptctl.control.adaptation.law import Period
-from adaptctl.control.adaptation.least_squares import ForgettingLeastSquares
+from adaptctl.control.adaptation.recall import RecallingLeastSquares
 from adaptctl.control.adaptation.symmetric import Equation, directional_update, from_triangle, solve
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
@@ -33,7 +33,7 @@ class LearningMemory(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
+class CompositeLearning(RecallingLeastSquares[LearningMemory]):
     r"""
     Least squares with stored information and directional forgetting.
 
@@ -95,46 +95,15 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
 
     called: ClassVar[str] = "composite learning"
 
-    recall: float = 2.0
     excitation_threshold: float = 0.0
     reset_power: float = np.inf
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, unit in (("recall", "1/s"), ("excitation_threshold", "1/s")):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InputError(f"{self.called}: {name}: expected a finite number of at least 0 {unit}, got {value}")
-
+        self._validate_not_negative({"recall": "1/s", "excitation_threshold": "1/s"})
         if not self.reset_power > 0.0:
             raise InputError(
                 f"{self.called}: reset_power: expected a positive number of W, or infinity, got {self.reset_power}"
-            )
-
-    def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
-        """
-        Raise an error if the law does not fit the model and the control period.
-
-        Parameters
-        ----------
-        model : ReducedModel
-            Reduced model with k parameters and r primary joints.
-        initial : ndarray
-            Initial estimate (k,) in SI units.
-        control_period : float
-            Control period in s.
-
-        Raises
-        ------
-        InputError
-            If a size is wrong, the cutoff or the recall is too high for the control period, or linear constraints fix
-            parameters at values other than zero.
-        """
-        super().validate(model, initial, control_period)
-        if self.recall * control_period > 0.5:
-            raise InputError(
-                f"{self.called}: recall: {self.recall:g} 1/s is too fast for a control period of {control_period:g} s; "
-                f"use at most {0.5 / control_period:g} 1/s"
             )
 
     def initial_state(
@@ -235,8 +204,7 @@ class CompositeLearning(ForgettingLeastSquares[LearningMemory]):
         ValueError
             If the state is of several arms.
         """
-        k, scale = len(self.gain), np.sqrt(self.gain)
-        return np.asarray(np.linalg.inv(np.eye(k) + from_triangle(memory.information, k)) * np.outer(scale, scale))
+        return self._covariance(memory.information)
 
     def remembered(self, memory: LearningMemory) -> Array:
         """

@@ -14,17 +14,17 @@ from adaptctl.control.adaptation import payload_test, two_stage_filter
 from adaptctl.control.adaptation.composite import residual
 from adaptctl.control.adaptation.doubt import CLEAR, MODEL, UNKNOWN, TorqueEquations, Watch, doubted, ended, named
 from adaptctl.control.adaptation.law import Period
-from adaptctl.control.adaptation.least_squares import ForgettingLeastSquares
 from adaptctl.control.adaptation.payload_test import PayloadSums, PayloadTest
+from adaptctl.control.adaptation.recall import RecallingLeastSquares
 from adaptctl.control.adaptation.stored import QUARANTINE, Stored
 from adaptctl.control.adaptation.symmetric import (
-    from_triangle,
     rank_update,
     solve_with_forms,
     symmetric_product,
     weighted_sum,
 )
 from adaptctl.control.adaptation.two_stage_filter import FilteredTwice
+from adaptctl.control.pytree import either
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, absolute, column, each, maximum, minimum, where
@@ -56,7 +56,7 @@ class GuardedMemory(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
+class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
     r"""
     Composite learning that tells its model's errors from payloads and contacts.
 
@@ -126,10 +126,7 @@ class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, unit in (("recall", "1/s"), ("time_limit", "s")):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InputError(f"{self.called}: {name}: expected a finite number of at least 0 {unit}, got {value}")
+        self._validate_not_negative({"recall": "1/s", "time_limit": "s"})
         speeds = np.asarray(self.min_speed, dtype=np.float64)
         if not (np.all(np.isfinite(speeds)) and np.all(speeds >= 0.0)):
             raise InputError(f"{self.called}: min_speed: expected finite speeds of at least 0, got {self.min_speed}")
@@ -156,11 +153,6 @@ class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
         """
         super().validate(model, initial, control_period)
         per_joint(self.min_speed, model.mechanism.dof, f"{self.called}: min_speed")
-        if self.recall * control_period > 0.5:
-            raise InputError(
-                f"{self.called}: recall: {self.recall:g} 1/s is too fast for a control period of {control_period:g} s; "
-                f"use at most {0.5 / control_period:g} 1/s"
-            )
 
     def initial_state(
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
@@ -233,7 +225,7 @@ class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
         trial = (trial_share(sample, watch) * self._scale) * slope + self._returning(watch, period) * (
             estimate - watch.trusted
         )
-        after = estimate - _chosen(watch.alarm[0] > 0.0, trial, self._scale * step)
+        after = estimate - either(watch.alarm[0] > 0.0, trial, self._scale * step)
         return self._decided(model, after, stored, sample, unsure, period, memory, prediction.after)
 
     def _sample(self, prediction: two_stage_filter.FilteredPrediction, period: Period, watch: Watch) -> TorqueEquations:
@@ -287,8 +279,8 @@ class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
         end = ended(watch, doubt, verdict.payload, self.time_limit, T)
         still = end.alarm > 0.0
         trusted = watch.trusted + verdict.payload * verdict.change
-        after = _chosen(end.cleared > 0.5, trusted, after)
-        trusted = _chosen(still, trusted, after)
+        after = either(end.cleared > 0.5, trusted, after)
+        trusted = either(still, trusted, after)
         # What is remembered of another load, or of what was never explained, is of no use.
         stored = stored.cleared(1.0 - maximum(verdict.payload, end.late), where(still, 0.0, 1.0))
         decision = where(still, named(verdict.payload, verdict.contact, watch.decision[0]), MODEL)
@@ -376,16 +368,10 @@ class GuardedLearning(ForgettingLeastSquares[GuardedMemory]):
         >>> learning.covariance(adaptctl.SlotineLi(model, 5.0, 4.0, learning).init(p, v).law_state).diagonal()
         array([0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
         """
-        k, scale = len(self.gain), np.sqrt(self.gain)
-        information = from_triangle(memory.stored.information, k)
-        return np.asarray(np.linalg.inv(np.eye(k) + information) * np.outer(scale, scale))
+        return self._covariance(memory.stored.information)
 
 
 def trial_share(sample: TorqueEquations, watch: Watch) -> Scalar:
     """Share of the gain with which a trial estimate follows, less where torques are noisier than is stated."""
     shares = (1.0 / (1.0 + weight * noise) for weight, noise in zip(sample.weights, watch.noise, strict=True))
     return maximum(MIN_TRIAL_GAIN, reduce(minimum, shares))
-
-
-def _chosen(condition: Any, one: Column, other: Column) -> Column:
-    return Column(where(condition, a, b) for a, b in zip(one, other, strict=True))
