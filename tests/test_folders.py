@@ -22,8 +22,8 @@ from adaptctl.folders import replacing_folder
 SMALL = "docs/examples/two_link.toml"
 RUN = [sys.executable, "-m", "adaptctl", "experiment", "run", "adaptive", "--robot", SMALL, "--duration", "0.2"]
 RUN.append("--overwrite")
-RUNS = 6
-WHOLE = {"recording.rrd", "summary.json", "trace.parquet", "report.html", "figures"}
+RUNS = 7
+WHOLE = {"recording.rrd", "summary.json", "trace.parquet", "report.html"}
 
 
 def names(folder: Path) -> set[str]:
@@ -247,6 +247,13 @@ def test_a_run_that_is_ended_at_any_moment(tmp_path: Path, number: signal.Signal
             assert "Traceback" not in said
             assert done.returncode in (0, 130, -int(number))
         validate_one_run(place, "old")
+
+
+def test_a_whole_run_replaces_an_old_one(tmp_path: Path) -> None:
+    (tmp_path / "summary.json").write_text('"old"')
+    subprocess.run([*RUN, "--out", str(tmp_path)], check=True, capture_output=True, timeout=120)
+    validate_one_run(tmp_path, "old")
+    assert json.loads((tmp_path / "summary.json").read_text())["complete"] is True
 
 
 def test_a_run_on_a_full_disk_says_so_and_leaves_the_old(tmp_path: Path) -> None:
