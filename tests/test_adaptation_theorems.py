@@ -92,18 +92,19 @@ def prediction_errors(run: Loop, controller: AdaptiveController, true: Array) ->
     ratio=st.floats(2.0, 8.0),
     rate=st.floats(0.02, 0.4),
     mass=st.floats(0.0, 2.0),
+    theta=st.sampled_from([0.5, 1.0]),
     seed=st.integers(0, 100),
 )
-def test_gradient(name: str, bandwidth: float, ratio: float, rate: float, mass: float, seed: int) -> None:
+def test_gradient(name: str, bandwidth: float, ratio: float, rate: float, mass: float, theta: float, seed: int) -> None:
     """Without torque limits: where a torque is clipped, a law stops learning and V may rise."""
     mechanism, model = arm(name), reduced(name)
-    trapezium = Gradient(own_gain(name, rate), theta=0.5, cap=0.0)  # closest to the law in continuous time
-    law = SlotineLi(model, bandwidth, ratio / 4.0 * gains(name).damping, trapezium, torque_limits=np.inf)
+    gradient = Gradient(own_gain(name, rate), theta)
+    law = SlotineLi(model, bandwidth, ratio / 4.0 * gains(name).damping, gradient, torque_limits=np.inf)
     true = loaded(mechanism, mass)
     run = loop(law, mechanism, swinging(mechanism, seed), 0.5, parameters=true)
     V = kinetic(mechanism.with_parameters(true), run) + distance(law, run, true)
     assert rise(V) < 1e-6
-    assert imbalance(V, dissipated(run, law.damping)) < 5e-3
+    assert imbalance(V, dissipated(run, law.damping)) < (5e-3 if theta == 0.5 else 5e-2)
 
 
 @settings(max_examples=4, deadline=None)

@@ -162,17 +162,28 @@ def test_the_share_is_one_as_the_gain_goes_to_zero() -> None:
     assert abs(small - none) < 1e-6
 
 
-def test_a_step_is_worth_at_most_its_share_of_what_the_damping_takes() -> None:
-    """T n x'Gamma x <= s'Ks/cap, whatever Y."""
+@pytest.mark.parametrize("h", [0.1, 1.5])
+def test_the_default_lets_v_fall_while_a_is_below_a_half_for_every_accepted_h(h: float) -> None:
+    assert largest_rise(lambda loop: Gradient(GAMMA), V, h, lambda rng: rng.uniform(0.0, 0.5, PROBLEMS)) < 1e-12
+
+
+def test_the_trapezium_with_the_cap_lets_its_function_fall_while_a_is_below_two() -> None:
+    trapezium = Gradient(GAMMA, 0.5)
+    assert largest_rise(lambda loop: trapezium, W, 1.5, lambda rng: rng.uniform(0.0, 1.999, PROBLEMS)) < 1e-12
+
+
+def test_a_step_is_worth_at_most_twice_what_the_damping_takes_and_a_share_of_it_beyond() -> None:
+    """T n x'Gamma x <= 2 s'Ks, and s'Ks/cap where a whole step would be worth more, whatever Y."""
     rng = np.random.default_rng(1)
-    for scale in 10.0 ** np.linspace(-6, 6, 25):
-        Y, s, damping = scale * rng.normal(size=(R, K)), rng.normal(size=R), rng.uniform(0.1, 10.0, R)
+    for scale in 10.0 ** np.linspace(-6, 6, 49):
+        Y, before, s, damping = scale * rng.normal(size=(R, K)), *rng.normal(size=(2, R)), rng.uniform(0.1, 10.0, R)
         period = Period(
             lambda x, Y=Y: Column((np.asarray(x.of) @ Y).tolist()),
-            *(Column(s.tolist()),) * 2, *(Column.zeros(R),) * 3, T, T, Column(damping.tolist()),
+            Column(before.tolist()), Column(s.tolist()), *(Column.zeros(R),) * 3, T, T, Column(damping.tolist()),
         )  # fmt: skip
         moved, _ = Gradient(GAMMA).law(None, Column.zeros(K), period, None)  # type: ignore[arg-type]
-        assert -(s @ Y) @ np.asarray(moved.of) <= s @ (damping * s) / 2.0 * (1.0 + 1e-12)
+        power, whole = s @ (damping * s), T * (s @ Y) @ (GAMMA * (s @ Y))
+        assert -(s @ Y) @ np.asarray(moved.of) <= power * (0.5 if whole > 2.0 * power else 2.0) * (1.0 + 1e-12)
 
 
 def test_nothing_is_learned_at_rest_and_while_frozen() -> None:

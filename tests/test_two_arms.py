@@ -43,7 +43,7 @@ def test_the_pair_learns_and_the_lyapunov_function_never_rises(mechanism: Mechan
     model, gains = ReducedModel.full(mechanism), EXPERIMENT.gains(mechanism)
     env = EXPERIMENT.environment(mechanism)
     limits = EXPERIMENT.torque_limits(mechanism)  # those of both arms
-    law = Gradient(EXPERIMENT.adaptation(model), cap=0.0)  # with the share there is no theorem
+    law = Gradient(EXPERIMENT.adaptation(model))
     controller = SlotineLi(model, gains.bandwidth, gains.damping, law, torque_limits=limits)
     run = simulate(env, controller, seed=0)
     error = np.sqrt(np.mean(run.error**2, axis=1))

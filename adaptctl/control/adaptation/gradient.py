@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, numbers, per_joint, positive_numbers, positive_per_joint
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
-from adaptctl.control.gains.sampling_ratio import scaled_eigenvalues
+from adaptctl.control.gains.sampling_ratio import MAX_SAMPLING_RATIO, scaled_eigenvalues
 from adaptctl.control.pytree import Memory
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, column, each, sqrt, where
+from adaptctl.scalars import Column, Scalar, column, each, maximum, sqrt, where
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +105,8 @@ class Gradient(Descent[NoMemory]):
         Weight of the sliding variable at the end of the period, without a unit. 1 is backward Euler, the most stable,
         1/2 the trapezoidal rule, 0 forward Euler.
     cap : float, default 2.0
-        Bound of the power of an adaptation step, which is at most the power of the damping divided by this. 0 is no
-        bound.
+        Bound of the power of an adaptation step beyond the stable gains, which is then at most the power of the damping
+        divided by this. 0 is no bound.
 
     Raises
     ------
@@ -118,8 +118,8 @@ class Gradient(Descent[NoMemory]):
     .. math:: \dot{\hat\beta}=-\Gamma Y^\top s.
 
     The tracking error converges to zero [1]_. Sampled at a constant mass matrix, the backward rule is stable for
-    :math:`a+h<2`, :math:`a=T_c\lambda_{\max}(K^{-1}Y\Gamma Y^\top)`, :math:`h=T_c\lambda_{\max}(M^{-1}K)`; see
-    docs/discrete_adaptation.md.
+    :math:`a+h<2`, :math:`a=T_c\lambda_{\max}(K^{-1}Y\Gamma Y^\top)`, :math:`h=T_c\lambda_{\max}(M^{-1}K)`. Steps at
+    which V can rise are capped, the others are not; see docs/discrete_adaptation.md.
 
     References
     ----------
@@ -170,11 +170,17 @@ class Gradient(Descent[NoMemory]):
         return estimate - (period.dt * self._share(period, s, slope @ step)) * step, memory
 
     def _share(self, period: Period, s: Column, square: Any) -> Any:
-        """Factor that bounds the step's power."""
+        """1 where V cannot rise, otherwise a factor that bounds the step's power."""
         if self.cap == 0.0:
             return 1.0
         power = s @ (period.damping * s)
-        return power / (power + (self.cap * period.period) * square + MIN_POWER)
+        capped = power / (power + (self.cap * period.period) * square + MIN_POWER)
+        if self.theta < 0.5:
+            return capped
+        change = period.s - period.s_prev
+        taken = (2.0 * self.theta - 1.0) * (2.0 * s - (self.theta - 1.0 + 1.0 / MAX_SAMPLING_RATIO) * change)
+        room = 2.0 * power - maximum(taken @ (period.damping * change), 0.0)
+        return where(period.period * square <= room, 1.0, capped)
 
 
 @dataclass(frozen=True, eq=False)
