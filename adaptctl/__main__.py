@@ -29,11 +29,12 @@ def run() -> NoReturn:
     _on_signals(_leave)  # while packages are imported, there is nothing to keep
     gc.set_threshold(*COLLECTED)
     main = _main()
-    from adaptctl.cli.interruption import raised, repeated_where_lost
+    from adaptctl.cli.interruption import keep_without_terminal, raised, repeated_where_lost
 
     code = INTERRUPTED
     with suppress(KeyboardInterrupt):  # between two commands' own ways to take it
         repeated_where_lost()
+        keep_without_terminal()
         _on_signals(raised)
         code = main()
     _on_signals(signal.SIG_IGN)  # all is done; packages close

@@ -47,6 +47,17 @@ def test_a_run_whose_terminal_is_closed_keeps_what_was_computed(tmp_path: Path) 
     assert 0.0 < said["duration_run"] < 300.1  # rounded up to a whole sample
 
 
+def test_a_run_under_nohup_goes_on_when_its_terminal_is_closed(tmp_path: Path) -> None:
+    terminal, inner = pty.openpty()
+    command = [*RUN, "--duration", "0.2", "--out", str(tmp_path / "out")]
+    process = subprocess.Popen(command, stdin=inner, stdout=inner, stderr=inner)
+    os.close(inner)
+    wait_for_first_arm(terminal)
+    os.close(terminal)  # it is no controlling one, so that no signal comes
+    assert process.wait(120.0) in (0, 3)
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["complete"] is True
+
+
 @nightly
 def test_a_run_under_nohup_goes_on(tmp_path: Path) -> None:
     command = [*RUN, "--duration", "0.2", "--out", str(tmp_path / "out")]
