@@ -42,6 +42,7 @@ from adaptctl.control import (
     TaskSpaceSlotineLi,
     lyapunov,
 )
+from adaptctl.control.gains.sampling_ratio import mass_matrix_of
 from adaptctl.control.pytree import leaves
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import link_poses
@@ -140,6 +141,25 @@ def test_adaptive_computed_torque(name: str, bandwidth: float, mass: float, seed
     V = 0.5 * (run.s**2 * weight).sum(axis=1) + distance(law, run, true)
     assert rise(V) < 1e-5
     assert imbalance(V, integral(run, (run.s**2 * weight * law.bandwidth).sum(axis=1))) < 1e-2
+
+
+@pytest.mark.parametrize("factors", [(1.6, 0.4), (0.6, 1.4)])
+def test_adaptive_computed_torque_rejects_estimates_without_a_definite_mass_matrix(factors: list[float]) -> None:
+    """With a gain too large for it, the gradient leads to indefinite ones."""
+    name = "puma560_measured"
+    mechanism, model, true = arm(name), reduced(name), reduced(name).fundamental_parameters
+    first = np.linspace(*factors, len(true)) * true
+    law = AdaptiveComputedTorque(model, 5.0, first, gain(name), torque_limits=np.inf)
+    run = loop(law, mechanism, swinging(mechanism, 1), 0.5)
+    smallest = [
+        np.linalg.eigvalsh(mass_matrix_of(mechanism, p, model.embed(s.estimate)))[0]
+        for p, s in zip(run.p, run.states, strict=True)
+    ]
+    assert min(smallest) > 0.0
+    counts = run.states[-1].controller_state
+    assert 0.0 < counts.restarts[0] < counts.rejected[0] < 250.0
+    gentle = AdaptiveComputedTorque(model, 5.0, first, 0.1 * gain(name), torque_limits=np.inf)
+    assert loop(gentle, mechanism, swinging(mechanism, 1), 0.2).states[-1].controller_state.rejected[0] == 0.0
 
 
 def test_adaptive_computed_torque_keeps_an_invertible_model_on_rigid_bodies() -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import reduce
+from operator import sub
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,10 +17,20 @@ from adaptctl.control.adaptive import AdaptiveController, AdaptiveState
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.gains.gains import typical_inertia
 from adaptctl.control.gains.sampling_ratio import MAX_SAMPLING_RATIO, MIN_EIGENVALUE, worst_conditioned_configuration
-from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
+from adaptctl.control.pytree import either
+from adaptctl.dynamics.recursion.mass_matrix import factorised, solve_symmetric
 from adaptctl.errors import GainError, InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, column
+from adaptctl.scalars import Column, Scalar, column, minimum, where
+
+MIN_PIVOT_RATIO = 0.05  # of the initial estimate's pivots, so that accelerations are amplified at most 20 times
+
+
+class Rejections(NamedTuple):
+    """Numbers (1,) of rejected estimates, and of restarts from the initial one."""
+
+    rejected: Any
+    restarts: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +71,8 @@ class AdaptiveComputedTorque(AdaptiveController):
     .. math:: \dot{\hat\beta}=-\Gamma Y(p,v,a)^\top\hat M^{-1}Ws,\quad s=\dot e+\Lambda e.
 
     The tracking error converges to zero while the estimated mass matrix is positive definite [1]_, as with `Natural`.
+    An estimate with a pivot of its mass matrix below a twentieth of the initial estimate's is rejected: the last one is
+    kept or, where it is not definite either, the initial one. `controller_state` counts both.
     Noise needs a gain smaller by :math:`T_c\Lambda` than in `SlotineLi`.
 
     References
@@ -127,10 +142,29 @@ class AdaptiveComputedTorque(AdaptiveController):
 
         damping = column(self.prediction_weight) * bandwidth
         passed = Period(gradient, memory.s, s, memory.torque, q, v, self.control_period, memory.dt[0], damping)
-        estimate, learning = self._adapted(memory, passed)
+        adapted, learning = self._adapted(memory, passed)
+        estimate, guard = self._definite(q, adapted, memory)
         a = reference.a - bandwidth * (e_rate + s)
         torque = equations.inverse_dynamics(q, v, v, a, self._parameters(estimate))
-        return torque, AdaptiveState(estimate, q, v, s, *self._limited(torque), learning, NoMemory())
+        return torque, AdaptiveState(estimate, q, v, s, *self._limited(torque), learning, guard)
+
+    def _definite(self, q: Column, adapted: Column, memory: AdaptiveState) -> tuple[Column, Any]:
+        """Adapted estimate, else the last or the initial one, whose mass matrix at q is positive definite."""
+        if self.adaptation_law is None:
+            return adapted, NoMemory()
+        initial, last, counts = column(self.initial), memory.estimate, memory.controller_state
+        least = [MIN_PIVOT_RATIO * pivot for pivot in self._pivots(q, initial)]
+        good, kept = (_all_above(self._pivots(q, of), least) for of in (adapted, last))
+        rejected, restarts = where(good, 0.0, 1.0), where(good, 0.0, where(kept, 0.0, 1.0))
+        return either(good, adapted, either(kept, last, initial)), Rejections(
+            counts.rejected + Column((rejected,)), counts.restarts + Column((restarts,))
+        )
+
+    def _pivots(self, q: Column, estimate: Column) -> Sequence[Scalar]:
+        return factorised(self.model.mechanism.equations.mass_matrix(q, self._parameters(estimate))).pivots
+
+    def _controller_state(self, p: Array, v: Array) -> Any:
+        return NoMemory() if self.adaptation_law is None else Rejections(np.zeros(1), np.zeros(1))
 
     @property
     def _motion_size(self) -> int:
@@ -155,3 +189,8 @@ class AdaptiveComputedTorque(AdaptiveController):
                 f"= {np.round(p, 3).tolist()}: start from a rough model of the arm, or use SlotineLi, which can start "
                 "from zero"
             )
+
+
+def _all_above(numbers: Sequence[Scalar], least: Sequence[Scalar]) -> Any:
+    """True if no number is below its bound."""
+    return reduce(minimum, map(sub, numbers, least)) >= 0.0

@@ -98,6 +98,7 @@ class Factors(NamedTuple):
 
     lower: Sequence[Sequence[Scalar]]
     inverse: Sequence[Scalar]
+    pivots: Sequence[Scalar]
 
     def solved(self, right: Column) -> Column:
         """Solution x (n,) of M x = b."""
@@ -124,4 +125,4 @@ def factorised(rows: Sequence[Sequence[Scalar]]) -> Factors:
             lower[k][i] = m[k][i] * inverse[k]
             for j in range(i + 1):
                 m[i][j] = m[i][j] - lower[k][i] * m[k][j]
-    return Factors(lower, inverse)
+    return Factors(lower, inverse, [m[k][k] for k in range(n)])
