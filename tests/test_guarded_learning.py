@@ -18,8 +18,9 @@ from adaptctl.control import AdaptiveState, GuardedLearning
 from adaptctl.control.adaptation.doubt import CLEAR
 from adaptctl.control.adaptation.guarded_learning import GuardedMemory
 from adaptctl.control.adaptation.payload_test import JudgedPeriod, PayloadSums, PayloadTest
+from adaptctl.control.adaptation.recalled_step import Flow, recalled_step
 from adaptctl.control.adaptation.stored import QUARANTINE
-from adaptctl.control.adaptation.symmetric import from_triangle, solve, solve_with_forms, weighted_sum
+from adaptctl.control.adaptation.symmetric import from_triangle
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -74,18 +75,25 @@ def dense(k: int, seed: int) -> tuple[Array, Array]:
     return W.T @ W, rng.normal(size=k)
 
 
-@given(k=st.integers(1, 20), rows=st.integers(1, 7), seed=st.integers(0, 999))
-@settings(max_examples=30, deadline=None)
-def test_solutions_and_forms_are_those_of_dense_matrices(k: int, rows: int, seed: int) -> None:
-    A, b = dense(k, seed)
-    W = np.random.default_rng(seed + 1).normal(size=(rows, k))
-    upper, B = column(A[np.triu_indices(k)]), A + np.eye(k)
-    x, forms = solve_with_forms(upper, column(b), [column(w) for w in W], 1.0)
-    np.testing.assert_allclose(x.of, np.linalg.solve(B, b), rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(forms.of, np.einsum("qi,qi->q", W, np.linalg.solve(B, W.T).T), rtol=1e-9)
-    assert solve(upper, column(b), 1.0).of == x.of
-    total = from_triangle(np.array(weighted_sum(upper, upper, 0.25, 2.0).of), k)
-    np.testing.assert_allclose(total, 2.25 * A, rtol=1e-14)
+@given(k=st.integers(1, 45), rows=st.integers(1, 7), seed=st.integers(0, 999))
+@settings(max_examples=40, deadline=None)
+def test_a_recalled_step_is_that_of_dense_matrices(k: int, rows: int, seed: int) -> None:
+    """On floats up to 45 parameters, the pass that native code and C make of loops."""
+    rng = np.random.default_rng(seed + 1)
+    (A, x), (N, right), W = dense(k, seed), dense(k, seed + 2), rng.normal(size=(rows, k))
+    (shares, flow), upper = (rng.uniform(size=rows), Flow(0.9, 0.2, 0.7, 0.3)), np.triu_indices(k)
+    given_rows = [column(w) for w in W]
+    found = recalled_step(
+        column(A[upper]), column(N[upper]), given_rows, column(shares), flow, column(x), column(right)
+    )
+    after = 0.9 * A + 0.2 * N
+    inverse = np.linalg.inv(after + np.eye(k))
+    np.testing.assert_allclose(from_triangle(np.array(found.information.of), k), after, rtol=1e-13, atol=1e-13)
+    pending = 0.7 * N + W.T @ np.diag(shares) @ W
+    np.testing.assert_allclose(from_triangle(np.array(found.pending.of), k), pending, rtol=1e-12, atol=1e-12)
+    step = inverse @ (right + (0.3 * 0.9 * A + 0.2 * N) @ x)
+    np.testing.assert_allclose(found.step.of, step, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(found.unsure.of, np.einsum("qi,ij,qj->q", W, inverse, W), rtol=1e-8)
 
 
 @pytest.mark.parametrize("period", [1e-3, 2e-3, 5e-3])

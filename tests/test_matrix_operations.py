@@ -15,7 +15,7 @@ from adaptctl.compilation import Op, compile_function, compile_step, trace
 from adaptctl.compilation.loops import Interpreter, vector
 from adaptctl.compilation.matrix_operation import MatrixOperation
 from adaptctl.compilation.native import Processor
-from adaptctl.control.adaptation import symmetric
+from adaptctl.control.adaptation import recalled_step, symmetric
 from adaptctl.control.adaptation.symmetric import Equation, directional_update, rank_update, solve, symmetric_product
 from adaptctl.scalars import Column, Dual, column
 
@@ -42,13 +42,16 @@ def operation_and_arguments(name: str, k: int, r: int, rng: np.random.Generator)
             return symmetric._solver(k), [A, b, np.ones(1)]
         case "rank":
             return symmetric._rank_updater(k, r), [A, W, shares[0], np.array([0.9, 0.5])]
+        case "recall":
+            flow, (x, right) = np.array([0.9, 0.1, 0.8, 0.05]), rng.normal(size=(2, k))
+            return recalled_step._period(k, r), [A, 0.5 * A, W, shares[0], flow, x, right]
         case "scale":
             return symmetric._scaler(len(A)), [A, np.array([0.7])]
     learns = name == "learn"
     return symmetric._updater(k, r, learns=learns), [A, b, W, *shares, np.array([0.8])]
 
 
-NAMES = pytest.mark.parametrize("name", ["product", "solve", "rank", "scale", "learn", "forget"])
+NAMES = pytest.mark.parametrize("name", ["product", "solve", "rank", "scale", "recall", "learn", "forget"])
 
 
 def bits(columns: Any) -> list[list[float]]:

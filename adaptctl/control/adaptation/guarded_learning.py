@@ -16,13 +16,8 @@ from adaptctl.control.adaptation.doubt import CLEAR, MODEL, UNKNOWN, TorqueEquat
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.payload_test import PayloadSums, PayloadTest
 from adaptctl.control.adaptation.recall import RecallingLeastSquares
+from adaptctl.control.adaptation.recalled_step import Flow, recalled_step
 from adaptctl.control.adaptation.stored import QUARANTINE, Stored
-from adaptctl.control.adaptation.symmetric import (
-    rank_update,
-    solve_with_forms,
-    symmetric_product,
-    weighted_sum,
-)
 from adaptctl.control.adaptation.two_stage_filter import FilteredTwice
 from adaptctl.control.pytree import either
 from adaptctl.errors import InputError
@@ -186,7 +181,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         nothing, none, rest = np.zeros(k * (k + 1) // 2), np.zeros(k), np.zeros(r)
         one = np.zeros(1)
         return GuardedMemory(
-            Stored(nothing, none, nothing, none),
+            Stored(nothing, none, nothing, none, np.ones(2)),
             two_stage_filter.start(model, q, v, self.cutoff, control_period),
             Watch(np.array(initial), rest, rest, rest, one, one, one, one),
             PayloadSums.zero(r),
@@ -217,11 +212,9 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         watch = memory.watch
         prediction = two_stage_filter.predicted(model, period, memory.filtered, self.cutoff)
         sample = self._sample(prediction, period, watch)
-        stored, recall = self._stored(memory.stored, sample, period, watch)
         slope = self._scale * period.gradient(period.integral)
         x = Column(value / scale for value, scale in zip(estimate, self._scale, strict=True))
-        newton = slope + symmetric_product(recall[0], x) - recall[1]
-        step, unsure = solve_with_forms(stored.information, newton, sample.units, 1.0)
+        stored, step, unsure = self._stepped(memory.stored, sample, period, watch, (x, slope))
         trial = (trial_share(sample, watch) * self._scale) * slope + self._returning(watch, period) * (
             estimate - watch.trusted
         )
@@ -237,27 +230,28 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         units = [self._scale * row for row in rows]
         return TorqueEquations(rows, units, prediction.torque, missed, each(self.prediction_weight, r), counts, moving)
 
-    def _stored(
-        self, stored: Stored, sample: TorqueEquations, period: Period, watch: Watch
-    ) -> tuple[Stored, tuple[Column, Column]]:
-        """Memory with what leaves quarantine, and the matrix and vector of this period's step towards it."""
-        quiet, T = where(watch.alarm[0] > 0.0, 0.0, 1.0), period.period
-        keep = 1.0 / (1.0 + (self.forgetting * period.dt) * (quiet * reduce(maximum, sample.counts)))
-        stay, leave = 1.0 / (1.0 + T / QUARANTINE), quiet * (1.0 - 1.0 / (1.0 + T / QUARANTINE))
-        rho = quiet * (self.recall * period.dt)
-        information = weighted_sum(stored.information, stored.pending, keep, leave)
-        known = keep * stored.known + leave * stored.pending_known
+    def _stepped(
+        self, stored: Stored, sample: TorqueEquations, period: Period, watch: Watch, given: tuple[Column, Column]
+    ) -> tuple[Stored, Column, Column]:
+        """Memory with what leaves quarantine, the step at an estimate along a slope, and what is unsure (r,)."""
+        flow, (x, slope) = self._flow(stored, sample, period, watch), given
+        shares = where(watch.alarm[0] > 0.0, 0.0, period.dt) * (sample.counts * sample.weights)
         # The step recalls what was kept, and takes what is new at once: then V does not rise (docs/adaptation.md).
-        recalled = weighted_sum(stored.information, stored.pending, rho * keep, leave)
-        target = (rho * keep) * stored.known + leave * stored.pending_known
-        shares = quiet * period.dt * (sample.counts * sample.weights)
-        pending, pending_known = (
-            rank_update(stored.pending, sample.units, shares, stay, 0.0),
-            stay * stored.pending_known,
-        )
+        kept, new = flow.keep * stored.known, flow.leave * stored.pending_known
+        right = slope - flow.recall * kept - new
+        found = recalled_step(stored.information, stored.pending, sample.units, shares, flow, x, right)
+        pending = flow.stay * stored.pending_known
         for unit, share, torque in zip(sample.units, shares, sample.torque, strict=True):
-            pending_known = pending_known + (share * torque) * unit
-        return Stored(information, known, pending, pending_known), (recalled, target)
+            pending = pending + (share * torque) * unit
+        after = Stored(found.information, kept + new, found.pending, pending, stored.valid)
+        return after, found.step, found.unsure
+
+    def _flow(self, stored: Stored, sample: TorqueEquations, period: Period, watch: Watch) -> Flow:
+        """What a period keeps, takes and recalls of what is valid."""
+        quiet, stay = where(watch.alarm[0] > 0.0, 0.0, 1.0), 1.0 / (1.0 + period.period / QUARANTINE)
+        keep = 1.0 / (1.0 + (self.forgetting * period.dt) * (quiet * reduce(maximum, sample.counts)))
+        old, pending = stored.valid
+        return Flow(old * keep, pending * (quiet * (1.0 - stay)), pending * stay, quiet * (self.recall * period.dt))
 
     def _returning(self, watch: Watch, period: Period) -> Scalar:
         """Share of the way from the trial estimate back to the trusted one."""
@@ -368,7 +362,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         >>> learning.covariance(adaptctl.SlotineLi(model, 5.0, 4.0, learning).init(p, v).law_state).diagonal()
         array([0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
         """
-        return self._covariance(memory.stored.information)
+        return self._covariance(memory.stored.remembered)
 
 
 def trial_share(sample: TorqueEquations, watch: Watch) -> Scalar:

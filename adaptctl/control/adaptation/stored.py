@@ -4,26 +4,33 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from adaptctl.control.adaptation.symmetric import scaled
-from adaptctl.scalars import Scalar
+from adaptctl.arrays import Array
+from adaptctl.scalars import Column, Scalar
 
 QUARANTINE = 0.3
 """s, mean time from a sample to the memory, so that a contact that is detected is forgotten"""
 
 
 class Stored(NamedTuple):
-    """Information and z of memory and of quarantine, in units of the initial gain."""
+    """
+    Information and z of memory and of quarantine, in units of the initial gain.
+
+    `valid` (2,) are factors of both, 1 or 0: what was found useless is cleared by the next period, with no pass over
+    the matrices of its own.
+    """
 
     information: Any
     known: Any
     pending: Any
     pending_known: Any
+    valid: Any
 
     def cleared(self, kept: Scalar, pending: Scalar) -> Stored:
         """The same times factors of the memory and of quarantine."""
-        return Stored(
-            scaled(self.information, kept),
-            kept * self.known,
-            scaled(self.pending, pending),
-            pending * self.pending_known,
-        )
+        return self._replace(valid=Column((kept, pending)))
+
+    @property
+    def remembered(self) -> Array:
+        """Triangle of the information of one arm that counts."""
+        counts: Array = self.information * self.valid[..., :1]
+        return counts

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -12,6 +12,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.compilation.loops import Interpreter, Shape, Triangle, matrix, vector
 from adaptctl.compilation.matrix_operation import MatrixOperation
+from adaptctl.control.adaptation.elimination import ROWS_AT_ONCE, Elimination, groups, quotient
 from adaptctl.scalars import Column, Scalar
 
 
@@ -44,25 +45,14 @@ def solve(entries: Column, right: Column, shift: float = 0.0) -> Column:
     return _solver(len(right))(entries, right, Column((shift,)))[0]
 
 
-def solve_with_forms(entries: Column, right: Column, rows: Sequence[Column], shift: float) -> tuple[Column, Column]:
-    """Solution x of B x = b with B = A + shift 1, as by `solve`, and w' B^-1 w of each row w."""
-    x, forms = _solver(len(right), len(rows))(entries, right, Column((shift,)), _joined(rows))
-    return x, forms
-
-
 def scaled(entries: Column, factor: Scalar) -> Column:
     """Product of a factor and a matrix."""
     return _scaler(len(entries))(entries, Column((factor,)))[0]
 
 
-def weighted_sum(A: Column, B: Column, a: Scalar, b: Scalar) -> Column:
-    """Sum a A + b B of two matrices."""
-    return _adder(len(A))(A, B, Column((a, b)))[0]
-
-
 def rank_update(entries: Column, rows: Sequence[Column], weights: Column, keep: Scalar, diagonal: Scalar) -> Column:
     """Upper triangle of keep (A + diagonal 1) + W' diag(weights) W, of the rows of W."""
-    return _rank_updater(len(rows[0]), len(rows))(entries, _joined(rows), weights, Column((keep, diagonal)))[0]
+    return _rank_updater(len(rows[0]), len(rows))(entries, joined(rows), weights, Column((keep, diagonal)))[0]
 
 
 class Equation(NamedTuple):
@@ -88,11 +78,12 @@ def directional_update(
     rows, *shares = zip(*equations, strict=True)
     forgets_only = all(isinstance(one.learned, float) and one.learned == 0.0 for one in equations)
     update = _updater(len(z), len(rows), learns=not forgets_only)
-    A, after = update(entries, z, _joined(rows), *map(Column, shares), Column((keep,)))
+    A, after = update(entries, z, joined(rows), *map(Column, shares), Column((keep,)))
     return A, after
 
 
-def _joined(rows: Sequence[Column]) -> Column:
+def joined(rows: Sequence[Column]) -> Column:
+    """Rows of a matrix, one after the other."""
     return Column(x for row in rows for x in row)
 
 
@@ -106,18 +97,9 @@ def _scaler(size: int) -> MatrixOperation:
 
 
 @cache
-def _adder(size: int) -> MatrixOperation:
-    def weighted_sum(m: Interpreter, A: Any, B: Any, factors: Any, out: Any) -> None:
-        for j in m.columns(0, size):
-            out[j] = factors[0] * A[j] + factors[1] * B[j]
-
-    return MatrixOperation(weighted_sum, [vector(size), vector(size), vector(2)], [vector(size)], math.isqrt(2 * size))
-
-
-@cache
 def _product(k: int) -> MatrixOperation:
     def symmetric_product(m: Interpreter, A: Any, x: Any, out: Any) -> None:
-        full, right, y = _symmetric(m, A, k, 1.0), _copied(m, x, 1, k), m.scratch(1, k)
+        full, right, y = _symmetric(m, A, k, 1.0), copied(m, x, 1, k), m.scratch(1, k)
         _multiply(m, full, right, y, 1, k)
         for j in m.columns(0, k):
             out[j] = y[0, j]
@@ -126,84 +108,26 @@ def _product(k: int) -> MatrixOperation:
 
 
 @cache
-def _solver(k: int, forms: int = 0) -> MatrixOperation:
-    tolerance, width = k * float(np.finfo(np.float64).eps), k + 1 + forms
-
-    def symmetric_solve(m: Interpreter, A: Any, b: Any, shift: Any, *given: Any) -> None:
-        """Factors U' D^-1 U row by row, b and rows beside A; then x from the last to the first."""
-        upper, inverse, smallest, x = m.scratch(k, width), m.scratch(k), m.scratch(k), m.scratch(k + 1)
-        *rows, out = given[:-1] if forms else given
+def _solver(k: int) -> MatrixOperation:
+    def symmetric_solve(m: Interpreter, A: Any, b: Any, shift: Any, out: Any) -> None:
+        system = Elimination(m, k, 1)
         for i in m.range(k):
             for j in m.columns(i, k):
-                upper[i, j] = A[i, j]
-            upper[i, i] = upper[i, i] + shift[0]
-            upper[i, k] = b[i]
-            for q in m.range(forms) if forms else ():
-                upper[i, q + k + 1] = rows[0][q, i]
-            smallest[i] = tolerance * upper[i, i]
-        for group in _groups(m, k, ROWS_AT_ONCE):
-            _eliminate(m, upper, inverse, smallest, group, width)
-        for done in m.range(k):
-            i, total = k - 1 - done, m.sum()
-            for j in m.columns(i + 1, k):
-                total.add(j, upper[i, j] * x[j])
-            x[i] = (upper[i, k] - total.value) * inverse[i]
+                system.upper[i, j] = A[i, j]
+            system.upper[i, k] = b[i]
+            system.complete(i, shift[0])
+        system.run()
+        x = system.solution()
         for j in m.columns(0, k):
             out[j] = x[j]
-        for q in m.range(forms) if forms else ():
-            form = m.variable(0.0)
-            for i in m.range(k):
-                form.value = form.value + (upper[i, q + k + 1] * upper[i, q + k + 1]) * inverse[i]
-            given[-1][q] = form.value
 
-    inputs: list[Shape] = [Triangle(k), vector(k), vector(1), *([matrix(forms, k)] if forms else [])]
-    outputs: list[Shape] = [vector(k), *([vector(forms)] if forms else [])]
-    return MatrixOperation(symmetric_solve, inputs, outputs, k)
-
-
-ROWS_AT_ONCE = 4
-"""Rows that are computed together, since what they share is then read once."""
-
-
-def _groups(m: Interpreter, count: int, size: int) -> Iterator[list[Any]]:
-    """Numbers from 0 to `count`, some at once."""
-    for group in m.range(count // size):
-        yield [size * group + c for c in range(size)]
-    if count % size:
-        yield list(range(count - count % size, count))
-
-
-def _eliminate(m: Interpreter, upper: Any, inverse: Any, smallest: Any, rows: list[Any], width: int) -> None:
-    """Rows of U, less those before; row i of L' is row i of U over its pivot."""
-    factors = m.scratch(len(rows), width)
-    for p in m.range(rows[0]):
-        for c, i in enumerate(rows):
-            factors[c, p] = upper[p, i] * inverse[p]
-    for j in m.columns(rows[0], width):
-        entries = [m.variable(upper[i, j]) for i in rows]
-        for p in m.range(rows[0]):
-            above = upper[p, j]
-            for c, entry in enumerate(entries):
-                entry.value = entry.value - factors[c, p] * above
-        for i, entry in zip(rows, entries, strict=True):
-            upper[i, j] = entry.value
-    for c, i in enumerate(rows):
-        inverse[i] = _quotient(m, 1.0, upper[i, i], smallest[i])
-        for below in rows[c + 1 :]:
-            factor = upper[i, below] * inverse[i]
-            for j in m.columns(below, width):
-                upper[below, j] = upper[below, j] - factor * upper[i, j]
-
-
-def _quotient(m: Interpreter, x: Any, y: Any, smallest: Any) -> Any:
-    """x/y, and 0 where y is not above the smallest."""
-    return m.where_less(smallest, y, x / m.where_less(smallest, y, y, 1.0), 0.0)
+    return MatrixOperation(symmetric_solve, [Triangle(k), vector(k), vector(1)], [vector(k)], k)
 
 
 @cache
 def _rank_updater(k: int, r: int) -> MatrixOperation:
     def rank_update(m: Interpreter, A: Any, rows: Any, weights: Any, scales: Any, out: Any) -> None:
-        w, gains, line = _copied(m, rows, r, k), m.scratch(r), m.scratch(k)
+        w, gains, line = copied(m, rows, r, k), m.scratch(r), m.scratch(k)
         for i in m.range(k):
             for j in m.columns(i, k):
                 line[j] = scales[0] * A[i, j]
@@ -228,7 +152,7 @@ def _updater(k: int, r: int, *, learns: bool) -> MatrixOperation:
         keep: Any, A_out: Any, z_out: Any,
     ) -> None:  # fmt: skip
         """All g = A w first of the A before; then each loses and gains what A does by the equations before it."""
-        full, w, x = _symmetric(m, A, k, keep[0]), _copied(m, rows, r, k), _copied(m, z, 1, k)
+        full, w, x = _symmetric(m, A, k, keep[0]), copied(m, rows, r, k), copied(m, z, 1, k)
         g, lost = m.scratch(r, k), m.scratch(r)
         change = Change(m, g, w, m.scratch(ROWS_AT_ONCE, r), m.scratch(ROWS_AT_ONCE, r) if learns else None, learns)
         _multiply(m, full, w, g, r, k)
@@ -240,11 +164,11 @@ def _updater(k: int, r: int, *, learns: bool) -> MatrixOperation:
                     change.gains[0, p] = learned[p] * beside[0]
             change.apply(g, [q], q, 0, k)
             power, known = _dots(m, [(g, q), (x, 0)], w, q, k)
-            lost[q] = forgotten[q] * _quotient(m, 1.0, power + floor[q], 0.0)
+            lost[q] = forgotten[q] * quotient(m, 1.0, power + floor[q], 0.0)
             excess = lost[q] * (known - target[q])
             for j in m.columns(0, k):
                 x[0, j] = x[0, j] - excess * g[q, j] + gained[q] * w[q, j]
-        for rows_ in _groups(m, k, ROWS_AT_ONCE):
+        for rows_ in groups(m, k, ROWS_AT_ONCE):
             for q in m.range(r):
                 for c, i in enumerate(rows_):
                     change.losses[c, q] = lost[q] * g[q, i]
@@ -295,7 +219,8 @@ def _symmetric(m: Interpreter, A: Any, k: int, keep: Any) -> Any:
     return full
 
 
-def _copied(m: Interpreter, rows: Any, r: int, k: int) -> Any:
+def copied(m: Interpreter, rows: Any, r: int, k: int) -> Any:
+    """Copy (r, k) of an array in scratch memory."""
     copy = m.scratch(r, k)
     for q in m.range(r):
         for j in m.columns(0, k):
@@ -305,7 +230,7 @@ def _copied(m: Interpreter, rows: Any, r: int, k: int) -> Any:
 
 def _multiply(m: Interpreter, full: Any, w: Any, out: Any, r: int, k: int) -> None:
     """Products of a symmetric matrix and rows, each a sum over the matrix's rows in order."""
-    for rows in _groups(m, r, ROWS_AT_ONCE):
+    for rows in groups(m, r, ROWS_AT_ONCE):
         for j in m.columns(0, k):
             totals = [m.variable(0.0) for _ in rows]
             for i in m.range(k):
