@@ -247,7 +247,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         return after, found.step, found.unsure
 
     def _flow(self, stored: Stored, sample: TorqueEquations, period: Period, watch: Watch) -> Flow:
-        """What a period keeps, takes and recalls of what is valid."""
+        """Shares that a period keeps, takes and recalls of what is valid."""
         quiet, stay = where(watch.alarm[0] > 0.0, 0.0, 1.0), 1.0 / (1.0 + period.period / QUARANTINE)
         keep = 1.0 / (1.0 + (self.forgetting * period.dt) * (quiet * reduce(maximum, sample.counts)))
         old, pending = stored.valid
