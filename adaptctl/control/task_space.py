@@ -17,14 +17,14 @@ from adaptctl.control.slotine_li import ReferenceVelocity, SlotineLi
 from adaptctl.dynamics.recursion.kinematics import moving_point
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
-from adaptctl.scalars import Column, Dual, Vec, column, maximum
+from adaptctl.scalars import Column, Dual, Vec, column, maximum, sqrt
 from adaptctl.scalars.column import combined
 
 MIN_SINGULAR_VALUE_RATIO = 1e-6  # of a Jacobian: below it everywhere, an axis cannot be controlled
-
-
-NEAR_SINGULAR_DETERMINANT = 1e-3  # of J J' scaled to a mean eigenvalue of 1, below which its inverse is damped
-MAX_DAMPING = 1e-2  # over the mean eigenvalue
+NEAR_SINGULAR_DETERMINANT = 3e-3  # of J J' scaled to a mean eigenvalue of 1, below which its inverse is damped
+MAX_DAMPING = 1e-3  # over the mean eigenvalue
+MAX_ERROR = 0.2  # rad, over which joints of mean effect move the point: larger errors are approached no faster
+ERROR_DAMPING = 1.0  # 1/rad^2: of the error's square, so that targets out of reach do not straighten an arm at speed
 MIN_SQUARE = 1e-12  # m^2, for a point that nothing moves
 
 
@@ -90,12 +90,14 @@ class TaskSpaceSlotineLi(SlotineLi):
     .. math:: v_r=J^\#(\dot x_d-\Lambda(x-x_d))+(1-J^\#J)v_0,\quad J^\#=J^\top(JJ^\top+\mu^2)^{-1},
 
     with the posture's velocity :math:`v_0`. The point converges where J has full rank and :math:`\mu=0` [1]_; near
-    singularities :math:`\mu` grows smoothly [2]_.
+    singularities :math:`\mu` grows smoothly [2]_, as it does with the error [3]_. Errors count for at most
+    what a turn of 0.2 rad changes. A target out of reach therefore asks for no large torques.
 
     References
     ----------
     .. [1] Slotine and Li, Int. J. Robotics Research, 1987.
     .. [2] Nakamura and Hanafusa, ASME J. Dynamic Systems, Measurement and Control, 1986.
+    .. [3] Sugihara, IEEE Trans. Robotics, 2011.
 
     Examples
     --------
@@ -214,9 +216,10 @@ class TaskSpaceSlotineLi(SlotineLi):
         position, rows = self.point(q)
         home = column(np.asarray(self.posture))
         free = -(self.posture_rate * (p - home)) if len(self.axes) < self.dof else Column.zeros(self.dof)
-        task = rate - column(self.bandwidth) * (position - goal) - Column(row @ free for row in rows)
         gram = [[a @ b for b in rows] for a in rows]
-        square = self.singularity**2 + _damping_of(gram)
+        error = _bounded(position - goal, MAX_ERROR**2 * _mean_square(gram))
+        task = rate - column(self.bandwidth) * error - Column(row @ free for row in rows)
+        square = self.singularity**2 + ERROR_DAMPING * (error @ error) + _damping_of(gram)
         for i in range(len(rows)):
             gram[i][i] = gram[i][i] + square
         return free + combined(rows, solve_symmetric(gram, task))
@@ -258,10 +261,19 @@ def _moving(values: Column, slopes: Column) -> Column:
     return Column(map(Dual, values, slopes))
 
 
+def _bounded(error: Column, square: Any) -> Column:
+    """Error of the same direction, shorter than the root of `square`."""
+    return (1.0 / sqrt(1.0 + (error @ error) / square)) * error
+
+
+def _mean_square(gram: list[list[Any]]) -> Any:
+    """Mean eigenvalue of J J' (m^2)."""
+    return sum((gram[i][i] for i in range(1, len(gram))), gram[0][0]) * (1.0 / len(gram)) + MIN_SQUARE
+
+
 def _damping_of(gram: list[list[Any]]) -> Any:
     """Square of mu (m^2), 0 where J is regular."""
-    m = len(gram)
-    mean = sum((gram[i][i] for i in range(1, m)), gram[0][0]) * (1.0 / m) + MIN_SQUARE
+    mean = _mean_square(gram)
     scaled = [[(1.0 / mean) * x for x in row] for row in gram]
     lack = maximum(1.0 - _determinant(scaled) * (1.0 / NEAR_SINGULAR_DETERMINANT), 0.0)
     return MAX_DAMPING * mean * lack * lack
