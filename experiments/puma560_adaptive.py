@@ -54,8 +54,9 @@ if TYPE_CHECKING:
 
 DAMPING = "damping of each joint, N m s"
 FROM_NOTHING = (
-    "All masses, centres of mass and inertias are unknown to the controller. The base parameters are found from "
-    "energies. Slotine and Li's adaptive controller then starts from zero estimates and adapts only these parameters."
+    "All masses, centres of mass and inertias are unknown to the adaptive law: its estimates start at zero. Gains and "
+    "reference come from the inertias of the robot's file. The base parameters are found from energies, and only these "
+    "are adapted."
 )
 SOME = (
     "The controller has only the first s essential components, sorted by energy: it adapts them from zero, or holds "

@@ -28,7 +28,7 @@ from adaptctl.dynamics import load
 from adaptctl.errors import GainError, InputError, NotFoundError
 from adaptctl.experiments import EXPERIMENTS, find
 from adaptctl.experiments.adaptive import AdaptiveTracking
-from adaptctl.experiments.contest import Contender, contest
+from adaptctl.experiments.contest import NO_MODEL, Contender, contest
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording.trace import write_trace
@@ -286,7 +286,7 @@ def test_what_cannot_be_made_is_told_before_anything_runs() -> None:
 
     contenders = [
         Contender.of("good", "Good", "exact", ComputedTorque(mechanism, 8.0)),
-        Contender("stiff", "Stiff", "none", stiff),
+        Contender("stiff", "Stiff", NO_MODEL, stiff),
     ]
     env: Any = gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", robot=mechanism, reference=1, duration=0.01)
     with pytest.raises(GainError, match="too stiff"):

@@ -13,7 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.compilation.lanes import Precision
 from adaptctl.control import ReferencePoint, SlotineLi
 from adaptctl.dynamics import Mechanism
-from adaptctl.experiments.contest import Contender
+from adaptctl.experiments.contest import NO_MODEL, Contender
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.identifiability import FundamentalBasis
 from adaptctl.sweeps.rows import RunOutcome, alone, batched
@@ -48,7 +48,7 @@ class Stepped(Puma560Adaptive):
             return usual
         law: Any = next(one.controller for one in usual if one.name == "adaptive")
         own = Stepping(**{entry.name: getattr(law, entry.name) for entry in fields(law) if entry.init})
-        return [Contender.of("adaptive", "own", "none", own)]
+        return [Contender.of("adaptive", "own", NO_MODEL, own)]
 
 
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 FINAL_ERROR_TIME = 2.0
 # Time in s at the start of a run over which its first error is taken.
 FIRST_ERROR_TIME = 1.0
-# `prior_knowledge` of a controller that starts from zero estimates, or has no model.
-NO_MODEL = "none"
+# `prior_knowledge` of a controller without a model: estimates start at zero, gains come from the file's inertias.
+NO_MODEL = "gains only"
 # Name of the run of a subject's controller with adaptation off, unless a comparison says another
 ADAPTATION_OFF = "adaptation-off"
 # Share of its limit at which a torque counts as limited.
