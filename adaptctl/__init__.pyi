@@ -16,6 +16,8 @@ from adaptctl.errors import FileError as FileError
 from adaptctl.errors import InputError as InputError
 from adaptctl.errors import NotFoundError as NotFoundError
 from adaptctl.errors import RankError as RankError
+from adaptctl.hardware import DrivenRun as DrivenRun
+from adaptctl.hardware import drive as drive
 from adaptctl.identifiability import EssentialSpace as EssentialSpace
 from adaptctl.identifiability import FundamentalBasis as FundamentalBasis
 from adaptctl.identifiability import Priority as Priority

@@ -36,6 +36,7 @@ ORDER = (
     "tuning",
     "design",
     "codegen",
+    "hardware",
     "envs",
     "experiments",
     "sweeps",

@@ -525,12 +525,35 @@ class StoppedReference:
             Positions, velocities and accelerations (..., r) in rad, rad/s and rad/s^2 (m for a prismatic joint).
         """
         time = numbers(t, "reference: time")
-        u = np.clip((time - self.stop) / self.duration, 0.0, 1.0)
-        fallen, slope, _ = quintic(u)
-        gone = u**4 * (2.5 + u * (u - 3.0))  # the integral of the step
-        inner = self.reference(np.where(u > 0.0, self.stop + self.duration * (u - gone), time))
-        rate, change = (1.0 - fallen)[..., None], (-slope / self.duration)[..., None]
+        slowed, rate, change = self._slowed((time - self.stop) / self.duration)
+        inner = self.reference(np.where(time > self.stop, self.stop + slowed, time))
+        rate, change = rate[..., None], change[..., None]
         return ReferencePoint(inner.p, inner.v * rate, inner.a * rate**2 + inner.v * change)
+
+    def at(self, t: float) -> ReferencePoint:
+        """
+        Return the reference point at one time, without the checks of a call.
+
+        Parameters
+        ----------
+        t : float
+            Time in s. NaN is not refused.
+
+        Returns
+        -------
+        ReferencePoint
+            Positions, velocities and accelerations (r,).
+        """
+        slowed, rate, change = self._slowed((t - self.stop) / self.duration)
+        inner = getattr(self.reference, "at", self.reference)(self.stop + slowed if t > self.stop else t)
+        return ReferencePoint(inner.p, inner.v * rate, inner.a * rate**2 + inner.v * change)
+
+    def _slowed(self, u: Any) -> tuple[Any, Any, Any]:
+        """Time that passes along the path after the stop begins, its rate, and the rate's derivative."""
+        u = clip(u, 0.0, 1.0)
+        fallen, slope = quintic(u)[:2]
+        gone = u**4 * (2.5 + u * (u - 3.0))  # the integral of the step
+        return self.duration * (u - gone), 1.0 - fallen, -slope / self.duration
 
 
 @sent_as_made

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import positive_period
+from adaptctl.arrays import frozen, positive_period
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError, LostSamplesWarning
 from adaptctl.files import validate_place
@@ -41,6 +42,8 @@ class RunLogger:
         Joint names (r,) in the file. Default: joint1, joint2, ...
     position_units : tuple of str, default ()
         Joint units (r,), "rad" or "m". Default: empty, not known.
+    flags : tuple of str, default ()
+        Names (f,) of further numbers of each sample, `flags` of the run. Default: none.
 
     Raises
     ------
@@ -78,19 +81,22 @@ class RunLogger:
         capacity: int = 300_000,
         joints: tuple[str, ...] | None = None,
         position_units: tuple[str, ...] = (),
+        flags: tuple[str, ...] = (),
     ) -> None:
         for what, number, least in (("dof", dof, 1), ("estimates", estimates, 0), ("capacity", capacity, 2)):
             if isinstance(number, bool) or not isinstance(number, int) or number < least:
                 raise InputError(f"{what}: expected a whole number of at least {least}, got {number!r}")
         self.control_period = positive_period(control_period, "control_period")
-        width = 7 * dof + estimates + 1
+        width = 7 * dof + estimates + len(flags) + 1
         _validate_memory(8 * capacity * width, capacity)
         self._joints, self._units = joint_names(dof, joints), stated_units(dof, position_units)
         if path is not None:  # what is missing should be known before the loop, not after it
             RolloutFile(path, dof, joints)
             validate_place(path)
         self._rows, self._dof, self._path = np.zeros((capacity, width)), dof, path
-        self._sample, self._lengths = np.zeros(width), [dof] * 7 + [estimates]
+        self._sample, self._lengths = np.zeros(width), [dof] * 7 + [estimates, len(flags)]
+        self.flags = tuple(flags)
+        """names (f,) of further numbers of a sample"""
         self.count, self.faulty = 0, 0
         """appended samples, and those refused"""
 
@@ -111,6 +117,7 @@ class RunLogger:
         torque: ArrayLike,
         applied: ArrayLike | None = None,
         estimate: ArrayLike = (),
+        flags: ArrayLike = (),
     ) -> None:
         """
         Append a sample, or only count it if it is faulty.
@@ -129,6 +136,8 @@ class RunLogger:
             Torque at the joints (r,) in N m (N). Default: the commanded one.
         estimate : array_like, default ()
             Parameter estimates (k,) in SI units. Default: empty, for a controller without.
+        flags : array_like, default ()
+            Further numbers (f,), in the order of their names.
 
         Examples
         --------
@@ -139,7 +148,7 @@ class RunLogger:
         """
         row = self._sample
         try:
-            given = (p, v, *reference, torque, torque if applied is None else applied, estimate)
+            given = (p, v, *reference, torque, torque if applied is None else applied, estimate, flags)
             fits = [len(part) for part in given] == self._lengths  # type: ignore[arg-type]
             np.concatenate(given, out=row[1:])
             row[0] = time
@@ -174,9 +183,9 @@ class RunLogger:
             raise InputError(f"a run needs at least 2 samples, got {self.count} ({self.faulty} faulty)")
         first = self.count % len(self._rows) if self.lost else 0
         rows = np.roll(self._rows, -first, axis=0)[: min(self.count, len(self._rows))]
-        r = self._dof
+        r, own = self._dof, np.shape(rows)[1] - len(self.flags)
         p, v, rp, rv, ra, torque, applied = (rows[:, 1 + k * r : 1 + (k + 1) * r] for k in range(7))
-        return Rollout.from_arrays(
+        run = Rollout.from_arrays(
             p,
             torque,
             rp,
@@ -185,11 +194,13 @@ class RunLogger:
             reference_v=rv,
             reference_a=ra,
             applied=applied,
-            estimate=rows[:, 1 + 7 * r :],
+            estimate=rows[:, 1 + 7 * r : own],
             time=rows[:, 0],
             interrupted=interrupted,
             position_units=self._units,
         )
+        flags = {name: frozen(column.copy()) for name, column in zip(self.flags, rows[:, own:].T, strict=True)}
+        return replace(run, flags=flags) if flags else run
 
     def __enter__(self) -> RunLogger:
         return self

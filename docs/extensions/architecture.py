@@ -12,7 +12,7 @@ BELOW = {"errors", "optional_packages", "renamed", "version", "caching", "files"
 """Single files that all others may use, drawn as one row."""
 GROUPS = (
     ("what users run", ("cli", "sweeps", "experiments", "envs")),
-    ("results", ("codegen", "design", "identification")),
+    ("results", ("codegen", "hardware", "design", "identification")),
     ("runs shown, tuned", ("recording", "tuning")),
     ("closed loops", ("simulation",)),
     ("laws", ("control",)),

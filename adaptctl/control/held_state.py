@@ -1,0 +1,123 @@
+"""Changes of a controller's state from outside."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control.controller import Controller
+from adaptctl.control.pytree import leaves, paths
+
+
+class HeldState:
+    """
+    Editor of a controller's states, for loops that limit torques or distrust a period.
+
+    Parameters
+    ----------
+    controller : Controller
+        Controller with r joints, alone or in a safety filter.
+
+    Examples
+    --------
+    >>> from adaptctl.control import HeldState
+    >>> state = HeldState(law).without_learning(law.init(p, v), torque=np.array([1.0, 2.0]))
+    >>> state.torque, state.dt
+    (array([1., 2.]), array([0.]))
+    """
+
+    def __init__(self, controller: Controller[Any]) -> None:
+        self._controller, self._size = controller, 0
+        self._places: dict[str, list[slice]] = {"torque": [], "dt": [], "q": [], "estimate": []}
+        for path, part in zip(paths(controller._blank), leaves(controller._blank), strict=True):
+            here = slice(self._size, self._size + np.shape(part)[-1])
+            parents, _, name = path.rpartition(".")
+            own = set(parents.split(".")) <= {"state", "inner"}
+            if name == "dt" or (own and name in ("torque", "q", "estimate")):
+                self._places[name].append(here)
+            self._size = here.stop
+
+    def with_torque(self, state: Any, torque: Array) -> Any:
+        """
+        Return a state whose last torque is another one.
+
+        Parameters
+        ----------
+        state : tuple
+            Internal state of one arm.
+        torque : ndarray
+            Torque (r,) that was applied in N m (N).
+
+        Returns
+        -------
+        tuple
+            Internal state.
+        """
+        return self._edited(state, "torque", torque)
+
+    def without_learning(self, state: Any, torque: Array) -> Any:
+        """
+        Return a state that learns nothing from the period that begins.
+
+        Parameters
+        ----------
+        state : tuple
+            Internal state of one arm.
+        torque : ndarray
+            Torque (r,) that was applied in N m (N).
+
+        Returns
+        -------
+        tuple
+            Internal state.
+        """
+        return self._edited(self._edited(state, "torque", torque), "dt", 0.0)
+
+    def with_estimate(self, state: Any, estimate: Array) -> Any:
+        """
+        Return a state with another estimate.
+
+        Parameters
+        ----------
+        state : tuple
+            Internal state of one arm.
+        estimate : ndarray
+            Estimate (k,) in SI units.
+
+        Returns
+        -------
+        tuple
+            Internal state.
+        """
+        return self._edited(state, "estimate", estimate)
+
+    def at(self, state: Any, other: Any) -> Any:
+        """
+        Return a state with the closed configuration of another one, near which loops are closed.
+
+        Parameters
+        ----------
+        state, other : tuple
+            Internal states of one arm.
+
+        Returns
+        -------
+        tuple
+            Internal state.
+        """
+        there = self._controller._array_of(other, ())
+        for place in self._places["q"]:
+            state = self._set(state, place, there[place])
+        return state
+
+    def _edited(self, state: Any, name: str, value: Any) -> Any:
+        for place in self._places[name]:
+            state = self._set(state, place, value)
+        return state
+
+    def _set(self, state: Any, place: slice, value: Any) -> Any:
+        array = np.array(self._controller._array_of(state, ()))
+        array[place] = value
+        return self._controller._remembering(array)

@@ -1,0 +1,5 @@
+"""DriveLoop at the robot, and adapters of vendors' clients."""
+
+from adaptctl.optional_packages import imported_lazily
+
+__all__, __getattr__, __dir__ = imported_lazily(__name__)

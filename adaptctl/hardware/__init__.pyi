@@ -1,0 +1,10 @@
+from adaptctl.hardware.drive import drive as drive
+from adaptctl.hardware.driven_run import DrivenRun as DrivenRun
+from adaptctl.hardware.franka_robot import FrankaRobot as FrankaRobot
+from adaptctl.hardware.gravity import GravityTorque as GravityTorque
+from adaptctl.hardware.mujoco_robot import MuJoCoRobot as MuJoCoRobot
+from adaptctl.hardware.robot import HardwareLimits as HardwareLimits
+from adaptctl.hardware.robot import RobotReading as RobotReading
+from adaptctl.hardware.robot import TorqueRobot as TorqueRobot
+from adaptctl.hardware.timing import LoopTimes as LoopTimes
+from adaptctl.hardware.torque_guard import TorqueGuard as TorqueGuard

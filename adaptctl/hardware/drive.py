@@ -1,0 +1,174 @@
+"""DriveLoop at a robot."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array, positive_number
+from adaptctl.control import SafetyFilter
+from adaptctl.control.controller import Controller, Reference
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError, validate_kind
+from adaptctl.hardware.checks import (
+    GRAVITY_SHARE,
+    MEASURED_SHARE,
+    common_limits,
+    mechanism_of,
+    standing,
+    torque_at_rest,
+    validate_gravity,
+    validate_periods,
+)
+from adaptctl.hardware.compensation import Compensation
+from adaptctl.hardware.driven_run import DrivenRun
+from adaptctl.hardware.gravity import GravityTorque
+from adaptctl.hardware.lead_in import led_in
+from adaptctl.hardware.loop import DriveLoop
+from adaptctl.hardware.measurements import Measurements
+from adaptctl.hardware.resting import StoppingDistance
+from adaptctl.hardware.robot import RobotReading, TorqueRobot, validate_robot
+from adaptctl.recording import Live
+from adaptctl.simulation import RunLogger
+
+MAX_ERROR = 0.3
+"""rad (m)"""
+
+
+def drive(
+    robot: TorqueRobot,
+    controller: Controller[Any],
+    reference: Reference,
+    duration: float,
+    log: RunLogger | str | Path | None = None,
+    *,
+    lead_in: float | None = None,
+    max_error: float = MAX_ERROR,
+    from_zero: bool = False,
+    mechanism: Mechanism | None = None,
+    live: Live | None = None,
+) -> DrivenRun:
+    """
+    Drive a robot along a reference, from where it stands to a planned stop.
+
+    Parameters
+    ----------
+    robot : TorqueRobot
+        Robot with r joints: an adapter of `adaptctl.hardware`, or any object with its attributes and methods.
+    controller : Controller
+        Controller for the robot's control period.
+    reference : Reference
+        Trajectory to follow. It is joined from the arm's posture by minimum jerk.
+    duration : float
+        Time in s for which the reference is followed, lead-in included; the planned stop comes after it.
+    log : RunLogger or str or Path, optional
+        Log of the run, or the Parquet file for one. Default: in memory, in the result.
+    lead_in : float, optional
+        Time in s after which the reference is followed exactly. Default: the shortest of 3 to 20 s within the limits.
+    max_error : float, default 0.3
+        Tracking error in rad (m) of a joint at which the arm is stopped.
+    from_zero : bool, default False
+        True to drive an arm whose estimate does not hold it against gravity: it sinks until the estimate has learned.
+    mechanism : Mechanism, optional
+        Description of the robot. Default: that of the controller.
+    live : Live, optional
+        Live view of the run. Default: none.
+
+    Returns
+    -------
+    DrivenRun
+        Run, its times, and why it was stopped, if it was.
+
+    Raises
+    ------
+    InputError
+        If the robot is another one than described, moves, stands outside its limits, or would not be held by the
+        estimate, or the reference leaves the limits. No torque was sent then.
+    KeyboardInterrupt
+        After the planned stop, if Ctrl-C was pressed. A second Ctrl-C is the robot's own stop.
+
+    Notes
+    -----
+    Torques stay within the limits and 95 % of the rate limits from the first one on, which starts from the torque that
+    holds the arm. Nothing is learned while torques are blended in or limited, measurements missing or late, or the arm
+    stopped. *Switch it on* in the documentation says what each stop means. No real arm has been driven yet.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from adaptctl.hardware import MuJoCoRobot
+    >>> robot = MuJoCoRobot(arm, control_period=law.control_period, start=p)
+    >>> start = replace(law, initial=law.model.fundamental_parameters)
+    >>> run = adaptctl.drive(robot, start, reference, duration=0.1)
+    >>> run.stopped
+    ''
+    """
+    validate_robot(robot)
+    validate_kind(controller, Controller, "controller", "as adaptive_controller(...) gives one")
+    seconds = positive_number(duration, "duration: expected a positive time in s")
+    greatest = positive_number(max_error, "max_error: expected a positive error in rad")
+    arm = mechanism_of(controller, mechanism)
+    validate_periods(controller, robot.period)
+    limits = common_limits(robot, arm, controller)
+    guarded = controller if isinstance(controller, SafetyFilter) else _filtered(controller, robot.period)
+    guarded.compile()
+    stopping = StoppingDistance(arm, limits, robot.period)
+    gravity, names = GravityTorque(arm), [joint.name for joint in arm.primary_joints]
+    measurements = Measurements(arm.primary_joints, limits, robot.period, np.asarray(reference(0.0).p))
+    now = standing(robot, measurements, names, limits)
+    path = led_in(reference, now.p, seconds, arm, limits, stopping, lead_in)
+    compensation = Compensation(robot, gravity, bool(np.any(arm.description.gravity)))
+    own = torque_at_rest(guarded, now.p)
+    if not from_zero:
+        needed, most = _held(robot, now, compensation, gravity)
+        validate_gravity(own, needed, most, names, limits)
+    with ExitStack() as held_open:
+        logger = _log(log, guarded, arm, robot.period, seconds)
+        if logger is not log:
+            held_open.enter_context(logger)
+        loop = DriveLoop(robot, guarded, path, seconds, arm, limits, stopping, measurements, gravity, compensation)
+        loop.log, loop.live, loop.max_error = logger, live, greatest
+        loop.run(now, own, gravity(now.p) if from_zero else own)
+    run = logger.rollout() if logger.count >= 2 else None
+    numbers = loop.first_error, loop.peak_rate, loop.peak_speed_share
+    return DrivenRun(run, loop.times, loop.stopped, loop.by_robot, *numbers, bool(robot.compensates_gravity))
+
+
+def _held(robot: Any, now: RobotReading, compensation: Compensation, gravity: GravityTorque) -> tuple[Array, float]:
+    """Torque (r,) that holds the arm, and the share of the limits by which an estimate may differ."""
+    if robot.compensates_gravity:
+        return compensation(now), GRAVITY_SHARE
+    if now.torque is None or getattr(robot, "has_brakes", False):
+        return gravity(now.p), GRAVITY_SHARE
+    return now.torque, MEASURED_SHARE
+
+
+def _filtered(controller: Controller[Any], period: float) -> SafetyFilter:
+    """Controller whose numbers are watched; limits are the loop's."""
+    damping = None if getattr(controller, "damping", None) is not None else 0.0
+    return SafetyFilter(controller, stop_damping=damping, freeze=False, control_period=period)
+
+
+def _log(
+    log: RunLogger | str | Path | None, controller: SafetyFilter, arm: Mechanism, period: float, duration: float
+) -> RunLogger:
+    """Logger of a run, for a file unless one is given."""
+    if isinstance(log, RunLogger):
+        return log
+    if log is not None and not isinstance(log, str | Path):
+        raise InputError(f"log: expected a RunLogger or a path, got {log!r}")
+    names = tuple(joint.name for joint in arm.primary_joints)
+    units = tuple(joint.kind.position_unit for joint in arm.primary_joints)
+    estimates = np.size(getattr(_first_state(controller, arm), "estimate", ()))
+    flags = ("learning", "stopping", *(f"compensation.{n}" for n in names), *(f"reported_torque.{n}" for n in names))
+    capacity = min(int(duration / period) + 20_000, 2_000_000)
+    return RunLogger(
+        arm.dof, period, log, estimates=estimates, capacity=capacity, joints=names, position_units=units, flags=flags
+    )
+
+
+def _first_state(controller: SafetyFilter, arm: Mechanism) -> Any:
+    return controller.inner.initial_state(controller.neutral_configuration, np.zeros(arm.dof))

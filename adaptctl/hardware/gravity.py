@@ -1,0 +1,54 @@
+"""Gravity torque of a mechanism, compiled for a loop."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.compilation import compile_function
+from adaptctl.dynamics import Mechanism
+from adaptctl.scalars import Column, column
+
+
+class GravityTorque:
+    """
+    Torque that holds a mechanism at rest.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Mechanism with r joints, with its own parameters.
+
+    Examples
+    --------
+    >>> from adaptctl.hardware import GravityTorque
+    >>> gravity = GravityTorque(arm)
+    >>> bool(np.allclose(gravity(p), arm.inverse_dynamics(p, np.zeros(2), np.zeros(2))))
+    True
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        equations, rest = mechanism.equations, Column.zeros(mechanism.dof)
+        own, near = column(mechanism.inertial_parameters), column(mechanism.neutral_configuration)
+        guess = column(mechanism.configuration(mechanism.neutral_configuration)) if equations.closure_key else near
+
+        def torque(p: Column) -> Column:
+            return equations.inverse_dynamics(equations.closed(p, guess), rest, rest, rest, own)
+
+        self._kernel = compile_function(torque, {"p": mechanism.dof}, name="gravity torque")
+
+    def __call__(self, p: Array) -> Array:
+        """
+        Return the torque at a posture.
+
+        Parameters
+        ----------
+        p : ndarray
+            Positions (r,) in rad (m).
+
+        Returns
+        -------
+        ndarray
+            Torque (r,) in N m (N).
+        """
+        return np.asarray(self._kernel.call(p))

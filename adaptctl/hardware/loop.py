@@ -1,0 +1,284 @@
+"""DriveLoop of control periods at a robot."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control import HeldState, SafetyFilter
+from adaptctl.control.controller import Reference, ReferencePoint
+from adaptctl.control.references import quintic
+from adaptctl.dynamics import Mechanism
+from adaptctl.hardware.compensation import Compensation
+from adaptctl.hardware.gravity import GravityTorque
+from adaptctl.hardware.interruptions import interruptions
+from adaptctl.hardware.measurements import Measurements
+from adaptctl.hardware.resting import StoppingDistance
+from adaptctl.hardware.robot import HardwareLimits, RobotReading
+from adaptctl.hardware.stop import HOLD, PATIENCE, PlannedStop
+from adaptctl.hardware.timing import LoopTimes, without_collections
+from adaptctl.hardware.torque_guard import TorqueGuard
+from adaptctl.recording import Live
+from adaptctl.simulation import RunLogger
+
+RAMP = 0.2
+"""s in which what the torque that holds the arm has beyond the controller's fades"""
+BLIND = 10
+"""periods in a row without a sound measurement, after which the robot's own stop is asked for"""
+LATE = 20
+"""periods in a row that may come late before the arm is stopped"""
+PROVEN = 0.25
+"""s of good tracking after which an estimate is kept for a stop"""
+GOOD_SHARE = 0.2
+"""share of the largest error within which tracking is good"""
+QUIET_SHARE = 0.05
+"""share of the torque limits that feedback may add to a good estimate"""
+REST = 0.05
+"""rad/s (m/s) below which a stopped arm is handed back"""
+SAG, SAG_TIME = 1e-3, 0.05
+"""rad (m) by which an arm may sink within so many s after its brakes opened"""
+HAND_BACK = 0.2
+"""s in which torques fall to zero where the arm holds itself"""
+
+
+class DriveLoop:
+    """DriveLoop of one run: read, check, step, limit, write, log."""
+
+    log: RunLogger
+    live: Live | None = None
+    max_error: float = 0.3
+
+    def __init__(
+        self, robot: Any, controller: SafetyFilter, path: Reference, duration: float, arm: Mechanism,
+        limits: HardwareLimits, stopping: StoppingDistance, measurements: Measurements, gravity: GravityTorque,
+        compensation: Compensation,
+    ) -> None:  # fmt: skip
+        self.robot, self.controller, self.path, self.duration = robot, controller, path, duration
+        self.limits, self.stopping, self.measurements = limits, stopping, measurements
+        self.gravity, self.compensation = gravity, compensation
+        self.names = [joint.name for joint in arm.primary_joints]
+        self.times, self.held_state = LoopTimes(robot.period), HeldState(controller)
+        self.time, self.blind, self.good, self._logged = 0.0, 0, 0.0, -1.0
+        self.stop: PlannedStop | None = None
+        self.stopped, self.by_robot, self.interrupted, self.ended = "", False, False, False
+        self.peak_rate, self.peak_speed_share, self.first_error = 0.0, 0.0, 0.0
+
+    def run(self, now: RobotReading, own: Array, held: Array) -> None:
+        """Run to the end or a stop, from the controller's torque at rest (r,) and one that holds the arm (r,)."""
+        with without_collections(), interruptions(self._interrupt):
+            try:
+                self._start(now, own, held)
+                while not self.ended:
+                    self._tick()
+            except BaseException:  # whatever it was, the arm must not go on with its last torque
+                self._robot_stops("an error in the program")
+                raise
+        if self.interrupted:
+            raise KeyboardInterrupt
+
+    def _start(self, now: RobotReading, own: Array, model: Array) -> None:
+        added, rest = self.compensation(now), np.zeros_like(now.p)
+        braked = getattr(self.robot, "has_brakes", False)
+        held = model - added if braked or now.torque is None else now.torque
+        self.guard = TorqueGuard(self.limits, self.robot.period, held)
+        self.offset = self.guard.torque + added - own
+        self.state = self.controller.init(now.p, rest, torque=self.guard.torque + added)
+        self.proven, self._began, self.start_p = self._described(self.state), now.time, now.p
+        self._holds = braked and not self.robot.compensates_gravity  # which else has a payload that may sink
+        getattr(self.robot, "start", _nothing)(self.guard.torque)
+
+    def _tick(self) -> None:
+        reading, sound = self._read()
+        if self.ended:
+            return
+        since = time.perf_counter()
+        point = self._point()
+        trouble = self._trouble(reading, point)
+        if self.ended:
+            return
+        if trouble and self.stop is None:
+            self._begin_stop(trouble, reading, point)
+            point = self._point()
+        added = self.compensation(reading)
+        total, after = self._torque(reading, point)
+        wanted, before = total - added, self.guard.torque
+        sent = self.guard.limited(wanted)
+        self._write(sent)
+        self.times.answered(since)
+        self._note(reading, point, before, sent)
+        self._learn(after, sent + added, sound and np.array_equal(sent, wanted), reading, point)
+        self._record(reading, point, total, sent + added, added)
+        self._finish(reading)
+
+    def _read(self) -> tuple[RobotReading, bool]:
+        """Sound reading, or the expected one in its place; and whether it may be learned from."""
+        last, reading = self.measurements.latest, None
+        try:
+            reading = self.measurements.taken(self.robot.read())
+        except Exception as error:  # a vendor's client may raise anything: the page says how long that is ridden out
+            self.measurements.fault = f"{type(error).__name__}: {error}"
+            time.sleep(self.robot.period)
+        before = self.time if last is None else last.time - self._began
+        if reading is None:
+            self.blind += 1
+            self.time += self.robot.period
+            if self.blind > BLIND:
+                self._robot_stops(f"{self.blind} periods without a sound measurement: {self.measurements.fault}")
+            return self.measurements.expected(self._began + self.time), False
+        passed, was_blind, self.blind = reading.time - self._began - before, self.blind > 0, 0
+        on_time = self.times.count(passed)
+        if passed > BLIND * self.robot.period:
+            self._began = reading.time - self.time - self.robot.period
+        self.time = max(self.time, reading.time - self._began)
+        return reading, on_time and not was_blind
+
+    def _point(self) -> ReferencePoint:
+        path = self.path if self.stop is None else self.stop.path
+        point: ReferencePoint = getattr(path, "at", path)(self.time)
+        return point
+
+    def _trouble(self, reading: RobotReading, point: ReferencePoint) -> str:
+        """Reason for a stop; empty if there is none."""
+        if self.time >= self.duration:
+            return "done"
+        if self.interrupted:
+            return "interrupted"
+        if self.state.flags.stopped[0] > 0.5:
+            return "the controller rings, or its numbers are not finite"
+        if self.times.late > LATE:
+            return f"{self.times.late} periods in a row came late: use a real-time kernel, or a longer period"
+        if self.time < SAG_TIME and self._holds and (np.abs(reading.p - self.start_p) > SAG).any():
+            self._robot_stops("the arm sagged when its brakes opened")
+        for mask, text in (
+            (np.abs(reading.v) > self.limits.velocity, "is above its speed limit"),
+            (self.stopping.beyond(reading.p, reading.v, self._net(reading)), "comes too near to the end of its range"),
+            (np.abs(reading.p - point.p) > self.max_error, f"is {self.max_error:g} rad (m) off the reference"),
+        ):
+            if mask.any():
+                return f"{self.names[int(mask.argmax())]} {text}"
+        return ""
+
+    def _net(self, reading: RobotReading) -> Array:
+        """Torque (r,) of the last period beyond gravity."""
+        if self.robot.compensates_gravity:
+            return self.guard.torque
+        return self.guard.torque - self.gravity(reading.p)
+
+    def _begin_stop(self, reason: str, reading: RobotReading, point: ReferencePoint) -> None:
+        state = self.held_state.at(self.proven, self.state)
+        near = (np.abs(reading.p - point.p) <= 0.5 * self.max_error).all()
+        ends = self.stopping.beyond(reading.p, reading.v, self._net(reading)).any()
+        planned = reason in ("done", "interrupted") or not reason.endswith(("range", "limit"))
+        if near and planned and not ends:
+            self.stop = PlannedStop.along(self.path, self.time, point.v, state, reason, self.stopping)
+        else:
+            self.stop = PlannedStop.ahead(reading.p, self.time, reading.v, state, reason, self.stopping)
+        self.stopped = "" if reason == "done" else reason
+
+    def _torque(self, reading: RobotReading, point: ReferencePoint) -> tuple[Array, Any]:
+        """Torque (r,) for the arm, and the controller's next state."""
+        if self.stop is not None:
+            state = self.held_state.without_learning(self.stop.state, self.guard.torque)
+            torque, after = self.controller.step(state, reading.p, reading.v, point)
+            if after.flags.stopped[0] > 0.5 or (np.abs(reading.p - point.p) > self.max_error).any():
+                self._robot_stops(f"{self.stop.reason}; and the planned stop failed")
+            return torque, self.held_state.at(self.stop.state, after)
+        torque, after = self.controller.step(self.state, reading.p, reading.v, point)
+        if self.time < RAMP:
+            torque = torque + (1.0 - _risen(self.time / RAMP)) * self.offset
+        return torque, after
+
+    def _write(self, sent: Array) -> None:
+        if self.ended:
+            return
+        try:
+            self.robot.write(sent)
+        except Exception as error:  # of a vendor's client, whatever it is
+            self._robot_stops(f"the robot refused a torque: {type(error).__name__}: {error}")
+
+    def _learn(self, after: Any, applied: Array, sound: bool, reading: RobotReading, point: ReferencePoint) -> None:
+        """Keep the next state, and an estimate that has proven good."""
+        self.learning = sound and self.stop is None and self.time >= RAMP
+        self.state = after if self.learning else self.held_state.without_learning(after, applied)
+        if self.stop is not None:
+            return
+        near = (np.abs(reading.p - point.p) < GOOD_SHARE * self.max_error).all() and self._is_quiet()
+        self.good = self.good + self.robot.period if near and sound else 0.0
+        if self.good >= PROVEN and self.state.flags.stopped[0] < 0.5:
+            self.proven = self.state
+
+    def _is_quiet(self) -> bool:
+        """True if the model explains nearly all of the torque."""
+        s, damping = getattr(self.state.inner, "s", None), getattr(self.controller.inner, "damping", None)
+        if s is None or damping is None:
+            return True
+        return bool((np.abs(damping * s) <= QUIET_SHARE * self.guard.limits).all())
+
+    def _described(self, state: Any) -> Any:
+        """State with the description's parameters, which a stop uses until an estimate has proven good."""
+        model = getattr(self.controller.inner, "model", None)
+        own = None if model is None else model.fundamental_parameters
+        return state if own is None or not own.any() else self.held_state.with_estimate(state, own)
+
+    def _note(self, reading: RobotReading, point: ReferencePoint, before: Array, sent: Array) -> None:
+        if self.times.histogram.sum() <= 1:
+            self.first_error = float(np.abs(reading.p - point.p).max())
+        change: Array = np.abs(sent - before)
+        self.peak_rate = max(self.peak_rate, float(change.max()) / self.robot.period)
+        share = np.abs(reading.v) / self.limits.velocity
+        self.peak_speed_share = max(self.peak_speed_share, float(share.max()))
+
+    def _record(self, reading: RobotReading, point: ReferencePoint, total: Array, applied: Array, added: Array) -> None:
+        if not self._logged < self.time <= self.duration:
+            return
+        self._logged = self.time
+        flags: Any = ()
+        if self.log.flags:
+            told = np.zeros_like(added) if reading.torque is None else reading.torque
+            flags = np.concatenate(((self.learning, self.stop is not None), added, told))
+        inner = getattr(self.state, "inner", self.state)
+        estimate = getattr(inner, "estimate", ())
+        self.log.append(self.time, reading.p, reading.v, point, total, applied, estimate, flags)
+        if self.live is not None:
+            self.live.show(self.time, reading.p, point.p, applied)
+
+    def _finish(self, reading: RobotReading) -> None:
+        """Hand the arm back once it was held at rest."""
+        if self.stop is None or self.ended or self.time < self.stop.end + HOLD:
+            return
+        if (np.abs(reading.v) < REST).all():
+            self._hand_back()
+        elif self.time > self.stop.end + HOLD + PATIENCE:
+            self._robot_stops("the arm does not come to rest")
+
+    def _hand_back(self) -> None:
+        if self.robot.compensates_gravity:
+            begun = self.guard.torque
+            for k in range(round(HAND_BACK / self.robot.period)):
+                self.measurements.taken(self.robot.read())
+                self._write(self.guard.limited((1.0 - (k + 1) * self.robot.period / HAND_BACK) * begun))
+        if not self.ended:
+            getattr(self.robot, "release", self.robot.stop)()
+        self.ended = True
+
+    def _robot_stops(self, reason: str) -> None:
+        """Ask for the robot's own stop, once."""
+        if not self.by_robot:
+            self.stopped, self.by_robot, self.ended = f"by the robot: {reason}", True, True
+            self.robot.stop()
+
+    def _interrupt(self) -> None:
+        self.interrupted = True
+
+
+def _risen(u: float) -> float:
+    """Smooth step."""
+    step: Any = quintic(u)[0]
+    return float(step)
+
+
+def _nothing(torque: Array) -> None:
+    """Start of a robot that needs none."""

@@ -1,0 +1,55 @@
+"""Planned stop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control import StoppedReference
+from adaptctl.control.controller import Reference, ReferencePoint
+from adaptctl.hardware.resting import StoppingDistance
+
+HOLD = 0.5
+"""s for which an arm is held after a stop"""
+PATIENCE = 2.0
+"""s after that, in which it must have come to rest"""
+
+
+@dataclass(frozen=True)
+class PlannedStop:
+    """Path to rest, its end in s, and the state of the controller that follows it."""
+
+    path: Reference
+    end: float
+    state: Any
+    reason: str
+
+    @classmethod
+    def along(
+        cls, path: Reference, time: float, v: Array, state: Any, reason: str, stopping: StoppingDistance
+    ) -> PlannedStop:
+        """Stop on a path that is followed with velocities v (r,)."""
+        seconds = float(stopping.duration(v))
+        return cls(StoppedReference(path, time, seconds), time + seconds, state, reason)
+
+    @classmethod
+    def ahead(cls, p: Array, time: float, v: Array, state: Any, reason: str, stopping: StoppingDistance) -> PlannedStop:
+        """Stop straight on from measured positions and velocities (r,)."""
+        return cls.along(_Straight(p, v, time), time, v, state, reason, stopping)
+
+
+@dataclass(frozen=True, eq=False)
+class _Straight:
+    """Motion at constant velocity."""
+
+    p: Array
+    v: Array
+    time: float
+
+    def __call__(self, t: Any) -> ReferencePoint:
+        passed = np.asarray(t, dtype=np.float64)[..., None] - self.time
+        rest = np.zeros_like(passed * self.v)
+        return ReferencePoint(self.p + passed * self.v, rest + self.v, rest)

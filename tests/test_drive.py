@@ -1,0 +1,223 @@
+"""`drive`: from where the arm stands to a planned stop, within all limits, whatever the robot answers."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from driven_robots import ARM, FAULTS, FaultyRobot, LyingReference, RecordedRobot
+
+import adaptctl
+from adaptctl.control import FadeIn, SafetyFilter
+from adaptctl.hardware import GravityTorque, HardwareLimits, MuJoCoRobot, RobotReading, TorqueGuard
+
+PERIOD = 4e-3
+CENTER = np.array([0.3, 0.5])
+REFERENCE = adaptctl.Sinusoids(center=CENTER, amplitude=[0.4, 0.3], frequency=[0.5, 0.8])
+MODEL = adaptctl.ReducedModel(ARM, adaptctl.fundamental_basis(adaptctl.essential_space(ARM)))
+
+
+def law(scale: float = 1.0) -> adaptctl.SlotineLi:
+    gain = np.full(len(MODEL.names), 0.02)
+    return adaptctl.SlotineLi(
+        MODEL, 8.0, [6.0, 2.0], gain, initial=scale * MODEL.fundamental_parameters, control_period=PERIOD
+    )
+
+
+LAW = law()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_starts_where_the_arm_stands_and_ends_at_rest(seed: int, tmp_path: Path) -> None:
+    start = CENTER + np.random.default_rng(seed).uniform(-0.8, 0.8, 2)
+    robot = RecordedRobot(ARM, PERIOD, start)
+    run = adaptctl.drive(robot, LAW, REFERENCE, 4.5, tmp_path / "run.parquet", lead_in=2.0)
+    assert (run.stopped, run.by_robot, robot.breaches) == ("", False, [])
+    assert run.first_error < 1e-6
+    assert run.peak_torque_rate <= 950.0 + 1e-6
+    assert run.final_rms_error.max() < 5e-4
+    assert np.abs(np.array(robot.states)[:, 2:]).max() <= run.peak_speed_share * 6.0 + 0.01
+    kept = adaptctl.Rollout.load(tmp_path / "run.parquet")
+    assert kept.time[-1] == pytest.approx(4.5, abs=0.005)
+    assert kept.flags["learning"][:49].sum() == 0.0
+    assert kept.flags["learning"][51:1124].all()
+    assert np.array_equal(kept.flags["reported_torque.elbow"][1:], kept.applied[:-1, 1])
+
+
+@pytest.mark.parametrize("tick", [1, 40, 133, 250, 350, 555])
+def test_ctrl_c_stops_on_the_path_and_then_the_program(tick: int) -> None:
+    robot = FaultyRobot(ARM, PERIOD, CENTER)
+    robot.interrupted_at = tick
+    with pytest.raises(KeyboardInterrupt):
+        adaptctl.drive(robot, LAW, REFERENCE, 3.0)
+    path = FadeIn(REFERENCE, CENTER, 3.0)(np.linspace(0.0, 3.0, 8001)).p
+    off = [np.linalg.norm(path - p, axis=1).min() for p in np.array(robot.states)[:, :2]]
+    assert robot.breaches == []
+    assert max(off) < 0.01
+    assert tick + 125 < robot.tick < tick + 375
+    assert np.abs(robot.states[-2][2:]).max() < 0.01
+
+
+@pytest.mark.parametrize("fault", [*FAULTS, "closed", "refused"])
+def test_faults_are_ridden_out_or_stop_the_arm(fault: str) -> None:
+    robot = FaultyRobot(ARM, PERIOD, CENTER)
+    robot.fault, robot.faults = fault, ((140, 1), (180, 8), (220, 40))
+    run = adaptctl.drive(robot, LAW, REFERENCE, 1.3)
+    assert robot.breaches == []
+    assert run.rollout is not None
+    ridden_out = fault in ("turned", "late")
+    assert (run.stopped == "") == ridden_out, run.stopped
+    assert run.by_robot == (not ridden_out), run.stopped
+    assert robot.tick > {"refused": 139, "early": 185}.get(fault, 225)
+    learned = run.rollout.flags["learning"]
+    assert learned[130:139].all()
+    if fault not in ("turned", "refused"):
+        assert not learned[140]
+        assert not learned[181:188].any() or fault == "late"  # by as much each, so that periods are as long as ever
+        assert learned[160:179].all()
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.0, -1.0, 3.0])
+def test_full_speed_towards_an_end_does_not_reach_it(scale: float) -> None:
+    random, own = np.random.default_rng(3), law(scale)
+    for _ in range(3):
+        v = 3.0 * random.choice([-1.0, 1.0], 2) * (1.0, random.uniform())
+        robot = RecordedRobot(ARM, PERIOD, CENTER)
+        run = adaptctl.drive(robot, own, LyingReference(CENTER, v), 5.0, from_zero=True)
+        assert "end of its range" in run.stopped or (scale < 0.0 and "off the reference" in run.stopped)
+        assert not run.by_robot
+        assert robot.breaches == []
+
+
+def test_payload_on_an_arm_that_compensates_its_own_weight() -> None:
+    """The arm adds what it weighs without the payload; what is missing is learned, while nothing is sent at first."""
+    heavy = ARM.with_parameters(ARM.inertial_parameters + np.eye(20)[10] + 0.01 * (np.eye(20)[16] + np.eye(20)[19]))
+    robot = RecordedRobot(heavy, PERIOD, CENTER, compensates_gravity=ARM)
+    keen = dataclasses.replace(LAW, adaptation=np.full(len(MODEL.names), 0.1))
+    run = adaptctl.drive(robot, keen, REFERENCE, 8.0)
+    assert (run.stopped, run.compensates_gravity, robot.breaches) == ("", True, [])
+    assert np.abs(robot.sent[0]).max() < 1e-12
+    assert run.rollout is not None
+    rest = GravityTorque(ARM)
+    assert run.rollout.flags["compensation.elbow"][0] == pytest.approx(rest(CENTER)[1], rel=1e-2)
+    assert run.final_rms_error.max() < 0.01  # of a plain gradient at 4 ms; 0.2 rad without learning
+    truth = adaptctl.ReducedModel(heavy, MODEL.basis).inverse_dynamics(
+        run.rollout.p[-250:], run.rollout.v[-250:], run.rollout.reference_a[-250:]
+    )
+    assert np.abs(run.rollout.applied[-250:] - truth).max() < 0.3  # N m at the joints, weight included
+
+
+class Turned(RecordedRobot):
+    """Encoders that count from 0 to a turn, and wrap."""
+
+    def read(self) -> RobotReading:
+        reading = super().read()
+        return reading._replace(p=reading.p % (2.0 * np.pi))
+
+
+def test_encoders_that_wrap_are_followed_across_the_turn() -> None:
+    low = adaptctl.Sinusoids(center=[0.0, 0.0], amplitude=[0.3, 0.3], frequency=[0.5, 0.5])
+    robot = Turned(ARM, PERIOD, [-0.05, 0.05])
+    run = adaptctl.drive(robot, LAW, low, 4.0)
+    assert (run.stopped, robot.breaches) == ("", [])
+    assert run.final_rms_error.max() < 1e-3
+
+
+def test_limits_hold_from_the_first_torque_on_and_fall_at_the_rate() -> None:
+    limits = HardwareLimits([9.0, 5.0], [1.0, 1.0], [-1.0, -1.0], [1.0, 1.0], torque_rate=1000.0)
+    guard = TorqueGuard(limits, PERIOD, np.array([0.0, 4.5]))
+    assert guard.limited(np.array([-20.0, 20.0])) == pytest.approx([-3.8, 5.0])
+    assert guard.limited(np.array([np.nan, -np.inf])) == pytest.approx([-3.8, 5.0])
+    guard.limits = np.array([9.0, 1.0])
+    assert [guard.limited(np.array([0.0, 9.0]))[1] for _ in range(3)] == pytest.approx([1.2, 1.0, 1.0])
+
+
+class Bare:
+    """Object with what a robot needs, and no more."""
+
+    period, compensates_gravity = PERIOD, False
+    limits = HardwareLimits.of(ARM, torque_rate=1000.0)
+
+    def __init__(self) -> None:
+        self.robot = MuJoCoRobot(ARM, PERIOD, CENTER)
+        self.robot.start(GravityTorque(ARM)(CENTER))
+        self.stopped = False
+
+    def read(self) -> Any:
+        return tuple(self.robot.read())
+
+    def write(self, torque: Any) -> None:
+        self.robot.write(torque)
+
+    def stop(self) -> None:
+        self.stopped = True
+
+
+def test_any_object_with_the_methods_is_a_robot() -> None:
+    robot = Bare()
+    run = adaptctl.drive(robot, SafetyFilter(LAW, torque_limits=30.0), REFERENCE, 2.0)
+    assert (run.stopped, robot.stopped) == ("", True)
+    assert np.abs(run.rollout.applied).max() <= 30.0 if run.rollout else False
+
+
+def altered(robot: Any, **changes: Any) -> Any:
+    for name, value in changes.items():
+        setattr(robot, name, value)
+    return robot
+
+
+def moving() -> Any:
+    robot = RecordedRobot(ARM, PERIOD, CENTER)
+    robot._state = robot.plant.init(CENTER, np.array([0.1, 0.0]))
+    return robot
+
+
+NARROW = HardwareLimits([60.0, 25.0], [6.0, 6.0], [-0.5, 0.6], [0.5, 2.0], 1000.0)
+OTHER = HardwareLimits([600.0, 25.0], [6.0, 6.0], [-2.0, -2.0], [2.0, 2.0], 1000.0)
+THREE = HardwareLimits([60.0] * 3, [6.0] * 3, [-2.0] * 3, [2.0] * 3, 1000.0)
+
+
+@pytest.mark.parametrize(
+    ("robot", "changes", "message"),
+    [
+        (lambda: object(), {}, "has no read, write, stop, limits, period, compensates_gravity"),
+        (lambda: altered(MuJoCoRobot(ARM, PERIOD), limits=THREE), {}, "it has 3 joints, but two_link has 2"),
+        (lambda: altered(MuJoCoRobot(ARM, PERIOD), joints=["a", "b"]), {}, "its joints are a, b"),
+        (lambda: altered(MuJoCoRobot(ARM, PERIOD), limits=OTHER), {}, "file of another robot"),
+        (
+            lambda: altered(MuJoCoRobot(ARM, PERIOD, CENTER), limits=NARROW),
+            {},
+            "elbow stands at 0.5, outside its range",
+        ),
+        (moving, {}, "shoulder moves, at 0.1 rad/s"),
+        (lambda: MuJoCoRobot(ARM, 2e-3), {}, "the controller's is 0.004 s, but the robot's is 0.002 s"),
+        (lambda: MuJoCoRobot(ARM, PERIOD, CENTER), {"controller": law(0.0)}, "start from the file's parameters"),
+        (lambda: MuJoCoRobot(ARM, PERIOD, CENTER), {"duration": 0.0}, "duration: expected a positive time"),
+        (lambda: MuJoCoRobot(ARM, PERIOD, CENTER), {"log": 3}, "log: expected a RunLogger or a path"),
+        (
+            lambda: MuJoCoRobot(ARM, PERIOD, CENTER),
+            {"reference": adaptctl.Sinusoids([0.3, 0.5], [2.9, 0.1], [0.1, 0.1]), "duration": 20.0},
+            "at .* s shoulder",
+        ),
+        (
+            lambda: MuJoCoRobot(ARM, PERIOD, CENTER),
+            {"reference": adaptctl.Sinusoids([0.3], [0.1], [0.1])},
+            "expected",
+        ),
+    ],
+)
+def test_refused_before_a_torque_is_sent(robot: Any, changes: dict[str, Any], message: str) -> None:
+    given = {"controller": LAW, "reference": REFERENCE, "duration": 1.0} | changes
+    with pytest.raises(adaptctl.InputError, match=message):
+        adaptctl.drive(robot(), **given)
+
+
+def test_an_arm_that_sags_is_braked_again() -> None:
+    light = dataclasses.replace(LAW, initial=0.85 * MODEL.fundamental_parameters)
+    robot = RecordedRobot(ARM, PERIOD, CENTER)
+    run = adaptctl.drive(robot, light, REFERENCE, 1.0)
+    assert run.stopped == "by the robot: the arm sagged when its brakes opened"
+    assert len(robot.sent) < 50
