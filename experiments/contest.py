@@ -43,8 +43,8 @@ from adaptctl.recording import (
 from adaptctl.recording.comparison import ADAPTATION_OFF as ADAPTATION_OFF
 from adaptctl.recording.comparison import NO_MODEL as NO_MODEL
 from adaptctl.recording.comparison import color_indices
-from adaptctl.simulation import Plant, Rollout, rollout
-from adaptctl.simulation.rollout import known_steps
+from adaptctl.simulation import Plant, Rollout
+from adaptctl.simulation.rollout import known_steps, stepped
 from adaptctl.simulation.simulate import simulated
 
 if TYPE_CHECKING:
@@ -337,9 +337,9 @@ def _driven(env: gymnasium.Env[Any, Any], mechanism: Mechanism, controller: Cont
 
         with Live(mechanism, to) as live:
             if live.is_seen:
-                return rollout(LiveView(env, live), controller, **how)
+                return stepped(LiveView(env, live), controller, **how)
     ours = getattr(type(getattr(env.unwrapped, "plant", None)), "step", Plant.step) is Plant.step
-    return (simulated if ours else rollout)(env, controller, **how)
+    return (simulated if ours else stepped)(env, controller, **how)
 
 
 def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -> Array | None:

@@ -15,7 +15,7 @@ from adaptctl.control import ComputedTorque
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
-from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.errors import DivergedRunWarning, InputError, NonFiniteError
 from adaptctl.scalars import Column
 from adaptctl.simulation import Rollout, rollout
 
@@ -126,13 +126,15 @@ def test_clipped_torques_are_told(puma: Mechanism) -> None:
 
 
 def test_options_reach_the_environment(env: TrackingEnv, controller: ComputedTorque, run: Rollout) -> None:
-    loaded = rollout(env, controller, seed=0, options={"payload": 2.0})
+    with pytest.warns(DivergedRunWarning, match="the environment ended the run after"):
+        loaded = rollout(env, controller, seed=0, options={"payload": 2.0})
     assert np.abs(loaded.error[-1]).max() > 10.0 * np.abs(run.error[-1]).max()
 
 
 def test_a_passed_bound_ends_the_run(puma: Mechanism) -> None:
     without = ComputedTorque(puma, 20.0, parameters=np.zeros(60))
-    run = rollout(TrackingEnv(puma, 3, duration=2.0), without, seed=0)
+    with pytest.warns(DivergedRunWarning, match="the environment ended the run after"):
+        run = rollout(TrackingEnv(puma, 3, duration=2.0), without, seed=0)
     assert run.terminated
     assert not run.interrupted
     assert not run.reached_end

@@ -226,7 +226,8 @@ def test_a_passed_bound_ends_the_run_where_the_loop_ends() -> None:
     assert 0 < len(run.time) < 3000
     assert not run.reached_end
     left = env.np_random.random()
-    rollout(env, controller, seed=0)
+    with pytest.warns(DivergedRunWarning, match="rollout: the environment ended the run"):
+        rollout(env, controller, seed=0)
     assert left == env.np_random.random()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from time import perf_counter
@@ -15,7 +16,7 @@ from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import position_units
-from adaptctl.errors import InputError, validate_kind
+from adaptctl.errors import DivergedRunWarning, InputError, validate_kind
 from adaptctl.simulation.closed_loop import guards
 from adaptctl.simulation.references import REFERENCE
 from adaptctl.simulation.run import Rollout
@@ -121,6 +122,7 @@ def rollout(
 
     Notes
     -----
+    A `DivergedRunWarning` says where the environment ended the run early, as an error exceeded its limit.
     `observation_slices` maps p, v, reference_p, reference_v and reference_a to slices of the observation. These keys of
     `info` are recorded if present: `time`, `applied_torque`, `energy`, `clipped` (count so far), true `p` and `v`, and
     `flags` (numbers by name); also the `flags` of the controller's state.
@@ -131,6 +133,30 @@ def rollout(
     >>> run.p.shape, run.reached_end
     ((200, 2), True)
     """
+    how: Any = {"seed": seed, "options": options, "progress": progress}
+    run = stepped(env, controller, **how, record_every=record_every, keep_last=keep_last)
+    warn_if_ended_early(run, "rollout")
+    return run
+
+
+def warn_if_ended_early(run: Rollout, caller: str) -> None:
+    """Give a `DivergedRunWarning` on a run that its environment ended."""
+    if run.terminated:
+        text = f"{caller}: the environment ended the run after {run.duration:.6g} s, before its end: see `terminated`"
+        warnings.warn(text, DivergedRunWarning, stacklevel=3)
+
+
+def stepped(
+    env: gymnasium.Env[Any, Any],
+    controller: Controller[Any],
+    *,
+    seed: int | None = None,
+    options: dict[str, Any] | None = None,
+    progress: Callable[[float], object] | None = None,
+    record_every: int = 1,
+    keep_last: float | None = None,
+) -> Rollout:
+    """Run as `rollout` does, without a word on a run that diverged."""
     loop = _SteppedRun(env, controller, seed, options, record_every, keep_last)
     interval = max(1, (loop.steps or 0) // 100)
     complete, started = False, perf_counter()

@@ -14,11 +14,11 @@ import numpy as np
 from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics.joint_units import position_units
-from adaptctl.errors import DivergedRunWarning, NonFiniteError, NotCompiledWarning
+from adaptctl.errors import NonFiniteError, NotCompiledWarning
 from adaptctl.simulation.closed_loop import ClosedLoop, Driven, Episode, Sample, not_compiled
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.references import REFERENCE, sampled
-from adaptctl.simulation.rollout import KeptSamples, interface, known_steps, rollout
+from adaptctl.simulation.rollout import KeptSamples, interface, known_steps, stepped, warn_if_ended_early
 from adaptctl.simulation.rollout_file import STORED_ENTRIES, RolloutFile
 from adaptctl.simulation.run import Rollout
 
@@ -97,9 +97,7 @@ def simulate(
     """
     how: Any = {"seed": seed, "options": options, "progress": progress}
     run = simulated(env, controller, **how, record_every=record_every, keep_last=keep_last, stream=stream)
-    if run.terminated:
-        text = f"simulate: the environment ended the run after {run.duration:.6g} s, before its end: see `terminated`"
-        warnings.warn(text, DivergedRunWarning, stacklevel=2)
+    warn_if_ended_early(run, "simulate")
     return run
 
 
@@ -121,7 +119,7 @@ def simulated(
         episode = _episode(env, controller, seed, options)
     except NotImplementedError as reason:
         warnings.warn(f"simulate: {reason}: running step by step with rollout", NotCompiledWarning, stacklevel=3)
-        run = rollout(
+        run = stepped(
             env,
             controller,
             seed=seed,
