@@ -104,7 +104,8 @@ def test_two_stages_take_the_bias_of_noise_out_of_a_slope() -> None:
     first, second = (true + rng.normal(size=true.shape) for _ in range(2))
     torque = 3.0 * true[:, :, 0]
     time = np.arange(len(true)) * 0.01
-    rows, other = (Rows(10.0, time, Y, torque, torque, np.zeros(len(time), dtype=np.int64)) for Y in (first, second))
+    here = (np.zeros(len(time), dtype=np.int64), np.ones(len(time), dtype=np.bool_))
+    rows, other = (Rows(10.0, time, Y, torque, torque, *here) for Y in (first, second))
 
     def slope(rows: Rows) -> float:
         return float(np.sum(rows.regressor[:, :, 0] * torque) / np.sum(rows.regressor**2))
@@ -139,7 +140,7 @@ def test_energy_balance_is_exact_and_an_estimator_that_amplifies() -> None:
         if name == "exact":
             assert np.sqrt(np.mean((H @ D - work) ** 2)) < 2e-3 * np.sqrt(np.mean(work**2))
         energetic = by_energy(evidence.motions, full, 0.1, columns)
-        equations = evidence.equations(25.0, range(evidence.blocks))
+        equations = evidence.sums(25.0, 0.0).over(range(evidence.blocks))
         by_momentum = weighted_least_squares(equations, columns)[0][:P]
         rows = evidence.rows[25.0]
         wrong = [np.linalg.norm(rows.regressor @ (x - D)) for x in (energetic, by_momentum)]

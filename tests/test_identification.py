@@ -207,31 +207,14 @@ def test_friction_is_chosen_by_blocks_left_out() -> None:
         assert (DriveParameter.SQUARE_ROOT in kinds) is bool(square_root)
 
 
-def test_load_dependent_friction_is_found() -> None:
-    tree = random_chain(9, 2)
-    rng = np.random.default_rng(4)
-    time, p, v, a = motion(2, rng, 20.0, 250.0)
-    rigid = tree.inverse_dynamics(p, v, a)
-    torque = rigid + (0.5 + 0.15 * np.abs(rigid)) * v / np.sqrt(v**2 + 1e-4)
-    log = replace(known(9, 2).log, time=time, position=p, torque=torque + rng.normal(scale=0.05, size=torque.shape))
-    result = identified(tree, joint_drives(tree), [log], [log], cutoff=25.0)
-    assert result.choice.settings.friction.load
-    assert result.load_friction == pytest.approx([0.15, 0.15], rel=0.1)
-    assert (
-        result.validation.relative_error < 0.6 * result.alternatives["without load-dependent friction"].relative_error
-    )
-
-
 def test_a_part_of_a_part_is_the_part() -> None:
-    """Of blocks 2, 3 and 5 those at places 0 and 2 are blocks 2 and 5, load-dependent friction included."""
+    """Of blocks 2, 3 and 5 those at places 0 and 2 are blocks 2 and 5."""
     case = known(9, 2)
     evidence, _, _ = gathered(case.guess, case.drives, [case.log])
     once, twice = evidence.part([2, 5]), evidence.part([2, 3, 5]).part([0, 2])
-    x = evidence.mechanism.inertial_parameters
     for cutoff in evidence.rows:
-        np.testing.assert_array_equal(twice.load(cutoff, x), once.load(cutoff, x))
         np.testing.assert_array_equal(twice.rows[cutoff].time, once.rows[cutoff].time)
-    settings = FitSettings(FrictionModel(load=True), 1.0, 25.0)
+    settings = FitSettings(FrictionModel(), 1.0, evidence.band)
     np.testing.assert_array_equal(twice.fit(settings, [0, 1]).x, once.fit(settings, [0, 1]).x)
 
 
@@ -320,9 +303,11 @@ def test_all_friction_is_in_the_joints_that_are_driven() -> None:
     tree = random_chain(3, 2)
     full = with_all_friction(tree, joint_drives(tree))
     assert len(full.parameter_names) == 20 + 2 * len(DriveParameter)
-    assert FrictionModel.named("coulomb, load,viscous").words == "viscous, coulomb, load"
-    with pytest.raises(InputError, match=r"friction: expected some of viscous, coulomb, .*, load, got 'sticky'"):
+    assert FrictionModel.named("coulomb, viscous").words == "viscous, coulomb"
+    with pytest.raises(InputError, match=r"friction: expected some of viscous, coulomb, .*, offset, got 'sticky'"):
         FrictionModel.named("viscous,sticky")
+    with pytest.raises(InputError, match="got 'load'"):
+        FrictionModel.named("viscous,load")
 
 
 def test_smooth_motion_is_right_in_time() -> None:

@@ -269,18 +269,17 @@ def mean_of(blocks: list[Array], prior: float, precision: float, weight: float =
         distance=lambda x: 0.5 * precision / weight * float(x[0] - prior) ** 2,
     )
 
-    def equations(cutoff: float, chosen: list[int], load: object) -> Any:
+    def equations(settings: object, chosen: list[int]) -> Any:
         block = blocks[chosen[0]]
         return SimpleNamespace(whitened=lambda deviations: (np.array([[float(len(block))]]), np.array([block.sum()])))
 
     evidence = SimpleNamespace(
-        mask=lambda friction: np.ones(1),
-        prior_of=lambda friction: links,
+        mechanism=None,
+        prior_of=lambda settings: links,
         blocks=len(blocks),
-        load_from=lambda settings, blocks: None,
         equations=equations,
     )
-    settings = SimpleNamespace(friction=None, weight=weight, cutoff=10.0)
+    settings = SimpleNamespace(columns=lambda mechanism: np.ones(1), weight=weight, cutoff=10.0)
     return evidence, SimpleNamespace(settings=settings, x=x, curvature=np.array([[float(count)]]), deviations=None)
 
 

@@ -26,13 +26,17 @@ from adaptctl.errors import FileError
 from adaptctl.experiments.identify_then_adapt import IdentifyThenAdapt
 from adaptctl.files import hashed
 from adaptctl.identification import Identification
-from adaptctl.identification.columns import JointLog
+from adaptctl.identification.columns import JointLog, joint_log
+from adaptctl.identification.drives_file import read_drives
 from adaptctl.identification.examples import example
+from adaptctl.identification.filtered_dynamics import SmoothMotion
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.identify import identified
 from adaptctl.identification.log_files import read_log
+from adaptctl.identification.preparation import filtered, low_pass, prepare
 from adaptctl.identification.report import facts, report, verdict
 from adaptctl.recording import Comparison
+from adaptctl.recording.wording import typeset
 from adaptctl.simulation import Rollout
 
 
@@ -77,28 +81,65 @@ def test_the_robot_is_the_estimate_in_both_formats(folder: Path) -> None:
         robot.inertial_parameters, list(estimates["parameters"].values()), rtol=1e-12, atol=1e-15
     )
     assert list(robot.parameter_names) == list(estimates["parameters"])
-    numbers = {name: estimates[name] for name in ("fundamental", "parameters", "load_dependent_friction")}
+    numbers = {name: estimates[name] for name in ("fundamental", "parameters")}
     assert estimates["sha256"] == hashed(numbers)
     assert estimates["geometry_sha256"] == robot.geometry_sha256
     assert robot.description.drive_couplings == [[5, [["joint_5", "1.0"]]]]
     again = load(folder / "robot.urdf")
-    np.testing.assert_allclose(again.inertial_parameters, robot.inertial_parameters[:60], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(again.inertial_parameters[:60], robot.inertial_parameters[:60], rtol=1e-9, atol=1e-12)
     for name, entry in estimates["fundamental"].items():
         assert entry["deviation"] > 0.0, name
         assert entry["prior_range"] >= 2.0 * entry["deviation"]
         assert entry["gain"] > 0.0
 
 
-def test_only_the_inertials_of_the_urdf_are_new(folder: Path) -> None:
+def test_only_inertials_frictions_and_a_comment_of_the_urdf_are_new(folder: Path) -> None:
     with example("tx40") as files:
         old = files.robot.read_bytes()
     new = (folder / "robot.urdf").read_bytes()
-    inertial = re.compile(rb"<inertial>.*?</inertial>", re.DOTALL)
-    moving = inertial.split(old)
-    assert inertial.split(new) == moving
+    comment = re.search(rb"\n  <!-- adaptctl identify: URDF has no place for (.*?); robot.toml has all -->", new)
+    assert comment is not None
+    for joint in load(folder / "robot.toml").primary_joints:
+        assert f"{joint.name} rotor inertia {joint.drive.rotor_inertia:.4g}".encode() in comment[1]
+    new = new.replace(comment[0], b"")
+    inertial, dynamics = (re.compile(rb"<%s>.*?</%s>" % (w, w), re.DOTALL) for w in (b"inertial", b"dynamics"))
+    friction = re.compile(rb"\s*<dynamics damping=\S+ friction=\S+/>")
+    assert len(friction.findall(new)) == 6
+    moving = inertial.split(friction.sub(b"", old))
+    assert inertial.split(friction.sub(b"", new)) == moving
+    assert not dynamics.search(new)
     assert len(inertial.findall(new)) == len(inertial.findall(old))
     assert inertial.findall(new)[0] == inertial.findall(old)[0]  # of the base, which does not move
     assert inertial.findall(new)[1] != inertial.findall(old)[1]
+
+
+def test_the_headline_is_of_the_written_file(folder: Path) -> None:
+    """Its predictions made by hand: dynamics of the loaded file at the log's motion, through the same filter."""
+    summary = json.loads((folder / "summary.json").read_text())
+    with example("tx40") as files:
+        drives = read_drives(files.drives)
+        log = joint_log(read_log(files.log), drives)
+    rows = pq.read_table(folder / "validation.parquet")
+    time, joints = rows["time"].to_numpy(), [f"joint_{j}" for j in range(1, 7)]
+    measured = np.stack([rows[f"measured_{j}"] for j in joints], axis=-1)
+    (piece,), _ = prepare(log, load(folder / "robot.toml"))
+    smooth = SmoothMotion.of(piece, 0)
+    inner = slice(2, -2)
+    times = piece.time[smooth.first + smooth.every * np.arange(len(smooth.position))][inner]
+    cutoff = summary["validation"]["cutoff"]
+    for name in ("robot.toml", "robot.urdf", "robot.xml"):
+        torque = load(folder / name).inverse_dynamics(
+            smooth.position[inner], smooth.velocity[inner], smooth.acceleration()
+        )
+        kernel = low_pass(cutoff, smooth.rate)
+        slow, half = filtered(torque, kernel), len(kernel) // 2
+        found = np.stack([np.interp(time, times[half : half + len(slow)], column) for column in slow.T], axis=-1)
+        rms = float(np.sqrt(np.mean((found - measured) ** 2)))
+        assert summary["files"][name]["rms_error"] == pytest.approx(rms, rel=1e-2), name
+    assert summary["files"]["robot.toml"]["rms_error"] == pytest.approx(summary["validation"]["rms_error"], rel=1e-9)
+    assert summary["files"]["robot.toml"]["cannot_hold"] == []
+    assert len(summary["files"]["robot.urdf"]["cannot_hold"]) == 6
+    assert set(summary["verdict"]) == set(joints)
 
 
 def test_the_report_needs_nothing_else_and_the_recording_is_there(folder: Path) -> None:
@@ -131,13 +172,14 @@ def slider(*kinds: JointKind) -> Identification:
 )
 def test_the_words_on_an_identification_have_its_joints_units(kinds: tuple[JointKind, ...], unit: str) -> None:
     found = slider(*kinds)
-    size = f"{found.validation.rms_error:.3g} {unit}"
+    size = " and ".join(f"{x:.3g} {typeset(kind)}" for kind, x in found.validation.rms_errors.items())
+    assert {typeset(kind) for kind in found.validation.rms_errors} == set(unit.split(" or "))
     assert f"RMS error of {size} over all joints, " in verdict(found)
     assert next(facts(found)).answer == size
     page = report(found).html({})
     assert not re.search("kg m|N m|N s/m", page)
-    for typeset in ("kg·m²", "N·m·s"):
-        assert (typeset in page) is (JointKind.REVOLUTE in kinds)
+    for shown in ("kg·m²", "N·m·s"):
+        assert (shown in page) is (JointKind.REVOLUTE in kinds)
 
 
 def test_a_folder_that_is_not_empty_is_kept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -107,7 +107,10 @@ BAD: dict[str, tuple[Spoil, str]] = {
         "'time' counts rows .* and is not a time; give the sampling rate with --sample-rate HZ",
     ),
     "three samples": (cut(3), "has 3 samples; at least 100 are needed"),
-    "too short": (cut(150), "150 consecutive samples are too few|only .* independent samples"),
+    "too short": (
+        cut(150),
+        r"150 consecutive samples are too few|the log has only 0\.15 s of motion; at least 1\.5 s are needed",
+    ),
     "milliseconds": (
         times("time", 1e3),
         r"the sampling rate is 1 Hz, .*; check the unit of time \(ms taken for s\)",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,10 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from adaptctl.cli.output import Folder, Json, Overwrite, print_json, print_outcome
+from adaptctl.cli.output import Folder, Json, Overwrite, listed, print_json, print_outcome, print_parts, titled
 from adaptctl.cli.robot import AS_USUAL, RobotFlags
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from adaptctl.dynamics import Mechanism
     from adaptctl.identification import Identification
     from adaptctl.identification.estimator_comparison import Amplification
@@ -118,15 +121,17 @@ def identify(
             prior_weight=prior_weight,
             instrumental_variables=instrumental_variables,
         )
-        _write(folder, found, robot, mechanism)
+        notes = _write(folder, found, robot, mechanism)
         compared = None
         if energy_differences is not None:
             compared = _compared(logs, mechanism, drives, energy_differences, folder / ENERGIES)
+    print("".join(f"adaptctl: note: {note}\n" for note in notes), end="", file=sys.stderr)
     if json:
         words = {} if compared is None else {"energy_differences": [case._asdict() for case in compared.measured]}
         print_json(as_builtins(found, out) | words)
     else:
         print_outcome(verdict(found), facts(found), out, found.warnings)
+        print_parts([titled("Torques of the joints", _joints(found))])
         if compared is not None:
             page = compared.report()
             print()
@@ -135,10 +140,12 @@ def identify(
 
 def as_builtins(found: Identification, folder: Path) -> dict[str, Any]:
     """Identification in JSON's types; numbers are in its summary.json."""
-    from adaptctl.identification.report import facts, verdict
+    from adaptctl.identification.report import facts, joint_verdicts, verdict
     from adaptctl.recording.result import answers
 
-    words = {"verdict": verdict(found), "facts": answers(facts(found)), "warnings": list(found.warnings)}
+    joints = {joint.name: joint.as_builtins() for joint in joint_verdicts(found)}
+    words = {"verdict": verdict(found), "joints": joints, "facts": answers(facts(found))}
+    words |= {"warnings": list(found.warnings)}
     return {"schema": SCHEMA, "folder": str(folder), **words}
 
 
@@ -176,10 +183,22 @@ def _compared(
     return found
 
 
-def _write(folder: Path, found: Identification, robot: str, before: Mechanism) -> None:
+def _write(folder: Path, found: Identification, robot: str, before: Mechanism) -> list[str]:
+    """Files of an identification, and notes on what some of them cannot hold."""
     from adaptctl.identification.files import write_identification
 
-    write_identification(folder, found, robot, before)
+    written = write_identification(folder, found, robot, before)
+    return [note for one in written if (note := one.note(found)) is not None]
+
+
+STYLES = {"good": "green", "fair": "yellow", "odd": "bold yellow", "bad": "bold red"}
+
+
+def _joints(found: Identification) -> Table:
+    """Table of the joints' verdicts, coloured."""
+    from adaptctl.identification.report import joint_verdicts
+
+    return listed((joint.name, (joint.sentence, STYLES[joint.tone.value])) for joint in joint_verdicts(found))
 
 
 def _pairs(option: str, given: Pairs) -> dict[str, str]:

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from adaptctl.arrays import positive_number
-from adaptctl.errors import InputError
+from adaptctl.description.drive import DriveParameter
+from adaptctl.errors import AdaptctlError, InputError
 from adaptctl.identification.fit import Fit, FitSettings, LogEvidence
-from adaptctl.identification.friction_model import CANDIDATES, FrictionModel
+from adaptctl.identification.friction_model import ALWAYS, CANDIDATES, FrictionModel
 from adaptctl.identification.least_squares import weighted_least_squares
 
 NUM_FOLDS = 5
 NUM_BLOCKS = 20
-# Hz
-CUTOFF_CANDIDATES = (12.5, 25.0, 50.0)
-# Hz, the cut-off of the rows that predictions are compared on, whatever the fit's own.
-COMPARISON_CUTOFF = 25.0
-WEIGHT_CANDIDATES = (0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 100.0)
+# Hz: the least cut-off, and that of the rows that predictions are compared on, whatever the motion's band.
+MIN_CUTOFF, COMPARISON_CUTOFF, MAX_CUTOFF = 2.0, 25.0, 50.0
+# Cut-offs that are tried, over the band of the motion; and shares of its peak speed below which a joint is masked.
+CUTOFF_RATIOS, SLOW_CANDIDATES = (1.0, 2.0, 4.0), (0.02, 0.0, 0.05)
+WEIGHT_CANDIDATES = (1e-4, 1e-3, 1e-2, 0.1, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 100.0)
 FIRST_WEIGHT = 10.0
 # Share by which a richer model must predict better to be taken.
 MIN_IMPROVEMENT = 0.01
@@ -31,11 +34,11 @@ MAX_MISFIT_RATIO = 1.03
 
 
 class FrictionTrial(NamedTuple):
-    """Trial of one setting: its kind, candidate, prediction error `rms` in N m (N), and whether it was chosen."""
+    """Trial of one setting: its kind, candidate, relative prediction error, and whether it was chosen."""
 
     what: str
     candidate: str
-    rms: float
+    relative_error: float
     taken: bool
 
 
@@ -54,25 +57,23 @@ def choose(
     cutoff: float | None = None,
 ) -> Choice:
     """Choice of the settings that are None, one after the other, by cross-validation on blocks of time."""
-    judged = judged_at(evidence)
     first = FIRST_WEIGHT if weight is None else positive_number(weight, "prior_weight: expected a positive number")
     if cutoff is not None and cutoff not in evidence.rows:
         raise InputError(f"cutoff: expected one of {', '.join(f'{c:g}' for c in evidence.rows)} Hz, got {cutoff!r}")
-    settings = FitSettings(friction or FrictionModel(), first, judged if cutoff is None else cutoff)
-    trials: list[FrictionTrial] = []
+    settings = FitSettings(friction or FrictionModel(), first, cutoff or evidence.band, SLOW_CANDIDATES[0])
+    search = _Search(evidence, [])
+    widest = replace(settings, friction=friction or FrictionModel((*ALWAYS, DriveParameter.OFFSET)))
+    settings = replace(settings, left_out=contradictory(evidence, widest))
     if friction is None:
-        settings = _best(evidence, [replace(settings, friction=c) for c in CANDIDATES], "friction", _friction, trials)
-        if evidence.mechanism.description.loops is None:
-            loaded = replace(settings, friction=replace(settings.friction, load=True))
-            settings = _best(evidence, [settings, loaded], "load-dependent friction", _friction, trials)
+        settings = search.best([replace(settings, friction=c) for c in CANDIDATES], "friction", _friction)
     if cutoff is None:
-        tried = sorted(evidence.rows, key=lambda c: c != judged)
-        settings = _best(evidence, [replace(settings, cutoff=c) for c in tried], "cut-off, Hz", _cutoff, trials)
+        tried = sorted(evidence.rows, key=lambda c: c != settings.cutoff)
+        settings = search.best([replace(settings, cutoff=c) for c in tried], "cut-off, Hz", _cutoff)
+    settings = search.best([replace(settings, slow=s) for s in SLOW_CANDIDATES], "slow joints masked below", _slow)
     if weight is None:
-        allowed = [s for s in (replace(settings, weight=w) for w in WEIGHT_CANDIDATES) if is_allowed(evidence, s)]
-        tried_weights = allowed or [replace(settings, weight=WEIGHT_CANDIDATES[0])]
-        settings = _best(evidence, tried_weights, "weight of the prior", _weight, trials, MIN_WEIGHT_IMPROVEMENT)
-    return Choice(settings, tuple(trials))
+        every = [replace(settings, weight=w) for w in WEIGHT_CANDIDATES]
+        settings = search.best(_allowed(evidence, every), "weight of the prior", _weight, MIN_WEIGHT_IMPROVEMENT)
+    return Choice(settings, tuple(search.trials))
 
 
 def judged_at(evidence: LogEvidence) -> float:
@@ -80,55 +81,102 @@ def judged_at(evidence: LogEvidence) -> float:
     return max((c for c in evidence.rows if c <= COMPARISON_CUTOFF), default=min(evidence.rows))
 
 
-def cutoffs_for(rate: float) -> tuple[float, ...]:
-    """Candidate cut-offs (Hz) for a sampling rate: at most a tenth of it."""
-    return tuple(c for c in CUTOFF_CANDIDATES if c <= 0.1 * rate) or (0.1 * rate,)
+def cutoffs_for(rate: float, band: float) -> tuple[float, ...]:
+    """Cut-offs (Hz) for a sampling rate and a motion's band: at most a tenth of the rate, and 50 Hz."""
+    most = min(MAX_CUTOFF, 0.1 * rate)
+    tried = [*(band * ratio for ratio in CUTOFF_RATIOS), COMPARISON_CUTOFF, MAX_CUTOFF if band > 10.0 else band]
+    return tuple(sorted({min(cutoff, most) for cutoff in tried}))
 
 
-def predicted_rms(evidence: LogEvidence, settings: FitSettings) -> float:
-    """Root mean square error in N m (N) of torques predicted on blocks left out, in five groups of neighbors."""
-    squares = rows = 0.0
+def contradictory(evidence: LogEvidence, settings: FitSettings) -> tuple[int, ...]:
+    """Joints that are left out, since no links that bodies can be take their torques and the other joints' too."""
+    left: tuple[int, ...] = ()
+    light = replace(settings, weight=WEIGHT_CANDIDATES[0])
+    while len(left) < evidence.mechanism.dof - 1:
+        now = replace(light, left_out=left)
+        worst = _worst(evidence, now)
+        if worst is None:
+            break
+        left = (*left, worst)
+    return left
+
+
+def _worst(evidence: LogEvidence, settings: FitSettings) -> int | None:
+    """Joint that weighs otherwise than in the file, without which consistent links fit the rest far better."""
+    every, left = range(evidence.blocks), settings.left_out
+
+    def excess(tried: FitSettings) -> float:
+        return misfit_ratio(evidence, evidence.fit(tried, every)) - 1.0
+
+    suspects = [j for j in evidence.weighing_otherwise(settings.cutoff) if j not in left]
+    if not suspects or (now := _tried(excess, settings)) <= MAX_MISFIT_RATIO - 1.0:
+        return None
+    rests = [_tried(excess, replace(settings, left_out=(*left, j))) for j in suspects]
+    return suspects[int(np.argmin(rests))] if min(rests) < 0.5 * now else None
+
+
+def predicted_error(evidence: LogEvidence, settings: FitSettings) -> float:
+    """Relative error of torques predicted on blocks left out, in five groups of neighbors; N and N m apart."""
+    judged = replace(settings, cutoff=evidence.band, slow=0.0)
+    squares, sizes = np.zeros((2, evidence.mechanism.dof))
     for fold in np.array_split(np.arange(evidence.blocks), NUM_FOLDS):
         rest = [b for b in range(evidence.blocks) if b not in fold]
-        fit = evidence.fit(settings, rest)
-        judged = judged_at(evidence)
-        held_out = evidence.equations(judged, fold.tolist(), evidence.load_from(settings, rest, judged))
-        squares += float(held_out.misfit(fit.x).sum())
-        rows += float(held_out.count.sum())
-    return float(np.sqrt(squares / (rows * evidence.mechanism.dof)))
+        held_out = evidence.equations(judged, fold.tolist())
+        squares += held_out.misfit(evidence.fit(settings, rest).x)
+        sizes += held_out.square.sum(axis=0)
+    revolute = np.array([joint.kind.is_revolute for joint in evidence.mechanism.primary_joints])
+    kinds = [kind for kind in (revolute, ~revolute) if sizes[kind].sum() > 0.0]
+    return float(np.sqrt(np.mean([squares[kind].sum() / sizes[kind].sum() for kind in kinds])))
 
 
-def is_allowed(evidence: LogEvidence, settings: FitSettings) -> bool:
-    """True if the consistent fit's residual is at most 1.03 times that of weighted least squares."""
-    return misfit_ratio(evidence, evidence.fit(settings, range(evidence.blocks))) <= MAX_MISFIT_RATIO
+def _allowed(evidence: LogEvidence, tried: Sequence[FitSettings]) -> list[FitSettings]:
+    """Settings whose fit has at most 3 % more misfit than least squares, or than the lightest prior."""
+    every = range(evidence.blocks)
+    ratios = [_tried(lambda s: misfit_ratio(evidence, evidence.fit(s, every)), s) for s in tried]
+    most = MAX_MISFIT_RATIO * max(1.0, min(ratios) if min(ratios) > MAX_MISFIT_RATIO else 1.0)
+    return [s for s, ratio in zip(tried, ratios, strict=True) if ratio <= most] or [tried[0]]
 
 
 def misfit_ratio(evidence: LogEvidence, fit: Fit) -> float:
     """Ratio of a fit's weighted residual to that of least squares on the same equations."""
     settings, every = fit.settings, range(evidence.blocks)
-    equations = evidence.equations(settings.cutoff, every, evidence.load_from(settings, every))
-    least, _ = weighted_least_squares(equations, evidence.independent(settings.friction))
+    equations = evidence.equations(settings, every)
+    least, _ = weighted_least_squares(equations, evidence.independent(settings))
     weight = 1.0 / fit.deviations**2
     return float(np.sqrt((equations.misfit(fit.x) @ weight) / (equations.misfit(least) @ weight)))
 
 
-def _best(
-    evidence: LogEvidence,
-    tried: Sequence[FitSettings],
-    what: str,
-    word: Callable[[FitSettings], str],
-    trials: list[FrictionTrial],
-    better: float = MIN_IMPROVEMENT,
-) -> FitSettings:
-    scores = [predicted_rms(evidence, settings) for settings in tried]
-    best = 0
-    for i, score in enumerate(scores):
-        if score < (1.0 - better) * scores[best]:
-            best = i
-    trials += [
-        FrictionTrial(what, word(s), rms, i == best) for i, (s, rms) in enumerate(zip(tried, scores, strict=True))
-    ]
-    return tried[best]
+def _tried(score: Callable[[FitSettings], float], settings: FitSettings) -> float:
+    """Score of a candidate, infinite if it fails: others may do."""
+    with suppress(AdaptctlError, np.linalg.LinAlgError, FloatingPointError):
+        found = score(settings)
+        return found if np.isfinite(found) else np.inf
+    return np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Search for settings by cross-validation, with its trials."""
+
+    evidence: LogEvidence
+    trials: list[FrictionTrial]
+
+    def best(
+        self,
+        tried: Sequence[FitSettings],
+        what: str,
+        word: Callable[[FitSettings], str],
+        better: float = MIN_IMPROVEMENT,
+    ) -> FitSettings:
+        """Settings that predict best, an earlier one unless a later one is better by a share."""
+        scores = [_tried(partial(predicted_error, self.evidence), s) for s in tried]
+        best = 0
+        for i, score in enumerate(scores):
+            if score < (1.0 - better) * scores[best]:
+                best = i
+        pairs = enumerate(zip(tried, scores, strict=True))
+        self.trials.extend(FrictionTrial(what, word(s), error, i == best) for i, (s, error) in pairs)
+        return tried[best]
 
 
 def _friction(settings: FitSettings) -> str:
@@ -136,7 +184,11 @@ def _friction(settings: FitSettings) -> str:
 
 
 def _cutoff(settings: FitSettings) -> str:
-    return f"{settings.cutoff:g}"
+    return f"{settings.cutoff:.3g}"
+
+
+def _slow(settings: FitSettings) -> str:
+    return f"{settings.slow:.0%} of the peak speed" if settings.slow else "none"
 
 
 def _weight(settings: FitSettings) -> str:

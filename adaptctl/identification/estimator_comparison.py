@@ -32,6 +32,7 @@ FRICTION = "viscous,coulomb,square_root"
 HELD_OUT_SHARE = 0.4
 # Weight of the robot file's links and cut-off in Hz that the log's identification chooses.
 PRIOR_WEIGHT, CUTOFF = 5.0, 25.0
+SETTINGS = FitSettings(FrictionModel.named(FRICTION), PRIOR_WEIGHT, CUTOFF)
 
 
 class TorqueCase(NamedTuple):
@@ -92,7 +93,7 @@ def compared_estimators(
     mechanism = robot if isinstance(robot, Mechanism) else load(robot)
     own = read_drives(drives).ordered_like(mechanism)
     read = joint_log(read_log(log), own)
-    evidence = gathered(mechanism, own, [read])[0]
+    evidence = gathered(mechanism, own, [read], cutoff=CUTOFF)[0]
     model = _model(evidence)
     truth = _torques(evidence, model)
     size = np.sqrt(np.mean(truth**2, axis=0))
@@ -108,14 +109,11 @@ def compared_estimators(
 
 
 def _fitted(evidence: LogEvidence, window: float) -> tuple[Array, Array]:
-    friction = FrictionModel.named(FRICTION)
-    P = len(evidence.mechanism.parameter_names)
-    columns = evidence.independent(friction)
-    x, _ = weighted_least_squares(evidence.equations(CUTOFF, _early(evidence)), columns)
+    columns = evidence.independent(SETTINGS)
+    x, _ = weighted_least_squares(evidence.equations(SETTINGS, _early(evidence)), columns)
     end = evidence.edges[len(_early(evidence))][1]
     motions = [_until(motion, end) for motion in evidence.motions]
-    own = np.array([c for c in columns.tolist() if c < P])
-    return x[:P], by_energy(motions, evidence.mechanism, window, own)
+    return x, by_energy(motions, evidence.mechanism, window, columns)
 
 
 def _early(evidence: LogEvidence) -> range:
@@ -138,8 +136,7 @@ def _torques(evidence: LogEvidence, x: Array) -> Array:
 
 
 def _model(evidence: LogEvidence) -> Array:
-    settings = FitSettings(FrictionModel.named(FRICTION), PRIOR_WEIGHT, CUTOFF)
-    return evidence.fit(settings, range(evidence.blocks)).x[: len(evidence.mechanism.parameter_names)]
+    return evidence.fit(SETTINGS, range(evidence.blocks)).x
 
 
 def _with_torques(evidence: LogEvidence, torque: Array) -> LogEvidence:
@@ -149,7 +146,7 @@ def _with_torques(evidence: LogEvidence, torque: Array) -> LogEvidence:
 
 
 def _error(evidence: LogEvidence, x: Array, truth: Array) -> float:
-    rows = evidence.rows[CUTOFF]
+    rows = evidence.rows[CUTOFF].moved
     late: NDArray[np.bool_] = rows.time >= evidence.edges[len(_early(evidence))][1]
     expected = rows.regressor[late] @ truth
     return float(np.linalg.norm(rows.regressor[late] @ x - expected) / np.linalg.norm(expected))

@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
+from hashlib import file_digest
 from pathlib import Path
+from shutil import copyfile
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.writers.mechanism_file import write_mechanism
-from adaptctl.description.writers.robot_file import write_urdf
 from adaptctl.dynamics import Mechanism
+from adaptctl.errors import AdaptctlError
 from adaptctl.files import hashed, write_json
 from adaptctl.identification.identification import Identification
-from adaptctl.identification.report import components, consistency, report
+from adaptctl.identification.report import components, consistency, joint_verdicts, report
 from adaptctl.identification.validation import Validation
+from adaptctl.identification.written import WrittenRobot, write_robots
 from adaptctl.recording.drawing import MUTED, joint_color, run_color, thinned
 from adaptctl.recording.page import Report
 from adaptctl.recording.wording import parameter_unit, torque_error_unit, torque_units
+from adaptctl.version import __version__
 
-ROBOT, URDF, ESTIMATES, VALIDATION = "robot.toml", "robot.urdf", "estimates.json", "validation.parquet"
+ESTIMATES, VALIDATION = "estimates.json", "validation.parquet"
 SUMMARY_SCHEMA, ESTIMATES_SCHEMA, VALIDATION_SCHEMA = (
-    "adaptctl/identification-summary/2",
-    "adaptctl/estimates/1",
+    "adaptctl/identification-summary/3",
+    "adaptctl/estimates/2",
     "adaptctl/validation/1",
 )
 # At most as many are in the recording
@@ -33,34 +38,47 @@ MAX_RECORDED_SAMPLES = 3000
 
 def write_identification(
     folder: str | Path, found: Identification, robot: str | Path | None = None, before: Mechanism | None = None
-) -> Path:
-    """Write the files of an identification into a folder, all or none."""
-    shown, description = report(found), found.mechanism.description
-    files: dict[str, Callable[[Path], object]] = {
-        ROBOT: partial(write_mechanism, description=description),
-        ESTIMATES: lambda path: write_json(path, estimates(found)),
-        VALIDATION: partial(write_validation, found=found),
-    }
-    if robot is not None and before is not None and Path(robot).suffix.lower() == ".urdf":
-        files[URDF] = lambda path: write_urdf(path, robot, before.description, description)
-    return shown.write(folder, summary(found), tables=files, record=partial(_record, found, shown))
+) -> tuple[WrittenRobot, ...]:
+    """Write the files of an identification into a folder, all or none; the robots as their files give them again."""
+    with TemporaryDirectory() as aside:
+        written = tuple(write_robots(Path(aside), found, robot, before))
+        whole = written[0].validation
+        if not np.allclose(whole.predicted, found.validation.predicted, rtol=1e-6, atol=1e-6 * whole.rms_measured):
+            raise AdaptctlError(f"{written[0].name}: predicts other torques than the estimate when it is loaded again")
+        found = replace(found, validation=whole)
+        shown = report(found, written)
+        files: dict[str, Callable[[Path], object]] = {
+            **{one.name: partial(copyfile, Path(aside) / one.name) for one in written},
+            ESTIMATES: lambda path: write_json(path, estimates(found)),
+            VALIDATION: partial(write_validation, found=found),
+        }
+        shown.write(folder, summary(found, written), tables=files, record=partial(_record, found, shown))
+    return written
 
 
-def summary(found: Identification) -> dict[str, Any]:
+def summary(found: Identification, written: Sequence[WrittenRobot] = ()) -> dict[str, Any]:
     """Summary of an identification in JSON's types."""
-    settings = found.choice.settings
+    settings, names = found.choice.settings, [joint.name for joint in found.mechanism.primary_joints]
     return {
         "schema": SUMMARY_SCHEMA,
+        "version": __version__,
         "robot": found.mechanism.name,
         "robot_sha256": found.mechanism.description.sha256,
-        "logs": list(dict.fromkeys(motion.log.source for motion in found.motions)),
+        "logs": _logs(motion.log.source for motion in found.motions),
+        "validation_logs": _logs(motion.log.source for motion in found.held_out.evidence.motions),
+        "verdict": {joint.name: joint.as_builtins() for joint in joint_verdicts(found)},
         "validation": {"of": found.validation.origin, **_errors(found, found.validation)},
+        "validation_in_band": _errors(found, found.validation_in_band),
+        "files": {one.name: {**_errors(found, one.validation), "cannot_hold": list(one.missing)} for one in written},
         "alternatives": {name: _errors(found, other) for name, other in found.alternatives.items()},
         "friction": settings.friction.words,
         "prior_weight": settings.weight,
         "cutoff": settings.cutoff,
+        "masked_below": settings.slow,
+        "left_out": [names[j] for j in settings.left_out],
         "consistent": not found.mechanism.description.inconsistent_links,
         "training_misfit_over_least_squares": found.misfit_ratio,
+        "optimality_residual": found.residual,
         "deviations_over_nominal": found.deviation_ratio,
         "essential_components": {"rank": found.space.rank, "for_energy_to_1_percent": found.components},
         "unexcited": [combination.words for combination in found.unexcited],
@@ -70,12 +88,26 @@ def summary(found: Identification) -> dict[str, Any]:
     }
 
 
+def _logs(sources: Iterable[str]) -> dict[str, str | None]:
+    """SHA-256 hashes of logs by their paths; None of those that are no file."""
+    return {source: _sha256(Path(source)) for source in dict.fromkeys(sources)}
+
+
+def _sha256(path: Path) -> str | None:
+    if not path.is_file():
+        return None
+    with path.open("rb") as file:
+        return file_digest(file, "sha256").hexdigest()
+
+
 def _errors(found: Identification, validation: Validation) -> dict[str, Any]:
     names = [joint.name for joint in found.mechanism.primary_joints]
     each = zip(names, validation.joint_rms_errors.tolist(), validation.joint_relative_errors.tolist(), strict=True)
     return {
         "rms_error": validation.rms_error,
         "relative_error": validation.relative_error,
+        "rms_errors": validation.rms_errors,
+        "relative_errors": validation.relative_errors,
         "cutoff": validation.cutoff,
         "rows": len(validation.time),
         "joints": {name: {"rms_error": rms, "relative_error": relative} for name, rms, relative in each},
@@ -84,7 +116,6 @@ def _errors(found: Identification, validation: Validation) -> dict[str, Any]:
 
 def estimates(found: Identification) -> dict[str, Any]:
     """Initial estimates for an adaptive controller in JSON's types."""
-    joints = [joint.name for joint in found.mechanism.primary_joints]
     columns = zip(found.estimate, found.deviations, found.prior_ranges, found.adaptation_gain(), strict=True)
     fundamental = {
         name: {
@@ -97,7 +128,6 @@ def estimates(found: Identification) -> dict[str, Any]:
     numbers = {
         "fundamental": fundamental,
         "parameters": dict(zip(found.mechanism.parameter_names, parameters, strict=True)),
-        "load_dependent_friction": dict(zip(joints, found.load_friction.tolist(), strict=True)),
     }
     return {
         "schema": ESTIMATES_SCHEMA,

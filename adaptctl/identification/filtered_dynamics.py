@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import welch
 
 from adaptctl.arrays import Array, stacked_rows
 from adaptctl.dynamics import Mechanism
@@ -20,17 +21,24 @@ from adaptctl.scalars import column
 
 # Hz, of positions and velocities before the equations, which are not linear in them.
 MOTION_CUTOFF = 50.0
+# Length in s of the stretches that spectra are of, and the share of the speeds' squares that the motion's band has.
+SPECTRUM_LENGTH, BAND_SHARE = 8.0, 0.99
 # Samples in a period of that cut-off: how densely the equations are evaluated.
 OVERSAMPLING = 10.0
 # Rows in a period of a row's own cut-off.
 ROWS_PER_PERIOD = 4.0
+# Rows that a log has at least, if it has as many samples.
+MIN_ROWS = 400
 # Samples evaluated at a time.
 CHUNK_SAMPLES = 1500
 
 
+COLUMNS = ("time", "regressor", "torque", "velocity", "log", "moving")
+
+
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Filtered equations torque = Y x at n instants: torques (n, r), regressors (n, r, P), cut-off (Hz)."""
+    """Filtered equations torque = Y x at n instants: torques (n, r), regressors (n, r, P), cut-off (Hz), and motion."""
 
     cutoff: float
     time: Array
@@ -38,20 +46,24 @@ class Rows:
     torque: Array
     velocity: Array
     log: NDArray[np.int64]
+    moving: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.time)
 
     def chosen(self, which: NDArray[np.bool_]) -> Rows:
         """Rows where a mask (n,) is True."""
-        t, Y, torque, v = (part[which] for part in (self.time, self.regressor, self.torque, self.velocity))
-        return Rows(self.cutoff, t, Y, torque, v, self.log[which])
+        return Rows(self.cutoff, *(getattr(self, name)[which] for name in COLUMNS))
+
+    @property
+    def moved(self) -> Rows:
+        """Rows at which the arm moves."""
+        return self.chosen(self.moving)
 
     @classmethod
     def joined(cls, parts: Sequence[Rows]) -> Rows:
         """Rows of several parts, one after the other."""
-        names = ("time", "regressor", "torque", "velocity", "log")
-        return cls(parts[0].cutoff, *(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+        return cls(parts[0].cutoff, *(np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS))
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +72,7 @@ class SmoothMotion:
 
     log: PreparedLog
     number: int
+    cutoff: float
     every: int
     first: int
     position: Array
@@ -71,9 +84,9 @@ class SmoothMotion:
         return self.log.rate / self.every
 
     @classmethod
-    def of(cls, log: PreparedLog, number: int) -> SmoothMotion:
-        """Smoothed motion of a log, filtered at 50 Hz or a fifth of its rate."""
-        cutoff = min(MOTION_CUTOFF, 0.2 * log.rate)
+    def of(cls, log: PreparedLog, number: int, cutoff: float = MOTION_CUTOFF) -> SmoothMotion:
+        """Smoothed motion of a log, filtered at a cut-off (Hz) or a fifth of its rate."""
+        cutoff = min(cutoff, 0.2 * log.rate)
         kernel = low_pass(cutoff, log.rate)
         rate_kernel = derivative(kernel, log.rate)
         if len(rate_kernel) + 4 * DIFFERENCE_MARGIN >= len(log.time):
@@ -83,20 +96,24 @@ class SmoothMotion:
         every = max(1, int(log.rate / (OVERSAMPLING * cutoff)))
         position = filtered(log.position, padded(kernel))[::every]
         velocity = filtered(log.position, rate_kernel)[::every]
-        return cls(log, number, every, len(rate_kernel) // 2, position, velocity)
+        return cls(log, number, cutoff, every, len(rate_kernel) // 2, position, velocity)
 
     def acceleration(self) -> Array:
         """Accelerations (M - 4, r) from differences of the smoothed velocities."""
         return filtered(self.velocity, derivative(np.ones(1), self.rate))
 
     def rows(self, mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
-        """Rows for each cut-off (Hz), about four in its period, where the arm moves."""
-        filters = [RowFilter.of(self, cutoff) for cutoff in cutoffs]
+        """Rows for each cut-off (Hz), about four in its period."""
+        return self.filtered_rows(mechanism, [RowFilter.of(self, cutoff) for cutoff in cutoffs])
+
+    def filtered_rows(self, mechanism: Mechanism, filters: Sequence[RowFilter]) -> list[Rows]:
+        """Rows by each filter."""
         found: list[list[Array]] = [[] for _ in filters]
         widest = max(f.taps for f in filters)
         if len(self.position) < widest:
             raise InputError(f"{self.log.source}: {len(self.log.time)} consecutive samples are too few to filter")
-        for start in range(0, max(1, len(self.position) - widest + 1), CHUNK_SAMPLES):
+        narrowest = min(f.taps for f in filters)
+        for start in range(0, max(1, len(self.position) - narrowest + 1), CHUNK_SAMPLES):
             terms = self._terms(mechanism, slice(start, start + CHUNK_SAMPLES + widest - 1))
             for row_filter, parts in zip(filters, found, strict=True):
                 parts.append(row_filter.regressor(*terms, start, min(CHUNK_SAMPLES, len(self.position) - start)))
@@ -127,8 +144,8 @@ class RowFilter:
     def of(cls, motion: SmoothMotion, cutoff: float) -> RowFilter:
         """Filter of a cut-off (Hz) for a motion."""
         kernel = low_pass(cutoff, motion.rate)
-        every = max(1, int(motion.rate / (ROWS_PER_PERIOD * cutoff)))
-        return cls(cutoff, padded(kernel), derivative(kernel, motion.rate), every)
+        every = min(int(motion.rate / (ROWS_PER_PERIOD * cutoff)), len(motion.position) // MIN_ROWS)
+        return cls(cutoff, padded(kernel), derivative(kernel, motion.rate), max(1, every))
 
     def regressor(self, momentum: Array, forces: Array, start: int, length: int) -> Array:
         """Regressor (n, r, P) of rows from momenta and forces of a chunk of samples."""
@@ -144,17 +161,24 @@ class RowFilter:
         return filtered(values, self.kernel, self.every)
 
     def rows(self, motion: SmoothMotion, regressor: Array) -> Rows:
-        """Rows at those instants at which the arm moves."""
+        """Rows at all instants, with a mask of those at which the arm moves."""
         log, n = motion.log, len(regressor)
         at = self._centers(motion, n)
         own = low_pass(self.cutoff, log.rate)
         torque = filtered(log.torque, own)[at - len(own) // 2]
         velocity, number = self.signal(motion.velocity), np.full(n, motion.number)
-        return Rows(self.cutoff, log.time[at], regressor, torque, velocity, number).chosen(self.moving(motion))
+        return Rows(self.cutoff, log.time[at], regressor, torque, velocity, number, self.moving(motion))
+
+    def times(self, motion: SmoothMotion) -> Array:
+        """Times (n,) in s of all rows of a motion."""
+        return motion.log.time[self._centers(motion, self._count(motion))]
+
+    def _count(self, motion: SmoothMotion) -> int:
+        return len(range(0, len(motion.position) - self.taps + 1, self.every))
 
     def moving(self, motion: SmoothMotion) -> NDArray[np.bool_]:
         """Mask (n,) of the rows at whose instant and kernel's ends the arm moves."""
-        at = self._centers(motion, len(range(0, len(motion.position) - self.taps + 1, self.every)))
+        at = self._centers(motion, self._count(motion))
         around, moving = motion.every * (self.taps // 2), motion.log.moving
         return np.asarray(moving[at - around] & moving[at] & moving[at + around])
 
@@ -168,6 +192,23 @@ def rows_of(motions: Sequence[SmoothMotion], mechanism: Mechanism, cutoffs: Sequ
     return [Rows.joined(parts) for parts in zip(*each, strict=True)]
 
 
-def motions_of(logs: Sequence[PreparedLog]) -> Iterator[SmoothMotion]:
-    """Smoothed motions of logs, numbered from 0."""
-    return (SmoothMotion.of(log, number) for number, log in enumerate(logs))
+def motions_of(logs: Sequence[PreparedLog], cutoff: float = MOTION_CUTOFF) -> Iterator[SmoothMotion]:
+    """Motions of logs, numbered from 0, smoothed at a cut-off (Hz)."""
+    return (SmoothMotion.of(log, number, cutoff) for number, log in enumerate(logs))
+
+
+def motion_band(logs: Sequence[PreparedLog]) -> float:
+    """Frequency (Hz) below which 99 % of the square of every joint's speed are, noise of positions taken off."""
+    return max(_band(log) for log in logs)
+
+
+def _band(log: PreparedLog) -> float:
+    """Band (Hz) of one log, where the flat part of the spectrum of positions is noise, as its upper half has it."""
+    length = min(len(log.time), max(64, round(SPECTRUM_LENGTH * log.rate)))
+    frequency, power = welch(log.position, log.rate, nperseg=length, axis=0)
+    upper = frequency > 0.5 * min(frequency[-1], 2.0 * MOTION_CUTOFF)
+    noise = np.median(power[upper], axis=0)
+    speed = np.maximum(power - 3.0 * noise, 0.0) * frequency[:, None] ** 2
+    total = np.cumsum(speed[frequency <= MOTION_CUTOFF], axis=0)
+    found = [float(frequency[np.searchsorted(part, BAND_SHARE * part[-1])]) for part in total.T if part[-1] > 0.0]
+    return max(found, default=MOTION_CUTOFF)

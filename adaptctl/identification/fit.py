@@ -14,33 +14,49 @@ from adaptctl.description.drive import MAY_BE_NEGATIVE, DriveParameter
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import FundamentalBasis
 from adaptctl.identification.drives_file import Drives
-from adaptctl.identification.entropic import EntropicPrior, consistent_estimate
+from adaptctl.identification.entropic import EntropicPrior, consistent_estimate, kkt_residual
 from adaptctl.identification.filtered_dynamics import Rows, SmoothMotion
-from adaptctl.identification.friction_model import FrictionModel, load_columns
+from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations, blocks_of
 
-# Rough sizes of a rotor's inertia over the links' mean moment, and of load-dependent friction's share.
-ROTOR_INERTIA_SHARE, LOAD_FRICTION_SIZE = 0.1, 0.1
+# Rough size of a rotor's inertia over the links' mean moment.
+ROTOR_INERTIA_SHARE = 0.1
+# Mean torque of the file's links over the log's from which on a joint is named, and the share of the file's largest
+# mean below which it is not.
+MIN_MEAN_RATIO, MIN_MEAN_SHARE = 8.0, 0.25
 
 
 @dataclass(frozen=True)
 class FitSettings:
-    """Friction model, weight of the prior against the logs, and cut-off (Hz) of a fit."""
+    """Friction model, prior's weight, cut-off (Hz), share of peak speed that masks slower joints, joints left out."""
 
     friction: FrictionModel
     weight: float
     cutoff: float
+    slow: float = 0.0
+    left_out: tuple[int, ...] = ()
+
+    def columns(self, mechanism: Mechanism) -> Array:
+        """Mask (P,) of the parameters: links', and those of the friction model in the drives of joints that count."""
+        mask = self.friction.columns(mechanism)
+        first = len(mask) - len(mechanism.description.drive_parameters)
+        names = {mechanism.primary_joints[j].name for j in self.left_out}
+        for k, name in enumerate(mechanism.parameter_names[first:]):
+            if name.rsplit(".", 1)[0] in names:
+                mask[first + k] = 0.0
+        return mask
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Fit of parameters (P + r,) in SI units, the last r of load-dependent friction, with residual deviations (r,)."""
+    """Fit of parameters (P,) in SI units, with residual deviations (r,), and what is left of the minimum's slope."""
 
     x: Array
     deviations: Array
     curvature: Array
     settings: FitSettings
+    residual: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,26 +70,45 @@ class LogEvidence:
     motions: Sequence[SmoothMotion]
     rows: dict[float, Rows]
     edges: Sequence[tuple[int, float]]
-    kept: dict[float, NDArray[np.bool_]] | None = None
+    band: float
 
     def part(self, blocks: Sequence[int]) -> LogEvidence:
         """Evidence of some blocks of time alone, by rising indices."""
         here = {cutoff: np.isin(block, blocks) for cutoff, block in self._block.items()}
         rows = {cutoff: rows.chosen(here[cutoff]) for cutoff, rows in self.rows.items()}
-        kept = {cutoff: self._among_the_motions(cutoff, own) for cutoff, own in here.items()}
-        return replace(self, rows=rows, edges=[self.edges[b] for b in blocks], kept=kept)
+        return replace(self, rows=rows, edges=[self.edges[b] for b in blocks])
 
-    def _among_the_motions(self, cutoff: float, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Mask of the motions' rows at a cut-off, of a mask of those that belong to the evidence."""
-        if self.kept is None:
-            return chosen
-        mask = self.kept[cutoff].copy()
-        mask[mask] = chosen
-        return mask
+    def sums(self, cutoff: float, slow: float) -> NormalEquations:
+        """Normal equations of the rows of a cut-off, by blocks, without joints slower than a share of their peaks."""
+        if (cutoff, slow) not in self._sums:
+            used = self.used(cutoff, slow)
+            self._sums[cutoff, slow] = NormalEquations.of(self.rows[cutoff], self._block[cutoff], self.blocks, used)
+        return self._sums[cutoff, slow]
+
+    def file_torques(self, cutoff: float) -> Array:
+        """Mean torques (2, r) that the prior's links alone take in the rows of a cut-off, and that were measured."""
+        rows, tens = self.rows[cutoff].moved, self.prior.tens.ravel()
+        return np.stack([(rows.regressor[..., : tens.size] @ tens).mean(axis=0), rows.torque.mean(axis=0)])
+
+    def weighing_otherwise(self, cutoff: float) -> tuple[int, ...]:
+        """Joints whose links in the file take many times the mean torque that was measured."""
+        told, measured = np.abs(self.file_torques(cutoff))
+        most = np.maximum(MIN_MEAN_SHARE * told.max(), MIN_MEAN_RATIO * measured)
+        return tuple(np.flatnonzero(told > most).tolist())
+
+    def used(self, cutoff: float, slow: float) -> NDArray[np.bool_]:
+        """Mask (n, r) of the joints' rows that fits are made from."""
+        rows = self.rows[cutoff]
+        return np.asarray(rows.moving[:, None] & (np.abs(rows.velocity) >= slow * self.peaks))
 
     @cached_property
-    def _plain(self) -> dict[float, NormalEquations]:
-        return {cutoff: NormalEquations.of(rows, self._block[cutoff]) for cutoff, rows in self.rows.items()}
+    def peaks(self) -> Array:
+        """Greatest speeds (r,) of the joints in rad/s (m/s)."""
+        return np.max([np.abs(motion.velocity).max(axis=0) for motion in self.motions], axis=0)
+
+    @cached_property
+    def _sums(self) -> dict[tuple[float, float], NormalEquations]:
+        return {}
 
     @cached_property
     def _block(self) -> dict[float, NDArray[np.int64]]:
@@ -84,88 +119,52 @@ class LogEvidence:
         """Number of blocks of time."""
         return len(self.edges)
 
-    def load(self, cutoff: float, x: Array) -> Array:
-        """Columns (n, r, r) of load-dependent friction, whose rigid torques are those of parameters `x`."""
-        columns = load_columns(self.motions, self.mechanism, x, cutoff, self.drives)
-        return columns if self.kept is None else columns[self.kept[cutoff]]
+    def equations(self, settings: FitSettings, blocks: Sequence[int]) -> NormalEquations:
+        """Normal equations of the rows in some blocks, summed."""
+        return self.sums(settings.cutoff, settings.slow).over(blocks).without(settings.left_out)
 
-    def equations(self, cutoff: float, blocks: Sequence[int], load: Array | None = None) -> NormalEquations:
-        """Normal equations on P + r parameters of the rows in some blocks, summed."""
-        plain = self._plain[cutoff].over(blocks)
-        if load is None:
-            return plain.with_blank_columns(self.mechanism.dof)
-        here = np.isin(self._block[cutoff], blocks)
-        return plain.with_columns(self.rows[cutoff].chosen(here), load[here])
-
-    def mask(self, friction: FrictionModel) -> Array:
-        """Mask (P + r,) of the parameters that a friction model has."""
-        return np.concatenate([friction.columns(self.mechanism), np.full(self.mechanism.dof, float(friction.load))])
-
-    def independent(self, friction: FrictionModel) -> NDArray[np.int64]:
+    def independent(self, settings: FitSettings) -> NDArray[np.int64]:
         """Indices (c,) of the parameters that least squares is solved for: fundamental ones, then friction's."""
-        energetic = self.mechanism.num_energy_parameters
-        others = [c for c in np.flatnonzero(self.mask(friction)).tolist() if c >= energetic]
-        return np.array([*self.basis.columns, *others])
+        energetic, mask = self.mechanism.num_energy_parameters, settings.columns(self.mechanism)
+        others = [c for c in np.flatnonzero(mask).tolist() if c >= energetic]
+        return np.array([*(c for c in self.basis.columns if mask[c]), *others])
 
     def fit(self, settings: FitSettings, blocks: Sequence[int]) -> Fit:
         """Consistent fit to some blocks, started where the last one on the same blocks ended."""
-        load, key = self.load_from(settings, blocks), tuple(blocks)
-        found = self.fitted(self.equations(settings.cutoff, blocks, load), settings, self._ends.get(key))
-        self._ends[key] = found.x
-        return found
+        key = tuple(blocks)
+        if (settings, key) not in self._fits:
+            found = self.fitted(self.equations(settings, blocks), settings, self._ends.get(key))
+            self._ends[key] = found.x
+            self._fits[settings, key] = found
+        return self._fits[settings, key]
 
     @cached_property
     def _ends(self) -> dict[tuple[int, ...], Array]:
         return {}
 
-    def load_from(self, settings: FitSettings, blocks: Sequence[int], cutoff: float | None = None) -> Array | None:
-        """Columns (n, r, r) of load-dependent friction, rigid torques by a fit without it."""
-        if not settings.friction.load:
-            return None
-        at = settings.cutoff if cutoff is None else cutoff
-        key = (settings.friction.kinds, tuple(blocks), at)
-        if key not in self._loads:
-            self._loads[key] = self.load(at, self._rigid(settings, tuple(blocks)))
-        return self._loads[key]
-
-    def _rigid(self, settings: FitSettings, blocks: tuple[int, ...]) -> Array:
-        """Parameters found without load-dependent friction, whose rigid torques it grows with."""
-        key = (settings.friction.kinds, blocks)
-        if key not in self._plain_fits:
-            plain = replace(settings, friction=replace(settings.friction, load=False))
-            self._plain_fits[key] = self.fit(plain, blocks).x
-        return self._plain_fits[key]
-
     @cached_property
-    def _loads(self) -> dict[object, Array]:
-        return {}
-
-    @cached_property
-    def _plain_fits(self) -> dict[object, Array]:
+    def _fits(self) -> dict[tuple[FitSettings, tuple[int, ...]], Fit]:
         return {}
 
     def fitted(self, equations: NormalEquations, settings: FitSettings, start: Array | None = None) -> Fit:
         """Consistent fit to normal equations, each joint weighted by its residual in least squares."""
-        mask = self.mask(settings.friction)
-        _, deviations = weighted_least_squares(equations, self.independent(settings.friction))
+        mask = settings.columns(self.mechanism)
+        _, deviations = weighted_least_squares(equations, self.independent(settings))
         A, b = equations.whitened(deviations)
         A, b = A * np.outer(mask, mask), b * mask
-        prior = self.prior_of(settings.friction)
-        x = consistent_estimate(A, b, prior, settings.weight, None if start is None else _started(start, prior, mask))
-        return Fit(x, deviations, A, settings)
+        prior = self.prior_of(settings)
+        begun = None if start is None else _started(start, prior, mask)
+        x = consistent_estimate(A, b, prior, settings.weight, begun)
+        return Fit(x, deviations, A, settings, kkt_residual(A, b, prior, settings.weight, x))
 
-    def prior_of(self, friction: FrictionModel) -> EntropicPrior:
-        """Prior of the parameters that a friction model has."""
-        r, P = self.mechanism.dof, len(self.mechanism.parameter_names)
-        kept = self.mask(friction)[self.prior.positive] > 0.0
-        loads = np.arange(P, P + r) if friction.load else np.arange(0)
-        positive = np.concatenate([self.prior.positive[kept], loads])
-        scales = np.concatenate([self.prior.scales[kept], np.full(len(loads), LOAD_FRICTION_SIZE)])
-        return EntropicPrior(self.prior.tens, positive, scales)
+    def prior_of(self, settings: FitSettings) -> EntropicPrior:
+        """Prior of the parameters that settings have."""
+        kept = settings.columns(self.mechanism)[self.prior.positive] > 0.0
+        return EntropicPrior(self.prior.tens, self.prior.positive[kept], self.prior.scales[kept])
 
-    def ordinary(self, friction: FrictionModel, cutoff: float, blocks: Sequence[int]) -> Array:
-        """Parameters (P + r,) by weighted least squares without a prior: links need not be consistent."""
-        return weighted_least_squares(self.equations(cutoff, blocks), self.independent(friction))[0]
+    def ordinary(self, settings: FitSettings, blocks: Sequence[int]) -> Array:
+        """Parameters (P,) by weighted least squares without a prior: links need not be consistent."""
+        return weighted_least_squares(self.equations(settings, blocks), self.independent(settings))[0]
 
 
 def _started(start: Array, prior: EntropicPrior, mask: Array) -> Array:

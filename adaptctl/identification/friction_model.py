@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +9,8 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.recursion.drive import COULOMB_SMOOTHING_SPEED
 from adaptctl.errors import InputError
 from adaptctl.identification.drives_file import Drives
-from adaptctl.identification.filtered_dynamics import RowFilter, SmoothMotion
-from adaptctl.identification.preparation import DIFFERENCE_MARGIN
 
 ALWAYS = (DriveParameter.VISCOUS, DriveParameter.COULOMB)
 CURVES = ((), (DriveParameter.SQUARE_ROOT,), (DriveParameter.STRIBECK,))
@@ -23,15 +19,14 @@ OFFSETS = ((), (DriveParameter.OFFSET,))
 
 @dataclass(frozen=True)
 class FrictionModel:
-    """Friction terms that are modelled, and whether load-dependent friction is (Hamon, Gautier and Garrec 2010)."""
+    """Friction terms that are modelled."""
 
     kinds: tuple[DriveParameter, ...] = ALWAYS
-    load: bool = False
 
     @property
     def words(self) -> str:
-        """Names of the terms, separated by commas, such as "viscous, coulomb, load"."""
-        return ", ".join([*(kind.value for kind in self.kinds), *(["load"] if self.load else [])])
+        """Names of the terms, separated by commas, such as "viscous, coulomb"."""
+        return ", ".join(kind.value for kind in self.kinds)
 
     @classmethod
     def named(cls, words: str) -> FrictionModel:
@@ -40,10 +35,10 @@ class FrictionModel:
             raise InputError(f"friction: expected a text such as viscous,coulomb, got {words!r}")
         names = [name.strip() for name in words.split(",") if name.strip()]
         known = {kind.value: kind for kind in DriveParameter if kind.is_friction}
-        if unknown := [name for name in names if name not in (*known, "load")]:
-            raise InputError(f"friction: expected some of {', '.join((*known, 'load'))}, got {unknown[0]!r}")
+        if unknown := [name for name in names if name not in known]:
+            raise InputError(f"friction: expected some of {', '.join(known)}, got {unknown[0]!r}")
         kinds = tuple(kind for name, kind in known.items() if name in names)
-        return cls(kinds, "load" in names)
+        return cls(kinds)
 
     def columns(self, mechanism: Mechanism) -> Array:
         """Mask (P,) of links' parameters, rotor inertias and the model's friction terms."""
@@ -66,31 +61,3 @@ def with_all_friction(mechanism: Mechanism, drives: Drives) -> Mechanism:
     own = {name: drive.with_terms(terms) for name, drive in zip(drives.joints, drives.joint_drives(), strict=True)}
     each = [own.get(link.joint.name, link.joint.drive) for link in mechanism.links]
     return mechanism.with_drives(each)
-
-
-def load_columns(
-    motions: Sequence[SmoothMotion], mechanism: Mechanism, x: Array, cutoff: float, drives: Drives
-) -> Array:
-    """Regressor columns (n, r, r) of load-dependent friction in the rows of filtered motions."""
-    rigid = mechanism.with_parameters(np.where(_friction(mechanism), 0.0, x[: len(mechanism.parameter_names)]))
-    parts = []
-    for motion in motions:
-        row_filter = RowFilter.of(motion, cutoff)
-        parts.append(row_filter.signal(_unfiltered(motion, rigid, drives))[row_filter.moving(motion)])
-    return np.concatenate(parts)
-
-
-def _unfiltered(motion: SmoothMotion, rigid: Mechanism, drives: Drives) -> Array:
-    """Regressor (m, r, r) of load-dependent friction: |rigid torque| sign(shaft's speed)."""
-    inner = slice(DIFFERENCE_MARGIN, -DIFFERENCE_MARGIN)
-    p, v = motion.position[inner], motion.velocity[inner]
-    torque = np.abs(rigid.inverse_dynamics(p, v, motion.acceleration()))
-    ratios = drives.transmission / np.diag(drives.transmission)[:, None]
-    speed = v @ ratios.T
-    share = torque * speed / np.sqrt(speed**2 + COULOMB_SMOOTHING_SPEED**2)
-    return np.pad(share[:, None, :] * ratios.T, ((DIFFERENCE_MARGIN, DIFFERENCE_MARGIN), (0, 0), (0, 0)))
-
-
-def _friction(mechanism: Mechanism) -> Array:
-    P = len(mechanism.parameter_names)
-    return (np.arange(P) >= mechanism.num_energy_parameters).astype(np.float64)

@@ -13,6 +13,7 @@ from adaptctl.identifiability import EssentialSpace, ReducedModel
 from adaptctl.identification.choice import Choice
 from adaptctl.identification.drives_file import Drives
 from adaptctl.identification.filtered_dynamics import SmoothMotion
+from adaptctl.identification.held_out import HeldOut
 from adaptctl.identification.preparation import PreparationStep
 from adaptctl.identification.uncertainty import Combination, unexcited
 from adaptctl.identification.validation import Validation
@@ -36,10 +37,12 @@ class Identification:
         the prior decides.
     nominal_deviations : numpy.ndarray
         Standard deviations (k,) in SI units if torque residuals were white, which is mostly too optimistic.
-    load_friction : numpy.ndarray
-        Coefficients (r,) of load-dependent friction without unit, zero where the friction model has none.
     validation : Validation
-        Measured and predicted torques on rows of the logs that were not used for the validated fit.
+        Torques measured and predicted by `mechanism` on rows that were not used for the fit, below 25 Hz.
+    validation_in_band : Validation
+        Likewise in the band of the motion.
+    held_out : HeldOut
+        These rows, on which its `judged` validates any mechanism of these joints, such as a written file's.
     alternatives : dict of str to Validation
         Validations of simpler models on the same rows.
     choice : Choice
@@ -50,6 +53,8 @@ class Identification:
         Warnings about logs and prior, as texts.
     misfit_ratio : float
         Ratio, without unit, of the root mean square of weighted residuals to that of unconstrained least squares.
+    residual : float
+        Residual of the fit's optimality conditions, relative to their terms; round-off alone leaves some 1e-9.
     space : EssentialSpace
         Essential space, with the logs' motion as its states.
     components : int
@@ -78,13 +83,15 @@ class Identification:
     model: ReducedModel
     deviations: Array
     nominal_deviations: Array
-    load_friction: Array
     validation: Validation
+    validation_in_band: Validation
+    held_out: HeldOut
     alternatives: dict[str, Validation]
     choice: Choice
     steps: tuple[PreparationStep, ...]
     warnings: tuple[str, ...]
     misfit_ratio: float
+    residual: float
     space: EssentialSpace
     components: int
     combinations: tuple[Combination, ...]

@@ -14,24 +14,46 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.identifiability.factorisation import one_thread
-from adaptctl.identification.choice import NUM_BLOCKS, Choice, choose, cutoffs_for, judged_at, misfit_ratio
+from adaptctl.identification.choice import (
+    COMPARISON_CUTOFF,
+    MIN_CUTOFF,
+    NUM_BLOCKS,
+    Choice,
+    choose,
+    cutoffs_for,
+    judged_at,
+    misfit_ratio,
+)
 from adaptctl.identification.columns import JointLog, joint_columns, joint_log
+from adaptctl.identification.contradictions import contradictions
 from adaptctl.identification.drives_file import Drives, read_drives
 from adaptctl.identification.entropic import EntropicPrior, prior_links
-from adaptctl.identification.filtered_dynamics import Rows, SmoothMotion, motions_of, rows_of
+from adaptctl.identification.filtered_dynamics import (
+    MOTION_CUTOFF,
+    Rows,
+    SmoothMotion,
+    motion_band,
+    motions_of,
+    rows_of,
+)
 from adaptctl.identification.fit import Fit, LogEvidence, positive_columns
 from adaptctl.identification.friction_model import FrictionModel, with_all_friction
+from adaptctl.identification.held_out import HeldOut
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.least_squares import halves, joined_first_stage
 from adaptctl.identification.log_files import read_log
 from adaptctl.identification.normal_equations import block_edges
-from adaptctl.identification.preparation import PreparationStep, prepare
+from adaptctl.identification.preparation import PreparationStep, PreparedLog, prepare
 from adaptctl.identification.torque_constants import known_drives, torque_constants, with_constants, without_payloads
 from adaptctl.identification.uncertainty import combinations, essential_components, uncertainty
-from adaptctl.identification.validation import Validation, alternatives, predicted_torques, validate_plausible
+from adaptctl.identification.validation import alternatives, validate_plausible
 
 # Share of the blocks, from the end, that is held out where no log for validation is given.
 HELD_OUT_SHARE = 0.4
+# Cut-offs of rows and of positions over the frequency below which the motion is, and the least of the latter in Hz.
+BAND_CUTOFF_RATIO, MOTION_CUTOFF_RATIO, MIN_MOTION_CUTOFF = 5.0, 16.0, 20.0
+# s of motion below which nothing is learnt.
+MIN_DURATION = 1.5
 
 
 @one_thread()
@@ -63,7 +85,7 @@ def identify(
     drives : Drives, str or pathlib.Path, optional
         Transmission between motors and joints, or its file. Default: none, for logs of joint positions and torques.
     validate : str, pathlib.Path or sequence of them, optional
-        Logs to validate on. Default: the last 40 % of `logs`, which then play no part in the choice of settings.
+        Logs to validate on. Default: the last 40 % of `logs`, which then play no part in the fit.
     columns : mapping of str to str, optional
         Patterns of column names by "position", "torque", "velocity" and "time": `{joint}` is a joint's name, `{}` its
         number from 1, `{0}` from 0. Default: usual patterns are tried.
@@ -76,7 +98,7 @@ def identify(
     skip_steps : collection of str, optional
         Steps of preparation to leave out: "resample", "unwrap", "velocities", "limits", "standstill". None by default.
     friction : str, optional
-        Friction terms, separated by commas: "viscous", "coulomb", "square_root", "stribeck", "offset", "load". Default:
+        Friction terms, separated by commas: "viscous", "coulomb", "square_root", "stribeck", "offset". Default:
         chosen by cross-validation within the logs.
     cutoff : float, optional
         Cut-off frequency in Hz of the low-pass filter. Default: chosen by cross-validation within the logs.
@@ -89,7 +111,7 @@ def identify(
     Returns
     -------
     Identification
-        Parameters fitted to all logs, with standard deviations and a validation.
+        Parameters fitted to the logs (without what is held out), with standard deviations and a validation.
 
     Raises
     ------
@@ -199,23 +221,20 @@ def identified(
     drives, train, test, known = _with_constants(mechanism, drives, train, test, skip_steps)
     measured, steps, remarks = gathered(mechanism, drives, train, skip_steps, cutoff)
     evidence = freed_of_noise(measured) if instrumental_variables else measured
-    held_out = [] if test else list(range(round((1.0 - HELD_OUT_SHARE) * evidence.blocks), evidence.blocks))
-    training = evidence.part([b for b in range(evidence.blocks) if b not in held_out])
+    late = [] if test else list(range(round((1.0 - HELD_OUT_SHARE) * evidence.blocks), evidence.blocks))
+    training = evidence.part([b for b in range(evidence.blocks) if b not in late])
     validate_plausible(training, train[0].source, judged_at(training))
     choice = choose(training, friction, prior_weight, cutoff)
-    every = range(training.blocks)
-    fit = training.fit(choice.settings, every)
-    plain = _plain(training, fit)
-    if held_out:
-        judged = replace(measured, edges=evidence.edges).part(held_out)
+    fit = training.fit(choice.settings, range(training.blocks))
+    cutoffs = (judged_at(training), min(judged_at(training), evidence.band))
+    if late:
+        judged = replace(measured, edges=evidence.edges).part(late)
     else:
-        judged = gathered(mechanism, drives, test, skip_steps, cutoff)[0]
-    origin = "the last 40 % of the logs" if held_out else ", ".join(log.source for log in test)
-    validation = _validated(judged, fit.x, origin)
-    others = {other.name: _validated(judged, other.x, origin) for other in alternatives(training, fit, plain)}
-    final = evidence.fit(choice.settings, range(evidence.blocks)) if held_out else fit
-    own = _plain(evidence, final) if held_out else plain
-    return _result(mechanism, evidence, own, final, validation, others, choice, steps, remarks + known)
+        judged = gathered(mechanism, drives, test, skip_steps, cutoffs=cutoffs, band=evidence.band)[0]
+    origin = "the last 40 % of the logs" if late else ", ".join(log.source for log in test)
+    held_out = HeldOut(judged, origin, *cutoffs, choice.settings.left_out)
+    notes = (*remarks, *known, *contradictions(training, fit))
+    return _result(training, fit, held_out, choice, steps, notes)
 
 
 def _with_constants(
@@ -235,24 +254,27 @@ def gathered(
     logs: Sequence[JointLog],
     skip: Collection[str] = (),
     cutoff: float | None = None,
+    cutoffs: Sequence[float] = (),
+    band: float | None = None,
 ) -> tuple[LogEvidence, tuple[PreparationStep, ...], tuple[str, ...]]:
     """Evidence of logs, the steps of their preparation, and remarks on links that were not consistent."""
     prepared = [prepare(log, mechanism, skip) for log in logs]
     pieces = [piece for found, _ in prepared for piece in found]
     steps = tuple(dict.fromkeys(step for _, own in prepared for step in own))
     full, (tens, remarks) = with_all_friction(mechanism, drives), prior_links(mechanism)
-    motions = list(motions_of(pieces))
+    fastest = motion_band(pieces) if band is None else band / BAND_CUTOFF_RATIO
+    least = min(max(MIN_CUTOFF, BAND_CUTOFF_RATIO * fastest), COMPARISON_CUTOFF)
+    motions = list(motions_of(pieces, min(max(MIN_MOTION_CUTOFF, MOTION_CUTOFF_RATIO * fastest), MOTION_CUTOFF)))
     if cutoff is not None:
         _validate_between(cutoff, motions)
-    cutoffs = cutoffs_for(min(piece.rate for piece in pieces))
-    cutoffs = cutoffs if cutoff is None or cutoff in cutoffs else (*cutoffs, cutoff)
-    rows = dict(zip(cutoffs, _rows_without_payloads(motions, full, drives, cutoffs), strict=True))
-    _validate_enough(pieces[0].source, min(len(part) for part in rows.values()), full)
+    tried = {*(cutoffs or cutoffs_for(min(piece.rate for piece in pieces), least)), *([cutoff] if cutoff else [])}
+    rows = dict(zip(sorted(tried), _rows_without_payloads(motions, full, drives, sorted(tried)), strict=True))
+    _validate_enough(pieces, full)
     positive, scales = positive_columns(full, tens)
     basis = fundamental_basis(essential_space(full))
-    edges = block_edges(rows[cutoffs[0]], NUM_BLOCKS)
+    edges = block_edges(rows[min(rows)].moved, NUM_BLOCKS)
     prior = EntropicPrior(tens, positive, scales)
-    return LogEvidence(full, basis, drives, prior, motions, rows, edges), steps, tuple(remarks)
+    return LogEvidence(full, basis, drives, prior, motions, rows, edges, min(rows)), steps, tuple(remarks)
 
 
 def _rows_without_payloads(
@@ -272,12 +294,12 @@ def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
         raise InputError(
             "instrumental_variables: the sampling rate is too low to split the log into even and odd samples"
         )
-    motions = [SmoothMotion.of(own, number) for number, (own, _) in enumerate(pairs)]
-    others = [SmoothMotion.of(other, number) for number, (_, other) in enumerate(pairs)]
+    smooth = evidence.motions[0].cutoff
+    motions, others = (list(motions_of(side, smooth)) for side in zip(*pairs, strict=True))
     own = _rows_without_payloads(motions, evidence.mechanism, evidence.drives, cutoffs)
     instruments = rows_of(others, evidence.mechanism, cutoffs)
     rows = dict(zip(cutoffs, joined_first_stage(own, instruments), strict=True))
-    return replace(evidence, motions=motions, rows=rows, edges=block_edges(rows[cutoffs[0]], NUM_BLOCKS))
+    return replace(evidence, motions=motions, rows=rows, edges=block_edges(rows[min(cutoffs)].moved, NUM_BLOCKS))
 
 
 def _validate_between(cutoff: float, motions: Sequence[SmoothMotion]) -> None:
@@ -287,74 +309,60 @@ def _validate_between(cutoff: float, motions: Sequence[SmoothMotion]) -> None:
         raise InputError(f"cutoff: expected between {least:.3g} and {most:.3g} Hz for these logs, got {cutoff:g}")
 
 
-def _validate_enough(source: str, rows: int, mechanism: Mechanism) -> None:
-    if rows < 2 * NUM_BLOCKS:
+def _validate_enough(pieces: Sequence[PreparedLog], mechanism: Mechanism) -> None:
+    lasts = float(sum(np.sum(piece.moving) / piece.rate for piece in pieces))
+    if lasts < MIN_DURATION:
         raise InputError(
-            f"{source}: the log has only {rows} independent samples of motion; at least {2 * NUM_BLOCKS} are "
-            "needed, a few seconds"
+            f"{pieces[0].source}: the log has only {lasts:.2g} s of motion; at least {MIN_DURATION:g} s are needed, "
+            "and ten times as much for good estimates"
         )
 
 
-def _plain(evidence: LogEvidence, fit: Fit) -> Fit:
-    friction = fit.settings.friction
-    if not friction.load:
-        return fit
-    return evidence.fit(replace(fit.settings, friction=replace(friction, load=False)), range(evidence.blocks))
-
-
-def _validated(evidence: LogEvidence, x: Array, origin: str) -> Validation:
-    rows = evidence.rows[judged_at(evidence)]
-    P = len(evidence.mechanism.parameter_names)
-    load = evidence.load(rows.cutoff, x) if np.any(x[P:]) else None
-    return Validation(origin, rows.cutoff, rows.time, rows.torque, predicted_torques(rows, x, load))
-
-
 def _result(
-    mechanism: Mechanism,
     evidence: LogEvidence,
-    own: Fit,
-    final: Fit,
-    validation: Validation,
-    others: dict[str, Validation],
+    fit: Fit,
+    held_out: HeldOut,
     choice: Choice,
     steps: tuple[PreparationStep, ...],
     remarks: tuple[str, ...],
 ) -> Identification:
-    identified = identified_mechanism(evidence, own)
-    P = len(evidence.mechanism.parameter_names)
+    identified = identified_mechanism(evidence, fit)
     model = ReducedModel(identified, fundamental_basis(essential_space(identified)))
     places = [evidence.mechanism.parameter_names.index(name) for name in identified.parameter_names]
-    onto = np.zeros((len(model.columns), len(own.x)))
+    onto = np.zeros((len(model.columns), len(fit.x)))
     onto[:, places] = model.regrouping
-    spread = uncertainty(evidence, own)
+    spread = uncertainty(evidence, fit)
     kept = [places[c] for c in model.columns]
     space, components = essential_components(*_states(identified, evidence))
+    common, band = held_out.judged(identified)
     return Identification(
         identified,
         model,
         spread.of(onto),
         spread.nominal_of(onto),
-        final.x[P:],
-        validation,
-        others,
+        common,
+        band,
+        held_out,
+        {other.name: held_out.of(other.x) for other in alternatives(evidence, fit)},
         choice,
         steps,
         remarks,
-        misfit_ratio(evidence, own),
+        misfit_ratio(evidence, fit),
+        fit.residual,
         space,
         components,
-        tuple(combinations(own.curvature[np.ix_(kept, kept)], model.names)),
+        tuple(combinations(fit.curvature[np.ix_(kept, kept)], model.names)),
         tuple(evidence.motions),
         evidence.drives,
     )
 
 
 def identified_mechanism(evidence: LogEvidence, fit: Fit) -> Mechanism:
-    """Mechanism with a fit's links and friction, without load-dependent friction."""
+    """Mechanism with a fit's links and friction."""
     full = evidence.mechanism
-    mask = evidence.mask(fit.settings.friction)
-    names = [name for name, kept in zip(full.parameter_names, mask, strict=False) if kept]
-    values = dict(zip(full.parameter_names, fit.x.tolist(), strict=False))
+    mask = fit.settings.columns(full)
+    names = [name for name, kept in zip(full.parameter_names, mask, strict=True) if kept]
+    values = dict(zip(full.parameter_names, fit.x.tolist(), strict=True))
     drives = [_with_terms(link.joint.drive, link.joint.name, names) for link in full.links]
     shaped = full.with_drives(drives)
     return shaped.with_parameters([values[name] for name in shaped.parameter_names])

@@ -33,11 +33,13 @@ def least_squares(A: Array, b: Array, columns: NDArray[np.int64]) -> Array:
 
 def weighted_least_squares(equations: NormalEquations, columns: NDArray[np.int64]) -> tuple[Array, Array]:
     """Parameters (P,) and residual deviations (r,) of joints, weighted by their inverse squares (Gautier 1997)."""
-    deviations = np.sqrt(equations.square.sum(axis=0) / equations.count.sum())
-    x = np.zeros(equations.moment.shape[-1])
+    count = np.maximum(equations.count.sum(axis=0), 1.0)
+    deviations = np.sqrt(equations.square.sum(axis=0) / count)
+    deviations = np.where(deviations > 0.0, deviations, max(float(deviations.max()), 1.0))
+    x, least = np.zeros(equations.moment.shape[-1]), 1e-6 * deviations
     for _ in range(WEIGHTING_ROUNDS):
         x = least_squares(*equations.whitened(deviations), columns)
-        deviations = np.maximum(np.sqrt(equations.misfit(x) / equations.count.sum()), 1e-6 * deviations.max())
+        deviations = np.maximum(np.sqrt(equations.misfit(x) / count), least)
     return x, deviations
 
 

@@ -14,7 +14,7 @@ from adaptctl.identification.filtered_dynamics import Rows
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """Normal equations of rows torque = Y x, summed over each of B blocks, for each of r joints."""
+    """Normal equations of rows torque = Y x, summed over each of B blocks, for each of r joints, with rows' counts."""
 
     normal: Array
     moment: Array
@@ -22,9 +22,10 @@ class NormalEquations:
     count: Array
 
     @classmethod
-    def of(cls, rows: Rows, block: NDArray[np.int64]) -> NormalEquations:
-        """Normal equations of rows, summed by the blocks that they belong to."""
-        parts = [_sums(rows.regressor[block == b], rows.torque[block == b]) for b in range(int(block.max()) + 1)]
+    def of(cls, rows: Rows, block: NDArray[np.int64], blocks: int, used: NDArray[np.bool_]) -> NormalEquations:
+        """Normal equations of those joints' rows that a mask (n, r) has, summed by the blocks that they belong to."""
+        each = (block == b for b in range(blocks))
+        parts = [_sums(rows.regressor[b], rows.torque[b], used[b]) for b in each]
         return cls(*(np.stack(part) for part in zip(*parts, strict=True)))
 
     def over(self, blocks: NDArray[np.int64] | Sequence[int]) -> NormalEquations:
@@ -33,19 +34,12 @@ class NormalEquations:
         parts = (self.normal, self.moment, self.square, self.count)
         return NormalEquations(*(part[which].sum(axis=0, keepdims=True) for part in parts))
 
-    def with_columns(self, rows: Rows, more: Array) -> NormalEquations:
-        """Normal equations on more parameters, the new ones last, whose regressor (n, r, c) is `more`."""
-        Y, L = rows.regressor.transpose(1, 0, 2), more.transpose(1, 0, 2)
-        across, own = Y.mT @ L, L.mT @ L
-        moment = np.concatenate([self.moment[0], (L.mT @ rows.torque.T[..., None])[..., 0]], axis=-1)
-        normal = np.block([[self.normal[0], across], [across.mT, own]])
-        return NormalEquations(normal[None], moment[None], self.square, self.count)
-
-    def with_blank_columns(self, count: int) -> NormalEquations:
-        """Normal equations on more parameters whose regressor is zero."""
-        wider = (0, count)
-        normal = np.pad(self.normal, ((0, 0), (0, 0), wider, wider))
-        return NormalEquations(normal, np.pad(self.moment, ((0, 0), (0, 0), wider)), self.square, self.count)
+    def without(self, joints: Sequence[int]) -> NormalEquations:
+        """Normal equations without those of some joints."""
+        kept = np.ones(self.square.shape[1])
+        kept[list(joints)] = 0.0
+        parts = (self.normal * kept[:, None, None], self.moment * kept[:, None], self.square * kept, self.count * kept)
+        return NormalEquations(*parts) if joints else self
 
     def whitened(self, deviations: Array) -> tuple[Array, Array]:
         """Normal matrix (P, P) and moment (P,), each joint's equations divided by its deviation."""
@@ -57,15 +51,12 @@ class NormalEquations:
         normal, moment = self.normal.sum(axis=0), self.moment.sum(axis=0)
         return np.maximum(self.square.sum(axis=0) - 2.0 * moment @ x + (normal @ x) @ x, 0.0)
 
-    def rms(self, x: Array) -> float:
-        """Root mean square residual in N m (N) of parameters (P,) over all joints and instants."""
-        return float(np.sqrt(self.misfit(x).sum() / (self.count.sum() * self.square.shape[1])))
 
-
-def _sums(Y: Array, torque: Array) -> tuple[Array, Array, Array, Array]:
-    joints = Y.transpose(1, 0, 2)
+def _sums(Y: Array, torque: Array, used: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array]:
+    torque = np.where(used, torque, 0.0)
+    joints = (Y * used[..., None]).transpose(1, 0, 2)
     moment = (joints.mT @ torque.T[..., None])[..., 0]
-    return joints.mT @ joints, moment, np.square(torque).sum(axis=0), np.asarray(float(len(Y)))
+    return joints.mT @ joints, moment, np.square(torque).sum(axis=0), used.sum(axis=0).astype(np.float64)
 
 
 def block_edges(rows: Rows, count: int) -> list[tuple[int, float]]:

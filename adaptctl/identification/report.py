@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from adaptctl.identification.identification import Identification
+from adaptctl.identification.validation import Validation
+from adaptctl.identification.written import WrittenRobot
 from adaptctl.recording.drawing import MUTED, Drawing, run_color, sheet, thinned
-from adaptctl.recording.page import SHEU_WALKER, Lines, Note, Report, Section, Table, TableLayout, files_section
+from adaptctl.recording.page import (
+    SHEU_WALKER,
+    Cell,
+    Lines,
+    Note,
+    Report,
+    Section,
+    Table,
+    TableLayout,
+    Tone,
+    files_section,
+)
 from adaptctl.recording.result import Fact
-from adaptctl.recording.wording import parameter_unit, torque_error_unit, typeset
+from adaptctl.recording.wording import parameter_unit, typeset
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,17 +38,74 @@ SOURCE = (
 )
 
 
-def verdict(found: Identification) -> str:
-    """Outcome in a sentence: the root mean square error of the predicted torques."""
-    validation = found.validation
-    return (
-        f"The model predicts the torques of {validation.origin} with an RMS error of {_rms_error(found)} over all "
-        f"joints, {validation.relative_error:.1%} of the measured torque."
+# Relative error of a joint's torque below which it is predicted well, and below which roughly; from 1 on, predicting no
+# torque at all were better.
+WELL, ROUGHLY = 0.2, 0.5
+
+
+class JointVerdict(NamedTuple):
+    """Verdict on a joint: its root mean square error with unit, relative to its own torque, in a word, and a tone."""
+
+    name: str
+    rms_error: float
+    unit: str
+    relative_error: float
+    word: str
+    tone: Tone
+
+    @property
+    def sentence(self) -> str:
+        """Error and word, such as "0.31 N·m, 4.1 %: predicted"."""
+        return f"{self.rms_error:.3g} {typeset(self.unit)}, {self.relative_error:.1%} of its torque: {self.word}"
+
+    def as_builtins(self) -> dict[str, Any]:
+        """Verdict in JSON's types."""
+        relative = self.relative_error if np.isfinite(self.relative_error) else None
+        return {"rms_error": self.rms_error, "unit": self.unit, "relative_error": relative, "verdict": self.word}
+
+
+def joint_verdicts(found: Identification) -> list[JointVerdict]:
+    """Verdicts on the joints, each relative to its own torque."""
+    validation, left_out = found.validation, found.choice.settings.left_out
+    each = zip(
+        found.mechanism.primary_joints, validation.joint_rms_errors, validation.joint_relative_errors, strict=True
     )
+    return [
+        JointVerdict(j.name, float(rms), j.kind.effort_unit, float(x), *_word(float(x), k in left_out))
+        for k, (j, rms, x) in enumerate(each)
+    ]
 
 
-def _rms_error(found: Identification) -> str:
-    return f"{found.validation.rms_error:.3g} {torque_error_unit(found.mechanism)}"
+def _word(relative: float, left_out: bool) -> tuple[str, Tone]:
+    if left_out:
+        return "left out", Tone.BAD
+    if relative < WELL:
+        return "predicted", Tone.GOOD
+    if relative < ROUGHLY:
+        return "roughly predicted", Tone.FAIR
+    return ("poorly predicted", Tone.ODD) if relative < 1.0 else ("not predicted", Tone.BAD)
+
+
+def verdict(found: Identification) -> str:
+    """Outcome in a sentence: the root mean square error of the torques that the written robot predicts."""
+    validation, band = found.validation, found.validation_in_band
+    relative = _listed(f"{x:.1%}" for x in validation.relative_errors.values())
+    said = (
+        f"The identified robot predicts the torques of {validation.origin} with an RMS error of "
+        f"{_rms_error(validation)} over all joints, {relative} of the measured torque"
+    )
+    if band is not validation:
+        said += f" ({_rms_error(band)} below {band.cutoff:.3g} Hz, the band of the motion)"
+    names = [joint.name for joint in joint_verdicts(found) if joint.word in ("not predicted", "left out")]
+    return f"{said}; not predicted: {', '.join(names)}." if names else f"{said}."
+
+
+def _rms_error(validation: Validation) -> str:
+    return _listed(f"{rms:.3g} {typeset(unit)}" for unit, rms in validation.rms_errors.items())
+
+
+def _listed(words: Iterable[str]) -> str:
+    return " and ".join(words)
 
 
 def consistency(found: Identification) -> str:
@@ -61,25 +131,25 @@ def components(found: Identification) -> str:
 def facts(found: Identification) -> Iterator[Fact]:
     """Questions that a reader asks first, and their answers in words."""
     validation, settings = found.validation, found.choice.settings
-    yield Fact("RMS error on validation data", _rms_error(found))
-    yield Fact("relative to the measured torque", f"{validation.relative_error:.1%}")
+    yield Fact("RMS error on validation data", _rms_error(validation))
+    yield Fact("relative to the measured torque", _listed(f"{x:.1%}" for x in validation.relative_errors.values()))
     yield Fact("base parameters", str(len(found.names)))
     yield Fact("friction", settings.friction.words.replace("_", " "))
     yield Fact("physically consistent", "no" if found.mechanism.description.inconsistent_links else "yes")
     yield Fact("unexcited combinations", str(len(found.unexcited)))
     yield Fact("weight of the prior", f"{settings.weight:g}")
-    yield Fact("cut-off", f"{settings.cutoff:g} Hz")
+    yield Fact("cut-off", f"{settings.cutoff:.3g} Hz")
 
 
-def report(found: Identification) -> Report:
-    """Report of an identification."""
+def report(found: Identification, written: Sequence[WrittenRobot] = ()) -> Report:
+    """Report of an identification, with what its files predict."""
     return Report(
         experiment="identify",
         title=f"{found.mechanism.name}, identified",
         outcome=verdict(found),
         facts=tuple(facts(found)),
         sections=(
-            _prediction(found),
+            _prediction(found, written),
             _parameters(found),
             _excited(found),
             _chosen(found),
@@ -93,18 +163,20 @@ def report(found: Identification) -> Report:
     )
 
 
-def _prediction(found: Identification) -> Section:
-    validation, joints = found.validation, found.mechanism.primary_joints
-    each = zip(joints, validation.joint_rms_errors, validation.joint_relative_errors, strict=True)
-    rows = [(j.name, f"{rms:.3g} {typeset(j.kind.effort_unit)}", f"{x:.1%}") for j, rms, x in each]
+def _prediction(found: Identification, written: Sequence[WrittenRobot]) -> Section:
+    validation = found.validation
+    rows = [
+        (j.name, f"{j.rms_error:.3g} {typeset(j.unit)}", f"{j.relative_error:.1%}", Cell(j.word, tone=j.tone))
+        for j in joint_verdicts(found)
+    ]
     how = (
         f"On {validation.origin}, not used in any fit. Measured and predicted torques pass through the "
-        f"same zero-phase filter, below {validation.cutoff:g} Hz; standstill of the whole arm is left "
-        "out."
+        f"same zero-phase filter, below {validation.cutoff:.3g} Hz, at all instants, standstill included. Predictions "
+        "are of the written robot, loaded again."
     )
     torques = Drawing(
         "torques",
-        f"Measured and predicted torques of all joints on {validation.origin}, below {validation.cutoff:g} Hz. "
+        f"Measured and predicted torques of all joints on {validation.origin}, below {validation.cutoff:.3g} Hz. "
         "Predictions use only the measured motion.",
         partial(_torques, found),
     )
@@ -114,15 +186,21 @@ def _prediction(found: Identification) -> Section:
         "none.",
         partial(_residuals, found),
     )
-    unit = torque_error_unit(found.mechanism)
-    estimates = {"this estimate": validation, **found.alternatives}.items()
-    others = [(name, f"{other.rms_error:.3g} {unit}", f"{other.relative_error:.1%}") for name, other in estimates]
+    estimates = {
+        "this estimate, robot.toml": validation,
+        **{one.name: one.validation for one in written[1:]},
+        **found.alternatives,
+    }
+    others = [
+        (name, _rms_error(other), _listed(f"{x:.1%}" for x in other.relative_errors.values()))
+        for name, other in estimates.items()
+    ]
     heads = ("RMS error", "relative to the torque")
     return Section(
         "Validation",
         (
             how,
-            Table(("joint", *heads), rows, align="lrr"),
+            Table(("joint", *heads, "verdict"), rows, align="lrrl"),
             torques,
             residuals,
             Table(("all joints, the same rows", *heads), others, align="lrr", marked=(0,)),
@@ -138,14 +216,10 @@ def _parameters(found: Identification) -> Section:
         f"are {found.deviation_ratio:.1f} times those for white residuals (median)."
     )
     table = Table(("parameter", "unit", "estimate", "deviation"), rows, align="csrr", layout=TableLayout.HALVES)
-    loads = ", ".join(
-        f"{j.name} {x:.3f}" for j, x in zip(found.mechanism.primary_joints, found.load_friction, strict=True) if x
-    )
-    grows = f"Load-dependent friction, relative to the rigid-body torque (not in robot.toml and robot.urdf): {loads}."
     basis = found.model.basis
     equations = Lines([str(equation) for equation in basis.equations()] if basis is not None else [])
     told = Note("Regrouping relations; a star marks a base parameter.")
-    return Section("Parameters", (head, table, *([grows] if loads else []), told, equations))
+    return Section("Parameters", (head, table, told, equations))
 
 
 def _excited(found: Identification) -> Section:
@@ -165,9 +239,9 @@ def _excited(found: Identification) -> Section:
 def _chosen(found: Identification) -> Section:
     trials = found.choice.trials
     steps = [*((step.name, step.outcome) for step in found.steps), *(("prior", remark) for remark in found.warnings)]
-    rows = [(t.what, t.candidate, f"{t.rms:.4g}", "taken" if t.taken else "") for t in trials]
+    rows = [(t.what, t.candidate, f"{t.relative_error:.2%}", "taken" if t.taken else "") for t in trials]
     taken = [k for k, trial in enumerate(trials) if trial.taken]
-    choices = Table(("selection", "candidate", "RMS error", "selected"), rows, align="llr", marked=taken)
+    choices = Table(("selection", "candidate", "error of blocks left out", "selected"), rows, align="llr", marked=taken)
     told = "Selected by block cross-validation on the training rows:"
     return Section("Preprocessing and model selection", (Table(("step", "outcome"), steps), told, choices))
 

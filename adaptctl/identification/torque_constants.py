@@ -15,7 +15,7 @@ from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog, same_place
 from adaptctl.identification.drives_file import Drives, PayloadEntry
 from adaptctl.identification.filtered_dynamics import Rows, SmoothMotion
-from adaptctl.identification.fit import LogEvidence
+from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import FrictionModel
 
 # With W the joint torques of a unit of every motor's torque column, Y beta - W K = 0 is homogeneous in the constants K
@@ -62,12 +62,12 @@ MIN_SHARE_RATIO = 1.5
 
 def torque_constants(evidence: LogEvidence, cutoff: float) -> tuple[Array, str]:
     """Torque constants (r,) for a unit of the torque columns, and how the unknown ones were found."""
-    drives, rows = evidence.drives, evidence.rows[cutoff]
+    drives, rows = evidence.drives, evidence.rows[cutoff].moved
     unknown = np.flatnonzero(np.isnan(drives.constants))
     names = ", ".join(drives.motors[i].name for i in unknown.tolist())
     of_motors = _of_motors(rows, drives)
     carried = payload_torques(rows, evidence.motions, evidence.mechanism, drives)
-    columns = evidence.independent(FrictionModel())
+    columns = evidence.independent(FitSettings(FrictionModel(), 1.0, cutoff))
     known = of_motors[..., [i for i in range(len(drives.motors)) if i not in unknown]].sum(axis=-1)
     wanted = known - carried
     if np.any(wanted):
@@ -142,7 +142,7 @@ def _direction(Y: Array, W: Array, names: str) -> Array:
 def _scale(evidence: LogEvidence, rows: Rows, torque: Array) -> float:
     """Factor that turns the torques into those of the prior's links."""
     tens = evidence.prior.tens.ravel()
-    drives = evidence.mask(FrictionModel())[: rows.regressor.shape[-1]].copy()
+    drives = FrictionModel().columns(evidence.mechanism)
     drives[: tens.size] = 0.0
     own = rows.regressor[..., np.flatnonzero(drives)]
     weight = rows.regressor[..., : tens.size] @ tens

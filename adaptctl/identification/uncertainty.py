@@ -20,17 +20,17 @@ from adaptctl.identification.robot_motion import RobotMotion
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Covariance (P + r, P + r) of a fit's parameters, and the covariance if torque residuals were white."""
+    """Covariance (P, P) of a fit's parameters, and the covariance if torque residuals were white."""
 
     covariance: Array
     nominal: Array
 
     def of(self, combinations: Array) -> Array:
-        """Standard deviations (k,) of combinations (k, P + r) of the parameters."""
+        """Standard deviations (k,) of combinations (k, P) of the parameters."""
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.covariance, combinations), 0.0))
 
     def nominal_of(self, combinations: Array) -> Array:
-        """Standard deviations (k,) of combinations (k, P + r) for white residuals."""
+        """Standard deviations (k,) of combinations (k, P) for white residuals."""
         return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.nominal, combinations), 0.0))
 
 
@@ -40,8 +40,8 @@ def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
     # possible is not taken for certain. For what the prior holds back, c w H^-1 H_p H^-1 is added: H_p is the curvature
     # of the prior's links at the weight w, H that of the squares plus H_p, and c twice the links' divergence from the
     # prior over the number of links' parameters that the logs determine.
-    kept = np.flatnonzero(evidence.mask(fit.settings.friction))
-    prior, weight = evidence.prior_of(fit.settings.friction), fit.settings.weight
+    kept = np.flatnonzero(fit.settings.columns(evidence.mechanism))
+    prior, weight = evidence.prior_of(fit.settings), fit.settings.weight
     pull = prior.curvature(fit.x, weight)
     links = prior.tens.size
     pull[links:, links:] = 0.0
@@ -56,10 +56,9 @@ def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
 
 
 def _blocks(evidence: LogEvidence, fit: Fit) -> Iterator[tuple[Array, Array]]:
-    settings, mask = fit.settings, evidence.mask(fit.settings.friction)
-    load = evidence.load_from(settings, range(evidence.blocks))
+    mask = fit.settings.columns(evidence.mechanism)
     for b in range(evidence.blocks):
-        A, moment = evidence.equations(settings.cutoff, [b], load).whitened(fit.deviations)
+        A, moment = evidence.equations(fit.settings, [b]).whitened(fit.deviations)
         A = A * np.outer(mask, mask)
         yield A, A @ fit.x - moment * mask
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +14,7 @@ from adaptctl.arrays import Array, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.description.drive import DriveParameter
 from adaptctl.errors import InputError
-from adaptctl.identification.filtered_dynamics import Rows
-from adaptctl.identification.fit import Fit, LogEvidence
+from adaptctl.identification.fit import Fit, FitSettings, LogEvidence
 from adaptctl.identification.friction_model import ALWAYS, FrictionModel
 from adaptctl.identification.least_squares import least_squares, weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations
@@ -24,7 +23,7 @@ from adaptctl.identification.normal_equations import NormalEquations
 @dataclass(frozen=True, eq=False)
 class Validation:
     """
-    Measured and predicted torques on rows of a log, at instants when the robot moves.
+    Measured and predicted torques on all rows of a log, standstill included.
 
     Parameters
     ----------
@@ -38,6 +37,10 @@ class Validation:
         Measured torques (n, r) in N m, or forces in N for a prismatic joint.
     predicted : numpy.ndarray
         Torques (n, r) in N m (N) predicted from the measured motion alone.
+    units : tuple of str, optional
+        Units of the joints' torques, "N m" or "N", which are never averaged; "N m" by default.
+    left_out : tuple of int, optional
+        Indices of joints that are not judged, because the log contradicts physics at them; none by default.
 
     Raises
     ------
@@ -58,6 +61,8 @@ class Validation:
     time: Array
     measured: Array
     predicted: Array
+    units: tuple[str, ...] = ()
+    left_out: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         time, measured, predicted = map(np.shape, (self.time, self.measured, self.predicted))
@@ -72,13 +77,45 @@ class Validation:
 
     @property
     def rms_error(self) -> float:
-        """Root mean square torque error of all joints and instants in N m (N for prismatic joints)."""
-        return float(np.sqrt(np.mean(np.square(self.error))))
+        """Root mean square torque error of all joints in N m; of forces in N if there are no others."""
+        return next(iter(self.rms_errors.values()))
+
+    @property
+    def rms_errors(self) -> dict[str, float]:
+        """Root mean square errors of the joints that are judged, by unit, "N m" first."""
+        squares = np.mean(np.square(self.error), axis=0)
+        return {unit: float(np.sqrt(np.mean(squares[joints]))) for unit, joints in self._kinds.items()}
+
+    @property
+    def relative_errors(self) -> dict[str, float]:
+        """Errors divided by the measured torques, both root mean squares of all joints of a unit."""
+        error, size = (np.square(part).sum(axis=0) for part in (self.error, self.measured))
+        pairs = ((unit, error[joints].sum(), size[joints].sum()) for unit, joints in self._kinds.items())
+        return {unit: float(_relative(np.sqrt(off), np.sqrt(whole))) for unit, off, whole in pairs}
 
     @property
     def relative_error(self) -> float:
-        """Root mean square torque error of all joints, divided by the root mean square of the measured torques."""
-        return float(_relative(np.linalg.norm(self.error), np.linalg.norm(self.measured)))
+        """Error of all joints of the unit of `rms_error`, divided by their measured torque."""
+        return next(iter(self.relative_errors.values()))
+
+    @property
+    def rms_measured(self) -> float:
+        """Root mean square of all measured torques in N m (N)."""
+        return float(np.sqrt(np.mean(np.square(self.measured))))
+
+    @property
+    def _kinds(self) -> dict[str, list[int]]:
+        """Joints that are judged, by unit."""
+        r = self.measured.shape[1]
+        units = self.units or ("N m",) * r
+        judged = [j for j in range(r) if j not in self.left_out] or list(range(r))
+        found = {unit: [j for j in judged if units[j] == unit] for unit in sorted(set(units), reverse=True)}
+        return {unit: joints for unit, joints in found.items() if joints}
+
+    @property
+    def not_predicted(self) -> tuple[int, ...]:
+        """Indices of joints for which predicting no torque at all were better."""
+        return tuple(np.flatnonzero(self.joint_relative_errors >= 1.0).tolist())
 
     @property
     def joint_rms_errors(self) -> Array:
@@ -135,15 +172,8 @@ def _relative(error: ArrayLike, size: ArrayLike) -> Array:
         return np.where(np.equal(error, 0.0), 0.0, np.divide(error, size))
 
 
-def predicted_torques(rows: Rows, x: Array, load: Array | None) -> Array:
-    """Torques (n, r) that parameters `x` (P + r,) predict at the instants of filtered rows."""
-    P = rows.regressor.shape[-1]
-    rigid = rows.regressor @ x[:P]
-    return rigid if load is None else rigid + load @ x[P:]
-
-
 class Alternative(NamedTuple):
-    """Estimate by a simpler model: its name, and parameters (P + r,) in SI units."""
+    """Estimate by a simpler model: its name, and parameters (P,) in SI units."""
 
     name: str
     x: Array
@@ -152,17 +182,13 @@ class Alternative(NamedTuple):
 SIMPLE_FRICTION = FrictionModel((*ALWAYS, DriveParameter.OFFSET))
 
 
-def alternatives(evidence: LogEvidence, fit: Fit, mechanism_fit: Fit) -> list[Alternative]:
+def alternatives(evidence: LogEvidence, fit: Fit) -> list[Alternative]:
     """Estimates by simpler models on all blocks of the evidence that a fit was made from."""
-    friction, cutoff = mechanism_fit.settings.friction, fit.settings.cutoff
-    every = range(evidence.blocks)
-    found = [] if fit is mechanism_fit else [Alternative("without load-dependent friction", mechanism_fit.x)]
+    settings, every = fit.settings, range(evidence.blocks)
+    simple = replace(settings, friction=SIMPLE_FRICTION)
     return [
-        *found,
-        Alternative("weighted least squares, the same friction", evidence.ordinary(friction, cutoff, every)),
-        Alternative(
-            f"weighted least squares, {SIMPLE_FRICTION.words}", evidence.ordinary(SIMPLE_FRICTION, cutoff, every)
-        ),
+        Alternative("weighted least squares, the same friction", evidence.ordinary(settings, every)),
+        Alternative(f"weighted least squares, {SIMPLE_FRICTION.words}", evidence.ordinary(simple, every)),
         Alternative("links of the robot file, friction and rotors fitted", _drives_alone(evidence, fit, every, True)),
         Alternative("friction and rotors only", _drives_alone(evidence, fit, every, False)),
     ]
@@ -170,12 +196,11 @@ def alternatives(evidence: LogEvidence, fit: Fit, mechanism_fit: Fit) -> list[Al
 
 def _drives_alone(evidence: LogEvidence, fit: Fit, blocks: Sequence[int], links: bool) -> Array:
     """Links as the prior has them, or none."""
-    equations = evidence.equations(fit.settings.cutoff, blocks)
-    A, b = equations.whitened(fit.deviations)
+    A, b = evidence.equations(fit.settings, blocks).whitened(fit.deviations)
     tens = evidence.prior.tens.ravel()
     known = np.zeros(len(b))
     known[: tens.size] = tens if links else 0.0
-    mask = evidence.mask(FrictionModel(fit.settings.friction.kinds))
+    mask = fit.settings.columns(evidence.mechanism)
     drives = np.array([c for c in np.flatnonzero(mask).tolist() if c >= tens.size])
     return known + least_squares(A, b - A @ known, drives)
 
@@ -190,12 +215,12 @@ MAX_UNEXPLAINED_SHARE = 0.5
 
 def validate_plausible(evidence: LogEvidence, source: str, cutoff: float) -> None:
     """Raise `InputError` for logs that are not their robot's: driving friction, or residuals above half the torques."""
-    friction = FrictionModel()
-    equations = evidence.equations(cutoff, range(evidence.blocks))
-    x, deviations = weighted_least_squares(equations, evidence.independent(friction))
+    settings = FitSettings(FrictionModel(), 1.0, cutoff)
+    equations = evidence.equations(settings, range(evidence.blocks))
+    x, deviations = weighted_least_squares(equations, evidence.independent(settings))
     left = float(np.sqrt(equations.misfit(x).sum() / equations.square.sum()))
     values = dict(zip(evidence.mechanism.parameter_names, x.tolist(), strict=False))
-    rows = evidence.rows[cutoff]
+    rows = evidence.rows[cutoff].moved
     for j, joint in enumerate(evidence.mechanism.primary_joints):
         v, torque = rows.velocity[:, j], rows.torque[:, j]
         rubbing = values[f"{joint.name}.viscous"] * v + values[f"{joint.name}.coulomb"] * np.sign(v)
@@ -215,7 +240,8 @@ def validate_plausible(evidence: LogEvidence, source: str, cutoff: float) -> Non
 
 def _is_needed(evidence: LogEvidence, equations: NormalEquations, joint: str, deviations: Array) -> bool:
     """True if the rows are fitted much worse without a joint's friction."""
-    names, columns = evidence.mechanism.parameter_names, evidence.independent(FrictionModel())
+    names = evidence.mechanism.parameter_names
+    columns = evidence.independent(FitSettings(FrictionModel(), 1.0, 1.0))
     energetic = evidence.mechanism.num_energy_parameters
     others = np.array([c for c in columns.tolist() if c < energetic or not names[c].startswith(joint)])
     whitened, weight = equations.whitened(deviations), 1.0 / deviations**2

@@ -24,8 +24,33 @@ MUJOCO_MAX_VALUE = 1e10
 """rad or m, MuJoCo's largest number of a motion (mjMAXVAL): a limit that is never reached"""
 
 
+MOMENT_DIGITS = 1e-5
+
+
 def to_mujoco(description: Description) -> mujoco.MjModel:
     """The MuJoCo model of the mechanism of a `description`, which has no loops."""
+    return _compiled(description)[1]
+
+
+def mjcf_text(description: Description) -> str:
+    """Text of a description as MJCF, with rotors as armature, and viscous and Coulomb friction."""
+    spec, _ = _compiled(description)
+    for body in spec.bodies:
+        body.inertia = _triangular(np.array(body.inertia))
+    spec.compile()
+    return str(spec.to_xml())
+
+
+def _triangular(moments: Array) -> Array:
+    """Principal moments of which the largest is below the sum of the others by more than texts of six digits round."""
+    least, middle, largest = np.argsort(moments)
+    missing = max(0.0, (1.0 + MOMENT_DIGITS) * moments[largest] - moments[least] - moments[middle])
+    out = moments.copy()
+    out[[least, middle]] += 0.5 * missing
+    return out
+
+
+def _compiled(description: Description) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
     import mujoco
 
     _validate_plain_joints(description)
@@ -41,7 +66,7 @@ def to_mujoco(description: Description) -> mujoco.MjModel:
         bodies.append(_body(above, link, description))
         _motor(spec, link)
     try:
-        return spec.compile()
+        return spec, spec.compile()
     except ValueError as error:
         raise InputError(f"{description.name}: MuJoCo: {str(error).splitlines()[0]}") from error
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.description.description import Description
+from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import from_tensor, inertia_tensor, is_physically_consistent, transformed
 from adaptctl.description.readers.mjcf import MjcfBody, mjcf_bodies
 from adaptctl.description.readers.registry import read
@@ -54,7 +55,7 @@ def _reading(original: str | Path, root: str | None, after: Description) -> tupl
 
 
 def write_urdf(path: str | Path, original: str | Path, before: Description, after: Description) -> None:
-    """Write a copy of a URDF file with other inertias."""
+    """Write a copy of a URDF file with other inertias, and the friction of drives in <dynamics> where it differs."""
     data = read_bytes(original)
     text = xml_text(original, data)
     try:
@@ -74,20 +75,45 @@ def write_urdf(path: str | Path, original: str | Path, before: Description, afte
             changed[old.name] = rest
     except InputError as error:
         raise FileError(f"{original}: {error}") from error
-    write_bytes(path, with_inertials(data, changed))
+    write_bytes(path, with_inertials(_with_frictions(data, before, after), changed))
+
+
+def _with_frictions(data: bytes, before: Description, after: Description) -> bytes:
+    """Copy of a URDF file's bytes with other viscous and Coulomb friction of joints."""
+    joints = ((old.joint, new.joint) for old, new in zip(before.links, after.links, strict=True))
+    terms = {new.name: _friction(new.drive) for old, new in joints if _friction(old.drive) != _friction(new.drive)}
+    elements = {name: b'<dynamics damping="%r" friction="%r"/>' % pair for name, pair in terms.items()}
+    return _with_elements(data, "joint", "dynamics", elements) if terms else data
+
+
+def _friction(drive: Drive) -> tuple[float, float]:
+    return float(drive.viscous or 0.0), float(drive.coulomb or 0.0)
 
 
 def with_inertials(data: bytes, inertias: Mapping[str, Array | None]) -> bytes:
     """Copy of a URDF file's bytes with some <inertial> elements replaced."""
-    spans = _Finder.spans_of(data, "link", nested=False)
+    elements = {name: b"" if ten is None else _urdf_inertial(ten) for name, ten in inertias.items()}
+    return _with_elements(data, "link", "inertial", elements)
+
+
+def with_comment(data: bytes, comment: str) -> bytes:
+    """Copy of a URDF file's bytes with a comment at the start of <robot>."""
+    (span,) = _Finder.spans_of(data, "robot", nested=True).values()
+    text = b"\n  <!-- " + comment.replace("--", "- -").encode() + b" -->"
+    return data if span.empty else _edited(data, [(span.start, span.start, text)])
+
+
+def _with_elements(data: bytes, tag: str, inner: str, elements: Mapping[str, bytes]) -> bytes:
+    """Copy of a file's bytes with other inner elements of those that have a tag and a name; an empty one is removed."""
+    spans = _Finder.spans_of(data, tag, nested=False, inner=inner)
     edits = []
-    for name, ten in inertias.items():
-        span, new = spans[name], b"" if ten is None else _urdf_inertial(ten)
-        if span.inertial is not None:
-            edits.append((*span.inertial, new))
-        elif ten is not None and span.empty:
-            edits.append((span.start - 2, span.start, b">\n    " + new + b"\n  </link>"))
-        elif ten is not None:
+    for name, new in elements.items():
+        span = spans[name]
+        if span.inner is not None:
+            edits.append((*span.inner, new))
+        elif new and span.empty:
+            edits.append((span.start - 2, span.start, b">\n    " + new + f"\n  </{tag}>".encode()))
+        elif new:
             edits.append((span.start, span.start, b"\n    " + new))
     return _edited(data, edits)
 
@@ -141,11 +167,11 @@ def _changed(body: MjcfBody, name: str, difference: Array) -> tuple[int, Array]:
 
 @dataclass
 class _Span:
-    """Byte offsets of an element's content, and of its <inertial>."""
+    """Byte offsets of an element's content, and of the inner element that is looked for."""
 
     start: int
     empty: bool
-    inertial: tuple[int, int] | None = None
+    inner: tuple[int, int] | None = None
 
 
 @dataclass
@@ -155,21 +181,22 @@ class _Finder:
     data: bytes
     tag: str
     nested: bool
+    inner: str
     spans: dict[str | int, _Span] = field(default_factory=dict)
     path: list[_Span | None] = field(default_factory=list)
     """Of each element that is open, its span; None where it is none of them."""
     element_start: int = 0
 
     @classmethod
-    def spans_of(cls, data: bytes, tag: str, nested: bool) -> dict[str | int, _Span]:
-        parser, finder = expat.ParserCreate(xml_encoding(data) or "utf-8"), cls(data, tag, nested)
+    def spans_of(cls, data: bytes, tag: str, nested: bool, inner: str = "inertial") -> dict[str | int, _Span]:
+        parser, finder = expat.ParserCreate(xml_encoding(data) or "utf-8"), cls(data, tag, nested, inner)
         parser.StartElementHandler = lambda tag, attributes: finder.started(tag, attributes, parser.CurrentByteIndex)
         parser.EndElementHandler = lambda tag: finder.ended(tag, parser.CurrentByteIndex)
         parser.Parse(data, True)
         return finder.spans
 
     def started(self, tag: str, attributes: Mapping[str, str], at: int) -> None:
-        self.element_start = at if tag == "inertial" else self.element_start
+        self.element_start = at if tag == self.inner else self.element_start
         span = None
         if tag == self.tag and (self.nested or len(self.path) == 1):
             start = self._end_of_tag(at)
@@ -179,9 +206,9 @@ class _Finder:
 
     def ended(self, tag: str, at: int) -> None:
         self.path.pop()
-        if tag == "inertial" and self.path and (span := self.path[-1]) is not None:
+        if tag == self.inner and self.path and (span := self.path[-1]) is not None:
             first = self._end_of_tag(self.element_start)
-            span.inertial = (
+            span.inner = (
                 self.element_start,
                 first if self.data[first - 2 : first] == b"/>" else self._end_of_tag(at),
             )
@@ -207,8 +234,8 @@ def _edited(data: bytes, edits: Iterable[tuple[int, int, bytes]]) -> bytes:
 
 
 def _mjcf_edit(span: _Span, new: bytes) -> tuple[int, int, bytes]:
-    if span.inertial is not None:
-        return (*span.inertial, new)
+    if span.inner is not None:
+        return (*span.inner, new)
     return (span.start - 2, span.start, b">" + new + b"</body>") if span.empty else (span.start, span.start, new)
 
 

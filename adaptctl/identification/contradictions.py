@@ -1,0 +1,59 @@
+"""Contradictions between a log, the robot's file and physics, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from adaptctl.description.drive import DriveParameter
+from adaptctl.identification.choice import MAX_MISFIT_RATIO, misfit_ratio
+from adaptctl.identification.fit import Fit, LogEvidence
+from adaptctl.identification.least_squares import least_squares
+
+
+def contradictions(evidence: LogEvidence, fit: Fit) -> Iterator[str]:
+    """Sentences on joints at which the file's links weigh something else, on joints left out, and on forced links."""
+    cutoff = fit.settings.cutoff
+    means, otherwise = evidence.file_torques(cutoff), evidence.weighing_otherwise(cutoff)
+    for j, joint in enumerate(evidence.mechanism.primary_joints):
+        told, measured = (f"{abs(mean):.3g} {joint.kind.effort_unit}" for mean in means[:, j])
+        weighs = f"{joint.name}: the links of the robot file take {told} on average, the log has {measured}"
+        if j in fit.settings.left_out:
+            yield (
+                f"{weighs}; no links that bodies can be take both this and the torques of the other joints, so it is "
+                "left out of fit and verdict; check for a counterbalance, its torque's sign and unit"
+            )
+        elif j in otherwise:
+            yield f"{weighs}; check for a counterbalance, and its torque's sign and unit{_offset(evidence, fit, j)}"
+    ratio = misfit_ratio(evidence, fit)
+    if ratio > MAX_MISFIT_RATIO:
+        names = ", ".join(forced(evidence, fit))
+        yield (
+            f"the error on the training rows is {ratio - 1.0:.1%} above that of least squares, forced by {names}: what "
+            "least squares asks of it no body can have"
+        )
+
+
+def _offset(evidence: LogEvidence, fit: Fit, j: int) -> str:
+    joint = evidence.mechanism.primary_joints[j]
+    name = f"{joint.name}.{DriveParameter.OFFSET.value}"
+    value = float(fit.x[evidence.mechanism.parameter_names.index(name)])
+    return f"; a constant {value:.3g} {joint.kind.effort_unit} is in its offset" if value else ""
+
+
+def forced(evidence: LogEvidence, fit: Fit) -> list[str]:
+    """Names of the links or drives that have most of the misfit above least squares, the largest part first."""
+    # With g the slope of the squares at the fit, d its way to least squares, the misfit above theirs is -g'd/2: a sum
+    # over links and drives.
+    every, names = range(evidence.blocks), evidence.mechanism.parameter_names
+    A, b = evidence.equations(fit.settings, every).whitened(fit.deviations)
+    kept = np.flatnonzero(fit.settings.columns(evidence.mechanism))
+    slope = A @ fit.x - b
+    parts = -0.5 * slope * least_squares(A, -slope, kept)
+    owners = [name.rsplit(".", 1)[0] for name in names]
+    shares = dict.fromkeys(owners, 0.0)
+    for k in kept.tolist():
+        shares[owners[k]] += float(parts[k])
+    ordered = sorted(shares, key=lambda owner: -shares[owner])
+    return [owner for owner in ordered if shares[owner] > 0.5 * shares[ordered[0]]][:3]
