@@ -61,7 +61,7 @@ def choose(
     if cutoff is not None and cutoff not in evidence.rows:
         raise InputError(f"cutoff: expected one of {', '.join(f'{c:g}' for c in evidence.rows)} Hz, got {cutoff!r}")
     settings = FitSettings(friction or FrictionModel(), first, cutoff or evidence.band, SLOW_CANDIDATES[0])
-    search = _Search(evidence, [])
+    search = _Selection(evidence, [])
     widest = replace(settings, friction=friction or FrictionModel((*ALWAYS, DriveParameter.OFFSET)))
     settings = replace(settings, left_out=contradictory(evidence, widest))
     if friction is None:
@@ -155,7 +155,7 @@ def _tried(score: Callable[[FitSettings], float], settings: FitSettings) -> floa
 
 
 @dataclass(frozen=True, eq=False)
-class _Search:
+class _Selection:
     """Search for settings by cross-validation, with its trials."""
 
     evidence: LogEvidence
