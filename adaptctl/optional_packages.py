@@ -27,7 +27,9 @@ DISTRIBUTIONS = {
     "pyarrow": "'adaptctl[report]'",
     "rerun": "rerun-sdk",
     "rosbags": "'adaptctl[logs]'",
+    "rtde_control": "ur_rtde",
     "stable_baselines3": "'adaptctl[rl]'",
+    "trossen_arm": "trossen-arm",
 }
 """pip names of packages with another import name, or their extras"""
 OF_RESULTS = ("jinja2", "matplotlib", "pyarrow", "rerun")

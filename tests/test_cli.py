@@ -78,7 +78,7 @@ print("loaded", [name for name in {HEAVY!r} if name in sys.modules])
     [
         (
             (),
-            "a command is missing: basis, gains, identify, excite, tune, design, export, experiment, sweep, doctor, "
+            "a command is missing: basis, gains, identify, excite, tune, design, export, drive, experiment, sweep, doctor, "
             "install-completion; see adaptctl --help",
         ),
         (

@@ -3,8 +3,14 @@ from adaptctl.hardware.driven_run import DrivenRun as DrivenRun
 from adaptctl.hardware.franka_robot import FrankaRobot as FrankaRobot
 from adaptctl.hardware.gravity import GravityTorque as GravityTorque
 from adaptctl.hardware.mujoco_robot import MuJoCoRobot as MuJoCoRobot
+from adaptctl.hardware.preparation import motion_about as motion_about
+from adaptctl.hardware.preparation import ready_controller as ready_controller
+from adaptctl.hardware.preparation import with_rotors as with_rotors
 from adaptctl.hardware.robot import HardwareLimits as HardwareLimits
 from adaptctl.hardware.robot import RobotReading as RobotReading
 from adaptctl.hardware.robot import TorqueRobot as TorqueRobot
 from adaptctl.hardware.timing import LoopTimes as LoopTimes
 from adaptctl.hardware.torque_guard import TorqueGuard as TorqueGuard
+from adaptctl.hardware.trossen_robot import TrossenRobot as TrossenRobot
+from adaptctl.hardware.udp_robot import UDPRobot as UDPRobot
+from adaptctl.hardware.ur_robot import URRobot as URRobot

@@ -88,7 +88,7 @@ def drive(
         If the robot is another one than described, moves, stands outside its limits, or would not be held by the
         estimate, or the reference leaves the limits. No torque was sent then.
     KeyboardInterrupt
-        After the planned stop, if Ctrl-C was pressed. A second Ctrl-C is the robot's own stop.
+        After the planned stop, if Ctrl-C was pressed; its argument is the run. A second Ctrl-C is the robot's own stop.
 
     Notes
     -----
@@ -120,19 +120,28 @@ def drive(
     measurements = Measurements(arm.primary_joints, limits, robot.period, np.asarray(reference(0.0).p))
     now = standing(robot, measurements, names, limits)
     path = led_in(reference, now.p, seconds, arm, limits, stopping, lead_in)
-    compensation = Compensation(robot, gravity, bool(np.any(arm.description.gravity)))
+    tool = getattr(robot, "tool", None)
+    weight = gravity if tool is None or hasattr(robot, "compensation") else GravityTorque(arm, tool)
+    compensation = Compensation(robot, weight, bool(np.any(arm.description.gravity)))
     own = torque_at_rest(guarded, now.p)
     if not from_zero:
         needed, most = _held(robot, now, compensation, gravity)
         validate_gravity(own, needed, most, names, limits)
+    logger = _log(log, guarded, arm, robot.period, seconds)
     with ExitStack() as held_open:
-        logger = _log(log, guarded, arm, robot.period, seconds)
         if logger is not log:
             held_open.enter_context(logger)
         loop = DriveLoop(robot, guarded, path, seconds, arm, limits, stopping, measurements, gravity, compensation)
         loop.log, loop.live, loop.max_error = logger, live, greatest
         loop.run(now, own, gravity(now.p) if from_zero else own)
-    run = logger.rollout() if logger.count >= 2 else None
+        run = _result(loop, robot)
+        if loop.interrupted:
+            raise KeyboardInterrupt(run)
+    return run
+
+
+def _result(loop: DriveLoop, robot: TorqueRobot) -> DrivenRun:
+    run = loop.log.rollout(loop.interrupted) if loop.log.count >= 2 else None
     numbers = loop.first_error, loop.peak_rate, loop.peak_speed_share
     return DrivenRun(run, loop.times, loop.stopped, loop.by_robot, *numbers, bool(robot.compensates_gravity))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
 from adaptctl.compilation import compile_function
@@ -18,6 +19,8 @@ class GravityTorque:
     ----------
     mechanism : Mechanism
         Mechanism with r joints, with its own parameters.
+    tool : array_like, optional
+        Ten inertial parameters (10,) in SI units, in the last link's frame, of what it holds. Default: nothing.
 
     Examples
     --------
@@ -27,9 +30,13 @@ class GravityTorque:
     True
     """
 
-    def __init__(self, mechanism: Mechanism) -> None:
+    def __init__(self, mechanism: Mechanism, tool: ArrayLike | None = None) -> None:
         equations, rest = mechanism.equations, Column.zeros(mechanism.dof)
-        own, near = column(mechanism.inertial_parameters), column(mechanism.neutral_configuration)
+        parameters, near = np.array(mechanism.inertial_parameters), column(mechanism.neutral_configuration)
+        if tool is not None:
+            last = 10 * (len(mechanism.links) - 1)
+            parameters[last : last + 10] += np.asarray(tool)
+        own = column(parameters)
         guess = column(mechanism.configuration(mechanism.neutral_configuration)) if equations.closure_key else near
 
         def torque(p: Column) -> Column:

@@ -76,8 +76,6 @@ class DriveLoop:
             except BaseException:  # whatever it was, the arm must not go on with its last torque
                 self._robot_stops("an error in the program")
                 raise
-        if self.interrupted:
-            raise KeyboardInterrupt
 
     def _start(self, now: RobotReading, own: Array, model: Array) -> None:
         added, rest = self.compensation(now), np.zeros_like(now.p)

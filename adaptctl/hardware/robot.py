@@ -186,14 +186,14 @@ class TorqueRobot(Protocol):
     compensates_gravity: bool
     limits: HardwareLimits
 
-    def read(self) -> RobotReading:
+    def read(self) -> RobotReading | None:
         """
         Wait for the next measurement.
 
         Returns
         -------
-        RobotReading
-            Measurement.
+        RobotReading or None
+            Measurement; None if none came in time.
         """
 
     def write(self, torque: Array) -> None:

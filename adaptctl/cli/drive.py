@@ -1,0 +1,183 @@
+"""`adaptctl drive`: a robot driven by the default learning controller, from where it stands to a planned stop."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from adaptctl.cli.output import Folder, Overwrite, WrappedTable, print_parts, titled, words
+from adaptctl.cli.robot import AS_USUAL, RobotFlags
+from adaptctl.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from adaptctl.dynamics import Mechanism
+    from adaptctl.hardware import DrivenRun, TorqueRobot
+
+SCHEMA = "adaptctl/drive/1"
+DONE, FAILED = 0, 3
+RECORDED = 50.0
+"""Hz of the recording"""
+Vendor = Literal["franka", "trossen", "ur", "udp", "mujoco"]
+
+
+def drive(
+    vendor: Annotated[Vendor, Parameter(help="Kind of the robot.")],
+    address: Annotated[str, Parameter(help="Address of the robot; HOST:PORT for udp, a scene (.xml) for mujoco.")],
+    /,
+    *,
+    robot: Annotated[str, Parameter(help="File of the robot: .urdf, .xml (MJCF) or .toml.")],
+    duration: float,
+    out: Folder,
+    amplitude: float = 0.3,
+    any_kernel: bool = False,
+    live: bool = False,
+    overwrite: Overwrite = False,
+    reading: RobotFlags = AS_USUAL,
+) -> int:
+    """
+    Drive a robot about the posture in which it stands, by the default learning controller.
+
+    The arm starts at rest where it stands and ends at rest. Ctrl-C stops it on its path, a second one by its own means.
+    No real arm has been driven yet: keep a hand on the emergency stop.
+
+    Parameters
+    ----------
+    duration : float
+        Duration of the motion, s.
+    amplitude : float
+        Greatest amplitude of a joint, rad or m. It is less where its end or speed limit is near.
+    any_kernel : bool
+        Accept a kernel without real time, for franka.
+    live : bool
+        Show the arm in the rerun viewer during the run.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or 3 where the arm was stopped.
+
+    Raises
+    ------
+    InputError
+        If the robot cannot be reached, is another one, moves, or a number is out of range.
+    FileError
+        If a file cannot be used or written.
+    """
+    from adaptctl.folders import replacing_folder
+    from adaptctl.hardware import with_rotors
+
+    arm = with_rotors(reading.load(robot))
+    interrupted = False
+    with replacing_folder(out, overwrite) as folder, ExitStack() as shown:
+        found = connected(vendor, address, arm, any_kernel)
+        try:
+            run = _driven(found, arm, duration, amplitude, folder, _view(arm, shown) if live else None)
+        except KeyboardInterrupt as stop:
+            if not stop.args:
+                raise
+            interrupted, (run,) = True, stop.args
+        _write(folder, run, arm)
+    print_parts(_report(run, arm, out))
+    if interrupted:
+        raise KeyboardInterrupt
+    return FAILED if run.stopped else DONE
+
+
+def connected(vendor: str, address: str, arm: Mechanism, any_kernel: bool) -> TorqueRobot:
+    """Robot at an address."""
+    from adaptctl import hardware
+
+    if vendor == "franka":
+        return hardware.FrankaRobot(address, real_time=not any_kernel)
+    if vendor == "ur":
+        return hardware.URRobot(address, hardware.HardwareLimits.of(arm))
+    if vendor == "trossen":
+        return hardware.TrossenRobot(address)
+    if vendor == "udp":
+        return hardware.UDPRobot(address, hardware.HardwareLimits.of(arm, torque_rate=1000.0))
+    return hardware.MuJoCoRobot(Path(address), real_time=True)
+
+
+def _driven(
+    robot: TorqueRobot, arm: Mechanism, duration: float, amplitude: float, folder: Path, live: Any
+) -> DrivenRun:
+    from adaptctl.arrays import positive_number
+    from adaptctl.hardware import HardwareLimits, drive, motion_about, ready_controller
+
+    positive_number(duration, "--duration: expected a positive time in s")
+    positive_number(amplitude, "--amplitude: expected a positive amplitude in rad")
+    if robot.limits.dof != arm.dof:
+        raise InputError(f"--robot: {arm.name} has {arm.dof} joints, but the robot {robot.limits.dof}")
+    here = robot.read()
+    if here is None:
+        raise InputError("no measurement came from the robot")
+    reference = motion_about(here.p, robot.limits.within(HardwareLimits.of(arm)), amplitude)
+    controller = ready_controller(arm, robot.period, reference, getattr(robot, "tool", None))
+    return drive(robot, controller, reference, duration, folder / "run.parquet", live=live)
+
+
+def _view(arm: Mechanism, shown: ExitStack) -> Any:
+    from adaptctl.recording import Live
+
+    return shown.enter_context(Live(arm))
+
+
+def _write(folder: Path, run: DrivenRun, arm: Mechanism) -> None:
+    """Write summary and recording."""
+    from adaptctl.files import write_json
+    from adaptctl.recording import Live
+
+    write_json(folder / "summary.json", as_builtins(run, arm))
+    if run.rollout is None:
+        return
+    with Live(arm, str(folder / "recording.rrd"), rate=RECORDED) as recording:
+        kept = run.rollout
+        step = max(1, round(1.0 / (RECORDED * kept.control_period)))
+        for k in range(0, len(kept.time), step):
+            recording.show(float(kept.time[k]), kept.p[k], kept.reference_p[k], kept.applied[k])
+            time.sleep(1e-3)  # for the process that draws, which would drop samples
+
+
+def as_builtins(run: DrivenRun, arm: Mechanism) -> dict[str, Any]:
+    """Summary of a run in JSON's types."""
+    from adaptctl.files import finite_or_none
+
+    times, names = run.times, [joint.name for joint in arm.primary_joints]
+    return {
+        "schema": SCHEMA,
+        "robot": {"name": arm.name, "sha256": arm.description.sha256},
+        "stopped": run.stopped,
+        "stopped_by_robot": run.by_robot,
+        "compensates_gravity": run.compensates_gravity,
+        "first_error": run.first_error,
+        "final_rms_error": {n: finite_or_none(e) for n, e in zip(names, run.final_rms_error, strict=False)},
+        "peak_torque_rate": run.peak_torque_rate,
+        "peak_speed_share": run.peak_speed_share,
+        "control_period": times.period,
+        "periods": int(times.histogram.sum()),
+        "periods_off": times.off,
+        "longest_late_run": times.longest_late,
+        "longest_period": times.worst,
+        "longest_computation": times.busy,
+        "period_histogram": times.histogram.tolist(),
+    }
+
+
+def _report(run: DrivenRun, arm: Mechanism, out: Path) -> Iterator[RenderableType]:
+    if run.stopped:
+        yield words((f"STOPPED: {run.stopped}", "bold red"))
+    names = [joint.name for joint in arm.primary_joints]
+    rows = [[name, f"{1e3 * error:.3g}"] for name, error in zip(names, run.final_rms_error, strict=False)]
+    yield titled("RMS error of the last two seconds", WrappedTable(("joint", "mrad or mm"), rows))
+    yield words(
+        f"first error {1e3 * run.first_error:.2g} mrad; greatest torque rate {run.peak_torque_rate:.4g} N m/s; "
+        f"greatest speed {run.peak_speed_share:.0%} of a limit; {run.times.off} periods off, at most "
+        f"{run.times.longest_late} late in a row, the longest {1e3 * run.times.worst:.3g} ms\n{out}"
+    )

@@ -1,0 +1,238 @@
+"""Adapters of vendors' clients and `adaptctl drive`. `make check-vendors` runs the clients themselves."""
+
+from __future__ import annotations
+
+import json
+import socket
+import struct
+import sys
+import threading
+import warnings
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from driven_robots import ARM
+
+import adaptctl
+from adaptctl.cli.main import main
+from adaptctl.hardware import (
+    FrankaRobot,
+    HardwareLimits,
+    MuJoCoRobot,
+    UDPRobot,
+    URRobot,
+    motion_about,
+    with_rotors,
+)
+
+CENTER = np.array([0.3, 0.5])
+LIMITS = HardwareLimits.of(ARM, torque_rate=1000.0)
+SCENE = str(Path(__file__).parent.parent / "docs" / "examples" / "scene.xml")
+
+
+class SimulatedVendor:
+    """Arm behind the names of pylibfranka and ur_rtde: MuJoCo's, which compensates its weight and a tool's."""
+
+    def __init__(self, period: float) -> None:
+        self.robot = MuJoCoRobot(ARM, period, CENTER, compensates_gravity=True)
+        self.calls: list[str] = []
+        self.payload = 0.0
+
+    @property
+    def state(self) -> SimpleNamespace:
+        p, v = self.robot._state.p.tolist(), self.robot._state.v.tolist()
+        return SimpleNamespace(
+            q=p, dq=v, tau_J_d=self.robot._torque.tolist(), O_ddP_O=[0.0] * 3, F_x_Ctotal=[0.0] * 3, m_total=0.0,
+            I_total=[0.0] * 9,
+        )  # fmt: skip
+
+    def read_once(self) -> SimpleNamespace:
+        self.robot.read()
+        return self.state
+
+    def start_torque_control(self) -> SimulatedVendor:
+        self.calls.append("start")
+        self.robot.start(np.zeros(2))
+        return self
+
+    def readOnce(self) -> tuple[SimpleNamespace, SimpleNamespace]:
+        return self.read_once(), SimpleNamespace(to_sec=lambda: self.robot.period)
+
+    def writeOnce(self, command: Any) -> None:
+        self.robot.write(command.tau_J)
+        if command.motion_finished:
+            self.calls.append("finished")
+
+    def load_model(self) -> Any:
+        def gravity(state: Any) -> Any:
+            assert state.O_ddP_O == [0.0, 0.0, -9.81]
+            return self.robot.compensation(None)
+
+        return SimpleNamespace(gravity=gravity)
+
+    def stop(self) -> None:
+        self.calls.append("stop")
+
+    # ur_rtde
+    def getTimestamp(self) -> float:
+        return self.robot.read().time
+
+    def getActualQ(self) -> list[float]:
+        return self.state.q  # type: ignore[no-any-return]
+
+    def getActualQd(self) -> list[float]:
+        return self.state.dq  # type: ignore[no-any-return]
+
+    def getPayload(self) -> float:
+        return self.payload
+
+    def getPayloadCog(self) -> list[float]:
+        return [0.0, 0.0, 0.0]
+
+    def getPayloadInertia(self) -> list[float]:
+        return [0.0] * 6
+
+    def initPeriod(self) -> int:
+        return 1
+
+    def waitPeriod(self, tick: int) -> None:
+        assert tick == 1
+
+    def directTorque(self, torque: list[float]) -> bool:
+        if self.robot._braked:
+            self.robot.start(np.zeros(2))
+        self.robot.write(np.array(torque))
+        return True
+
+    def stopScript(self) -> None:
+        self.calls.append("stop")
+
+
+@pytest.fixture
+def vendor(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> SimulatedVendor:
+    arm = SimulatedVendor(request.param)
+    franka = SimpleNamespace(
+        Robot=lambda address, config: arm,
+        RealtimeConfig=SimpleNamespace(kEnforce=1, kIgnore=0),
+        Torques=lambda tau: SimpleNamespace(tau_J=np.array(tau), motion_finished=False),
+    )
+    monkeypatch.setitem(sys.modules, "pylibfranka", franka)  # type: ignore[arg-type]
+    control = SimpleNamespace(RTDEControlInterface=lambda address: arm)
+    receive = SimpleNamespace(RTDEReceiveInterface=lambda address: arm)
+    monkeypatch.setitem(sys.modules, "rtde_control", control)  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "rtde_receive", receive)  # type: ignore[arg-type]
+    return arm
+
+
+REFERENCE = motion_about(CENTER, LIMITS)
+MODEL = adaptctl.ReducedModel(ARM, adaptctl.fundamental_basis(adaptctl.essential_space(ARM)))
+
+
+def law(period: float) -> adaptctl.SlotineLi:
+    own = {"initial": MODEL.fundamental_parameters, "control_period": period}
+    return adaptctl.SlotineLi(MODEL, 8.0, [6.0, 2.0], np.full(len(MODEL.names), 0.02), **own)
+
+
+@pytest.mark.parametrize("vendor", [1e-3], indirect=True)
+def test_franka_is_handed_back_where_it_compensates_itself(vendor: SimulatedVendor) -> None:
+    robot = FrankaRobot("robot", limits=LIMITS)
+    assert robot.tool.tolist() == [0.0] * 10
+    run = adaptctl.drive(robot, law(1e-3), REFERENCE, 1.0)
+    assert (run.stopped, vendor.calls) == ("", ["start", "finished"])
+    assert run.peak_torque_rate <= 950.0
+    assert run.final_rms_error.max() < 1e-3
+    assert np.abs(vendor.robot._torque).max() == 0.0
+
+
+@pytest.mark.parametrize("vendor", [2e-3], indirect=True)
+def test_ur_knows_its_payload_and_stops_where_it_changes(vendor: SimulatedVendor) -> None:
+    robot = URRobot("robot", LIMITS)
+    assert robot.tool.tolist() == [0.0] * 10
+    run = adaptctl.drive(robot, law(2e-3), REFERENCE, 1.5)
+    assert (run.stopped, vendor.calls) == ("", ["stop"])
+    assert run.final_rms_error.max() < 1e-3
+    vendor.payload = 0.5
+    with pytest.raises(RuntimeError, match="payload set at the robot changed"):
+        robot.read()
+    vendor.robot = MuJoCoRobot(ARM, 2e-3, CENTER, compensates_gravity=True)
+    assert URRobot("robot", LIMITS).tool[0] == 0.5
+
+
+def plant(port: int, count: int, answers: list[tuple[float, ...]]) -> None:
+    """Motor driver that also hears of a stranger, of old counts and of malformed datagrams."""
+    robot = MuJoCoRobot(ARM, 2e-3, CENTER)
+    link, stranger = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    with link, stranger:
+        link.settimeout(1.0)
+        for k in range(count):
+            reading = robot.read()
+            datagram = struct.pack("<5d", k, *reading.p, *reading.v)
+            link.sendto(datagram, ("127.0.0.1", port))
+            if k == 20:
+                stranger.sendto(struct.pack("<5d", k + 0.5, 1.0, 1.0, 0.0, 0.0), ("127.0.0.1", port))
+                for bad in (datagram + b"12345678", datagram[:-3], datagram, struct.pack("<5d", np.nan, *[0.0] * 4)):
+                    link.sendto(bad, ("127.0.0.1", port))
+            if k >= 5:  # no answer comes to what is read before
+                try:
+                    answer = struct.unpack("<4d", link.recv(4096))
+                except TimeoutError:
+                    return
+                answers.append(answer)
+                if robot._braked:
+                    robot.start(np.array(answer[1:3]))
+                robot.write(np.array(answer[1:3]))
+
+
+def test_udp_follows_one_peer_and_drops_what_is_not_its_own() -> None:
+    robot = UDPRobot("127.0.0.1:0", LIMITS, 2e-3)
+    robot.has_brakes = True  # type: ignore[attr-defined]  # as this plant has
+    answers: list[tuple[float, ...]] = []
+    peer = threading.Thread(target=plant, args=(robot.port, 1400, answers))
+    peer.start()
+    run = adaptctl.drive(robot, law(2e-3), REFERENCE, 0.8)
+    peer.join()
+    assert run.stopped == ""
+    assert run.final_rms_error.max() < 0.01
+    counts = [answer[0] for answer in answers]
+    assert counts == sorted(set(counts))
+    assert all(count == int(count) for count in counts)
+
+
+def test_addresses_are_checked() -> None:
+    for address in ("here", "127.0.0.1", "127.0.0.1:99999", "127.0.0.1:x"):
+        with pytest.raises(adaptctl.InputError, match="expected HOST:PORT"):
+            UDPRobot(address, LIMITS)
+    with pytest.raises(adaptctl.InputError, match="cannot listen there"):
+        UDPRobot("203.0.113.1:5150", LIMITS)
+
+
+def test_rotors_are_guessed_where_the_file_has_none() -> None:
+    with pytest.warns(adaptctl.errors.SimplificationWarning, match="no rotor inertia of shoulder, elbow: guessed"):
+        geared = with_rotors(ARM)
+    assert [joint.drive.rotor_inertia for joint in geared.primary_joints] == pytest.approx([0.155, 0.1])
+    with warnings.catch_warnings(action="error"):
+        assert with_rotors(geared) is geared
+
+
+def test_command_drives_a_scene_and_says_what_happened(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    quick = lambda arm, period, reference, tool: adaptctl.ComputedTorque(arm, 8.0)  # noqa: E731
+    monkeypatch.setattr("adaptctl.hardware.ready_controller", quick)
+    given = ["drive", "mujoco", SCENE, "--robot", SCENE, "--root", "stand", "--duration", "0.8"]
+    assert main([*given, "--out", str(tmp_path / "run")]) == 0
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["stopped"] == ""
+    assert summary["first_error"] < 1e-9
+    assert set(summary["final_rms_error"]) == {"yaw", "lift", "elbow"}
+    assert summary["peak_torque_rate"] <= 950.0
+    assert (tmp_path / "run" / "recording.rrd").stat().st_size > 0
+    assert len(adaptctl.Rollout.load(tmp_path / "run" / "run.parquet").time) == 800
+    assert "RMS error of the last two seconds" in capsys.readouterr().out
+    assert main([*given[:-1], "-1", "--out", str(tmp_path / "other")]) == 2
+    assert "--duration: expected a positive time" in capsys.readouterr().err
+    assert main(["drive", "ur", "x", *given[3:], "--out", str(tmp_path / "other")]) == 1
+    assert "pip install ur_rtde" in capsys.readouterr().err
