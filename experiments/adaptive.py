@@ -27,7 +27,7 @@ from adaptctl.experiments.contest import (
     listed,
 )
 from adaptctl.experiments.experiment import setting
-from adaptctl.experiments.puma560_adaptive import FROM_NOTHING, from_nothing, one_controller
+from adaptctl.experiments.puma560_adaptive import FROM_NOTHING, LEARNING, from_nothing, one_controller
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Finding, Setting
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco, clear_of_contacts
@@ -174,13 +174,13 @@ class AdaptiveTracking(FromFile):
         if self.plant != "both":
             return found
         on = partial(self._environment, mechanism)
-        subject, shorter = replace(found[0], label="Slotine-Li on MuJoCo"), f"steps {SHORTER} times shorter"
+        subject, shorter = replace(found[0], label="Learning on MuJoCo"), f"steps {SHORTER} times shorter"
         fine, ours = (lambda: on(True, self._finer(mechanism))), partial(on, False, None)
         return [
             subject,
             replace(found[2], label="the same, adaptation off"),
-            replace(subject, name=FINE, label=f"Slotine-Li on MuJoCo, {shorter}", env=fine),
-            replace(subject, name=OURS, label="Slotine-Li on the built-in plant", env=ours),
+            replace(subject, name=FINE, label=f"Learning on MuJoCo, {shorter}", env=fine),
+            replace(subject, name=OURS, label="Learning on the built-in plant", env=ours),
         ]
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
@@ -206,7 +206,7 @@ class AdaptiveTracking(FromFile):
         findings, unit = list[Finding](), position_unit(outcome.mechanism)
         meaning = "largest difference of a joint's position between MuJoCo and the built-in plant, at"
         for name, run, at in (
-            ("", ADAPTIVE, "the step size of the MuJoCo model"),
+            ("", LEARNING, "the step size of the MuJoCo model"),
             ("_fine", FINE, f"steps {SHORTER} times shorter"),
         ):
             value = _apart(outcome.run[run], outcome.run[OURS])

@@ -46,7 +46,7 @@ from adaptctl.identifiability import (
     states_within_limits,
 )
 from adaptctl.recording import Finding, Setting, wording
-from adaptctl.tuning.default_controller import learning_by_rule
+from adaptctl.tuning.learning_rule import learning_by_rule
 from adaptctl.tuning.verification import scaled_links
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ DAMPING = "damping of each joint, N m s"
 FROM_NOTHING = (
     "All masses, centres of mass and inertias are unknown to the adaptive law: its estimates start at zero. Gains and "
     "reference come from the inertias of the robot's file. The base parameters are found from energies, and only these "
-    "are adapted."
+    "are adapted: by the default learning law, and by the gradient for comparison."
 )
 SOME = (
     "The controller has only the first s essential components, sorted by energy: it adapts them from zero, or holds "
@@ -168,7 +168,7 @@ class Puma560Adaptive(FromRanges):
         model = ReducedModel(mechanism, basis)
         if self.components == (0,):
             given = (law, self.adaptation, self.learning, self.gains(mechanism), self.parameter_error, self.seed)
-            mapped = f"Slotine-Li, {len(basis.columns)} parameters, Γ mapped"
+            mapped = f"Gradient, {len(basis.columns)} parameters, Γ mapped"
             return [
                 *from_nothing(mechanism, basis, *given),
                 Contender(
@@ -262,8 +262,8 @@ def from_nothing(
         return PDGravity.from_model(model, gains.bandwidth * gains.damping, gains.damping)
 
     return [
-        Contender(ADAPTIVE, f"Slotine-Li, {k} parameters", NO_MODEL, lambda: law(model, gain(model))),
-        Contender(LEARNING, f"Guarded learning, {k} parameters", NO_MODEL, lambda: law(model, learning(model))),
+        Contender(LEARNING, f"Learning, {k} parameters", NO_MODEL, lambda: law(model, learning(model))),
+        Contender(ADAPTIVE, f"Gradient, {k} parameters", NO_MODEL, lambda: law(model, gain(model))),
         Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", NO_MODEL, lambda: law(model, None)),
         Contender("computed-torque", "Computed torque, true model", "exact", lambda: computed_torque(true)),
         Contender(
@@ -273,7 +273,7 @@ def from_nothing(
             lambda: computed_torque(scaled_links(mechanism, share, seed)),
         ),
         Contender("pd-gravity", "PD with true gravity", "gravity", with_gravity),
-        Contender(FULL, f"Slotine-Li, all {P} parameters", NO_MODEL, lambda: law(full, gain(full))),
+        Contender(FULL, f"Gradient, all {P} parameters", NO_MODEL, lambda: law(full, gain(full))),
     ]
 
 

@@ -53,7 +53,7 @@ def test_a_run_is_that_of_the_environment(study: DesignStudy, runs: dict[str, Dr
         substeps=tuning.substeps,
         integrator=tuning.integrator,
     )
-    alone = rollout(env, tuning.controller(ReducedModel(task.mechanism, task.basis)), seed=0)
+    alone = rollout(env, tuning.controller(ReducedModel(task.mechanism, task.basis), "gradient"), seed=0)
     found = runs[f"all-{when}"].demand
     assert found.rms_error == pytest.approx(float(np.sqrt(np.mean(alone.error**2))), rel=1e-6)
     late = alone.error[alone.time >= SECONDS - 2.0 - 1e-9]

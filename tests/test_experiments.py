@@ -38,8 +38,8 @@ PUMA = ("experiment", "run", "puma560-adaptive")
 SMALL = ("experiment", "run", "adaptive", "--robot", "puma560_arm3")
 """An arm of three joints, where what is claimed is of any arm."""
 NAMES = (
-    "adaptive",
     "learning",
+    "adaptive",
     "adaptation-off",
     "computed-torque",
     "computed-torque-wrong",
@@ -72,9 +72,10 @@ def test_it_learns_within_the_limits_and_the_lyapunov_function_never_rises(said:
     assert said["lyapunov_max_increase"] == 0.0
     assert said["lyapunov_final"] < said["lyapunov_initial"]
     assert said["clipped_steps"] == 0
-    assert said["peak_torque_share"] < 0.75
+    assert said["peak_torque_share"] < 0.85  # 0.7 with the gradient, which learns more slowly
     assert said["final_rms_error"] < 0.2 * said["first_rms_error"]
     assert said["final_rms_error"] < 0.2 * said["final_rms_error_adaptation_off"]
+    assert said["final_rms_error"] < 0.2 * said["runs"]["adaptive"]["final_rms_error"]
     assert said["runs"]["adaptive"]["first_rms_error"] == pytest.approx(28.7e-3, abs=1e-4)
 
 
@@ -154,7 +155,7 @@ def test_interrupted_run_keeps_what_was_computed(
         assert main([*SMALL, "--out", str(tmp_path / "out"), "--duration", "300"]) == 130
     said = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert said["complete"] is False
-    assert list(said["runs"]) == ["adaptive"]
+    assert list(said["runs"]) == ["learning"]
     assert 0.0 < said["duration_run"] <= said["duration"] == 300.0
     table = pq.read_table(tmp_path / "out" / "trace.parquet")
     spacing = int(table.schema.metadata[b"every"]) * 1e-3
@@ -324,7 +325,7 @@ def test_a_run_that_stops_ends_with_the_exit_code_of_a_failed_verdict(
     out = tmp_path / "out"
     assert main([*PUMA, "--out", str(out), "--duration", "3", "--initial-error", "0.99", "--damping", *6 * ["1"]]) == 3
     said = json.loads((out / "summary.json").read_text())
-    assert capsys.readouterr().out.startswith("Failed: Slotine-Li, 36 parameters was stopped by the environment at ")
+    assert capsys.readouterr().out.startswith("Failed: Learning, 36 parameters was stopped by the environment at ")
     assert (said["complete"], said["verdict"]["passed"], said["final_rms_error"]) == (True, False, None)
     assert said["duration_run"] < 2.0
     assert said["verdict"]["faults"][0]["failure"] == "stopped"

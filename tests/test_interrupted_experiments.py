@@ -27,16 +27,16 @@ def until(label: str) -> Callable[[str, float], None]:
 
 
 @pytest.mark.parametrize(
-    "label", ["Slotine-Li on MuJoCo, steps 4 times shorter", at_night("Slotine-Li on the built-in plant")]
+    "label", ["Learning on MuJoCo, steps 4 times shorter", at_night("Learning on the built-in plant")]
 )
 def test_the_first_plant_is_kept_when_another_is_interrupted(label: str, tmp_path: Path) -> None:
     experiment = AdaptiveTracking(robot=ARM, plant="both", duration=2.0)
     comparison = experiment.compare(until(label))
     names = [run.name for run in comparison.runs]
-    assert names == ["adaptive", "adaptation-off", "mujoco-fine"][: len(names)]
+    assert names == ["learning", "adaptation-off", "mujoco-fine"][: len(names)]
     assert len(names) == (2 if "MuJoCo" in label else 3)
     assert not comparison.complete
     shown(comparison).write(tmp_path, silent)
     assert not json.loads((tmp_path / "summary.json").read_text())["complete"]
     with pytest.raises(KeyboardInterrupt):
-        experiment.compare(until("Slotine-Li on MuJoCo"))
+        experiment.compare(until("Learning on MuJoCo"))

@@ -43,7 +43,7 @@ def test_a_run_whose_terminal_is_closed_keeps_what_was_computed(tmp_path: Path) 
     assert process.wait(120.0) == 130
     said = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert said["complete"] is False
-    assert next(iter(said["runs"])) == "adaptive"
+    assert next(iter(said["runs"])) == "learning"
     assert 0.0 < said["duration_run"] < 300.1  # rounded up to a whole sample
 
 

@@ -129,17 +129,20 @@ def test_the_rotor_that_is_named_allows_four_times_the_damping(tuned: Tuning) ->
     assert helped.gains.damping[5] / carried.gains.damping[5] == pytest.approx(4.0, rel=0.3)
 
 
-def test_a_trial_is_slotine_and_li_on_the_reduced_model() -> None:
+@pytest.mark.parametrize("kind", ["gradient", "learning"])
+def test_a_trial_is_slotine_and_li_on_the_reduced_model(kind: str) -> None:
     arm = load("docs/examples/two_link.toml")
     tuned, model = tune(arm), ReducedModel(arm, fundamental_basis(essential_space(arm)))
-    law = tuned.controller(model)
+    law = tuned.controller(model, kind)
     plant = Plant(arm, PERIOD, tuned.substeps, tuned.integrator, tuned.torque_limits)
     first = tuned.reference(0.0).p + tuned.initial_error
     theirs = simulate_many(plant, law, tuned.reference, duration=3.0, p=first, record_every=RECORD_INTERVAL)
     gains = tuned.gains
     setting = TrialSetting(gains.bandwidth, gains.damping, tuned.adaptation, arm.inertial_parameters)
     late = setting._replace(delayed=True)
-    ours = Trials(plant, tuned.reference, tuned.initial_error).run([setting, late], 3.0)
+    trials = Trials(plant, tuned.reference, tuned.initial_error)
+    learns = kind == "learning"
+    ours = trials.learn(model, [setting, late], 3.0) if learns else trials.run([setting, late], 3.0)
     np.testing.assert_allclose(ours.p[:, 0], theirs.p[:, 0], atol=1e-9)
     assert 1e-9 < np.abs(ours.p[:, 1] - theirs.p[:, 0]).max() < 0.05
     held = ours.applied[0, 1]

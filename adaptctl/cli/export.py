@@ -22,12 +22,17 @@ Law = Annotated[
 ]
 
 
+LEARNING = "slotine-li-learning"
+DEFAULT_LAWS = {"double": LEARNING, "float": "slotine-li"}
+"""Laws by number: learning needs double precision."""
+
+
 def export(
     robot: Robot,
     /,
     *,
     out: Path,
-    law: Law = "slotine-li",
+    law: Law | None = None,
     name: str | None = None,
     scalar: Literal["double", "float"] = "double",
     language: Literal["c", "wasm"] = "c",
@@ -47,7 +52,7 @@ def export(
     out : Path
         Folder to write, which must not exist.
     law : str
-        Control law.
+        Control law. Default: slotine-li-learning, and slotine-li in single precision.
     name : str
         Prefix of all names in the code. Default: the name of the robot.
     scalar : str
@@ -92,11 +97,13 @@ def export(
     if not anyway:
         tuning.validate_learning("--anyway")
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
-    chosen = named_law(law, tuning, model)
+    named = law or DEFAULT_LAWS[scalar]
+    chosen = named_law(named, tuning, model)
     controller = chosen if without_safety_filter else guarded(chosen, tuning)
     done = exported(
         controller, out, name=name, scalar=scalar, language=language,
         without_safety_filter=without_safety_filter, check=check, reference=tuning.reference, anyway=anyway,
+        large_stack=named == LEARNING,
     )  # fmt: skip
     made = builds(done) if check and language == "c" else ()
     if json:
@@ -112,6 +119,8 @@ def export(
 
 
 def _print(done: Exported) -> None:
+    from adaptctl.codegen.exporting import MAX_STACK_BYTES
+
     manifest = done.manifest
     print(f"{done.directory}: {', '.join(done.files)}")
     limits = "with" if manifest["guarded"] else "without"
@@ -128,4 +137,6 @@ def _print(done: Exported) -> None:
             print(f"FAILED: in simulation {manifest['check']['failure']}")
     if "state_bytes" in manifest:
         print(f"state: {manifest['state_bytes']} bytes; stack: about {manifest['stack_bytes_about']} bytes")
+        if manifest["stack_bytes_about"] > MAX_STACK_BYTES:
+            print("on a small processor, --law slotine-li needs less")
         print(f"test it: cc -std=c99 {done.name}.c test_{done.name}.c -lm && ./a.out")

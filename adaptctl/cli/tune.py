@@ -165,7 +165,7 @@ def report(tuning: Tuning) -> Iterator[RenderableType]:
     yield titled("What limits the gains", listed(zip(joints, tuning.limited_by, strict=True)))
     runs = (words((f"{run}", "") if run.is_learning else (f"{run} (does not learn)", "red")) for run in tuning.verified)
     if tuning.verified:
-        yield titled("Verification runs of 20 s: RMS errors of the first second and of the last two", *runs)
+        yield titled("Verification runs of 20 s from zero estimates: RMS errors of the first and last seconds", *runs)
     if tuning.notes:
         yield titled("Notes", *(words((note, "yellow")) for note in tuning.notes))
 

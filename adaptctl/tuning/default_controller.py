@@ -4,26 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
-from adaptctl.arrays import Array
 from adaptctl.control import GuardedLearning, SlotineLi
-from adaptctl.control.adaptation.prior_ranges import mapped_gain
 from adaptctl.control.controller import Reference
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.tuning.default_gains import HORIZON
+from adaptctl.tuning.learning_rule import learning_by_rule
 from adaptctl.tuning.tune import Tuning, tune
-
-TORQUE_ERROR_SHARE = 3e-3
-"""share of a torque limit within which torques are known, about what a drive's current loop keeps"""
-SPEED_NOISE = 3.3e-3
-"""rad/s (m/s): times the damping it is a torque error, which matters where limits are far above the loads"""
-MIN_SPEED, MIN_SPEED_SHARE = 0.05, 0.15
-"""rad/s (m/s), and share of the reference's greatest speed, below which friction at rest is met"""
-SPEED_SAMPLES = 400
-"""times at which the reference's speeds are read"""
 
 
 def adaptive_controller(
@@ -83,8 +70,7 @@ def adaptive_controller(
     mechanism = with_friction(mechanism) if friction else mechanism
     tuning = tune(mechanism, control_period=control_period, reference=reference, seed=seed)
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism, seed=seed)))
-    controller = tuning.controller(model, anyway=anyway)
-    return replace(controller, adaptation=learning_law(model, tuning))
+    return tuning.controller(model, anyway=anyway)
 
 
 def learning_law(model: ReducedModel, tuning: Tuning) -> GuardedLearning:
@@ -116,24 +102,8 @@ def learning_law(model: ReducedModel, tuning: Tuning) -> GuardedLearning:
     >>> law.gain.shape, law.prediction_weight.shape
     ((6,), (2,))
     """
-    gain, damping = mapped_gain(model, tuning.adaptation), tuning.gains.damping
+    gain, damping = tuning.adaptation_gain_for(model), tuning.gains.damping
     return learning_by_rule(gain, tuning.torque_limits, damping, tuning.control_period, tuning.reference)
-
-
-def learning_by_rule(
-    gain: Array, torque_limits: Array, damping: Array, control_period: float, reference: Reference
-) -> GuardedLearning:
-    """Learning law with the diagonal of a gain (k, k), for torque limits and damping (r,) each."""
-    speeds = np.abs(reference(np.linspace(0.0, HORIZON, SPEED_SAMPLES)).v).max(axis=0)
-    least = np.minimum(MIN_SPEED, MIN_SPEED_SHARE * speeds)
-    recall, cutoff = (min(x, 0.5 / control_period) for x in (GuardedLearning.recall, GuardedLearning.cutoff))
-    weight = 1.0 / torque_error(torque_limits, damping) ** 2
-    return GuardedLearning(np.diag(gain), weight, cutoff=cutoff, recall=recall, min_speed=least)
-
-
-def torque_error(limits: Array, damping: Array) -> Array:
-    """Errors sigma (r,) of torques in N m (N)."""
-    return np.asarray(np.minimum(TORQUE_ERROR_SHARE * limits, SPEED_NOISE * damping))
 
 
 def with_friction(mechanism: Mechanism) -> Mechanism:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, whole_count
 from adaptctl.caching import cached_property
-from adaptctl.control import Gains, SlotineLi, mapped_gain
+from adaptctl.control import Gains, GuardedLearning, SlotineLi, mapped_gain
 from adaptctl.control.controller import Reference
 from adaptctl.control.gains.workspace import Workspace
 from adaptctl.dynamics import Mechanism
@@ -32,6 +32,7 @@ from adaptctl.tuning.default_gains import (
 )
 from adaptctl.tuning.feasible_gains import MIN_BANDWIDTH, FeasibleGains, limitations
 from adaptctl.tuning.feasible_reference import TORQUE_SHARE, FeasibleReference
+from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule
 from adaptctl.tuning.verification import (
     LINK_ERROR,
     MAX_ERROR,
@@ -39,6 +40,7 @@ from adaptctl.tuning.verification import (
     Trials,
     TrialSetting,
     Verification,
+    base_model,
     measures,
     scaled_links,
     verifications,
@@ -155,7 +157,7 @@ class Tuning:
         """Positions near the reference, for which gains are checked."""
         return near_reference(self.mechanism, self.reference, self.initial_error)
 
-    def controller(self, model: ReducedModel, adaptation: bool = True, *, anyway: bool = False) -> SlotineLi:
+    def controller(self, model: ReducedModel, adaptation: bool | str = True, *, anyway: bool = False) -> SlotineLi:
         """
         Return Slotine and Li's controller with these gains.
 
@@ -163,8 +165,9 @@ class Tuning:
         ----------
         model : ReducedModel
             Model of the mechanism.
-        adaptation : bool, default True
-            False to switch adaptation off, for a comparison. By default on, as the gains are meant for it.
+        adaptation : bool or str, default True
+            True for the default: "learning", the law of `learning_law`, and above 100 parameters "gradient", which is
+            for small processors and theorems. False to switch adaptation off, for a comparison.
         anyway : bool, default False
             True to accept gains that failed in simulation.
 
@@ -180,19 +183,29 @@ class Tuning:
         GainError
             If the gains are too large for the control period in the workspace.
         InputError
-            If the model is of another number of joints or parameters.
+            If the model is of another number of joints or parameters, or the adaptation has another name.
 
         Examples
         --------
         >>> tuning = adaptctl.tune(arm)
-        >>> tuning.controller(model).dof
-        2
+        >>> tuning.controller(model).adaptation.called, tuning.controller(model, "gradient").adaptation.shape
+        ('guarded learning', (6, 6))
         """
         if adaptation and not anyway:
             self.validate_learning("anyway=True")
-        gain, gains = self.adaptation_gain_for(model) if adaptation else None, self.gains
+        law, gains = self._adaptation(model, adaptation), self.gains
         given = None, self.control_period, self.workspace, self.torque_limits
-        return SlotineLi(model, gains.bandwidth, gains.damping, gain, *given)
+        return SlotineLi(model, gains.bandwidth, gains.damping, law, *given)
+
+    def _adaptation(self, model: ReducedModel, named: bool | str) -> Array | GuardedLearning | None:
+        if named is False:
+            return None
+        gain = self.adaptation_gain_for(model)
+        if named == "gradient" or (named is True and len(gain) > MAX_LEARNED):
+            return gain
+        if named is True or named == "learning":
+            return learning_by_rule(gain, self.torque_limits, self.gains.damping, self.control_period, self.reference)
+        raise InputError(f"adaptation: expected True, False, 'learning' or 'gradient', got {named!r}")
 
     @property
     def is_learning(self) -> bool:
@@ -300,7 +313,8 @@ def tune(
     trials = Trials(plant, rule.reference, rule.initial_error)
     chosen = _searched(trials, rule, first, search, seed) if search and trials.possible else first
     carried, gain = chosen.feasible, chosen.gain
-    verified = verifications(trials, carried.gains, gain, seed) if trials.possible else ()
+    model = base_model(mechanism) if trials.possible else None
+    verified = verifications(trials, model, carried.gains, gain, seed) if model is not None else ()
     return Tuning(
         mechanism,
         rule.control_period,
@@ -316,7 +330,7 @@ def tune(
         chosen.adaptation_ratio,
         limitations(mechanism, carried),
         verified,
-        (*_notes(mechanism, rule.found, carried, plant), *_run_remarks(verified, trials.possible)),
+        (*_notes(mechanism, rule.found, carried, plant), *_run_remarks(verified, model)),
     )
 
 
@@ -383,9 +397,11 @@ def _notes(mechanism: Mechanism, found: FeasibleReference, carried: FeasibleGain
         yield f"friction is too stiff for {explicit}: {plant.substeps} implicit steps are used"
 
 
-def _run_remarks(verified: tuple[Verification, ...], possible: bool) -> Iterator[str]:
-    if not possible:
+def _run_remarks(verified: tuple[Verification, ...], model: ReducedModel | None) -> Iterator[str]:
+    if model is None:
         yield "too many links to compile: the gains were neither searched nor verified"
+    elif (k := len(model.columns)) > MAX_LEARNED:
+        yield f"learning is the default up to {MAX_LEARNED} parameters; these {k} are adapted by the gradient"
     for run in verified[:1]:
         ratio = run.final_rms_error_adaptation_off / run.final_rms_error if run.final_rms_error > 0.0 else math.inf
         if ratio < MIN_LEARNING_RATIO:

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
-from adaptctl.control import Gains, SlotineLi
+from adaptctl.control import Gains, GuardedLearning, SlotineLi, mapped_gain
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import Controller, Reference, ReferencePoint
 from adaptctl.control.gains.workspace import Workspace
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import error_unit
-from adaptctl.identifiability import ReducedModel
+from adaptctl.errors import RankError
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.scalars import Column, where
 from adaptctl.simulation import Plant, Rollouts, simulate_many
+from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule
 
 RECORD_INTERVAL = 50  # control periods
 
@@ -80,26 +82,60 @@ class Trials:
         return len(self.plant.mechanism.links) <= MAX_COMPILED_LINKS
 
     def run(self, settings: list[TrialSetting], duration: float) -> Rollouts:
-        """Runs of all settings together."""
-        p = self.reference(np.zeros(1)).p[0]
-        law, parameters = _law(self.plant, tuple(p.tolist())), np.array([one.parameters for one in settings])
-        laws = [law.having(_numbers(law, one)) for one in settings]
-        start = {"parameters": parameters, "p": p + self.off, "v": np.zeros(law.dof)}
-        return simulate_many(self.plant, laws, self.reference, duration=duration, record_every=RECORD_INTERVAL, **start)
+        """Runs of all settings together, with the gradient on all parameters."""
+        law = _law(self.plant, tuple(self.start.tolist()))
+        laws = [law.having(_numbers(law, one, {"adaptation.gain": one.gain})) for one in settings]
+        return self._simulated(laws, settings, duration)
+
+    def learn(self, model: ReducedModel, settings: list[TrialSetting], duration: float) -> Rollouts:
+        """Runs of all settings together, with the default learning law on the parameters of a model."""
+        rules = [self._rule(model, one) for one in settings]
+        law = Delayed(_slotine_li(self.plant, self.start, model, rules[0]))
+        numbers = ({f"adaptation.{name}": value for name, value in rule.numbers.items()} for rule in rules)
+        laws = [law.having(_numbers(law, one, more)) for one, more in zip(settings, numbers, strict=True)]
+        return self._simulated(laws, settings, duration)
+
+    @property
+    def start(self) -> Array:
+        """Reference's first position (r,) in rad (m)."""
+        first: Array = self.reference(np.zeros(1)).p[0]
+        return first
+
+    def _rule(self, model: ReducedModel, one: TrialSetting) -> GuardedLearning:
+        gain, limits = mapped_gain(model, one.gain), np.asarray(self.plant.torque_limits)
+        return learning_by_rule(gain, limits, one.damping, self.plant.control_period, self.reference)
+
+    def _simulated(self, laws: list[Delayed], settings: list[TrialSetting], duration: float) -> Rollouts:
+        start = {"p": self.start + self.off, "v": np.zeros(self.plant.dof)}
+        parameters = np.array([one.parameters for one in settings])
+        given: dict[str, Any] = {"duration": duration, "record_every": RECORD_INTERVAL, "parameters": parameters}
+        return simulate_many(self.plant, laws, self.reference, **given, **start)
 
 
-def _numbers(law: Delayed, one: TrialSetting) -> dict[str, object]:
+def base_model(mechanism: Mechanism) -> ReducedModel:
+    """Model of the base parameters, or of all where their number cannot be certified."""
+    try:
+        return ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
+    except RankError:
+        return ReducedModel.full(mechanism)
+
+
+def _numbers(law: Delayed, one: TrialSetting, adaptation: Mapping[str, Array]) -> dict[str, object]:
     """Numbers of a law by name, which tuning has judged."""
-    of = {"bandwidth": one.bandwidth, "damping": one.damping, "adaptation.gain": one.gain}
+    of = {"bandwidth": one.bandwidth, "damping": one.damping, **adaptation}
     return {**law.numbers, "delayed": float(one.delayed), **{f"inner.{name}": value for name, value in of.items()}}
 
 
 @lru_cache(maxsize=8)
 def _law(plant: Plant, p: tuple[float, ...]) -> Delayed:
     """Law of a plant's trials near p, kept with its code."""
-    model, few = ReducedModel.full(plant.mechanism), np.full(plant.dof, 1e-9)
-    gain, at = np.ones(len(model.columns)), Workspace.along(plant.mechanism, np.array(p), 0.0)
-    return Delayed(SlotineLi(model, few, few, gain, None, plant.control_period, at, plant.torque_limits))
+    model = ReducedModel.full(plant.mechanism)
+    return Delayed(_slotine_li(plant, np.array(p), model, np.ones(len(model.columns))))
+
+
+def _slotine_li(plant: Plant, p: Array, model: ReducedModel, law: GuardedLearning | Array) -> SlotineLi:
+    few, at = np.full(plant.dof, 1e-9), Workspace.along(plant.mechanism, p, 0.0)
+    return SlotineLi(model, few, few, law, None, plant.control_period, at, plant.torque_limits)
 
 
 DURATION = 20.0  # s
@@ -108,6 +144,7 @@ MAX_ERROR = 1.0  # rad (m)
 MAX_ERROR_RATIO = 1.0 / 3.0  # of the last error over the first, and over that with adaptation off
 MAX_LIMITED_SHARE = 0.05  # of the second half's samples with a torque at its limit
 LINK_ERROR = 0.3
+SWITCHED_OFF = 1e-20  # share of a gain that adapts nothing
 
 
 @dataclass(frozen=True)
@@ -173,8 +210,10 @@ class Verification:
         return f"{self.name}: {first:.3g} to {last:.3g} {self.unit}; without adaptation {without}"
 
 
-def verifications(trials: Trials, gains: Gains, gain: Array, seed: int) -> tuple[Verification, ...]:
-    """Four verifications of 20 s."""
+def verifications(
+    trials: Trials, model: ReducedModel, gains: Gains, gain: Array, seed: int
+) -> tuple[Verification, ...]:
+    """Four verifications of 20 s, with the law that is the default for the model."""
     mechanism = trials.plant.mechanism
     own, other = mechanism.inertial_parameters, scaled_links(mechanism, LINK_ERROR, seed)
     cases = [("nominal", own, False), ("one-period delay", own, True)]
@@ -182,9 +221,11 @@ def verifications(trials: Trials, gains: Gains, gain: Array, seed: int) -> tuple
     settings = [
         TrialSetting(gains.bandwidth, gains.damping, share * gain, true, late)
         for _, true, late in cases
-        for share in (1.0, 0.0)
+        for share in (1.0, SWITCHED_OFF)
     ]
-    return tuple(_verified(trials.run(settings, DURATION), [case[0] for case in cases], trials))
+    learns = len(model.columns) <= MAX_LEARNED
+    runs = trials.learn(model, settings, DURATION) if learns else trials.run(settings, DURATION)
+    return tuple(_verified(runs, [case[0] for case in cases], trials))
 
 
 def _verified(runs: Rollouts, names: list[str], trials: Trials) -> Iterator[Verification]:

@@ -187,6 +187,11 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
             PayloadSums.zero(r),
         )
 
+    def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
+        """Squared parameter error over twice the initial gain, J; over P, as in the proof, it is more."""
+        error = estimate - true
+        return 0.5 * (error @ Column(e / g for e, g in zip(error, column(self.gain), strict=True)))
+
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: GuardedMemory
     ) -> tuple[Column, GuardedMemory]:

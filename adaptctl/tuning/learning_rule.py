@@ -1,0 +1,37 @@
+"""Rule of the default learning law."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control import GuardedLearning
+from adaptctl.control.controller import Reference
+from adaptctl.tuning.default_gains import HORIZON
+
+TORQUE_ERROR_SHARE = 3e-3
+"""share of a torque limit within which torques are known, about what a drive's current loop keeps"""
+SPEED_NOISE = 3.3e-3
+"""rad/s (m/s): times the damping it is a torque error, which matters where limits are far above the loads"""
+MIN_SPEED, MIN_SPEED_SHARE = 0.05, 0.15
+"""rad/s (m/s), and share of the reference's greatest speed, below which friction at rest is met"""
+SPEED_SAMPLES = 400
+"""times at which the reference's speeds are read"""
+MAX_LEARNED = 100
+"""parameters up to which learning is the default; its time grows as their square, its compilation to minutes"""
+
+
+def learning_by_rule(
+    gain: Array, torque_limits: Array, damping: Array, control_period: float, reference: Reference
+) -> GuardedLearning:
+    """Learning law with the diagonal of a gain (k, k), for torque limits and damping (r,) each."""
+    speeds = np.abs(reference(np.linspace(0.0, HORIZON, SPEED_SAMPLES)).v).max(axis=0)
+    least = np.minimum(MIN_SPEED, MIN_SPEED_SHARE * speeds)
+    recall, cutoff = (min(x, 0.5 / control_period) for x in (GuardedLearning.recall, GuardedLearning.cutoff))
+    weight = 1.0 / torque_error(torque_limits, damping) ** 2
+    return GuardedLearning(np.diag(gain), weight, cutoff=cutoff, recall=recall, min_speed=least)
+
+
+def torque_error(limits: Array, damping: Array) -> Array:
+    """Errors sigma (r,) of torques in N m (N)."""
+    return np.asarray(np.minimum(TORQUE_ERROR_SHARE * limits, SPEED_NOISE * damping))
