@@ -106,10 +106,9 @@ class Trials:
         return learning_by_rule(gain, limits, one.damping, self.plant.control_period, self.reference)
 
     def _simulated(self, laws: list[Delayed], settings: list[TrialSetting], duration: float) -> Rollouts:
-        start = {"p": self.start + self.off, "v": np.zeros(self.plant.dof)}
         parameters = np.array([one.parameters for one in settings])
-        given: dict[str, Any] = {"duration": duration, "record_every": RECORD_INTERVAL, "parameters": parameters}
-        return simulate_many(self.plant, laws, self.reference, **given, **start)
+        start: dict[str, Any] = {"parameters": parameters, "p": self.start + self.off, "v": np.zeros(self.plant.dof)}
+        return simulate_many(self.plant, laws, self.reference, duration=duration, record_every=RECORD_INTERVAL, **start)
 
 
 def base_model(mechanism: Mechanism) -> ReducedModel:
