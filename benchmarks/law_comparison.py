@@ -1,7 +1,7 @@
 """Laws x arms x conditions x seeds, from a TOML file to a table: python -m benchmarks.law_comparison FILE --out DIR
 
-Each arm under each condition is a shard, a Parquet file; shards that are there are kept, so that a run resumes. All laws
-of a shard have the gains and the reference that `tune` finds from the arm's description, and the seeds of noise and links.
+Each arm under each condition is a shard, a Parquet file; shards that are there are kept, so that a run resumes. All
+laws of a shard have the gains and the reference that `tune` finds from the arm's description, and common seeds.
 """
 
 from __future__ import annotations

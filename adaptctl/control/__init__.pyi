@@ -28,6 +28,8 @@ from adaptctl.control.gains.sampling_ratio import sampling_ratio as sampling_rat
 from adaptctl.control.gains.sampling_ratio import worst_conditioned_configuration as worst_conditioned_configuration
 from adaptctl.control.gains.workspace import Workspace as Workspace
 from adaptctl.control.held_state import HeldState as HeldState
+from adaptctl.control.learned import save_learned as save_learned
+from adaptctl.control.learned import warm_start as warm_start
 from adaptctl.control.linear import LinearController as LinearController
 from adaptctl.control.lyapunov import lyapunov as lyapunov
 from adaptctl.control.lyapunov import sliding_variable as sliding_variable

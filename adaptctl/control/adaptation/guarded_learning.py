@@ -342,6 +342,30 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         alarm = np.maximum(watch.alarm, 1e-3)
         return memory._replace(watch=watch._replace(announced=one, doubt=doubt, alarm=alarm, decision=UNKNOWN * one))
 
+    def skip_period(self, memory: GuardedMemory) -> GuardedMemory:
+        """
+        Tell that the last control period was not on time.
+
+        Parameters
+        ----------
+        memory : GuardedMemory
+            Internal state.
+
+        Returns
+        -------
+        GuardedMemory
+            State that stores nothing before the filters, which assume equal periods, have settled again.
+
+        Examples
+        --------
+        >>> learning = adaptctl.control.GuardedLearning(np.full(6, 0.1))
+        >>> state = adaptctl.SlotineLi(model, 5.0, 4.0, learning).init(p, v).law_state
+        >>> learning.skip_period(state).watch.moving
+        array([0., 0.])
+        """
+        watch = memory.watch
+        return memory._replace(watch=watch._replace(moving=np.zeros_like(watch.moving)))
+
     def covariance(self, memory: GuardedMemory) -> Array:
         """
         Return the present adaptation gain.

@@ -1,0 +1,107 @@
+"""What was learned, saved and taken up again: information too, under other gains, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from sampled_loops import arm, gains, loop, own_gain, reduced, swinging
+
+from adaptctl import SlotineLi
+from adaptctl.control import Gradient, GuardedLearning, save_learned, warm_start
+from adaptctl.errors import InputError
+
+ARM = "puma560_arm3"
+TRUE = reduced(ARM).fundamental_parameters
+
+
+def learner(share: float = 1.0) -> SlotineLi:
+    weight = 1.0 / (3.3e-3 * gains(ARM).damping) ** 2
+    law = GuardedLearning(share * own_gain(ARM), weight, min_speed=0.0)
+    return SlotineLi(reduced(ARM), 8.0, gains(ARM).damping, law, torque_limits=np.inf)
+
+
+@pytest.fixture(scope="module")
+def learned() -> tuple[SlotineLi, Any]:
+    controller = learner()
+    return controller, loop(controller, arm(ARM), swinging(arm(ARM)), 2.0).states[-1]
+
+
+def started(controller: SlotineLi, path: Path, **options: Any) -> Any:
+    reference = swinging(arm(ARM))(np.zeros(1))
+    return warm_start(path, controller, controller.init(reference.p[0], reference.v[0]), **options)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.3])
+def test_estimate_and_covariance_go_on_where_they_were(learned: Any, share: float, tmp_path: Path) -> None:
+    """Of another gain, P^-1 differs by that of the gains alone."""
+    controller, state = learned
+    save_learned(tmp_path / "learned.json", controller, state)
+    again = learner(share)
+    warm: Any = started(again, tmp_path / "learned.json")
+    np.testing.assert_array_equal(warm.estimate, state.estimate)
+    law: Any = again.adaptation_law
+    first: Any = controller.adaptation_law
+    information = [
+        np.linalg.inv(one.covariance(two.law_state)) - np.diag(1.0 / one.gain)
+        for one, two in ((first, state), (law, warm))
+    ]
+    scale = np.sqrt(np.outer(first.gain, first.gain))
+    np.testing.assert_allclose(information[1] * scale, information[0] * scale, rtol=1e-6, atol=1e-6)
+
+
+def test_it_errs_less_from_the_first_second(learned: Any, tmp_path: Path) -> None:
+    controller, state = learned
+    save_learned(tmp_path / "learned.json", controller, state)
+    warm = started(controller, tmp_path / "learned.json")
+    moved = {}
+    for name, first in (("cold", None), ("warm", warm.estimate)):
+        run = loop(replace(controller, initial=first), arm(ARM), swinging(arm(ARM)), 1.0, off=0.0)
+        moved[name] = np.sqrt(np.mean((run.p - swinging(arm(ARM))(run.time).p) ** 2))
+    assert moved["warm"] < 0.1 * moved["cold"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"geometry_sha256": "0"}, "whose geometry or parameters are other"),
+        ({"parameters": ["x"]}, "whose geometry or parameters are other"),
+        ({"sha256": "0"}, "the numbers were changed"),
+        ({"saved_at": 0.0}, "s ago, and max_age is 60 s"),
+        ({"saved_at": 1e12}, "ahead of this machine's clock"),
+    ],
+)
+def test_what_does_not_fit_is_refused(learned: Any, changes: dict[str, Any], said: str, tmp_path: Path) -> None:
+    controller, state = learned
+    save_learned(path := tmp_path / "learned.json", controller, state)
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+    with pytest.raises(InputError, match=said):
+        started(controller, path, max_age=60.0)
+
+
+def test_another_law_and_several_arms_are_refused(learned: Any, tmp_path: Path) -> None:
+    controller, state = learned
+    gradient = replace(controller, adaptation=Gradient(own_gain(ARM)))
+    with pytest.raises(InputError, match="expected GuardedLearning"):
+        save_learned(tmp_path / "x.json", gradient, state)
+    with pytest.raises(InputError, match="one arm"):
+        save_learned(tmp_path / "x.json", controller, state._replace(estimate=np.zeros((2, len(TRUE)))))
+
+
+def test_nothing_is_stored_after_a_period_off_time() -> None:
+    """For two time constants of the filters; then data count again."""
+    controller, reference = learner(), swinging(arm(ARM))
+    states = loop(controller, arm(ARM), reference, 1.0).states
+    law: Any = controller.adaptation_law
+    state: Any = states[-1]
+    skipped = state._replace(law_state=law.skip_period(state.law_state))
+    point, ages = reference(1.0), []
+    for _ in range(300):
+        _, skipped = controller.step(skipped, point.p, point.v, point)
+        ages.append(float(skipped.law_state.watch.age[0]))
+    assert ages[190] == float(state.law_state.watch.age[0])
+    assert ages[-1] > ages[190]
