@@ -76,8 +76,8 @@ def save_learned(path: str | Path, controller: SlotineLi, state: AdaptiveState) 
     arrays = law.gain, trusted, memory.stored.remembered, counts * memory.stored.known
     numbers = Numbers(*(np.asarray(x, dtype=np.float64).tolist() for x in arrays))
     mechanism, names = controller.model.mechanism, list(controller.model.names)
-    about = "adaptctl/learned/1", mechanism.name, mechanism.geometry_sha256, time.time(), names
-    write_json(path, LearnedFile(*about, numbers, hashed(msgspec.to_builtins(numbers))))
+    about = mechanism.name, mechanism.geometry_sha256, time.time(), names
+    write_json(path, LearnedFile("adaptctl/learned/1", *about, numbers, hashed(msgspec.to_builtins(numbers))))
 
 
 def warm_start(
