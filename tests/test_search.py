@@ -22,7 +22,7 @@ def test_a_search_whose_first_runs_fail_runs_the_first_controller_that_there_is(
     study = SweepStudy.named("puma560-adaptive", {**SHORT, "bandwidth": "4000,3000,2000,1000,4"})
     found = search(study, "rms_error", 10)
     assert found.settings["bandwidth"] == 4.0
-    assert found.controller == "adaptive"
+    assert found.controller == "learning"
 
 
 def test_a_search_of_runs_that_all_fail_says_so() -> None:
