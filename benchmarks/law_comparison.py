@@ -38,7 +38,7 @@ from adaptctl.simulation.integrator import integration
 from adaptctl.simulation.transmission import Transmission
 from adaptctl.tuning import tune, with_friction
 from adaptctl.tuning.verification import base_model
-from benchmarks.law_conditions import CONDITIONS, Condition, Scene
+from benchmarks.law_conditions import CONDITIONS, PlantCondition, Scene
 
 WINDOWS = {"mrad_at_2_s": (1.5, 2.5), "mrad_at_10_s": (10.0, 11.0), "mrad": (18.0, 20.0)}
 """Columns of RMS errors over all joints, and their times in s."""
@@ -50,8 +50,8 @@ Law = Callable[[Scene, ReducedModel, Array], Controller[Any]]
 """Function from a scene, a model with friction parameters and the plant's true parameters (P,) to a law."""
 
 
-class Comparison(msgspec.Struct, forbid_unknown_fields=True):
-    """What is compared; `arms` are built-in names or files, which {example-robot-data} may begin."""
+class LawComparison(msgspec.Struct, forbid_unknown_fields=True):
+    """Laws, arms, conditions and seeds. An arm is a built-in name or a file, which {example-robot-data} may begin."""
 
     purpose: str
     arms: list[str]
@@ -102,7 +102,7 @@ def scene_of(arm: str, control_period: float) -> tuple[Scene, ReducedModel]:
 
 
 @dataclass(frozen=True)
-class Shard:
+class ComparisonShard:
     """Rows of one arm under one condition."""
 
     arm: str
@@ -129,7 +129,7 @@ class Shard:
                     yield row | {"reason": str(error).splitlines()[0]}
 
 
-def _measured(scene: Scene, model: ReducedModel, condition: Condition, law: str, seed: int) -> dict[str, Any]:
+def _measured(scene: Scene, model: ReducedModel, condition: PlantCondition, law: str, seed: int) -> dict[str, Any]:
     tuning, parameters = scene.tuning, condition.parameters(scene, seed)
     runs = simulate_many(
         _plant(scene, condition), law_of(law)(scene, model, parameters), tuning.reference, duration=DURATION,
@@ -144,7 +144,7 @@ def _measured(scene: Scene, model: ReducedModel, condition: Condition, law: str,
     return {**found, "largest": 1e3 * float(runs.largest_error.max())}
 
 
-def _plant(scene: Scene, condition: Condition) -> Plant:
+def _plant(scene: Scene, condition: PlantCondition) -> Plant:
     (arm, tuning), effects = scene, condition.effects(scene)
     found = PlantEffects.of(effects)
     springs = None if found.elastic is None else Transmission.of(arm, found.elastic)
@@ -152,7 +152,7 @@ def _plant(scene: Scene, condition: Condition) -> Plant:
     return Plant(arm, tuning.control_period, *steps, torque_limits=tuning.torque_limits, effects=effects)
 
 
-def _rubbing(arm: Mechanism, condition: Condition, scene: Scene) -> Mechanism:
+def _rubbing(arm: Mechanism, condition: PlantCondition, scene: Scene) -> Mechanism:
     """Arm with the friction that it has under a condition."""
     values = dict(zip(arm.parameter_names, condition.parameters(scene, 0), strict=True))
 
@@ -163,7 +163,7 @@ def _rubbing(arm: Mechanism, condition: Condition, scene: Scene) -> Mechanism:
     return arm.with_drives([drive(link) for link in arm.links])
 
 
-def run_shard(shard: Shard, out: Path) -> str:
+def run_shard(shard: ComparisonShard, out: Path) -> str:
     """Write the rows of a shard, unless they are there."""
     place = out / shard.name
     if not place.exists():
@@ -200,10 +200,10 @@ def main() -> int:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
-    asked = read_toml(given.file, Comparison)
+    asked = read_toml(given.file, LawComparison)
     given.out.mkdir(parents=True, exist_ok=True)
     laws, seeds = tuple(asked.laws), tuple(asked.seeds)
-    shards = [Shard(arm, condition, laws, seeds) for arm in asked.arms for condition in asked.conditions]
+    shards = [ComparisonShard(arm, condition, laws, seeds) for arm in asked.arms for condition in asked.conditions]
     with ProcessPoolExecutor(given.workers) as workers:
         for name in workers.map(partial(run_shard, out=given.out), shards):
             print(name, file=sys.stderr, flush=True)

@@ -41,7 +41,7 @@ class Push(ActuatorEffect):
     rise: float = 1e-6
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
-        """Nothing is asked of a plant."""
+        """Accept any plant."""
 
     def initial_state(self, torque: Array, control_period: float) -> Array:
         """Time of an arm in s."""
@@ -89,7 +89,7 @@ class Scene(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Condition:
+class PlantCondition:
     """Effects in a scene, true parameters (P,) by seed, and the control period in s, if not 1 ms."""
 
     effects: Callable[[Scene], tuple[Effect, ...]] = lambda scene: ()
@@ -108,19 +108,19 @@ def _elastic(scene: Scene, encoders: str) -> tuple[Effect, ...]:
 
 
 CONDITIONS = {
-    "clean": Condition(),
-    "noise": Condition(lambda s: (Encoder(velocity_noise=0.03),)),
-    "encoder-12": Condition(lambda s: _encoder(12)),
-    "encoder-16-200-hz": Condition(lambda s: _encoder(16), control_period=5e-3),
-    "clean-500-hz": Condition(control_period=2e-3),
-    "late": Condition(lambda s: (ControlDelay(1),)),
-    "links-wrong": Condition(parameters=lambda s, seed: scaled_links(s.mechanism, 0.3, seed)),
-    "friction": Condition(parameters=lambda s, seed: s.rubbing),
-    "stribeck": Condition(lambda s: (Friction(0.0, 0.0, 0.5 * s.friction[1]),), lambda s, seed: s.rubbing),
-    "dropped": Condition(lambda s: (PayloadHeld(max(0.05 * s.mass, 0.02), stop=DROPPED),)),
-    "push": Condition(lambda s: (Push(s.pushed(0.1, min(1, s.mechanism.dof - 1))),)),
-    "push-ramped": Condition(lambda s: (Push(s.pushed(0.1, min(1, s.mechanism.dof - 1)), RISE),)),
-    "push-all": Condition(lambda s: (Push(s.pushed(0.05)),)),
-    "elastic-motor": Condition(lambda s: _elastic(s, "motor")),
-    "elastic-link": Condition(lambda s: _elastic(s, "link")),
+    "clean": PlantCondition(),
+    "noise": PlantCondition(lambda s: (Encoder(velocity_noise=0.03),)),
+    "encoder-12": PlantCondition(lambda s: _encoder(12)),
+    "encoder-16-200-hz": PlantCondition(lambda s: _encoder(16), control_period=5e-3),
+    "clean-500-hz": PlantCondition(control_period=2e-3),
+    "late": PlantCondition(lambda s: (ControlDelay(1),)),
+    "links-wrong": PlantCondition(parameters=lambda s, seed: scaled_links(s.mechanism, 0.3, seed)),
+    "friction": PlantCondition(parameters=lambda s, seed: s.rubbing),
+    "stribeck": PlantCondition(lambda s: (Friction(0.0, 0.0, 0.5 * s.friction[1]),), lambda s, seed: s.rubbing),
+    "dropped": PlantCondition(lambda s: (PayloadHeld(max(0.05 * s.mass, 0.02), stop=DROPPED),)),
+    "push": PlantCondition(lambda s: (Push(s.pushed(0.1, min(1, s.mechanism.dof - 1))),)),
+    "push-ramped": PlantCondition(lambda s: (Push(s.pushed(0.1, min(1, s.mechanism.dof - 1)), RISE),)),
+    "push-all": PlantCondition(lambda s: (Push(s.pushed(0.05)),)),
+    "elastic-motor": PlantCondition(lambda s: _elastic(s, "motor")),
+    "elastic-link": PlantCondition(lambda s: _elastic(s, "link")),
 }

@@ -1,4 +1,4 @@
-"""What a controller has learned, in a file, and a start from it."""
+"""File of what a controller has learned, and a start from it."""
 
 from __future__ import annotations
 
