@@ -78,8 +78,8 @@ print("loaded", [name for name in {HEAVY!r} if name in sys.modules])
     [
         (
             (),
-            "a command is missing: basis, gains, identify, excite, tune, design, export, drive, experiment, sweep, doctor, "
-            "install-completion; see adaptctl --help",
+            "a command is missing: basis, gains, identify, excite, tune, design, export, drive, experiment, sweep, "
+            "doctor, install-completion; see adaptctl --help",
         ),
         (
             ("bases",),

@@ -1,4 +1,4 @@
-"""Adapters of vendors' clients and `adaptctl drive`. `make check-vendors` runs the clients themselves."""
+"""Adapters of vendors' clients and `adaptctl drive`. `make check-robots` runs the clients themselves."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ STILL = 0.02
 """rad/s (m/s) below which an arm stands still"""
 READINGS, ATTEMPTS = 5, 50
 """number of sound readings before the loop, and of attempts to get them"""
-OTHER_ROBOT = 2.0
+OTHER_ROBOT = 5.0
 """ratio of torque limits above which the description is of another robot"""
 
 

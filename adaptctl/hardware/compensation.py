@@ -35,12 +35,12 @@ class Compensation:
         self._last: Array | None = None
 
     def __call__(self, reading: RobotReading) -> Array:
-        """Torque (r,) in N m (N) that the robot adds; the last one where it reports none."""
+        """Torque (r,) in N m (N) that the robot adds: what it reports, else that of the description."""
         if not self._is_used:
             return np.zeros_like(reading.p)
         told = None if self._of is None else self._of(reading)
-        if told is None and self._of is not None and self._last is not None:
-            return self._last
-        found = self._gravity(reading.p) if told is None else finite_vector(told, len(reading.p))
+        if told is None:
+            return self._gravity(reading.p)
+        found = finite_vector(told, len(reading.p))
         self._last = found if found is not None else self._last
         return self._gravity(reading.p) if self._last is None else self._last

@@ -16,6 +16,9 @@ from adaptctl.optional_packages import needed
 TORQUE_RATE = 500.0
 """N m/s, which no document states: what the arm's gears were not meant to exceed is unknown"""
 
+NOTHING = 1e-2
+"""N m"""
+
 
 class TrossenRobot:
     """
@@ -39,7 +42,8 @@ class TrossenRobot:
 
     Notes
     -----
-    The arm adds compensation of gravity and friction in this mode, and reports it: `compensation` is what it reports.
+    The arm adds compensation of gravity and friction in this mode. What it reports of it is subtracted, and the
+    description's gravity torque where it reports nothing.
     Range, speed and torque limits are those of the arm's controller, which goes into an error state beyond them. At the
     end, the arm is held by its own position control.
 
@@ -57,6 +61,7 @@ class TrossenRobot:
         self.period = positive_period(control_period, "control_period")
         self._client, self._driver, self._due = trossen_arm, trossen_arm.TrossenArmDriver(), 0.0
         self._output: Any = None
+        self._reports = False
         try:
             tool = trossen_arm.StandardEndEffector.wxai_v0_base
             self._driver.configure(trossen_arm.Model.wxai_v0, tool, address, False)
@@ -117,9 +122,9 @@ class TrossenRobot:
         with suppress(Exception):  # an arm in an error state has braked itself
             self._driver.set_arm_modes(self._client.Mode.idle)
 
-    def compensation(self, reading: RobotReading) -> Array:
+    def compensation(self, reading: RobotReading) -> Array | None:
         """
-        Return the torque that the arm adds by itself.
+        Return the torque that the arm says it adds by itself.
 
         Parameters
         ----------
@@ -128,10 +133,12 @@ class TrossenRobot:
 
         Returns
         -------
-        ndarray
-            Torque (r,) in N m.
+        ndarray or None
+            Torque (r,) in N m; None if it is nothing at all, as a simulator's may be that does not report it.
         """
-        return np.array(self._arm.compensation_efforts)
+        told = np.array(self._arm.compensation_efforts)
+        self._reports = self._reports or bool((np.abs(told) > NOTHING).any())
+        return told if self._reports else None
 
     @property
     def _arm(self) -> Any:

@@ -1,93 +1,94 @@
-"""A ROS 2 node: joint states in, efforts out, for a forward_command_controller of effort interfaces.
+"""A ROS 2 node as a robot: joint states in, efforts out, for a forward_command_controller of effort interfaces.
 
-The reference fades in from the arm's position; the law starts from the file's parameters, since the arm must be held
-against gravity from the first effort on.
+python ros2_node.py URDF
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
-from dataclasses import replace
+import time
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 import adaptctl
-from adaptctl.control import FadeIn, SafetyFilter
+from adaptctl.hardware import HardwareLimits, RobotReading, motion_about, ready_controller, with_rotors
 
-PERIOD = 0.002
-STALE = 0.05
-"""s without joint states after which no effort is sent"""
-LEAD_IN = 5.0
-"""s from the arm's position to the reference"""
+TORQUE_RATE = 1000.0
+"""N m/s"""
+PATIENCE = 5
+"""periods without joint states, after which there is no measurement"""
 
 
-class Tracking:
-    """The node's part that needs no ROS: joint states in, efforts out, none where the states are old."""
+class JointStates:
+    """Robot behind two topics; `spin_once` hears messages for a time in s, `publish` sends efforts."""
 
-    def __init__(self, joints: list[str], controller: Any, reference: Any) -> None:
-        self.joints, self.controller, self.reference = joints, controller.compile(), reference
-        self.state: Any = None
-        self.followed: Any = None
-        self.measured: tuple[float, Any, Any] | None = None
-        self.started = 0.0
+    compensates_gravity = False
+
+    def __init__(
+        self,
+        arm: adaptctl.Mechanism,
+        period: float,
+        spin_once: Callable[[float], None],
+        publish: Callable[[list[float]], None],
+    ) -> None:
+        self.period, self.limits = period, HardwareLimits.of(arm, TORQUE_RATE)
+        self.joints = [joint.name for joint in arm.primary_joints]
+        self._spin_once, self.publish = spin_once, publish
+        self._latest: RobotReading | None = None
 
     def receive(
-        self, now: float, names: Sequence[str], positions: Sequence[float], velocities: Sequence[float]
+        self, stamp: float, names: Sequence[str], positions: Sequence[float], velocities: Sequence[float]
     ) -> None:
-        """Joint states, in whatever order their message has them; a message without all of ours is another's."""
+        """Take joint states, in whatever order their message has them; one without all of ours is another's."""
         said = dict(zip(names, zip(positions, velocities, strict=False), strict=False))
         if all(joint in said and np.isfinite(said[joint]).all() for joint in self.joints):
             p, v = np.array([said[joint] for joint in self.joints]).T
-            self.measured = now, p, v
+            self._latest = RobotReading(stamp, p, v)
 
-    def efforts(self, now: float) -> list[float] | None:
-        """The efforts of this period; None without a recent message, after which it restarts."""
-        if self.measured is None or now - self.measured[0] > STALE:
-            self.state = None
-            return None
-        _, p, v = self.measured
-        if self.state is None:
-            self.state, self.started = self.controller.init(p, v), now
-            self.followed = FadeIn(self.reference, p, LEAD_IN)
-        torque, self.state = self.controller.step(self.state, p, v, self.followed.at(now - self.started))
-        return torque.tolist()
+    def read(self) -> RobotReading | None:
+        """Next joint states of this arm; None if there are none in time."""
+        self._latest, until = None, time.monotonic() + PATIENCE * self.period
+        while self._latest is None and time.monotonic() < until:
+            self._spin_once(self.period)
+        return self._latest
 
+    def write(self, torque: Any) -> None:
+        """Send efforts."""
+        self.publish(torque.tolist())
 
-def prepared(arm: adaptctl.Mechanism) -> tuple[Any, Any]:
-    """A guarded adaptive controller that starts from the file's parameters, and a reference within the arm's limits."""
-    tuning = adaptctl.tune(arm, control_period=PERIOD)
-    model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
-    law = replace(tuning.controller(model), initial=model.fundamental_parameters)
-    return SafetyFilter(law, torque_limits=tuning.torque_limits), tuning.reference
+    def stop(self) -> None:
+        """Send no more efforts: the controller's command timeout takes over."""
 
 
 def main(urdf: str) -> None:
-    """Spin at 500 Hz."""
+    """Drive the arm for ten seconds."""
     import rclpy  # type: ignore[import-not-found]
     from sensor_msgs.msg import JointState  # type: ignore[import-not-found]
     from std_msgs.msg import Float64MultiArray  # type: ignore[import-not-found]
 
-    arm = adaptctl.load(urdf)
-    tracking = Tracking([joint.name for joint in arm.primary_joints], *prepared(arm))
     rclpy.init()
-    node = rclpy.create_node("adaptctl")
+    node, arm = rclpy.create_node("adaptctl"), with_rotors(adaptctl.load(urdf))
     out = node.create_publisher(Float64MultiArray, "/effort_controller/commands", 1)
-
-    def now() -> float:
-        return 1e-9 * float(node.get_clock().now().nanoseconds)
-
-    def act() -> None:
-        efforts = tracking.efforts(now())
-        if efforts is not None:
-            out.publish(Float64MultiArray(data=efforts))
-
-    node.create_subscription(
-        JointState, "/joint_states", lambda m: tracking.receive(now(), list(m.name), m.position, m.velocity), 1
+    robot = JointStates(
+        arm,
+        0.002,
+        lambda wait: rclpy.spin_once(node, timeout_sec=wait),
+        lambda e: out.publish(Float64MultiArray(data=e)),
     )
-    node.create_timer(PERIOD, act)
-    rclpy.spin(node)
+
+    def receive(message: Any) -> None:
+        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        robot.receive(stamp, list(message.name), message.position, message.velocity)
+
+    node.create_subscription(JointState, "/joint_states", receive, 1)
+    here = robot.read()
+    if here is None:
+        raise SystemExit("no joint states of this arm on /joint_states")
+    reference = motion_about(here.p, robot.limits)
+    run = adaptctl.drive(robot, ready_controller(arm, robot.period, reference), reference, 10.0, "run.parquet")
+    print(run.stopped or f"{1e3 * run.final_rms_error.max():.2f} mrad at the worst joint in the last two seconds")
 
 
 if __name__ == "__main__":
