@@ -18,6 +18,7 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.joint_units import error_unit, position_unit
 from adaptctl.errors import InputError
 from adaptctl.experiments.contest import (
+    ADAPTATION_OFF,
     ADAPTIVE,
     Contender,
     FromFile,
@@ -27,7 +28,7 @@ from adaptctl.experiments.contest import (
     listed,
 )
 from adaptctl.experiments.experiment import setting
-from adaptctl.experiments.puma560_adaptive import FROM_NOTHING, LEARNING, from_nothing, one_controller
+from adaptctl.experiments.puma560_adaptive import FROM_NOTHING, from_nothing, one_controller
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Finding, Setting
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco, clear_of_contacts
@@ -174,13 +175,15 @@ class AdaptiveTracking(FromFile):
         if self.plant != "both":
             return found
         on = partial(self._environment, mechanism)
-        subject, shorter = replace(found[0], label="Learning on MuJoCo"), f"steps {SHORTER} times shorter"
+        kind, shorter = found[0].label.split(",")[0], f"steps {SHORTER} times shorter"
+        subject = replace(found[0], label=f"{kind} on MuJoCo")
+        off = next(one for one in found if one.name == ADAPTATION_OFF)
         fine, ours = (lambda: on(True, self._finer(mechanism))), partial(on, False, None)
         return [
             subject,
-            replace(found[2], label="the same, adaptation off"),
-            replace(subject, name=FINE, label=f"Learning on MuJoCo, {shorter}", env=fine),
-            replace(subject, name=OURS, label="Learning on the built-in plant", env=ours),
+            replace(off, label="the same, adaptation off"),
+            replace(subject, name=FINE, label=f"{kind} on MuJoCo, {shorter}", env=fine),
+            replace(subject, name=OURS, label=f"{kind} on the built-in plant", env=ours),
         ]
 
     def chosen(self, mechanism: Mechanism, env: gymnasium.Env[Any, Any]) -> Iterator[Setting]:
@@ -206,7 +209,7 @@ class AdaptiveTracking(FromFile):
         findings, unit = list[Finding](), position_unit(outcome.mechanism)
         meaning = "largest difference of a joint's position between MuJoCo and the built-in plant, at"
         for name, run, at in (
-            ("", LEARNING, "the step size of the MuJoCo model"),
+            ("", outcome.runs[0].name, "the step size of the MuJoCo model"),
             ("_fine", FINE, f"steps {SHORTER} times shorter"),
         ):
             value = _apart(outcome.run[run], outcome.run[OURS])

@@ -46,7 +46,7 @@ from adaptctl.identifiability import (
     states_within_limits,
 )
 from adaptctl.recording import Finding, Setting, wording
-from adaptctl.tuning.learning_rule import learning_by_rule
+from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule
 from adaptctl.tuning.verification import scaled_links
 
 if TYPE_CHECKING:
@@ -261,8 +261,9 @@ def from_nothing(
     def with_gravity() -> PDGravity:
         return PDGravity.from_model(model, gains.bandwidth * gains.damping, gains.damping)
 
+    learned = Contender(LEARNING, f"Learning, {k} parameters", NO_MODEL, lambda: law(model, learning(model)))
     return [
-        Contender(LEARNING, f"Learning, {k} parameters", NO_MODEL, lambda: law(model, learning(model))),
+        *([learned] if k <= MAX_LEARNED else []),
         Contender(ADAPTIVE, f"Gradient, {k} parameters", NO_MODEL, lambda: law(model, gain(model))),
         Contender(ADAPTATION_OFF, "Slotine-Li, adaptation off", NO_MODEL, lambda: law(model, None)),
         Contender("computed-torque", "Computed torque, true model", "exact", lambda: computed_torque(true)),

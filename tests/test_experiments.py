@@ -151,7 +151,7 @@ def test_outcome_and_places_are_printed_and_notes_are_a_line(
 def test_interrupted_run_keeps_what_was_computed(
     number: signal.Signals, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with signalled("_taken", number, after=0.1):
+    with signalled("_taken", number, after=0.3):
         assert main([*SMALL, "--out", str(tmp_path / "out"), "--duration", "300"]) == 130
     said = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert said["complete"] is False
@@ -228,6 +228,16 @@ def test_any_arm_learns_with_gains_from_its_own_inertia_and_limits(robot: str) -
     assert said["clipped_steps"] == 0
     assert said["final_rms_error"] < 0.5 * said["final_rms_error_adaptation_off"]
     assert "reference frequency" in said["settings"]
+
+
+def test_many_parameters_are_adapted_by_the_gradient(monkeypatch: pytest.MonkeyPatch) -> None:
+    mechanism = load("docs/examples/two_link.toml")
+    basis = fundamental_basis(essential_space(mechanism))
+    kind, first = AdaptiveTracking(robot="docs/examples/two_link.toml"), []
+    for limit in (len(basis.names), len(basis.names) - 1):
+        monkeypatch.setattr("adaptctl.experiments.puma560_adaptive.MAX_LEARNED", limit)
+        first.append(kind.contenders(mechanism, basis)[0].label)
+    assert first == ["Learning, 6 parameters", "Gradient, 6 parameters"]
 
 
 def test_a_weak_arm_starts_no_further_off_than_its_torques_bring_back(tmp_path: Path) -> None:
