@@ -294,7 +294,7 @@ def contest(
                 own, mechanism, one.controller, record_every=every, seed=seed, options=dict(options), progress=told
             )
             if len(result.time):
-                runs.append(ControllerRun(one.name, one.label, one.prior_knowledge, result))
+                runs.append(ControllerRun(one.name, one.label, one.prior_knowledge, result, law=law_of(one.controller)))
             if result.interrupted:
                 break
             known = "payload" not in options  # else the truth is not the mechanism's own
@@ -340,6 +340,12 @@ def _driven(env: gymnasium.Env[Any, Any], mechanism: Mechanism, controller: Cont
                 return stepped(LiveView(env, live), controller, **how)
     ours = getattr(type(getattr(env.unwrapped, "plant", None)), "step", Plant.step) is Plant.step
     return (simulated if ours else stepped)(env, controller, **how)
+
+
+def law_of(controller: Controller[Any]) -> str:
+    """Names of a controller's class and of its adaptation law's."""
+    law = getattr(controller, "adaptation_law", None)
+    return " + ".join(type(part).__name__ for part in (controller, law) if part is not None)
 
 
 def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -> Array | None:

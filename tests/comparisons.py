@@ -15,10 +15,13 @@ from adaptctl.experiments.experiment import Experiment
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import Comparison, ControllerRun, Finding, Setting, StepCost
 from adaptctl.recording.comparison import NO_MODEL
-from adaptctl.recording.report import summary
+from adaptctl.recording.summary import summary
 from adaptctl.simulation import Rollout
 
 PERIOD = 2e-3
+
+
+LAW = "SlotineLi + Gradient"
 
 
 def rollout(
@@ -61,7 +64,9 @@ def comparison(mechanism: Mechanism, samples: int = 1500, complete: bool = True)
     share = -np.expm1(-3.0 * PERIOD * np.arange(samples))
     learnt = rollout(mechanism, samples, 4.0, share[:, None] * truth, complete)
     lyapunov = 3.0 + 2.0 * np.exp(-PERIOD * np.arange(samples))
-    runs = [ControllerRun("adaptive", "Slotine-Li, <learning>", NO_MODEL, learnt, lyapunov, StepCost(5e-6, 2e-7, 1470))]
+    runs = [
+        ControllerRun("adaptive", "Slotine-Li, <learning>", NO_MODEL, learnt, lyapunov, StepCost(5e-6, 2e-7, 1470), LAW)
+    ]
     if complete:
         runs.append(
             ControllerRun("adaptation-off", "Slotine-Li, adaptation off", NO_MODEL, rollout(mechanism, samples, 0.2))

@@ -17,8 +17,8 @@ from adaptctl.recording import Comparison, Finding, TaskError, write_artifacts
 from adaptctl.recording.drawing import Drawing
 from adaptctl.recording.figures import lyapunov
 from adaptctl.recording.judgement import facts
-from adaptctl.recording.report import summary
 from adaptctl.recording.result import answers
+from adaptctl.recording.summary import summary
 from tests.comparisons import comparison
 
 SAMPLES = 1200

@@ -27,7 +27,19 @@ OTHERS = {
     "--publish",
 }
 """Flags of other programs, and those that every command has."""
-COMMANDS = ("basis", "gains", "identify", "excite", "tune", "design", "export", "sweep", "doctor", "install-completion")
+COMMANDS = (
+    "basis",
+    "gains",
+    "identify",
+    "excite",
+    "tune",
+    "design",
+    "export",
+    "runs",
+    "sweep",
+    "doctor",
+    "install-completion",
+)
 
 
 def commands(text: str) -> list[list[str]]:

@@ -50,7 +50,7 @@ ABOUT = {
     "pinocchio": {"description.readers.pinocchio_model"},
     "matplotlib": {"envs.rendering", "experiments.replication"},
     "rerun": {"recording"},
-    "pyarrow": {"sweeps.folder", "sweeps.report"},
+    "pyarrow": {"recording.run_table", "sweeps.folder", "sweeps.report"},
     "gymnasium": {"envs"},
     "rich": set(),
     "control": set(),

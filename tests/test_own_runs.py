@@ -16,8 +16,8 @@ import adaptctl
 from adaptctl.control import ReferencePoint
 from adaptctl.errors import FileError, InputError, LostSamplesWarning, NonFiniteError, NotFoundError
 from adaptctl.recording import compared_runs, judged, shown, write_artifacts
-from adaptctl.recording.report import summary
 from adaptctl.recording.result import answers
+from adaptctl.recording.summary import summary
 
 PERIOD, COUNT = 1e-3, 3000
 

@@ -24,7 +24,7 @@ from adaptctl.cli.basis import as_builtins
 from adaptctl.cli.main import app
 from adaptctl.description import builtin_names
 from adaptctl.experiments import EXPERIMENTS
-from adaptctl.recording.report import summary
+from adaptctl.recording.summary import summary
 from adaptctl.recording.trace import quantities
 
 ROOT = Path(__file__).resolve().parent.parent

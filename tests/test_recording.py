@@ -195,7 +195,7 @@ def test_table_is_lossless_and_names_units(folder: Path, shown: Comparison) -> N
 def test_summary_says_how_it_went(folder: Path, shown: Comparison) -> None:
     said = json.loads((folder / "summary.json").read_text(), parse_constant=lambda token: pytest.fail(token))
     run, off = shown.subject.rollout, shown.runs[1].rollout
-    assert said["schema"] == "adaptctl/summary/2"
+    assert said["schema"] == "adaptctl/summary/3"
     assert said["complete"] is True
     assert (said["experiment"], said["robot"], said["seed"]) == ("by-hand", "puma560_measured", 7)
     assert (said["duration"], said["control_period"]) == (3.0, PERIOD)
@@ -386,7 +386,7 @@ def test_all_that_moves_is_seen_from_the_viewpoint() -> None:
 
 def test_a_recording_says_of_what_geometry_and_content_it_is(folder: Path, shown: Comparison) -> None:
     chunks = RrdReader(folder / "recording.rrd").store().stream()
-    texts = {str(chunk.to_record_batch()) for chunk in chunks if "adaptctl" in str(chunk.entity_path)}
+    texts = {str(chunk.to_record_batch().to_pylist()) for chunk in chunks if "adaptctl" in str(chunk.entity_path)}
     positions = np.ascontiguousarray(shown.subject.rollout.p).tobytes()
     for wanted in (shown.mechanism.geometry_sha256, hashlib.sha256(positions).hexdigest()):
         assert any(wanted in text for text in texts)

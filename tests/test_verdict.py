@@ -17,9 +17,10 @@ from adaptctl.dynamics import load
 from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.recording import Comparison, Failure, Finding, TaskError, judged
 from adaptctl.recording.judgement import facts, outcome_words
-from adaptctl.recording.report import report, summary, write_artifacts
+from adaptctl.recording.report import report, write_artifacts
 from adaptctl.recording.rerun_recording import finite_part, summary_markdown
 from adaptctl.recording.result import Fault, Verdict, answers
+from adaptctl.recording.summary import summary
 from tests.comparisons import PERIOD, comparison
 
 SHOWN = comparison(load("puma560_measured"))

@@ -81,6 +81,7 @@ app.command("adaptctl.cli.design:design", name="design", help="Effects of added 
 app.command("adaptctl.cli.export:export", name="export", help="Controller of a robot as C or WebAssembly.")
 app.command("adaptctl.cli.drive:drive", name="drive", help="Robot driven from where it stands to a planned stop.")
 app.command("adaptctl.cli.experiment:app", name="experiment", help="List experiments and run them.")
+app.command("adaptctl.cli.runs:runs", name="runs", help="Table of the experiments in a folder.")
 app.command("adaptctl.cli.sweep:app", name="sweep", help="Parameter sweeps, on this machine or a cluster.")
 app.command("adaptctl.cli.doctor:doctor", name="doctor", help="Check of the installation.")
 app.command(

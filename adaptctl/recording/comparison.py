@@ -86,6 +86,8 @@ class ControllerRun:
         Values (T,) of the Lyapunov function in J; None where the law has none.
     cost : StepCost, optional
         Computing cost of a control step. Default: None, not measured.
+    law : str, optional
+        Names of the control law's class and, after a plus, of its adaptation law's. Default: empty, not known.
 
     Examples
     --------
@@ -101,6 +103,7 @@ class ControllerRun:
     rollout: Rollout
     lyapunov: Array | None = None
     cost: StepCost | None = None
+    law: str = ""
 
     def __repr__(self) -> str:
         return f"<ControllerRun {self.name!r}: {self.duration:.3g} s>"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from adaptctl.description.inertia import PARAMETERS
-from adaptctl.files import finite_or_none
 from adaptctl.folders import made_folder
-from adaptctl.recording.comparison import Comparison, ControllerRun, Finding, StepCost
+from adaptctl.recording.comparison import Comparison, Finding, StepCost
 from adaptctl.recording.drawing import run_color, write_drawings
 from adaptctl.recording.figures import drawings
 from adaptctl.recording.judgement import facts, final_error, first_error, judged, on_truth, outcome, outcome_words
@@ -32,6 +30,7 @@ from adaptctl.recording.page import (
     settings_section,
 )
 from adaptctl.recording.result import TRACE, Progress, Result, silent
+from adaptctl.recording.summary import summary
 from adaptctl.recording.wording import headline, number, parameter_unit, typeset
 
 SOURCE = (
@@ -274,65 +273,3 @@ def _measured(comparison: Comparison) -> Table | None:
     told = " ".join(f"{head}: {meaning}." for head, meaning in zip(heads, meanings, strict=True))
     rows = [[number(of[name].value) if name in of else "–" for of in columns.values()] for name in names]
     return _of_runs(comparison, heads, rows, "l" + "r" * len(heads), told)
-
-
-SCHEMA = "adaptctl/summary/2"
-
-
-def summary(comparison: Comparison) -> dict[str, Any]:
-    """Summary of a comparison in JSON's types, SI units and rad."""
-    subject, baseline = comparison.subject, comparison.baseline
-    lyapunov = subject.lyapunov if subject.lyapunov is not None and len(subject.lyapunov) else (None,)
-    return {
-        "schema": SCHEMA,
-        "complete": comparison.complete,
-        "verdict": judged(comparison).as_builtins(),
-        "experiment": comparison.experiment,
-        "robot": comparison.mechanism.name,
-        "robot_sha256": comparison.mechanism.description.sha256,
-        "seed": comparison.seed,
-        "duration": comparison.duration,
-        "duration_run": subject.duration,
-        "control_period": subject.rollout.control_period,
-        **_errors(subject),
-        "final_rms_error_adaptation_off": finite_or_none(baseline.final_rms_error) if baseline else None,
-        "lyapunov_initial": finite_or_none(lyapunov[0]),
-        "lyapunov_final": finite_or_none(lyapunov[-1]),
-        "lyapunov_max_increase": subject.lyapunov_max_increase,
-        "peak_torque_share": finite_or_none(comparison.peak_torque_shares.max()),
-        "clipped_steps": comparison.limited_steps(subject),
-        "truth_known": comparison.truth_known,
-        "rank": comparison.space.rank,
-        "parameters": _estimated(comparison),
-        "runs": {run.name: _run(run, comparison) for run in comparison.runs},
-        "findings": {one.name: {"value": finite_or_none(one.value), "unit": one.unit} for one in comparison.findings},
-        "settings": {setting.name: setting.value for setting in comparison.settings},
-        "wall_time": subject.rollout.wall_time,
-        "realtime_factor": subject.realtime_factor,
-    }
-
-
-def _estimated(comparison: Comparison) -> dict[str, dict[str, float | None]]:
-    rows = zip(
-        comparison.model.names, comparison.true_parameters, comparison.subject.rollout.estimate[-1], strict=False
-    )
-    return {name: {"true": finite_or_none(true), "estimate": finite_or_none(found)} for name, true, found in rows}
-
-
-def _errors(run: ControllerRun) -> dict[str, float | None]:
-    errors = run.rms_error(), run.first_rms_error, run.final_rms_error
-    return dict(zip(("rms_error", "first_rms_error", "final_rms_error"), map(finite_or_none, errors), strict=True))
-
-
-def _run(run: ControllerRun, comparison: Comparison) -> dict[str, Any]:
-    return {
-        "label": run.label,
-        "complete": not run.rollout.interrupted,
-        "terminated": run.rollout.terminated,
-        "duration": run.duration,
-        **_errors(run),
-        "clipped_steps": comparison.limited_steps(run),
-        "lyapunov_max_increase": run.lyapunov_max_increase,
-        "tick": asdict(run.cost) if run.cost else None,
-        "wall_time": run.rollout.wall_time,
-    }

@@ -29,6 +29,7 @@ from adaptctl.recording.page import Lines, Report, Table, answers_table
 from adaptctl.recording.scene import WORLD, entity, log_arm, log_base, log_path, log_trail
 from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton
 from adaptctl.recording.stream import Curves, in_decades, levels, log_curves, log_markdown, of_joints, saved_stream
+from adaptctl.recording.summary import properties
 from adaptctl.recording.wording import error, parameter_unit, torque_units, typeset
 
 # Controllers whose small views have no room for a legend of joints, whose colours are those of the overview
@@ -47,10 +48,11 @@ MAX_POSES = 2000
 
 def write_recording(path: str | Path, comparison: Comparison) -> None:
     """Write the recording of a comparison, whole or not at all."""
-    words, comparison = summary_markdown(comparison), finite_part(comparison)
+    words, told, comparison = summary_markdown(comparison), properties(comparison), finite_part(comparison)
     positions = np.ascontiguousarray(comparison.subject.rollout.p).tobytes()
     parts = skeleton(comparison.mechanism)
-    with saved_stream(path, comparison, positions, blueprint(comparison, parts), comparison.mechanism) as recording:
+    layout, of = blueprint(comparison, parts), comparison.mechanism
+    with saved_stream(path, comparison, positions, layout, of, told) as recording:
         log_markdown(recording, "summary", words)
         floor = floor_height(comparison.mechanism, parts, comparison.subject.rollout.p)
         log_scene(recording, comparison, parts, floor, run_color(0))

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -50,7 +51,12 @@ class Recorded(Protocol):
 
 @contextmanager
 def saved_stream(
-    path: str | Path, shown: Recorded, content: bytes, blueprint: rrb.Blueprint, mechanism: Mechanism | None = None
+    path: str | Path,
+    shown: Recorded,
+    content: bytes,
+    blueprint: rrb.Blueprint,
+    mechanism: Mechanism | None = None,
+    properties: Mapping[str, str | float | bool] = MappingProxyType({}),
 ) -> Iterator[rr.RecordingStream]:
     """Context manager with a recording stream that becomes a file, whole or not at all."""
     checksum = hashlib.sha256(content).hexdigest()
@@ -64,7 +70,7 @@ def saved_stream(
             recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
             recording.send_recording_name(shown.title)
             how: dict[str, Any] = {"experiment": shown.experiment, "seed": shown.seed, "complete": shown.complete}
-            about = rr.AnyValues(**how, content_sha256=checksum, **of)
+            about = rr.AnyValues(**dict(properties) | how | of, content_sha256=checksum)
             recording.send_property("adaptctl", about)
             yield recording
             _flush(recording, path)

@@ -19,8 +19,8 @@ from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import Comparison, Progress, Result, judged, write_artifacts
 from adaptctl.recording.drawing import Drawing
 from adaptctl.recording.page import SHEU_WALKER, Note, Report, Section, Table, files_section
-from adaptctl.recording.report import summary as comparison_summary
 from adaptctl.recording.result import Fact, Verdict
+from adaptctl.recording.summary import summary as comparison_summary
 from adaptctl.recording.wording import headline, number
 
 START_OFF = np.array([0.05, 0.05, -0.05])
