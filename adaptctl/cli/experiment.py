@@ -13,7 +13,7 @@ from cyclopts import App, Parameter
 
 from adaptctl.cli.compiling import Announcement
 from adaptctl.cli.interruption import Interruption, interruptible
-from adaptctl.cli.output import Json, print_json, print_outcome
+from adaptctl.cli.output import Json, WrappedTable, print_json, print_outcome, print_parts
 from adaptctl.compilation.watch import watching
 from adaptctl.errors import InputError
 from adaptctl.experiments import EXPERIMENTS, RENAMED, find, from_entry_point, from_file, offered
@@ -21,9 +21,11 @@ from adaptctl.experiments import EXPERIMENTS, RENAMED, find, from_entry_point, f
 if TYPE_CHECKING:
     from adaptctl.experiments.experiment import Experiment
     from adaptctl.recording import Result
+    from adaptctl.recording.compared_folders import ComparedFolders
 
 DONE, FAILED, INTERRUPTED = 0, 3, 130
 LIST_SCHEMA, RUN_SCHEMA = "adaptctl/experiments/1", "adaptctl/experiment/1"
+COMPARE_SCHEMA = "adaptctl/comparison/1"
 
 app = App(name="experiment")
 run = App(name="run", help="Run an experiment, and write its results.")
@@ -50,6 +52,49 @@ def list_experiments(*, json: Json = False) -> None:
     width = max(len(name) for name, _ in summaries)
     for name, summary in summaries:
         print(f"{name:<{width}}  {summary}")
+
+
+@app.command
+def compare(*folders: Path, json: Json = False) -> None:
+    """
+    Print how finished runs of an experiment differ: settings first, then errors.
+
+    Errors are those of the last 2 s in mrad (mm), each with its ratio to the
+    first folder's.
+
+    Parameters
+    ----------
+    folders : Path
+        Two or more results folders.
+    json : bool
+        Print JSON instead of text, in rad (m).
+    """
+    from adaptctl.recording.compared_folders import compare_folders
+
+    found = compare_folders(folders)
+    if json:
+        print_json({"schema": COMPARE_SCHEMA, **as_lists(found)})
+        return
+    heads = [str(folder) for folder in folders]
+    rows = [
+        [one.name, *(_in_thousandths(x, r) for x, r in zip(one.errors, one.ratios, strict=True))]
+        for one in found.errors
+    ]
+    settings = WrappedTable(["setting", *heads], [[one.name, *one.values] for one in found.differences])
+    print_parts([settings if found.differences else "All settings are the same."])
+    print_parts([WrappedTable(["error, last 2 s", *heads], rows)])
+
+
+def as_lists(found: ComparedFolders) -> dict[str, Any]:
+    """Comparison of folders in JSON's types."""
+    return {
+        "differences": {one.name: list(one.values) for one in found.differences},
+        "errors": {one.name: {"final_rms_error": list(one.errors), "ratio": list(one.ratios)} for one in found.errors},
+    }
+
+
+def _in_thousandths(error: float | None, ratio: float | None) -> str:
+    return "–" if error is None else f"{1e3 * error:.3g}" + ("" if ratio is None else f" ({ratio:.3g})")
 
 
 def offer_own(given: Sequence[str]) -> None:

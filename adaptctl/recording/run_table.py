@@ -54,7 +54,9 @@ class _Schema(msgspec.Struct):
     schema: str
 
 
-class _SummaryRun(msgspec.Struct):
+class SummaryRun(msgspec.Struct):
+    """Entry `runs` of a summary."""
+
     label: str
     law: str
     prior_knowledge: str
@@ -77,7 +79,9 @@ class _Verdict(msgspec.Struct):
     faults: list[_Fault]
 
 
-class _Summary(msgspec.Struct):
+class Summary(msgspec.Struct):
+    """Content of summary.json, as far as it is needed."""
+
     schema: str
     version: str
     experiment: str
@@ -88,7 +92,7 @@ class _Summary(msgspec.Struct):
     rank: int
     verdict: _Verdict
     settings: dict[str, str]
-    runs: dict[str, _SummaryRun]
+    runs: dict[str, SummaryRun]
 
 
 class FoundRuns(NamedTuple):
@@ -174,12 +178,17 @@ def _summaries(folder: Path, depth: int) -> Iterator[Path]:
             yield from _summaries(inner, depth - 1)
 
 
-def _rows(path: Path, folder: Path) -> Iterator[dict[str, Any]]:
-    """Rows of an experiment's controllers."""
+def read_summary(path: Path) -> Summary:
+    """Summary of an experiment, else `FileError`."""
     found = read_json(path, _Schema, MAX_SUMMARY_BYTES).schema
     if found != SCHEMA:
         raise FileError(f"{path}: schema: expected {SCHEMA!r}, got {found!r}; run the experiment again")
-    read = read_json(path, _Summary, MAX_SUMMARY_BYTES)
+    return read_json(path, Summary, MAX_SUMMARY_BYTES)
+
+
+def _rows(path: Path, folder: Path) -> Iterator[dict[str, Any]]:
+    """Rows of an experiment's controllers."""
+    read = read_summary(path)
     shared = {name: getattr(read, name) for name in COLUMNS if name in read.__struct_fields__}
     shared |= {
         "folder": folder.as_posix(),
