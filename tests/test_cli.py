@@ -78,14 +78,13 @@ print("loaded", [name for name in {HEAVY!r} if name in sys.modules])
     [
         (
             (),
-            "a command is missing: basis, gains, identify, excite, tune, design, export, drive, experiment, sweep, "
-            "doctor, install-completion; see adaptctl --help",
+            "a command is missing: basis, gains, identify, ",
         ),
         (
             ("bases",),
             'Unknown command "bases". Did you mean "basis"? Available commands: basis, gains,',
         ),
-        (("experiment",), "a command is missing: run, list; see adaptctl experiment --help"),
+        (("experiment",), "a command is missing: run, list, compare; see adaptctl experiment --help"),
         (("experiment", "lst"), 'Unknown command "lst". Did you mean "list"?'),
         (("experiment", "list", "x"), "Unused Tokens: ['x']. See adaptctl experiment list --help"),
         (("experiment", "run"), "a command is missing: puma560-adaptive, semi-direct-drive-adaptive, "),
