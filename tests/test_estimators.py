@@ -105,7 +105,7 @@ def test_two_stages_take_the_bias_of_noise_out_of_a_slope() -> None:
     torque = 3.0 * true[:, :, 0]
     time = np.arange(len(true)) * 0.01
     here = (np.zeros(len(time), dtype=np.int64), np.ones(len(time), dtype=np.bool_))
-    rows, other = (Rows(10.0, time, Y, torque, torque, *here) for Y in (first, second))
+    rows, other = (Rows(10.0, time, Y, torque, torque, torque, *here) for Y in (first, second))
 
     def slope(rows: Rows) -> float:
         return float(np.sum(rows.regressor[:, :, 0] * torque) / np.sum(rows.regressor**2))

@@ -33,17 +33,18 @@ MIN_ROWS = 400
 CHUNK_SAMPLES = 1500
 
 
-COLUMNS = ("time", "regressor", "torque", "velocity", "log", "moving")
+COLUMNS = ("time", "regressor", "torque", "change", "velocity", "log", "moving")
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Filtered equations torque = Y x at n instants: torques (n, r), regressors (n, r, P), cut-off (Hz), and motion."""
+    """Filtered equations torque = Y x at n instants: torques (n, r), their rates, regressors (n, r, P)."""
 
     cutoff: float
     time: Array
     regressor: Array
     torque: Array
+    change: Array
     velocity: Array
     log: NDArray[np.int64]
     moving: NDArray[np.bool_]
@@ -97,6 +98,14 @@ class SmoothMotion:
         position = filtered(log.position, padded(kernel))[::every]
         velocity = filtered(log.position, rate_kernel)[::every]
         return cls(log, number, cutoff, every, len(rate_kernel) // 2, position, velocity)
+
+    def later_torque(self, cutoff: float, times: Array, delay: float) -> Array:
+        """Rise (n, r) of the torques, filtered at a cut-off (Hz), from some times (n,) to a delay (s) later."""
+        kernel = low_pass(cutoff, self.log.rate)
+        signal, first = filtered(self.log.torque, kernel), len(kernel) // 2
+        at = self.log.time[first : first + len(signal)]
+        pairs = [np.interp(times + delay, at, own) - np.interp(times, at, own) for own in signal.T]
+        return np.stack(pairs, axis=-1)
 
     def acceleration(self) -> Array:
         """Accelerations (M - 4, r) from differences of the smoothed velocities."""
@@ -167,7 +176,14 @@ class RowFilter:
         own = low_pass(self.cutoff, log.rate)
         torque = filtered(log.torque, own)[at - len(own) // 2]
         velocity, number = self.signal(motion.velocity), np.full(n, motion.number)
-        return Rows(self.cutoff, log.time[at], regressor, torque, velocity, number, self.moving(motion))
+        return Rows(
+            self.cutoff, log.time[at], regressor, torque, self._change(log, at), velocity, number, self.moving(motion)
+        )
+
+    def _change(self, log: PreparedLog, at: NDArray[np.int64]) -> Array:
+        """Rates (n, r) of the filtered torques at samples."""
+        kernel = derivative(low_pass(self.cutoff, log.rate), log.rate)
+        return filtered(log.torque, kernel)[at - len(kernel) // 2]
 
     def times(self, motion: SmoothMotion) -> Array:
         """Times (n,) in s of all rows of a motion."""

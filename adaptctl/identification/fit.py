@@ -78,6 +78,17 @@ class LogEvidence:
         rows = {cutoff: rows.chosen(here[cutoff]) for cutoff, rows in self.rows.items()}
         return replace(self, rows=rows, edges=[self.edges[b] for b in blocks])
 
+    def advanced(self, delay: float) -> LogEvidence:
+        """Evidence whose torques are those of a delay (s) later."""
+        rows = {}
+        for cutoff, own in self.rows.items():
+            torque = own.torque.copy()
+            for motion in self.motions:
+                here = own.log == motion.number
+                torque[here] += motion.later_torque(cutoff, own.time[here], delay)
+            rows[cutoff] = replace(own, torque=torque)
+        return replace(self, rows=rows)
+
     def sums(self, cutoff: float, slow: float) -> NormalEquations:
         """Normal equations of the rows of a cut-off, by blocks, without joints slower than a share of their peaks."""
         if (cutoff, slow) not in self._sums:
@@ -100,6 +111,12 @@ class LogEvidence:
         """Mask (n, r) of the joints' rows that fits are made from."""
         rows = self.rows[cutoff]
         return np.asarray(rows.moving[:, None] & (np.abs(rows.velocity) >= slow * self.peaks))
+
+    def counted(self, settings: FitSettings) -> NDArray[np.bool_]:
+        """Mask (n, r) of the joints' rows that a fit with some settings is made from."""
+        used = self.used(settings.cutoff, settings.slow).copy()
+        used[:, list(settings.left_out)] = False
+        return used
 
     @cached_property
     def peaks(self) -> Array:

@@ -40,6 +40,7 @@ from adaptctl.identification.fit import Fit, LogEvidence, positive_columns
 from adaptctl.identification.friction_model import FrictionModel, with_all_friction
 from adaptctl.identification.held_out import HeldOut
 from adaptctl.identification.identification import Identification
+from adaptctl.identification.lasting_errors import with_lasting_errors, without_delay
 from adaptctl.identification.least_squares import halves, joined_first_stage
 from adaptctl.identification.log_files import read_log
 from adaptctl.identification.normal_equations import block_edges
@@ -232,8 +233,9 @@ def identified(
     else:
         judged = gathered(mechanism, drives, test, skip_steps, cutoffs=cutoffs, band=evidence.band)[0]
     origin = "the last 40 % of the logs" if late else ", ".join(log.source for log in test)
+    training, fit, judged, late_torques = without_delay(training, fit, judged)
     held_out = HeldOut(judged, origin, *cutoffs, choice.settings.left_out)
-    notes = (*remarks, *known, *contradictions(training, fit))
+    notes = (*remarks, *known, *([late_torques] if late_torques else []), *contradictions(training, fit))
     return _result(training, fit, held_out, choice, steps, notes)
 
 
@@ -331,7 +333,7 @@ def _result(
     places = [evidence.mechanism.parameter_names.index(name) for name in identified.parameter_names]
     onto = np.zeros((len(model.columns), len(fit.x)))
     onto[:, places] = model.regrouping
-    spread = uncertainty(evidence, fit)
+    spread = with_lasting_errors(uncertainty(evidence, fit), evidence, fit)
     kept = [places[c] for c in model.columns]
     space, components = essential_components(*_states(identified, evidence))
     common, band = held_out.judged(identified)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.stats import norm, t
 
 from adaptctl.arrays import Array, positive_per_joint
 from adaptctl.control.adaptation import PriorRanges
@@ -18,20 +19,45 @@ from adaptctl.identification.fit import Fit, LogEvidence
 from adaptctl.identification.robot_motion import RobotMotion
 
 
+class Student(NamedTuple):
+    """Student's distribution of a mean over some blocks."""
+
+    blocks: int
+
+    @property
+    def quantile_ratio(self) -> float:
+        """Ratio of its 97.5 % quantile to that of the normal distribution."""
+        return float(t.ppf(0.975, self.blocks - 1) / norm.ppf(0.975))
+
+
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Covariance (P, P) of a fit's parameters, and the covariance if torque residuals were white."""
+    """Covariances (P, P) of a fit's parameters: over blocks, for white and lasting noise, and by bias."""
 
-    covariance: Array
+    sampling: Array
+    bias: Array
     nominal: Array
+    student: Student
+    serial: Array | None = None
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (P, P) by sums over blocks and bias."""
+        return self.sampling + self.bias
 
     def of(self, combinations: Array) -> Array:
-        """Standard deviations (k,) of combinations (k, P) of the parameters."""
-        return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.covariance, combinations), 0.0))
+        """Deviations (k,) of combinations (k, P) of the parameters, 1.96 of which make an interval of 95 %."""
+        sampled = self.student.quantile_ratio**2 * _variances(combinations, self.sampling)
+        lasting = 0.0 if self.serial is None else _variances(combinations, self.serial)
+        return np.sqrt(np.maximum(sampled, lasting) + _variances(combinations, self.bias))
 
     def nominal_of(self, combinations: Array) -> Array:
         """Standard deviations (k,) of combinations (k, P) for white residuals."""
-        return np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", combinations, self.nominal, combinations), 0.0))
+        return np.sqrt(_variances(combinations, self.nominal))
+
+
+def _variances(combinations: Array, covariance: Array) -> Array:
+    return np.maximum(np.einsum("ki,ij,kj->k", combinations, covariance, combinations), 0.0)
 
 
 def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
@@ -40,19 +66,31 @@ def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
     # possible is not taken for certain. For what the prior holds back, c w H^-1 H_p H^-1 is added: H_p is the curvature
     # of the prior's links at the weight w, H that of the squares plus H_p, and c twice the links' divergence from the
     # prior over the number of links' parameters that the logs determine.
-    kept = np.flatnonzero(fit.settings.columns(evidence.mechanism))
     prior, weight = evidence.prior_of(fit.settings), fit.settings.weight
-    pull = prior.curvature(fit.x, weight)
     links = prior.tens.size
-    pull[links:, links:] = 0.0
+    inverse, kept = inverse_curvature(evidence, fit)
+    pull = _pull(evidence, fit)
     H = fit.curvature + pull
-    inverse = _inverse(H, kept)
     steps = [_inverse(H - A, kept) @ score for A, score in _blocks(evidence, fit)]
     spread = np.array(steps) - np.mean(steps, axis=0)
     sampling = (len(steps) - 1) / len(steps) * spread.T @ spread
     determined = float(np.trace((inverse @ fit.curvature)[:links, :links]))
     moved = 2.0 * prior.distance(fit.x) / max(determined, 1.0)
-    return Uncertainty(sampling + weight * moved * inverse @ pull @ inverse, inverse)
+    return Uncertainty(sampling, weight * moved * inverse @ pull @ inverse, inverse, Student(len(steps)))
+
+
+def inverse_curvature(evidence: LogEvidence, fit: Fit) -> tuple[Array, NDArray[np.int64]]:
+    """Inverse (P, P) of the squares' and the prior's curvature, and the indices of the parameters that are fitted."""
+    kept = np.flatnonzero(fit.settings.columns(evidence.mechanism))
+    return _inverse(fit.curvature + _pull(evidence, fit), kept), kept
+
+
+def _pull(evidence: LogEvidence, fit: Fit) -> Array:
+    """Curvature (P, P) of the links' prior."""
+    prior = evidence.prior_of(fit.settings)
+    pull = prior.curvature(fit.x, fit.settings.weight)
+    pull[prior.tens.size :, prior.tens.size :] = 0.0
+    return pull
 
 
 def _blocks(evidence: LogEvidence, fit: Fit) -> Iterator[tuple[Array, Array]]:

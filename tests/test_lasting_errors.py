@@ -1,0 +1,68 @@
+"""Noise that lasts and torques that are late: what an identification makes of them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from synthetic_logs import Known, known
+
+from adaptctl.identification import Identification
+from adaptctl.identification.friction_model import FrictionModel
+from adaptctl.identification.identify import identified
+from adaptctl.identification.lasting_errors import ORDER, autoregression
+from adaptctl.identification.uncertainty import Student, Uncertainty
+
+
+def found(case: Known) -> Identification:
+    return identified(case.guess, case.drives, [case.log], friction=FrictionModel(), prior_weight=1.0)
+
+
+def late(case: Known, samples: int) -> Known:
+    """The same with torques late by some samples."""
+    count = len(case.log.torque)
+    torque = case.log.torque[np.clip(np.arange(count) - samples, 0, count - 1)]
+    return replace(case, log=replace(case.log, torque=torque))
+
+
+@pytest.mark.parametrize("samples", [4, -5, 15])
+def test_a_delay_is_found_said_and_taken_off(samples: int) -> None:
+    """At 500 Hz; the estimates then are those of the log without delay, as far as deviations go."""
+    case = known(4, links=2, noise=0.01, duration=12.0)
+    right, wrong = found(case), found(late(case, samples))
+    words = [text for text in wrong.warnings if "than the positions" in text]
+    assert len(words) == 1
+    told = re.match(r"the torques are (\S+) ms (later|earlier) than the positions", words[0])
+    assert told is not None
+    assert float(told[1]) == pytest.approx(2.0 * abs(samples), abs=1.0)
+    assert told[2] == ("later" if samples > 0 else "earlier")
+    assert not [text for text in right.warnings if "than the positions" in text]
+    assert wrong.validation.relative_error < 1.2 * right.validation.relative_error
+    truth = wrong.model.regrouping @ case.truth.inertial_parameters
+    assert np.mean(np.abs((wrong.estimate - truth) / wrong.deviations) < 1.96) > 0.85
+
+
+@pytest.mark.parametrize("persistence", [0.0, 0.5, 0.9])
+def test_noise_that_lasts_is_told_from_residuals(persistence: float) -> None:
+    """Of an autoregression of first order: its long-run variance is that of its innovations over (1 - a)^2."""
+    noise = lfilter([1.0], [1.0, -persistence], np.random.default_rng(1).normal(size=20_000))
+    coefficients, variance = autoregression(noise, 10.0)
+    assert coefficients.shape == (ORDER,)
+    assert variance == pytest.approx(1.0, rel=0.03)
+    assert variance / (1.0 - coefficients.sum()) ** 2 == pytest.approx(1.0 / (1.0 - persistence) ** 2, rel=0.1)
+    assert not autoregression(np.zeros(50), 1.0)[0].any()
+
+
+def test_the_wider_of_blocks_and_noise_counts_and_bias_comes_on_top() -> None:
+    """With Student's quantile for the blocks: 2.776 of four degrees of freedom, 1.96 of many."""
+    assert Student(5).quantile_ratio == pytest.approx(2.776 / 1.96, rel=1e-3)
+    assert Student(10_000).quantile_ratio == pytest.approx(1.0, rel=1e-3)
+    one = np.eye(1)
+    whole = Uncertainty(4.0 * one, 9.0 * one, one, Student(5), 1.0 * one)
+    assert whole.of(one)[0] == pytest.approx(np.sqrt(9.0 + 4.0 * (2.776 / 1.96) ** 2), rel=1e-3)
+    assert replace(whole, serial=40.0 * one).of(one)[0] == pytest.approx(7.0)
+    assert whole.covariance[0, 0] == 13.0
+    assert whole.nominal_of(one)[0] == 1.0
