@@ -10,7 +10,7 @@ import argparse
 import importlib.util
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -136,8 +136,8 @@ def _measured(scene: Scene, model: ReducedModel, condition: PlantCondition, law:
         p=tuning.reference(0.0).p + tuning.initial_error, parameters=parameters, seed=seed, batch_size=1,
         record_every=RECORDED, divergence_bound=DIVERGED,
     )  # fmt: skip
-    if not runs.finite.all() or runs.largest_error.max() >= DIVERGED:
-        return {"reason": "diverges"}
+    if np.isfinite(runs.diverged_at[0]):
+        return {"reason": f"exceeds {DIVERGED:g} rad at {runs.diverged_at[0]:.2f} s"}
     squares, time = np.mean(runs.error[:, 0] ** 2, axis=-1), runs.time
     means = {name: squares[(time >= first) & (time < last)].mean() for name, (first, last) in WINDOWS.items()}
     found = {name: 1e3 * float(np.sqrt(mean)) for name, mean in means.items()}
@@ -174,23 +174,36 @@ def run_shard(shard: ComparisonShard, out: Path) -> str:
 
 
 def table(rows: pa.Table) -> str:
-    """Medians over arms and seeds by condition: mrad at the end, and the default over what others end at."""
+    """
+    Table by condition: medians over arms and seeds, and in brackets the worst.
+
+    Ratios are of runs in which both laws went on to the end; failures are counted as learning/true/gradient.
+    """
     lines = ["| condition | true, mrad | learning, mrad | over true | over gradient | over PD with gravity | failed |"]
     lines.append("|---|---|---|---|---|---|---|")
     of: dict[str, dict[str, dict[tuple[str, int], float]]] = {}
     for row in rows.to_pylist():
         of.setdefault(row["condition"], {}).setdefault(row["law"], {})[row["arm"], row["seed"]] = row["mrad"]
     for condition, laws in of.items():
-        own = laws["learning"]
-        ratios = (
-            [own[key] / laws[other][key] for key in own if np.isfinite(laws[other][key])]
-            for other in ("true", "gradient", "pd-gravity")
-        )
-        middle = [float(np.median(list(laws[name].values()))) for name in ("true", "learning")]
-        told = [f"{float(np.median(ratio)):.2g} ({max(ratio):.2g})" if ratio else "-" for ratio in ratios]
-        failed = sum(not np.isfinite(x) for x in own.values())
+        middle = [_median(x for x in laws[name].values() if np.isfinite(x)) for name in ("true", "learning")]
+        told = [_ratios(laws["learning"], laws[other]) for other in ("true", "gradient", "pd-gravity")]
+        failed = "/".join(str(sum(not np.isfinite(x) for x in laws[name].values())) for name in FAILING)
         lines.append(f"| {condition} | {middle[0]:.3g} | {middle[1]:.3g} | {' | '.join(told)} | {failed} |")
     return "\n".join(lines)
+
+
+FAILING = ("learning", "true", "gradient")
+"""Laws whose failures are counted."""
+
+
+def _ratios(own: dict[Any, float], other: dict[Any, float]) -> str:
+    both = [own[key] / other[key] for key in own if np.isfinite([own[key], other[key]]).all()]
+    return f"{_median(both):.2g} ({max(both):.2g})" if both else "-"
+
+
+def _median(values: Iterable[float]) -> float:
+    found = list(values)
+    return float(np.median(found)) if found else float("nan")
 
 
 def main() -> int:
