@@ -193,7 +193,7 @@ class Learning(ClosedLoopExperiment):
             answer=told.answer if outcome.complete else None,
             task_error=told.task_error,
             expected=self.expected,
-            live=live_subject(env, contenders[0].controller, self.seed, self.options) if outcome.complete else "",
+            live=live_contender(env, contenders, self.seed, self.options) if outcome.complete else "",
         )
 
 
@@ -314,6 +314,19 @@ def contest(
 def thinning(samples: int) -> int:
     """Control periods per recorded sample."""
     return -(-samples // THINNED_SAMPLES) if samples > MAX_SAMPLES else 1
+
+
+def live_contender(
+    env: gymnasium.Env[Any, Any], contenders: Sequence[Contender], seed: int, options: Mapping[str, Any]
+) -> LiveArm | str:
+    """Closed loop of the subject, or of the next contender where the subject's law is too large for a page."""
+    found = [live_subject(env, contenders[0].controller, seed, options)]
+    if not isinstance(found[0], LiveArm) and len(contenders) > 1:
+        found.append(live_subject(env, contenders[1].controller, seed, options))
+    shown = (
+        replace(one, label=to.label) for one, to in zip(found, contenders, strict=False) if isinstance(one, LiveArm)
+    )
+    return next(shown, found[0])
 
 
 def live_subject(

@@ -6,6 +6,7 @@ import base64
 import importlib
 import json
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,9 @@ from adaptctl.codegen import live_arm as module
 from adaptctl.codegen.live_arm import LiveArm, live_arm
 from adaptctl.control import Controller, Sinusoids, Spline
 from adaptctl.dynamics import Mechanism
+from adaptctl.experiments.contest import live_contender
+from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
+from adaptctl.identifiability import essential_space, fundamental_basis
 from adaptctl.recording.report import report
 from adaptctl.simulation import Plant
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
@@ -119,3 +123,15 @@ def test_the_home_page_holds_a_learning_arm_and_fetches_nothing(monkeypatch: pyt
     for what in ('role="status"', "aria-pressed", "aria-label", "<noscript>"):
         assert what in section
     assert "http" not in section
+
+
+def test_the_demo_shows_the_next_law_where_the_first_is_too_large() -> None:
+    experiment = Puma560Adaptive()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        mechanism = experiment.mechanism()
+        contenders = experiment.contenders(mechanism, fundamental_basis(essential_space(mechanism)))[:2]
+        live = live_contender(experiment.environment(mechanism), contenders, 0, {})
+    assert isinstance(live, LiveArm)
+    assert live.label == "Gradient, 36 parameters"
+    assert live.label in live.html(live.label)

@@ -42,6 +42,7 @@ class LiveArm:
 
     binary: bytes
     facts: dict[str, Any]
+    label: str = ""
 
     def html(self, label: str) -> str:
         """HTML of a section that draws the arm and runs it."""

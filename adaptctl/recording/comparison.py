@@ -386,6 +386,10 @@ def color_indices(runs: Sequence[ControllerRun], without_adaptation: str = ADAPT
 class InPage(Protocol):
     """Protocol of what a report's page runs by itself, such as a live arm."""
 
+    @property
+    def label(self) -> str:
+        """Label of the controller that runs, empty for the subject."""
+
     def html(self, label: str) -> str:
         """HTML of the piece, escaped."""
 

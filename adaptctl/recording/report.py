@@ -143,7 +143,7 @@ def _sections(comparison: Comparison, figures: bool) -> Iterator[Section]:
     label = comparison.subject.label
     yield Section("Experiment", tuple(_run_parts(comparison)))
     if not isinstance(comparison.live, str):
-        yield Section("", (Fragment(comparison.live.html(label)),))
+        yield Section("", (Fragment(comparison.live.html(comparison.live.label or label)),))
     elif comparison.live:
         yield Section("", (Note(f"This report has no live simulation: {comparison.live}."),))
     yield Section("Cost of a control step", tuple(_costs(comparison)))

@@ -10,7 +10,7 @@ from sphinx.util.docutils import SphinxDirective
 def live_section() -> str:
     """HTML of the loop of the `puma560-adaptive` experiment, from its start and on its reference."""
     from adaptctl.codegen.live_arm import LiveArm
-    from adaptctl.experiments.contest import live_subject
+    from adaptctl.experiments.contest import live_contender
     from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
     from adaptctl.identifiability import essential_space, fundamental_basis
 
@@ -18,12 +18,12 @@ def live_section() -> str:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the page on replication tells of Table 6
         mechanism = experiment.mechanism()
-    learner, *_ = experiment.contenders(mechanism, fundamental_basis(essential_space(mechanism)))
+    contenders = experiment.contenders(mechanism, fundamental_basis(essential_space(mechanism)))
     env = experiment.environment(mechanism)
-    live = live_subject(env, learner.controller, experiment.seed, experiment.options)
+    live = live_contender(env, contenders, experiment.seed, experiment.options)
     if not isinstance(live, LiveArm):
         raise RuntimeError(f"the home page has no live arm: {live}")
-    return live.html(f"The PUMA 560 with {learner.label}")
+    return live.html(f"The PUMA 560 with {live.label}")
 
 
 class LiveArmDirective(SphinxDirective):
