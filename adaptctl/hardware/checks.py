@@ -76,14 +76,20 @@ def common_limits(robot: Any, mechanism: Mechanism, controller: Any) -> Hardware
 def standing(robot: Any, measurements: Measurements, names: Sequence[str], limits: HardwareLimits) -> RobotReading:
     """RobotReading of an arm that stands still within its limits. Raises `InputError` otherwise."""
     first, sound, fault = None, 0, ""
+    moving: InputError | None = None
     for _ in range(ATTEMPTS):
         reading = measurements.taken(robot.read())
         fault = measurements.fault or fault
         if reading is not None:
             first, sound = first or reading, sound + 1
-            _validate_posture(reading, first, names, limits)
+            try:
+                _validate_posture(reading, first, names, limits)
+            except InputError as error:  # the first readings may be old ones, that waited
+                first, sound, moving = None, 0, error
             if sound == READINGS:
                 return reading
+    if moving is not None:
+        raise moving
     raise InputError(f"robot: {sound} of {ATTEMPTS} measurements were sound: {fault}")
 
 
