@@ -148,7 +148,7 @@ def test_a_given_zero_is_not_the_default() -> None:
     evidence, _, _ = gathered(case.guess, case.drives, [case.log])
     with pytest.raises(InputError, match=r"prior_weight: expected a positive number, got 0\.0"):
         choose(evidence, weight=0.0)
-    with pytest.raises(InputError, match=r"cutoff: expected one of 12\.5, .* Hz, got 0\.0"):
+    with pytest.raises(InputError, match=r"cutoff: expected one of .* Hz, got 0\.0"):
         choose(evidence, cutoff=0.0)
 
 

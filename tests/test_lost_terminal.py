@@ -27,7 +27,7 @@ os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
 def wait_for_first_arm(terminal: int) -> None:
     """Wait until the first arm of an experiment was simulated."""
     shown, end = b"", time.monotonic() + 120.0
-    while b"adaptation off" not in shown:
+    while b"Slotine-Li" not in shown:
         assert time.monotonic() < end, shown[-300:]
         if select.select([terminal], [], [], 1.0)[0]:
             shown += os.read(terminal, 1000)

@@ -189,7 +189,9 @@ def test_the_price_of_36_columns() -> None:
     assert costs.forward_dynamics <= 1040
     law = SlotineLi(model, 8.0, 0.05, adaptation_gain(model, PriorRanges()))
     assert law.kernel is not None
-    assert law.kernel.operations.flops <= 1271  # one motion, its torque, the last one's powers, whether V falls, the law
+    assert (
+        law.kernel.operations.flops <= 1271
+    )  # one motion, its torque, the last one's powers, whether V falls, the law
     assert law.kernel.operations["sin"] == 6
 
 

@@ -174,7 +174,7 @@ class EndsEarly(Laws):
 def test_a_run_that_ends_before_the_drop_says_so_and_has_no_error_after_it(tmp_path: Path) -> None:
     write_artifacts(tmp_path, EndsEarly(disturbance="saturation", duration=9.0).compare(no_progress))
     content = json.loads((tmp_path / "summary.json").read_text())
-    assert content["duration_run"] < 1.0
+    assert content["duration_run"] < 2.0
     assert [fault["failure"] for fault in content["verdict"]["faults"]] == ["stopped"]
     assert "freeze_over_none" in content["findings"]
     assert not [name for name in content["findings"] if name.startswith("rms_error_after")]

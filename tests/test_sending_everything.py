@@ -8,6 +8,7 @@ import inspect
 import pickle
 import types
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import test_drive as driven
 from comparisons import comparison
 from every_effect import EFFECTS
 from every_law import ARM, FEW, GAIN, LAWS, MODEL, of_two, slotine_li
@@ -27,6 +29,7 @@ from adaptctl.control import BoundedGainForgetting
 from adaptctl.description import Coupling
 from adaptctl.dynamics import equation_costs, load
 from adaptctl.experiments import EXPERIMENTS
+from adaptctl.hardware import MuJoCoRobot, drive
 from adaptctl.identification.identify import identified
 from adaptctl.simulation import effects
 from adaptctl.tuning import tune
@@ -207,6 +210,12 @@ def of_identification() -> Any:
     return identified(case.guess, case.drives, [case.log], [case.log]), case
 
 
+def of_hardware() -> Any:
+    robot = MuJoCoRobot(driven.ARM, control_period=driven.PERIOD, start=driven.CENTER)
+    recorded = drive(robot, driven.LAW, driven.REFERENCE, duration=0.1)
+    return replace(recorded, rollout=run()), control.HeldState(LAWS["guarded"])
+
+
 ROOTS: dict[str, Callable[[], Any]] = {
     "description and effects": of_the_description,
     "offline stage": of_the_offline_stage,
@@ -217,6 +226,7 @@ ROOTS: dict[str, Callable[[], Any]] = {
     "tuning": lambda: tune(ARM),
     "recording": of_recording,
     "identification": of_identification,
+    "hardware": of_hardware,
 }
 
 

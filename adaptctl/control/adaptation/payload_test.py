@@ -12,6 +12,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control.adaptation.symmetric import rank_update, solve
+from adaptctl.description.inertia import PARAMETERS
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, maximum, where
 
@@ -83,9 +84,15 @@ class PayloadTest:
 
     @property
     def _effect(self) -> Array:
-        """Change (k, 10) of the parameters for each parameter of the last link."""
-        last = 10 * (len(self.model.mechanism.description.bodies) - 1)
-        return self.model.regrouping[:, last : last + 10]
+        """Change (k, 10) of the parameters for each of the last link, zero for those that constraints determine."""
+        mechanism = self.model.mechanism
+        last = mechanism.links[mechanism.description.bodies[-1]].name
+        places = {name: place for place, name in enumerate(mechanism.parameter_names)}
+        effect = np.zeros((len(self.model.columns), len(PARAMETERS)))
+        for i, parameter in enumerate(PARAMETERS):
+            if (place := places.get(f"{last}.{parameter}")) is not None:
+                effect[:, i] = self.model.regrouping[:, place]
+        return effect
 
     def judged(
         self,
