@@ -17,7 +17,8 @@ from nightly import nightly
 RUN = (sys.executable, "-m", "adaptctl", "experiment", "run", "adaptive", "--robot", "puma560_arm3")
 
 OF_TERMINAL = """
-import fcntl, os, sys, termios
+import fcntl, os, signal, sys, termios
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # also where tests run under nohup
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
 """
