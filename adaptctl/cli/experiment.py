@@ -81,8 +81,8 @@ def compare(*folders: Path, json: Json = False) -> None:
         for one in found.errors
     ]
     settings = WrappedTable(["setting", *heads], [[one.name, *one.values] for one in found.differences])
-    print_parts([settings if found.differences else "All settings are the same."])
-    print_parts([WrappedTable(["error, last 2 s", *heads], rows)])
+    errors = WrappedTable(["error, last 2 s", *heads], rows)
+    print_parts([settings if found.differences else "All settings are the same.", errors])
 
 
 def as_lists(found: ComparedFolders) -> dict[str, Any]:

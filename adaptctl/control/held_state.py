@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -39,24 +40,6 @@ class HeldState:
                 self._places[name].append(here)
             self._size = here.stop
 
-    def with_torque(self, state: Any, torque: Array) -> Any:
-        """
-        Return a state whose last torque is another one.
-
-        Parameters
-        ----------
-        state : tuple
-            Internal state of one arm.
-        torque : ndarray
-            Torque (r,) that was applied in N m (N).
-
-        Returns
-        -------
-        tuple
-            Internal state.
-        """
-        return self._edited(state, "torque", torque)
-
     def without_learning(self, state: Any, torque: Array) -> Any:
         """
         Return a state that learns nothing from the period that begins.
@@ -73,7 +56,7 @@ class HeldState:
         tuple
             Internal state.
         """
-        return self._edited(self._edited(state, "torque", torque), "dt", 0.0)
+        return self._edited(state, torque=torque, dt=0.0)
 
     def with_estimate(self, state: Any, estimate: Array) -> Any:
         """
@@ -91,7 +74,7 @@ class HeldState:
         tuple
             Internal state.
         """
-        return self._edited(state, "estimate", estimate)
+        return self._edited(state, estimate=estimate)
 
     def at(self, state: Any, other: Any) -> Any:
         """
@@ -108,16 +91,15 @@ class HeldState:
             Internal state.
         """
         there = self._controller._array_of(other, ())
-        for place in self._places["q"]:
-            state = self._set(state, place, there[place])
-        return state
+        return self._with(state, [(place, there[place]) for place in self._places["q"]])
 
-    def _edited(self, state: Any, name: str, value: Any) -> Any:
-        for place in self._places[name]:
-            state = self._set(state, place, value)
-        return state
+    def _edited(self, state: Any, **values: Any) -> Any:
+        return self._with(state, [(place, value) for name, value in values.items() for place in self._places[name]])
 
-    def _set(self, state: Any, place: slice, value: Any) -> Any:
+    def _with(self, state: Any, changes: Sequence[tuple[slice, Any]]) -> Any:
+        if not changes:
+            return state
         array = np.array(self._controller._array_of(state, ()))
-        array[place] = value
+        for place, value in changes:
+            array[place] = value
         return self._controller._remembering(array)

@@ -142,6 +142,12 @@ def power_kernel(size: int) -> Callable[..., ReferencePoint]:
     return compile_function(equation, {"given": 2, "powers": size}, name="spline").call
 
 
+def point_at(reference: Reference, t: float) -> ReferencePoint:
+    """Reference point at one time, by the quicker `at` where there is one."""
+    point: ReferencePoint = getattr(reference, "at", reference)(t)
+    return point
+
+
 @lru_cache(maxsize=32)
 def quintic_kernel(joints: int) -> Callable[..., ReferencePoint]:
     """Native code of a minimum-jerk motion."""
@@ -545,7 +551,7 @@ class StoppedReference:
             Positions, velocities and accelerations (r,).
         """
         slowed, rate, change = self._slowed((t - self.stop) / self.duration)
-        inner = getattr(self.reference, "at", self.reference)(self.stop + slowed if t > self.stop else t)
+        inner = point_at(self.reference, self.stop + slowed if t > self.stop else t)
         return ReferencePoint(inner.p, inner.v * rate, inner.a * rate**2 + inner.v * change)
 
     def _slowed(self, u: Any) -> tuple[Any, Any, Any]:
@@ -632,7 +638,7 @@ class FadeIn:
         ReferencePoint
             Positions, velocities and accelerations (r,).
         """
-        point: ReferencePoint = getattr(self.reference, "at", self.reference)(t)
+        point = point_at(self.reference, t)
         return point if t >= self.duration else self._between(point, t)
 
     def _between(self, point: ReferencePoint, time: Scalar) -> ReferencePoint:

@@ -1,4 +1,4 @@
-"""DriveLoop at the robot, and adapters of vendors' clients."""
+"""Control loop at a robot, and adapters of vendors' clients."""
 
 from adaptctl.optional_packages import imported_lazily
 

@@ -74,7 +74,7 @@ def common_limits(robot: Any, mechanism: Mechanism, controller: Any) -> Hardware
 
 
 def standing(robot: Any, measurements: Measurements, names: Sequence[str], limits: HardwareLimits) -> RobotReading:
-    """RobotReading of an arm that stands still within its limits. Raises `InputError` otherwise."""
+    """Reading of an arm that stands still within its limits. Raises `InputError` otherwise."""
     first, sound, fault = None, 0, ""
     moving: InputError | None = None
     for _ in range(ATTEMPTS):

@@ -1,4 +1,4 @@
-"""DriveLoop at a robot."""
+"""Run at a robot, from checks to a planned stop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""DriveLoop of control periods at a robot."""
+"""Loop of control periods at a robot."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control import HeldState, SafetyFilter
 from adaptctl.control.controller import Reference, ReferencePoint
-from adaptctl.control.references import quintic
+from adaptctl.control.references import point_at, quintic
 from adaptctl.dynamics import Mechanism
 from adaptctl.hardware.compensation import Compensation
 from adaptctl.hardware.gravity import GravityTorque
@@ -38,6 +38,8 @@ QUIET_SHARE = 0.05
 """share of the torque limits that feedback may add to a good estimate"""
 REST = 0.05
 """rad/s (m/s) below which a stopped arm is handed back"""
+TOO_FAST = "is above its speed limit"
+"""end of a reason for which the path is left, since the arm does not follow it"""
 SAG, SAG_TIME = 1e-3, 0.05
 """rad (m) by which an arm may sink within so many s after its brakes opened"""
 HAND_BACK = 0.2
@@ -45,7 +47,7 @@ HAND_BACK = 0.2
 
 
 class DriveLoop:
-    """DriveLoop of one run: read, check, step, limit, write, log."""
+    """Control loop of one run: read, check, step, limit, write, log."""
 
     log: RunLogger
     live: Live | None = None
@@ -134,9 +136,7 @@ class DriveLoop:
         return reading, on_time and not was_blind
 
     def _point(self) -> ReferencePoint:
-        path = self.path if self.stop is None else self.stop.path
-        point: ReferencePoint = getattr(path, "at", path)(self.time)
-        return point
+        return point_at(self.path if self.stop is None else self.stop.path, self.time)
 
     def _trouble(self, reading: RobotReading, point: ReferencePoint) -> str:
         """Reason for a stop; empty if there is none."""
@@ -151,7 +151,7 @@ class DriveLoop:
         if self.time < SAG_TIME and self._holds and (np.abs(reading.p - self.start_p) > SAG).any():
             self._robot_stops("the arm sagged when its brakes opened")
         for mask, text in (
-            (np.abs(reading.v) > self.limits.velocity, "is above its speed limit"),
+            (np.abs(reading.v) > self.limits.velocity, TOO_FAST),
             (self.stopping.beyond(reading.p, reading.v, self._net(reading)), "comes too near to the end of its range"),
             (np.abs(reading.p - point.p) > self.max_error, f"is {self.max_error:g} rad (m) off the reference"),
         ):
@@ -169,8 +169,7 @@ class DriveLoop:
         state = self.held_state.at(self.proven, self.state)
         near = (np.abs(reading.p - point.p) <= 0.5 * self.max_error).all()
         ends = self.stopping.beyond(reading.p, reading.v, self._net(reading)).any()
-        planned = reason in ("done", "interrupted") or not reason.endswith(("range", "limit"))
-        if near and planned and not ends:
+        if near and not ends and not reason.endswith(TOO_FAST):
             self.stop = PlannedStop.along(self.path, self.time, point.v, state, reason, self.stopping)
         else:
             self.stop = PlannedStop.ahead(reading.p, self.time, reading.v, state, reason, self.stopping)
