@@ -113,11 +113,6 @@ class Validation:
         return {unit: joints for unit, joints in found.items() if joints}
 
     @property
-    def not_predicted(self) -> tuple[int, ...]:
-        """Indices of joints for which predicting no torque at all were better."""
-        return tuple(np.flatnonzero(self.joint_relative_errors >= 1.0).tolist())
-
-    @property
     def joint_rms_errors(self) -> Array:
         """Root mean square torque error (r,) of each joint in N m (N for a prismatic joint)."""
         return np.sqrt(np.mean(np.square(self.error), axis=0))
