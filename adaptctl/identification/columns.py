@@ -11,6 +11,8 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError
+from adaptctl.identification.column_names import column_name, joint_names, offer
+from adaptctl.identification.complete_rows import complete_rows
 from adaptctl.identification.drives_file import (
     POSITION,
     TIME,
@@ -22,7 +24,7 @@ from adaptctl.identification.drives_file import (
     spaced,
     validate_fitting,
 )
-from adaptctl.identification.log_files import LogTable
+from adaptctl.identification.log_table import LogTable
 
 # Samples below which nothing can be learnt from a log.
 MIN_SAMPLES = 100
@@ -37,6 +39,8 @@ class JointLog:
     position: Array
     torque: Array
     velocity: Array | None = None
+    notes: tuple[str, ...] = ()
+    """what was left out, joined or shifted"""
 
     def __len__(self) -> int:
         return len(self.time)
@@ -44,6 +48,7 @@ class JointLog:
 
 def joint_log(log: LogTable, drives: Drives, sample_rate: float | None = None) -> JointLog:
     """Log of joints from a table of its motors' columns."""
+    log = complete_rows(log, _used(drives), None if sample_rate is not None else drives.time)
     time = _time(log, drives, sample_rate)
     position = np.stack([log.column(m.position, f"position of {m.name}") for m in drives.motors], axis=-1)
     torque = np.stack([log.column(m.torque, f"torque of {m.name}") for m in drives.motors], axis=-1)
@@ -53,6 +58,7 @@ def joint_log(log: LogTable, drives: Drives, sample_rate: float | None = None) -
         )
     _validate_change(log, [m.position for m in drives.motors], position, "the joint is at rest throughout")
     _validate_change(log, [m.torque for m in drives.motors], torque, "no torque was logged")
+    _validate_counted(log, drives, position * drives.units.position)
     constants = np.nan_to_num(drives.constants, nan=1.0)
     return JointLog(
         log.source,
@@ -60,7 +66,14 @@ def joint_log(log: LogTable, drives: Drives, sample_rate: float | None = None) -
         drives.position(position * drives.units.position),
         drives.torque(torque * (drives.units.torque or 1.0) * constants),
         _velocity(log, drives),
+        tuple(f"{log.source}: {note}" for note in log.notes),
     )
+
+
+def _used(drives: Drives) -> list[str]:
+    """Names of the columns that are read besides time."""
+    given = [name for motor in drives.motors for name in (motor.position, motor.torque)]
+    return given + [motor.velocity for motor in drives.motors if motor.velocity and drives.units.velocity is not None]
 
 
 def _velocity(log: LogTable, drives: Drives) -> Array | None:
@@ -74,6 +87,9 @@ def _velocity(log: LogTable, drives: Drives) -> Array | None:
 def _time(log: LogTable, drives: Drives, rate: float | None) -> Array:
     if rate is not None:
         return np.arange(len(log)) / rate
+    own = log.units.get(drives.time, "")
+    if TIME.get(own, drives.units.time) != drives.units.time:
+        raise FileError(f"{log.source}: column {drives.time!r} is in {own}; leave out another unit of time")
     stamps = log.column(drives.time, "time")
     steps = np.diff(stamps)
     if np.any(steps <= 0.0):
@@ -89,6 +105,20 @@ def _time(log: LogTable, drives: Drives, rate: float | None) -> Array:
             "rate with --sample-rate HZ"
         )
     return np.asarray(stamps * drives.units.time)
+
+
+def _validate_counted(log: LogTable, drives: Drives, position: Array) -> None:
+    """Refuse positions within one turn of a shaft that turns more often than its joint."""
+    steps, width = np.abs(np.diff(position, axis=0)), np.ptp(position, axis=0)
+    jumps = (steps.max(axis=0) > 1.5 * np.pi) & (np.median(steps, axis=0) < 0.25 * np.pi)
+    jumps &= (width > 1.8 * np.pi) & (width <= 2.001 * np.pi)
+    for i in np.flatnonzero(jumps & ((np.abs(drives.transmission) - np.eye(len(jumps))) != 0.0).any(axis=1)):
+        motor, joint = drives.motors[i], drives.joints[i]
+        raise FileError(
+            f"{log.source}: column {motor.position!r} jumps by full turns, but motor {motor.name!r} turns "
+            f"{drives.transmission[i, i]:g} times with joint {joint!r}: where it began is not known; give positions "
+            "that count turns, or those of the joint"
+        )
 
 
 def _validate_change(log: LogTable, names: list[str], values: Array, meaning: str) -> None:
@@ -122,15 +152,19 @@ def joint_columns(
     log: LogTable,
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
+    stamped: bool = True,
 ) -> Drives:
     """Drives of a robot whose joints are measured directly, by patterns of column names."""
     given, stated = _checked("columns", columns), _checked("units", units)
     joints = [joint.name for joint in mechanism.primary_joints]
     pattern = _pattern(log, joints, given)
-    time = given.get("time", "time")
-    if time not in log.columns:
-        raise InputError(f"{log.source}: no column {time!r} for the time; specify it: --columns time=NAME")
-    found = {what: _named(names, joints) for what, names in pattern.items()}
+    time = column_name(given.get("time", "time"), log)
+    if stamped and time not in log.columns:
+        raise InputError(
+            f"{log.source}: no column {time!r} for the time; specify it: --columns time=NAME, or the rate of even "
+            "rows: --sample-rate HZ"
+        )
+    found = {what: joint_names(names, joints, log, what) for what, names in pattern.items()}
     motors = tuple(
         MotorEntry(
             name=joint,
@@ -142,7 +176,7 @@ def joint_columns(
     )
     r = len(joints)
     _validate_own(found, joints)
-    symbols = _units(log, {"time": [time], **found}, stated)
+    symbols = _units(log, {"time": [time], **found}, stated if stamped else {"time": "s"} | stated)
     validate_fitting(symbols, {joint.name: joint.kind.is_revolute for joint in mechanism.primary_joints})
     checked = _checked_units(log, symbols)
     return Drives(tuple(joints), np.eye(r), np.zeros(r), motors, time, checked)
@@ -158,25 +192,30 @@ def _checked(what: str, given: Mapping[str, str] | None) -> dict[str, str]:
     return dict(given or {})
 
 
-def _named(pattern: str, joints: list[str]) -> list[str]:
-    return [
-        pattern.replace("{joint}", joint).replace("{}", str(j + 1)).replace("{0}", str(j))
-        for j, joint in enumerate(joints)
-    ]
-
-
 def _pattern(log: LogTable, joints: list[str], given: dict[str, str]) -> dict[str, str]:
     for known in KNOWN_PATTERNS:
         whole = known | {name: text for name, text in given.items() if name != "time"}
-        if all(name in log.columns for what in ("position", "torque") for name in _named(whole[what], joints)):
-            if not all(name in log.columns for name in _named(whole["velocity"], joints)) and "velocity" not in given:
+        if all(
+            name in log.columns
+            for what in ("position", "torque")
+            for name in joint_names(whole[what], joints, log, what)
+        ):
+            if (
+                not all(name in log.columns for name in joint_names(whole["velocity"], joints, log))
+                and "velocity" not in given
+            ):
                 del whole["velocity"]
             return whole
     for what in ("position", "torque"):
         if what in given:
-            _require(log, what, _named(given[what], joints))
+            _require(log, what, joint_names(given[what], joints, log, what))
     missing = " and ".join(what for what in ("position", "torque") if what not in given)
     have = ", ".join(list(log.columns)[:20])
+    if log.numbered:
+        raise InputError(
+            f"{log.source}: has no line of column names, and {len(log.columns)} columns; give their numbers, "
+            f"{offer(log, len(joints))}"
+        )
     raise InputError(
         f"{log.source}: the columns of each joint's {missing} are unknown; specify them with --columns, such as "
         f"{' '.join(f'{what}={what.capitalize()}{{}}' for what in missing.split(' and '))} ({{}}: number of the joint "
@@ -186,7 +225,8 @@ def _pattern(log: LogTable, joints: list[str], given: dict[str, str]) -> dict[st
 
 def _require(log: LogTable, what: str, names: list[str]) -> None:
     for name in names:
-        log.column(name, what)
+        if name not in log.columns:
+            log.column(name, what)
 
 
 def _one_of(symbols: list[str], what: str, source: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,7 +46,7 @@ class Units:
         """Units by their symbols; `InputError` for an unknown one."""
         return cls(
             _factor("time", time, TIME),
-            _factor("position", position, POSITION),
+            _factor("position", spaced(position), POSITION),
             None if torque in OTHER_TORQUE else _factor("torque", spaced(torque), TORQUE, OTHER_TORQUE),
             None if velocity is None else _factor("velocity", velocity, VELOCITY),
         )
@@ -56,22 +57,35 @@ def validate_fitting(symbols: Mapping[str, str], turns: Mapping[str, bool]) -> N
     for what, symbol in symbols.items():
         for joint, turning in turns.items():
             own, others = (TURNING, SLIDING) if turning else (SLIDING, TURNING)
-            foreign = spaced(symbol) in others.get(what, ())
-            if foreign and (spaced(symbol) != others[what][0] or all(turns.values())):
+            whole = spaced(symbol).partition("/")[0] if what == "position" else spaced(symbol)
+            foreign = whole in others.get(what, ())
+            if foreign and (whole != others[what][0] or all(turns.values())):
                 *first, last = own[what]
                 expected = f"{', '.join(first)} or {last}" if first else last
                 kind = "turns" if turning else "slides"
                 raise InputError(f"unit of {what}: joint {joint!r} {kind}: expected {expected}, got {symbol!r}")
 
 
+SPELLINGS = {"°": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad", "sec": "s"}
+
+
 def spaced(symbol: str) -> str:
     """Unit's symbol as the tables of factors have it: "Nm" becomes "N m"."""
-    return symbol.replace("Nm", "N m")
+    return SPELLINGS.get(symbol, re.sub("N[*.·]?m", "N m", symbol))
+
+
+def is_unit(symbol: str) -> bool:
+    """True for a unit of a log's column, or a dash or nothing in its place."""
+    return spaced(symbol) in (*TIME, *POSITION, *VELOCITY, *TORQUE, *OTHER_TORQUE, "", "-")
 
 
 def _factor(what: str, symbol: str, known: dict[str, float], others: tuple[str, ...] = ()) -> float:
+    whole, mark, count = symbol.rpartition("/")
+    if mark and count.isdecimal() and int(count) and whole in known:
+        return known[whole] / int(count)
     if symbol not in known:
-        raise InputError(f"unit of {what}: expected one of {', '.join((*known, *others))}, got {symbol!r}")
+        counts = "; for counts, a unit over their number, such as rev/4096" if what == "position" else ""
+        raise InputError(f"unit of {what}: expected one of {', '.join((*known, *others))}{counts}, got {symbol!r}")
     return known[symbol]
 
 
@@ -413,8 +427,8 @@ def _checked(content: DrivesFile) -> Drives:
     _validate_turning(transmission, content.joints, content.motors, "$.transmission")
     for i, motor in enumerate(content.motors):
         k = motor.torque_constant
-        if isinstance(k, float) and not (math.isfinite(k) and k > 0.0):
-            raise InputError(f"$.motors[{i}].torque_constant: expected a positive number or 'unknown', got {k}")
+        if isinstance(k, float) and not (math.isfinite(k) and k):
+            raise InputError(f"$.motors[{i}].torque_constant: expected a number other than 0 or 'unknown', got {k}")
     units = Units.checked(**{name: getattr(content.units, name) for name in ("time", "position", "torque", "velocity")})
     _validate_constants(content, units)
     return Drives(
@@ -444,8 +458,11 @@ def _validate_constants(content: DrivesFile, units: Units) -> None:
                 f"$.motors[{i}].torque_constant is missing: {content.units.torque!r} is not a torque; give N m per "
                 "unit of it, or 'unknown'"
             )
-        if units.torque is not None and motor.torque_constant not in (None, 1.0):
-            raise InputError(f"$.motors[{i}].torque_constant: the log has torques in {content.units.torque}; remove it")
+        if units.torque is not None and motor.torque_constant not in (None, 1.0, -1.0):
+            raise InputError(
+                f"$.motors[{i}].torque_constant: the log has torques in {content.units.torque}; remove it, or give -1 "
+                "for torques of the other sign"
+            )
 
 
 def _offsets(content: DrivesFile, r: int) -> Array:

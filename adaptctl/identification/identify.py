@@ -160,7 +160,7 @@ def identify(
     mechanism = load(robot) if not isinstance(robot, Mechanism) else robot
     known = read_drives(drives) if isinstance(drives, str | Path) else drives
     if known is None:
-        known = joint_columns(mechanism, read_log(given[0], topic), columns, units)
+        known = joint_columns(mechanism, read_log(given[0], topic), columns, units, sample_rate is None)
     turned = known.ordered_like(mechanism)
     train = [joint_log(read_log(path, topic), turned, sample_rate) for path in given]
     test = [joint_log(read_log(path, topic), turned, sample_rate) for path in _paths(validate)]
@@ -235,7 +235,8 @@ def identified(
     origin = "the last 40 % of the logs" if late else ", ".join(log.source for log in test)
     training, fit, judged, late_torques = without_delay(training, fit, judged)
     held_out = HeldOut(judged, origin, *cutoffs, choice.settings.left_out)
-    notes = (*remarks, *known, *([late_torques] if late_torques else []), *contradictions(training, fit))
+    read = dict.fromkeys(note for log in (*train, *test) for note in log.notes)
+    notes = (*read, *remarks, *known, *([late_torques] if late_torques else []), *contradictions(training, fit))
     return _result(training, fit, held_out, choice, steps, notes)
 
 
@@ -264,6 +265,7 @@ def gathered(
     pieces = [piece for found, _ in prepared for piece in found]
     steps = tuple(dict.fromkeys(step for _, own in prepared for step in own))
     full, (tens, remarks) = with_all_friction(mechanism, drives), prior_links(mechanism)
+    remarks = [*(step.outcome for step in steps if step.name == "unwrap" and step.outcome[0] != "0"), *remarks]
     fastest = motion_band(pieces) if band is None else band / BAND_CUTOFF_RATIO
     least = min(max(MIN_CUTOFF, BAND_CUTOFF_RATIO * fastest), COMPARISON_CUTOFF)
     motions = list(motions_of(pieces, min(max(MIN_MOTION_CUTOFF, MOTION_CUTOFF_RATIO * fastest), MOTION_CUTOFF)))

@@ -62,6 +62,8 @@ MAX_VELOCITY_DIFFERENCE = 0.1
 REST_SPEED_SHARE, REST_SPEED, MIN_REST_TIME = 0.01, 1e-3, 0.1
 # Factor on the greatest speed, and excess in rad or m over the range, that a robot's file allows.
 MAX_SPEED_RATIO, MAX_RANGE_EXCESS = 3.0, 0.25
+# rad of a turn, and of a step beside jumps by full turns from which these cannot be told.
+TURN, MAX_TURN_STEP = 2.0 * np.pi, 0.75 * np.pi
 # Hz, between which logs of arms are sampled.
 MIN_SAMPLE_RATE, MAX_SAMPLE_RATE = 20.0, 1e5
 # Names of the steps that can be skipped.
@@ -179,10 +181,37 @@ def _resampling(each: list[str], pieces: int) -> str:
 
 
 def _unwrapped(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, int]:
+    """Log with continuous angles within the robot's limits, and the number of jumps by full turns."""
     turns = np.array([joint.kind.is_revolute for joint in mechanism.primary_joints])
     continued = np.where(turns, np.unwrap(log.position, axis=0), log.position)
-    offset = np.abs(np.diff(continued - log.position, axis=0)) > 1.0
-    return replace(log, position=continued), int(offset.sum())
+    jumps = np.abs(np.diff(continued - log.position, axis=0)) > 1.0
+    _validate_small_steps(log, continued, jumps, mechanism)
+    whole = bool(turns.any()) and bool((log.position[:, turns] >= 0.0).all() and (log.position[:, turns] <= TURN).all())
+    if mechanism.description.loops is None:
+        wrapped = turns & (jumps.any(axis=0) | whole)
+        continued = continued + TURN * np.where(wrapped, _turns_off(continued, mechanism), 0.0)
+    return replace(log, position=continued), int(jumps.sum())
+
+
+def _validate_small_steps(log: JointLog, continued: Array, jumps: NDArray[np.bool_], mechanism: Mechanism) -> None:
+    """Refuse jumps by full turns beside steps that may be of more than half a turn."""
+    steps = np.where(jumps.any(axis=0), np.abs(np.diff(continued, axis=0)), 0.0)
+    row, j = np.unravel_index(int(steps.argmax()), steps.shape)
+    if steps[row, j] > MAX_TURN_STEP:
+        name, size = mechanism.primary_joints[j].name, steps[row, j]
+        raise InputError(
+            f"{log.source}: joint {name!r} jumps by full turns, and at {log.time[row]:.6g} s by {size:.3g} rad "
+            "besides, which may be more than half a turn: its turns cannot be told; record faster, log angles "
+            "that count turns, or leave out that row"
+        )
+
+
+def _turns_off(position: Array, mechanism: Mechanism) -> Array:
+    """Full turns (r,) that bring angles into the robot's limits."""
+    lower, upper = (np.array([getattr(j.limits, end) for j in mechanism.primary_joints]) for end in ("lower", "upper"))
+    turns = np.array([0.0, -1.0, 1.0, -2.0, 2.0])[:, None]
+    beyond = np.maximum(lower - (position.min(axis=0) + TURN * turns), position.max(axis=0) + TURN * turns - upper)
+    return np.asarray(turns[np.where(beyond[0] <= MAX_RANGE_EXCESS, 0, beyond.argmin(axis=0)), 0])
 
 
 def _speed(log: JointLog) -> Array:

@@ -1,0 +1,63 @@
+"""Names of a log's columns for each joint, from patterns, lists and numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from itertools import pairwise
+
+from adaptctl.errors import InputError
+from adaptctl.identification.log_table import LogTable
+
+RANGE = re.compile(r"(\d+)(?:-(\d+))?$")
+
+
+def joint_names(pattern: str, joints: list[str], log: LogTable, what: str = "columns") -> list[str]:
+    """Names of columns, one for each joint: by a pattern with {joint}, {} or {0}, or a list of names and numbers."""
+    if "{" in pattern:
+        return [
+            pattern.replace("{joint}", joint).replace("{}", str(j + 1)).replace("{0}", str(j))
+            for j, joint in enumerate(joints)
+        ]
+    found = [name for part in pattern.split(",") for name in _listed(part.strip(), log)]
+    if pattern in log.columns or (len(found) == 1 and "," not in pattern):
+        return (found[:1] if len(found) == 1 else [pattern]) * len(joints)
+    if len(found) != len(joints):
+        raise InputError(
+            f"{log.source}: columns: {what}: {pattern} has {len(found)} columns, but the robot {len(joints)} joints "
+            f"({', '.join(joints)})"
+        )
+    return found
+
+
+def column_name(given: str, log: LogTable) -> str:
+    """Name of one column, given by its name or number."""
+    found = list(_listed(given, log))
+    return found[0] if len(found) == 1 else given
+
+
+def _listed(part: str, log: LogTable) -> Iterator[str]:
+    """Names of a part of a list: a name, or a number from 1, or a range of such."""
+    ends = RANGE.match(part)
+    if part in log.columns or ends is None:
+        yield part
+        return
+    names, first, last = list(log.columns), int(ends[1]), int(ends[2] or ends[1])
+    if not 1 <= first <= last <= len(names):
+        raise InputError(f"{log.source}: columns: {part}: expected numbers from 1 to {len(names)}, the first the least")
+    yield from names[first - 1 : last]
+
+
+def offer(log: LogTable, joints: int) -> str:
+    """Mapping by numbers that a log without names may have, in the words of --columns."""
+    whole, rest = divmod(len(log.columns), joints)
+    parts = {2: ("position", "torque"), 3: ("position", "velocity", "torque")}.get(whole)
+    if parts is None or rest > 1:
+        return "--columns time=1 position=2-4 torque=5-7, with the numbers of its columns"
+    ends = [rest + joints * k for k in range(whole + 1)]
+    ranges = [f"{a + 1}-{b}" if joints > 1 else f"{b}" for a, b in pairwise(ends)]
+    pairs = " ".join(f"{part}={numbers}" for part, numbers in zip(parts, ranges, strict=True))
+    kinds = {2: "positions, torques", 3: "positions, velocities, torques"}[whole]
+    if rest:
+        return f"if they are time, {kinds}: --columns time=1 {pairs}"
+    return f"if they are {kinds}: --columns {pairs} --sample-rate HZ"

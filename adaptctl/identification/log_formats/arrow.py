@@ -1,0 +1,110 @@
+"""LogColumn of Arrow columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptctl.arrays import Array
+
+EXACT = 2**53
+"""size from which floating-point numbers have no ones"""
+FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+class LogColumn(NamedTuple):
+    """Column (n,) of a table with its unit, the mask of its empty cells, and its first text."""
+
+    name: str
+    values: Array
+    unit: str = ""
+    empty: NDArray[np.bool_] | None = None
+    word: str | None = None
+
+
+def numbers(name: str, column: Any, unit: str = "") -> Iterator[LogColumn]:
+    """Columns of numbers in one of Arrow: one for each place of a list of fixed length, none for texts."""
+    import pyarrow as pa
+
+    kind = column.type
+    if isinstance(column, pa.ChunkedArray):
+        column = column.combine_chunks()
+    if pa.types.is_dictionary(kind):
+        column, kind = column.dictionary_decode(), kind.value_type
+    if pa.types.is_fixed_size_list(kind) or pa.types.is_list(kind) or pa.types.is_large_list(kind):
+        yield from _places(name, column, unit)
+    elif pa.types.is_timestamp(kind) or pa.types.is_date(kind):
+        yield _moments(name, column)
+    elif pa.types.is_duration(kind):
+        whole = column.cast(pa.int64())
+        yield LogColumn(name, FACTORS[kind.unit] * _floats(whole), "s", _empty(column))
+    elif _holds_numbers(kind):
+        yield LogColumn(name, _floats(column), unit, _empty(column))
+
+
+def _places(name: str, column: Any, unit: str) -> Iterator[LogColumn]:
+    """Columns of the places of lists that all have one length; rows without a list are empty in each."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    kind = column.type
+    if not _holds_numbers(kind.value_type):
+        return
+    given = np.asarray(column.is_valid())
+    if pa.types.is_fixed_size_list(kind):
+        size, cells = kind.list_size, column.drop_null().flatten()
+    else:
+        lengths = np.asarray(pc.list_value_length(column).drop_null())
+        if not lengths.size or lengths.min() != lengths.max():
+            return
+        size, cells = int(lengths[0]), column.flatten()
+    values = np.full((len(column), size), np.nan)
+    values[given] = _floats(cells).reshape(-1, size)
+    empty = None if given.all() else ~given
+    yield from (LogColumn(f"{name}[{i}]", values[:, i].copy(), unit, empty) for i in range(size))
+
+
+def _moments(name: str, column: Any) -> LogColumn:
+    """Times in s since the first moment of a column of dates."""
+    import pyarrow as pa
+
+    unit = getattr(column.type, "unit", None)
+    if unit is None:
+        column, unit = column.cast(pa.timestamp("ms")), "ms"
+    whole = column.cast(pa.int64())
+    return LogColumn(name, FACTORS[unit] * _from_first(whole), "s", _empty(column))
+
+
+def _floats(column: Any) -> Array:
+    """Floating-point numbers (n,); of whole ones that these cannot tell apart, the differences from the first."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if pa.types.is_integer(column.type) and len(column) > column.null_count:
+        least, most = (int(end.as_py()) for end in pc.min_max(column).values())
+        if max(abs(least), abs(most)) >= EXACT and most - least < 2**62:
+            return _from_first(column)
+    return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=np.float64)
+
+
+def _from_first(column: Any) -> Array:
+    """Differences (n,) of whole numbers from the first, NaN where there is none."""
+    given = np.asarray(column.is_valid())
+    whole = np.asarray(column.drop_null().to_numpy(zero_copy_only=False))
+    out = np.full(len(column), np.nan)
+    if len(whole):
+        out[given] = (whole.astype(np.int64) - np.int64(whole[0])).astype(np.float64)
+    return out
+
+
+def _empty(column: Any) -> NDArray[np.bool_] | None:
+    return ~np.asarray(column.is_valid()) if column.null_count else None
+
+
+def _holds_numbers(kind: Any) -> bool:
+    import pyarrow as pa
+
+    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind))

@@ -1,0 +1,264 @@
+"""Reader of logs as text."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, replace
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adaptctl.errors import FileError, printable
+from adaptctl.identification.drives_file import is_unit, spaced
+from adaptctl.identification.log_formats.arrow import LogColumn, numbers
+from adaptctl.identification.log_table import MAX_COLUMNS, LogTable, table, validate_size, whole_stamps
+
+HEAD = 1_000_000
+"""bytes by which the form of a file is known"""
+MAX_SPACED = 2**30
+"""bytes of a file with blanks between its numbers, which is rewritten in memory"""
+MARKS = (",", ";", "\t", "|", " ")
+"""marks between cells; a blank stands for any number of blanks"""
+NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?$|[+-]?(?:nan|inf|infinity)$", re.IGNORECASE)
+DATE = re.compile(r"\d{4}-\d\d-\d\d([ T]\d\d:\d\d(:\d\d([.,]\d+)?)?)?(Z|[+-]\d\d:?\d\d)?$")
+CLOCK = re.compile(r"\d\d:\d\d:\d\d([.,]\d+)?$")
+COMMENT = re.compile(r"\s*(#|//|%(?=\s))")
+EMPTY = ("", "NA", "N/A", "null", "None")
+
+
+@dataclass(frozen=True)
+class _Form:
+    """Form of a text table: mark between cells, decimal mark, lines before the first numbers, names and units."""
+
+    mark: str
+    decimal: str
+    skipped: int
+    names: list[str] | None
+    units: dict[str, str]
+    count: int
+    notes: tuple[str, ...] = ()
+
+
+def read_delimited(path: str | Path) -> LogTable:
+    """Table of a text file: names, perhaps, then rows of numbers, separated by commas, semicolons, tabs or blanks."""
+    try:
+        with Path(path).open("rb") as file:
+            encoding = "utf-16" if file.read(2) in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+            file.seek(0)
+            sample = file.read(HEAD)
+        form = _form(_lines(sample, encoding), path)
+        read, notes = _read(path, form, encoding)
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path}: not a text table ({error})") from error
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({(error.strerror or str(error)).lower()})") from error
+    validate_size(path, read.num_rows, read.num_columns)
+    names = form.names or [str(i + 1) for i in range(read.num_columns)]
+    found = [_column(name, read.column(i)) for i, name in enumerate(names)]
+    units = form.units | {one.name: one.unit for one in found if one.unit}
+    empty = {one.name: one.empty for one in found if one.empty is not None}
+    words = {one.name: one.word for one in found if one.word is not None}
+    log = table(str(path), ((one.name, one.values) for one in found), units, empty, words)
+    return whole_stamps(replace(log, numbered=form.names is None, notes=(*form.notes, *notes)))
+
+
+def _lines(sample: bytes, encoding: str) -> list[str]:
+    """Whole lines at the beginning of a file, the last one too where the file ends with it."""
+    whole = sample if len(sample) < HEAD or b"\n" not in sample else sample[: sample.rindex(b"\n")]
+    try:
+        return whole.decode(encoding).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    except UnicodeDecodeError as error:
+        name = "utf-8" if encoding == "utf-8-sig" else encoding
+        raise UnicodeDecodeError(name, error.object, error.start, error.end, error.reason) from error
+
+
+def cells(line: str, mark: str) -> list[str]:
+    """Cells of a line without blanks and quotation marks around them."""
+    parts = line.split() if mark == " " else line.split(mark)
+    return [part.strip().strip("\"'").strip() for part in parts]
+
+
+def _is_number(cell: str) -> bool:
+    return NUMBER.match(cell) is not None or DATE.match(cell) is not None or CLOCK.match(cell) is not None
+
+
+def _mark(lines: list[str]) -> str:
+    """Mark by which most of the cells in the lines are numbers."""
+    sample = [line for line in lines[:200] if line.strip() and not COMMENT.match(line)]
+
+    def share(mark: str) -> tuple[float, int, int]:
+        each = [cells(line, mark) for line in sample]
+        rows = [[_is_number(cell) for cell in row if cell] for row in each if any(map(_is_number, row))]
+        numeric = sum(map(sum, rows))
+        return round(numeric / max(1, sum(map(len, rows))), 2), numeric, sum(map(len, each))
+
+    return max(MARKS, key=share)
+
+
+def _form(lines: list[str], path: str | Path) -> _Form:
+    mark = _mark(lines)
+    first = next((i for i, line in enumerate(lines) if _is_row(line, mark)), None)
+    before = lines if first is None else lines[:first]
+    width = len(cells(lines[first], mark)) if first is not None else 0
+    if width > MAX_COLUMNS:
+        raise FileError(f"{path}: has {width} columns, more than the limit of {MAX_COLUMNS}")
+    heads = [(i, _names(line, mark, width)) for i, line in enumerate(before) if line.strip()]
+    named = [(i, names) for i, names in heads if names and not (COMMENT.match(before[i]) and len(names) == 1 < width)]
+    units: list[str] | None = None
+    if len(named) > 1 and named[-1][0] == named[-2][0] + 1 and all(is_unit(_unit(cell)) for cell in named[-1][1]):
+        units = [_unit(cell) for cell in named.pop()[1]]
+    if first is None:
+        if not named:
+            raise FileError(f"{path}: no rows of numbers; expected a line of column names and one line per sample")
+        first, width = named[-1][0] + 1, len(named[-1][1])
+    if not named and heads and not COMMENT.match(before[heads[-1][0]]):
+        line, told = heads[-1][0], len(cells(before[heads[-1][0]], mark))
+        raise FileError(
+            f"{path}: not a text table (line {line + 1} has {told} names, and line {first + 1} {width} numbers)"
+        )
+    body = "\n".join(lines[first : first + 5000])
+    commas = mark != "," and re.search(r"\d,\d", body) is not None and not _has_points(lines[first:], mark)
+    names = named[-1][1] if named else None
+    names = None if names is None else [name or f"({i + 1})" for i, name in enumerate(names)]
+    own = {} if names is None or units is None else {n: u for n, u in zip(names, units, strict=False) if u}
+    notes = () if units is None else ("the line after the names was read as units",)
+    return _Form(mark, "," if commas else ".", first, names, own, width, notes)
+
+
+def _has_points(lines: list[str], mark: str) -> bool:
+    """True if a number has a point before its decimals."""
+    return any(re.search(r"\d\.\d", cell) and NUMBER.match(cell) for line in lines[:5000] for cell in cells(line, mark))
+
+
+def _is_row(line: str, mark: str) -> bool:
+    """True for a line of numbers: at least one cell is one, and the first that is not empty is, or most are."""
+    found = [cell for cell in cells(line, mark) if cell]
+    numeric = [_is_number(cell) for cell in found]
+    return not COMMENT.match(line) and any(numeric) and (numeric[0] or 2 * sum(numeric) >= len(numeric))
+
+
+def _names(line: str, mark: str, width: int) -> list[str]:
+    """Names in a line before the numbers; none where their number is another."""
+    found = cells(COMMENT.sub("", line, count=1), mark)
+    if len(found) == width + 1 and not found[-1]:
+        found = found[:-1]
+    if len(found) == width - 1:  # rows end with a mark
+        found = [*found, ""]
+    return found if width in (0, len(found)) and any(found) else []
+
+
+def _unit(cell: str) -> str:
+    return spaced(cell.strip("[]() "))
+
+
+def _read(path: str | Path, form: _Form, encoding: str) -> tuple[Any, list[str]]:
+    from pyarrow import ArrowInvalid
+    from pyarrow.csv import ConvertOptions, ParseOptions, ReadOptions, read_csv
+
+    odd: list[tuple[int, str]] = []
+
+    def is_passed_over(row: Any) -> str:
+        odd.append((row.actual_columns, row.text))
+        return "skip" if len(odd) < 10_000 else "error"
+
+    try:
+        read = read_csv(
+            _rewritten(path, encoding) if form.mark == " " else path,
+            read_options=ReadOptions(
+                skip_rows=form.skipped,
+                column_names=form.names,
+                autogenerate_column_names=form.names is None,
+                encoding="utf-16" if encoding == "utf-16" else "utf8",
+            ),
+            parse_options=ParseOptions(
+                delimiter="\t" if form.mark == " " else form.mark, invalid_row_handler=is_passed_over
+            ),
+            convert_options=ConvertOptions(
+                strings_can_be_null=True, null_values=list(EMPTY), decimal_point=form.decimal
+            ),
+        )
+    except ArrowInvalid as error:
+        if "Empty CSV" in str(error):
+            raise FileError(
+                f"{path}: no rows of numbers; expected a line of column names and one line per sample"
+            ) from error
+        raise FileError(f"{path}: not a text table ({printable(str(error).splitlines()[0])})") from error
+    return read, _passed_over(path, form, odd)
+
+
+def _rewritten(path: str | Path, encoding: str) -> BytesIO:
+    """Content of a file with one tab for the blanks between numbers."""
+    if Path(path).stat().st_size > MAX_SPACED:
+        raise FileError(f"{path}: more than {MAX_SPACED} bytes with blanks between numbers; use commas, or split it")
+    text = Path(path).read_bytes().decode(encoding)
+    rows = re.sub(r"[ \t]+", "\t", re.sub(r"^[ \t]+|[ \t]+$", "", text, flags=re.MULTILINE))
+    return BytesIO(rows.encode("utf-16" if encoding == "utf-16" else "utf-8"))
+
+
+def _passed_over(path: str | Path, form: _Form, odd: list[tuple[int, str]]) -> list[str]:
+    """Notes on comments and a last line that was cut off; `FileError` for other lines of another length."""
+    comments = [text for _, text in odd if COMMENT.match(text)]
+    others = [(count, text) for count, text in odd if not COMMENT.match(text)]
+    notes = [f"{len(comments)} lines of comments left out"] if comments else []
+    if len(others) == 1 and others[0][0] < form.count and _ends_with(path, others[0][1]):
+        return [*notes, "the last line, which is cut off, was left out"]
+    for count, text in others[:1]:
+        where = _line_number(path, text)
+        raise FileError(
+            f"{path}: not a text table (line {where} has {count} cells, not {form.count}: {printable(repr(text[:60]))})"
+        )
+    return notes
+
+
+def _ends_with(path: str | Path, text: str) -> bool:
+    with Path(path).open("rb") as file:
+        file.seek(max(0, Path(path).stat().st_size - len(text.encode()) - 1000))
+        end = file.read().decode("utf-8", "ignore").rstrip()
+    return "\t".join(end.splitlines()[-1:]).split() == text.split()
+
+
+def _line_number(path: str | Path, text: str) -> str:
+    with Path(path).open("rb") as file:
+        for number, line in enumerate(file, 1):
+            if line.split() == text.encode().split():
+                return str(number)
+    return "?"
+
+
+def _column(name: str, column: Any) -> LogColumn:
+    """Column of numbers, dates or times of day; NaN where a cell is text."""
+    import pyarrow as pa
+
+    if pa.types.is_time(column.type):
+        column = column.cast(pa.string())
+    found = next(numbers(name, column), None)
+    return _texts(name, column) if found is None else found
+
+
+def _texts(name: str, column: Any) -> LogColumn:
+    """Column of texts: times of day in s, or the numbers among them."""
+    mask = ~np.asarray(column.combine_chunks().is_valid())
+    empty = mask if mask.any() else None
+    given = [str(cell) for cell in column.drop_null().to_pylist()]
+    is_clock = bool(given) and all(map(CLOCK.match, given))
+    values, word = np.full(len(column), np.nan), None
+    each = [_clock(cell) if is_clock else _number(cell) for cell in given]
+    values[~mask] = each
+    if not is_clock:
+        word = next((cell for cell, value in zip(given, each, strict=True) if math.isnan(value)), None)
+    return LogColumn(name, values, "s" if is_clock else "", empty, word)
+
+
+def _clock(cell: str) -> float:
+    hours, minutes, seconds = cell.replace(",", ".").split(":")
+    return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan

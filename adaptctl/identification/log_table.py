@@ -1,0 +1,140 @@
+"""Logs as tables of named columns."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptctl.arrays import MAX_SETTING, Array
+from adaptctl.errors import FileError, printable
+
+MAX_ROWS = 20_000_000
+MAX_COLUMNS = 10_000
+MAX_NUMBERS = 400_000_000
+# Logs above these sizes are not read.
+MAX_BYTES = 4 * 2**30
+# Names of columns that only count within another one's second, after the name of that one.
+FRACTIONS = re.compile(r"^(.*?)(nanosecs?|nanoseconds|nsecs?)$", re.IGNORECASE)
+SECONDS = ("sec", "secs", "seconds", "second", "s")
+
+
+@dataclass(frozen=True, eq=False)
+class LogTable:
+    """Columns (n,) of a log by name, in its own units, NaN where a cell has no number."""
+
+    source: str
+    columns: Mapping[str, Array]
+    units: Mapping[str, str] = field(default_factory=dict)
+    empty: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    """masks of cells without content, of columns that have such"""
+    words: Mapping[str, str] = field(default_factory=dict)
+    """first cell of a column that is text"""
+    numbered: bool = False
+    """True if names of columns are their numbers from 1, for want of others"""
+    notes: tuple[str, ...] = ()
+    """what was left out or joined in reading"""
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values()), ()))
+
+    def column(self, name: str, what: str) -> Array:
+        """Column (n,) that is finite in each row."""
+        if name not in self.columns:
+            raise FileError(f"{self.source}: no column {name!r} for {what}; {self._known(name)}")
+        values = self.columns[name]
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            told = f"; its first text is {printable(repr(self.words[name]))}" if name in self.words else ""
+            raise FileError(
+                f"{self.source}: column {name!r} ({what}): {bad.size} of {len(values)} rows not finite, the first "
+                f"is row {int(bad[0]) + 1} ({values[bad[0]]}){told}; use a part of the log without missing numbers"
+            )
+        size = float(np.abs(values).max(initial=0.0))
+        if size != 0.0 and not 1.0 / MAX_SETTING <= size <= MAX_SETTING:
+            row = int(np.abs(values).argmax())
+            raise FileError(
+                f"{self.source}: column {name!r} ({what}): the largest number, {values[row]:g} in row {row + 1}, is "
+                f"beyond {1.0 / MAX_SETTING:g} to {MAX_SETTING:g}; expected readings in SI units or those of --units"
+            )
+        return values
+
+    def _known(self, name: str) -> str:
+        names = list(self.columns)
+        near = get_close_matches(name, names, 3)
+        listed = ", ".join(near or names[:12]) + ("" if near or len(names) <= 12 else f", ... ({len(names)} in all)")
+        return f"{'did you mean' if near else 'columns:'} {listed}"
+
+    def rows(self, kept: NDArray[np.bool_], note: str = "") -> LogTable:
+        """Part of the rows by a mask (n,), and a note on the others where there are any."""
+        if kept.all():
+            return self
+        columns = {name: values[kept] for name, values in self.columns.items()}
+        empty = {name: mask[kept] for name, mask in self.empty.items()}
+        return replace(self, columns=columns, empty=empty, notes=(*self.notes, note))
+
+
+def table(
+    source: str,
+    columns: Iterable[tuple[str, Array]],
+    units: Mapping[str, str] | None = None,
+    empty: Mapping[str, NDArray[np.bool_]] | None = None,
+    words: Mapping[str, str] | None = None,
+) -> LogTable:
+    """Table of pairs of a name and a column."""
+    found: dict[str, Array] = {}
+    for name, values in columns:
+        if name in found:
+            raise FileError(f"{source}: two columns are named {name!r}; names must be unique")
+        found[name] = np.asarray(values, dtype=np.float64)
+    first, rows = next(((name, len(values)) for name, values in found.items()), ("", 0))
+    if not rows:
+        raise FileError(f"{source}: no rows of numbers; expected a line of column names and one line per sample")
+    for name, values in found.items():
+        if len(values) != rows:
+            raise FileError(f"{source}: column {name!r} has {len(values)} rows, but {first!r} has {rows}")
+    return LogTable(source, found, units or {}, empty or {}, words or {})
+
+
+def validate_size(source: object, rows: int, columns: int) -> None:
+    """Raise `FileError` for a table that is larger than logs are read."""
+    if rows > MAX_ROWS:
+        raise FileError(f"{source}: has {rows} rows, more than the limit of {MAX_ROWS}")
+    if columns > MAX_COLUMNS or rows * columns > MAX_NUMBERS:
+        raise FileError(
+            f"{source}: has {rows} rows of {columns} columns, more than the limit of {MAX_COLUMNS} columns and "
+            f"{MAX_NUMBERS} numbers; leave out columns, or split it into several logs"
+        )
+
+
+def whole_stamps(log: LogTable) -> LogTable:
+    """Table in which a column of seconds and its column of nanoseconds both are the whole stamp, from 0."""
+    columns, units, joined = dict(log.columns), dict(log.units), []
+    for name in log.columns:
+        second = _seconds_of(name, log)
+        if second is None:
+            continue
+        total = log.columns[second] - np.nanmin(log.columns[second]) + 1e-9 * log.columns[name]
+        columns |= {name: 1e9 * total, second: total}
+        units |= {name: "ns", second: "s"}
+        joined.append(f"{second} and {name} are taken as one stamp")
+    return replace(log, columns=columns, units=units, notes=(*log.notes, *joined)) if joined else log
+
+
+def _seconds_of(name: str, log: LogTable) -> str | None:
+    """Column of whole seconds to which one of nanoseconds belongs."""
+    found = FRACTIONS.match(name)
+    if found is None:
+        return None
+    others = {other.lower(): other for other in log.columns}
+    second = next((others[found[1].lower() + end] for end in SECONDS if found[1].lower() + end in others), None)
+    if second is None:
+        return None
+    whole, part = log.columns[second], log.columns[name]
+    given = np.isfinite(whole) & np.isfinite(part)
+    within = (part[given] >= 0.0) & (part[given] < 1e9) & (part[given] % 1.0 == 0.0)
+    return second if given.any() and within.all() and (whole[given] % 1.0 == 0.0).all() else None

@@ -1,0 +1,222 @@
+"""Logs as people have them: each gives the columns of the clean log, or is refused in words that lead on."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from test_joint_columns import REVOLUTE, SI, arm
+
+from adaptctl.errors import FileError, InputError
+from adaptctl.identification.columns import JointLog, joint_columns, joint_log
+from adaptctl.identification.log_files import read_log
+from adaptctl.identification.preparation import prepare
+
+ARM = arm(REVOLUTE, REVOLUTE)
+T = np.arange(400) / 100.0
+Q = np.stack([np.sin(T), 0.8 * np.cos(2.0 * T)], axis=-1)
+V = np.stack([np.cos(T), -1.6 * np.sin(2.0 * T)], axis=-1)
+TAU = np.stack([3.0 * np.cos(T), 5.0 * np.sin(3.0 * T)], axis=-1)
+HEAD = [f"{what}.j{i}" for what in ("position", "velocity", "effort") for i in range(2)]
+CELLS = [[f"{x:.9f}" for x in row] for row in np.column_stack([Q, V, TAU])]
+ROWS = [[f"{t:.4f}", *row] for t, row in zip(T, CELLS, strict=True)]
+EPOCH = 1_726_000_000
+
+
+def lines(rows: list[list[str]], *before: list[str] | str, mark: str = ",") -> str:
+    return "\n".join(line if isinstance(line, str) else mark.join(line) for line in [*before, *rows]) + "\n"
+
+
+def joint_log_of(
+    path: Path, columns: dict[str, str] | None = None, rate: float | None = None, **units: str
+) -> JointLog:
+    log = read_log(path)
+    return joint_log(log, joint_columns(ARM, log, columns, SI | units, rate is None), rate)
+
+
+def stamps(form: Callable[[int], list[str]]) -> list[list[str]]:
+    return [[*form(round(1e9 * t)), *row] for t, row in zip(T, CELLS, strict=True)]
+
+
+def numpy_text() -> str:
+    return "\n".join("  ".join(row) for row in ROWS) + "\n"
+
+
+BY_NUMBER = {"time": "1", "position": "2-3", "velocity": "4,5", "torque": "6-7"}
+FORMS: dict[str, tuple[str, dict[str, Any], str]] = {
+    "plain": (lines(ROWS, ["time", *HEAD]), {}, ""),
+    "comments, also between rows": (
+        lines([*ROWS[:9], ["# a mark"], *ROWS[9:]], "# arm 3", "# 100 Hz", ["time", *HEAD]),
+        {},
+        "1 lines of comments",
+    ),
+    "names in the last comment": (lines(ROWS, "# arm 3", ["# time", *HEAD]), {}, ""),
+    "a row of units": (
+        lines(ROWS, ["time", *HEAD], ["[s]", *["rad"] * 2, *["rad/s"] * 2, "Nm", "N·m"]),
+        {},
+        "read as units",
+    ),
+    "last line cut off": (lines([*ROWS, ROWS[0][:2]], ["time", *HEAD]), {}, "last line, which is cut off"),
+    "a row twice": (lines([*ROWS[:9], *ROWS[8:]], ["time", *HEAD]), {}, "1 rows that repeat the one before"),
+    "empty rows of another topic": (
+        lines([r for row in ROWS for r in (row, [f"{float(row[0]) + 1e-3:.4f}", *[""] * 6])], ["time", *HEAD]),
+        {},
+        "400 rows without content",
+    ),
+    "no names": (lines(ROWS), {"columns": BY_NUMBER}, ""),
+    "blanks between numbers": (numpy_text(), {"columns": BY_NUMBER}, ""),
+    "no names, no time": (
+        lines(CELLS),
+        {"columns": {"position": "1-2", "velocity": "3-4", "torque": "5-6"}, "rate": 100.0},
+        "",
+    ),
+    "no time": (lines(CELLS, HEAD), {"rate": 100.0}, ""),
+    "numbers of named columns": (lines(ROWS, ["clock", *"abcdef"]), {"columns": BY_NUMBER}, ""),
+    "tabs and decimal commas": (
+        lines(ROWS, ["time", *HEAD], mark="\t")
+        .replace(".", ",")
+        .replace("n,j", "n.j")
+        .replace("y,j", "y.j")
+        .replace("t,j", "t.j"),
+        {},
+        "",
+    ),
+    "marks at the ends of rows": (lines([[*row, ""] for row in ROWS], ["time", *HEAD]), {}, ""),
+    "quoted": (lines([[f'"{x}"' for x in row] for row in ROWS], [f'"{x}"' for x in ("time", *HEAD)]), {}, ""),
+    "ns since 1970": (lines(stamps(lambda ns: [str(EPOCH * 10**9 + ns)]), ["time", *HEAD]), {"time": "ns"}, ""),
+    "sec and nanosec": (
+        lines(stamps(lambda ns: [str(EPOCH + ns // 10**9), str(ns % 10**9)]), ["stamp.sec", "stamp.nanosec", *HEAD]),
+        {"columns": {"time": "stamp.nanosec"}, "time": "ns"},
+        "stamp.sec and stamp.nanosec are taken as one stamp",
+    ),
+    "secs and nsecs": (
+        lines(stamps(lambda ns: [str(EPOCH + ns // 10**9), str(ns % 10**9)]), ["secs", "nsecs", *HEAD]),
+        {"columns": {"time": "secs"}},
+        "secs and nsecs are taken as one stamp",
+    ),
+    "ISO times": (
+        lines(stamps(lambda ns: [f"2026-09-01 12:00:{ns / 1e9:09.6f}".removesuffix(".000000")]), ["time", *HEAD]),
+        {},
+        "",
+    ),
+    "ISO times with T and Z": (
+        lines(stamps(lambda ns: [f"2026-09-01T12:00:{ns / 1e9:06.3f}Z"]), ["time", *HEAD]),
+        {},
+        "",
+    ),
+    "times of day": (lines(stamps(lambda ns: [f"12:00:{ns / 1e9:09.6f}"]), ["time", *HEAD]), {}, ""),
+}
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_a_text_log_gives_the_numbers_of_the_clean_one(name: str, tmp_path: Path) -> None:
+    text, given, note = FORMS[name]
+    (tmp_path / "log.csv").write_text(text)
+    found = joint_log_of(tmp_path / "log.csv", **given)
+    np.testing.assert_allclose(found.time - found.time[0], T, atol=1e-6)
+    for own, right in ((found.position, Q), (found.velocity, V), (found.torque, TAU)):
+        np.testing.assert_allclose(own, right, atol=1e-8)
+    assert [note in one for one in found.notes] == ([True] if note else [])
+
+
+def test_utf_16_is_read(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text(lines(ROWS, ["time", *HEAD]), encoding="utf-16")
+    np.testing.assert_allclose(joint_log_of(tmp_path / "log.csv").position, Q, atol=1e-8)
+
+
+def test_topics_in_rows_of_their_own_are_joined_by_straight_lines(tmp_path: Path) -> None:
+    with (tmp_path / "log.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["time", *HEAD])
+        for t, q, v in zip(T, Q, V, strict=True):
+            writer.writerow([t, *q, *v, "", ""])
+            if not 1.0 < t < 1.5:
+                shifted = [3.0 * np.cos(t + 4e-3), 5.0 * np.sin(3.0 * (t + 4e-3))]
+                writer.writerow([t + 4e-3, *[""] * 4, *shifted])
+    found = joint_log_of(tmp_path / "log.csv")
+    kept = np.isin(T.round(4), found.time.round(4))
+    assert not kept[(T > 1.02) & (T < 1.48)].any()
+    assert kept.sum() == len(found) > 340
+    np.testing.assert_allclose(found.position, Q[kept], atol=1e-8)
+    np.testing.assert_allclose(found.torque, TAU[kept], atol=2e-3)
+    assert ["empty cells were filled" in note for note in found.notes] == [True, False]
+    assert "far from numbers of other columns" in found.notes[1]
+
+
+@pytest.mark.parametrize(
+    ("text", "given", "message"),
+    [
+        (
+            lines(ROWS), {}, "has no line of column names, and 7 columns; give their numbers, if they are time, "
+            "positions, velocities, torques: --columns time=1 position=2-3 velocity=4-5 torque=6-7$",
+        ),
+        (lines([row[:4] for row in CELLS]), {}, "if they are positions, torques: --columns position=1-2 torque=3-4 "),
+        (lines(ROWS), {"columns": BY_NUMBER | {"torque": "6-8"}}, "columns: 6-8: expected numbers from 1 to 7"),
+        (lines(ROWS), {"columns": BY_NUMBER | {"torque": "5-7"}}, "torque: 5-7 has 3 columns, but the robot 2 joints"),
+        (lines([*ROWS[:9], ["7"], *ROWS[9:]], ["time", *HEAD]), {}, r"line 11 has 1 cells, not 7: '7'"),
+        (lines([[*row[:6], "ERR"] for row in ROWS], ["time", *HEAD]), {}, r"'effort.j1'.*its first text is 'ERR'"),
+        (lines(CELLS, HEAD), {}, "no column 'time' for the time; specify it: --columns time=NAME, or the rate"),
+        (lines(ROWS, ["time", *HEAD]), {"position": "counts"}, "for counts, a unit over their number, such as rev/"),
+        (lines(ROWS, ["time,q", *HEAD]), {}, "line 1 has 8 names, and line 2 7 numbers"),
+        (
+            lines(stamps(lambda ns: [f"2026-09-01 12:00:{ns / 1e9:09.6f}"]), ["time", *HEAD]), {"time": "ms"},
+            "column 'time' is in s; leave out another unit of time",
+        ),
+        (
+            lines([r for row in CELLS for r in (row, [""] * 6)], HEAD), {"rate": 100.0},
+            "400 rows have empty cells, so that rows are not evenly spaced in time",
+        ),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_known_is_asked_for(text: str, given: dict[str, Any], message: str, tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text(text)
+    with pytest.raises((FileError, InputError), match=message):
+        joint_log_of(tmp_path / "log.csv", **given)
+
+
+def wrapped(position: np.ndarray, unit: float) -> np.ndarray:
+    return np.floor(position / unit) % round(2.0 * np.pi / unit)
+
+
+def test_counts_and_angles_from_0_to_360_are_continued(tmp_path: Path) -> None:
+    counts = wrapped(Q, 2.0 * np.pi / 4096)
+    rows = [[f"{t:.4f}", *(f"{x:.9g}" for x in row)] for t, row in zip(T, np.column_stack([counts, TAU]), strict=True)]
+    (tmp_path / "log.csv").write_text(lines(rows, ["time", *HEAD[:2], *HEAD[4:]]))
+    (piece,), steps = prepare(joint_log_of(tmp_path / "log.csv", position="rev/4096"), ARM, ("limits",))
+    np.testing.assert_allclose(piece.position, Q, atol=2.0 * np.pi / 4096)
+    found = [step.outcome for step in steps if step.name == "unwrap"]
+    assert found == ["4 jumps by full turns removed from the angles"]
+
+
+def test_turns_that_cannot_be_told_are_refused(tmp_path: Path) -> None:
+    fast = np.column_stack([70.0 * T + 5.0 * np.sin(T), Q[:, 1]])
+    log = JointLog("log.csv", T[::4], fast[::4] % (2.0 * np.pi), TAU[::4])
+    with pytest.raises(InputError, match=r"joint 'j0' jumps by full turns, and at .* may be more than half a turn"):
+        prepare(log, ARM, ("limits",))
+
+
+def test_lists_episodes_and_dates_of_parquet_are_read(tmp_path: Path) -> None:
+    n = len(T) // 2
+    columns = {
+        "timestamp": np.r_[T[:n], T[:n]],
+        "episode_index": np.repeat([0, 1], n),
+        "observation.state": pa.array(Q.tolist()),
+        "observation.effort": pa.array(TAU.tolist(), pa.list_(pa.float64(), 2)),
+    }
+    pq.write_table(pa.table(columns), tmp_path / "log.parquet")
+    names = {"time": "timestamp", "position": "observation.state[{0}]", "torque": "observation.effort[{0}]"}
+    found = joint_log_of(tmp_path / "log.parquet", names)
+    np.testing.assert_array_equal(found.position, Q)
+    assert "2 episodes, whose stamps begin anew" in found.notes[0]
+    assert len(prepare(found, ARM)[0]) == 2
+    whole = EPOCH * 10**9 + np.round(1e9 * T).astype(np.int64)
+    for time, unit in ((pa.array(whole, pa.timestamp("ns")), "s"), (whole, "ns"), (whole.astype(np.uint64), "ns")):
+        flat = dict(zip(HEAD, np.column_stack([Q, V, TAU]).T, strict=True))
+        pq.write_table(pa.table({"time": time, **flat}), tmp_path / "log.parquet")
+        np.testing.assert_allclose(joint_log_of(tmp_path / "log.parquet", time=unit).time, T, atol=1e-9)
