@@ -37,6 +37,7 @@ COMMANDS = (
     "export",
     "runs",
     "sweep",
+    "contest",
     "doctor",
     "install-completion",
 )

@@ -40,6 +40,7 @@ ORDER = (
     "envs",
     "experiments",
     "sweeps",
+    "contest",
     "cli",
     "__main__",
 )

@@ -83,6 +83,7 @@ app.command("adaptctl.cli.drive:drive", name="drive", help="Robot driven from wh
 app.command("adaptctl.cli.experiment:app", name="experiment", help="List experiments and run them.")
 app.command("adaptctl.cli.runs:runs", name="runs", help="Table of the experiments in a folder.")
 app.command("adaptctl.cli.sweep:app", name="sweep", help="Parameter sweeps, on this machine or a cluster.")
+app.command("adaptctl.cli.contest:contest", name="contest", help="Ranks of adaptive laws on robots and conditions.")
 app.command("adaptctl.cli.doctor:doctor", name="doctor", help="Check of the installation.")
 app.command(
     "adaptctl.cli.doctor:install_completion",

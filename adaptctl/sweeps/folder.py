@@ -90,7 +90,7 @@ class Folder:
     def has(self, shard: Shard) -> bool:
         """True if a shard's file can be read, is as it was written, and has the rows of all its runs."""
         try:
-            about = entries_of(_read(self.place(shard)).schema.metadata)
+            about = entries_of(read_checked(self.place(shard)).schema.metadata)
         except FileError:
             return False
         return CHECKSUM in about and about.get("runs") == str(len(shard.runs))
@@ -98,15 +98,15 @@ class Folder:
     def keep(self, shard: Shard, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write the rows of a shard, whole or not at all."""
         made_folder(self.path / "shards")
-        _write(self.place(shard), table(self.study, rows, len(shard.runs)))
+        write_checked(self.place(shard), table(self.study, rows, len(shard.runs)))
 
     def finished(self) -> pa.Table:
         """Table of all rows in the runs' order, also written to sweep.parquet."""
         shards = list(self.shards())
         if missing := [shard for shard in shards if not self.has(shard)]:
             raise FileError(f"{self.place(missing[0])}: is missing: run the command again")
-        whole = pa.concat_tables([_read(self.place(shard)) for shard in shards])
-        _write(self.path / TABLE, whole)
+        whole = pa.concat_tables([read_checked(self.place(shard)) for shard in shards])
+        write_checked(self.path / TABLE, whole)
         return whole
 
 
@@ -125,10 +125,10 @@ def read_table(path: Path) -> pa.Table:
     places = [whole] if whole.is_file() else sorted((path / "shards").glob("[!.]*.parquet"))
     if not places:
         raise FileError(f"{path}: has no finished runs of a sweep")
-    return pa.concat_tables([_read(place) for place in places])
+    return pa.concat_tables([read_checked(place) for place in places])
 
 
-def _read(place: Path) -> pa.Table:
+def read_checked(place: Path) -> pa.Table:
     """Table of a Parquet file of rows; `FileError` where it is damaged or was changed."""
     try:
         with pq.ParquetFile(place) as file:
@@ -146,7 +146,8 @@ def saved_study(path: Path) -> Saved:
     return read_json(path / STUDY, Saved)
 
 
-def _write(path: Path, content: pa.Table) -> None:
+def write_checked(path: Path, content: pa.Table) -> None:
+    """Write a Parquet file with a hash of its content."""
     about = {name: text for name, text in entries_of(content.schema.metadata).items() if name != CHECKSUM}
     content = content.replace_schema_metadata(about | {CHECKSUM: checksum_of(content, about)})
     with replacing(path) as beside:

@@ -11,7 +11,7 @@ PICTURE = ROOT / "docs" / "images" / "architecture.svg"
 BELOW = {"errors", "optional_packages", "renamed", "version", "caching", "files", "folders", "arrays"}
 """Single files that all others may use, drawn as one row."""
 GROUPS = (
-    ("what users run", ("cli", "sweeps", "experiments", "envs")),
+    ("what users run", ("cli", "contest", "sweeps", "experiments", "envs")),
     ("results", ("codegen", "hardware", "design", "identification")),
     ("runs shown, tuned", ("recording", "tuning")),
     ("closed loops", ("simulation",)),

@@ -1,0 +1,337 @@
+"""A contest of laws: entries, reasons of failures, seeds, ranks and the command."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from adaptctl.cli.main import main
+from adaptctl.contest import running
+from adaptctl.contest.conditions import CONDITIONS
+from adaptctl.contest.contest_file import Contest
+from adaptctl.contest.entries import ContestEntry
+from adaptctl.contest.known import Knowledge, Known
+from adaptctl.contest.laws import LAWS
+from adaptctl.contest.ranking import Ranking, agreement
+from adaptctl.contest.scene import Scene, scene_of
+from adaptctl.contest.trial import TimeExceededError, tried
+from adaptctl.errors import FileError, InputError, NotFoundError
+
+ARM = str(Path("docs/examples/two_link.toml").resolve())
+OWN = '''
+import time
+from dataclasses import dataclass
+from adaptctl.control import Controller, Gradient
+from adaptctl.control.adaptation.law import NoMemory
+from adaptctl.scalars import Column
+
+@dataclass(frozen=True, eq=False)
+class Slower(Gradient):
+    """Gradient at half its rate."""
+    def law(self, model, estimate, period, memory):
+        moved, memory = super().law(model, estimate, period, memory)
+        return estimate + 0.5 * (moved - estimate), memory
+
+@dataclass(frozen=True, eq=False)
+class Own(Controller):
+    mechanism: object
+    damping: object
+    @property
+    def dof(self):
+        return self.mechanism.dof
+    def initial_state(self, p, v):
+        return NoMemory()
+
+class Raises(Own):
+    def law(self, p, v, reference, memory):
+        raise KeyError("oops")
+
+class NotANumber(Own):
+    def law(self, p, v, reference, memory):
+        return Column(x * float("nan") for x in p), memory
+
+class Unstable(Own):
+    def law(self, p, v, reference, memory):
+        return 1e3 * p, memory
+
+class Reads(Own):
+    def law(self, p, v, reference, memory):
+        return Column(self.mechanism.inertial_parameters[0] * x for x in p), memory
+
+class ReadsFile(Reads):
+    knows = "file"
+
+class Endless(Own):
+    def law(self, p, v, reference, memory):
+        while True:
+            pass
+
+@dataclass(frozen=True, eq=False)
+class Asks(Own):
+    true_mass: float
+    def law(self, p, v, reference, memory):
+        return p, memory
+
+@dataclass(frozen=True, eq=False)
+class AsksParameters(Own):
+    parameters: object
+    def law(self, p, v, reference, memory):
+        return p, memory
+
+class Oracle(Own):
+    knows = "truth"
+
+class gradient(Slower):
+    pass
+'''
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> str:
+    (tmp_path / "own.py").write_text(OWN)
+    return str(tmp_path / "own.py")
+
+
+def entry(law: str, *conditions: str, seeds: tuple[int, ...] = (1, 2), duration: float = 0.3) -> ContestEntry:
+    return ContestEntry(law, ARM, conditions or ("clean",), seeds, duration, ("reference", "initial error"), "adaptctl")
+
+
+def reasons(rows: list[dict[str, Any]]) -> set[str]:
+    return {row["reason"] for row in rows}
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return scene_of(ARM, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("law", "reason"),
+    [
+        ("Raises", "KeyError: 'oops'"),
+        ("NotANumber", "torque is not a number from 0.00 s on"),
+        ("Unstable", "error beyond 2 rad at"),
+        ("Reads", "needs the parameters of the arm's links, which a law that knows limits may not have"),
+        ("Asks", "needs true_mass, which a law may not know"),
+        ("AsksParameters", "needs parameters, which a law that knows limits may not have"),
+        ("Oracle", "knows: expected one of 'limits', 'wrong file', 'file', got 'truth'"),
+        ("Missing", "no class 'Missing'"),
+    ],
+)
+def test_a_law_that_fails_is_a_row_with_its_reason(own: str, law: str, reason: str) -> None:
+    rows = entry(f"{own}:{law}").rows()
+    assert [(row["seed"], row["law"]) for row in rows] == [(1, law), (2, law)]
+    assert all(reason in told for told in reasons(rows))
+    assert all(np.isnan(row["error"]) for row in rows)
+
+
+def test_a_law_that_never_ends_is_stopped(own: str, scene: Scene) -> None:
+    from adaptctl.contest.own_law import own_entrant
+
+    endless = own_entrant(f"{own}:Endless")
+    with pytest.raises(TimeExceededError, match="too slow"):
+        tried(endless, Known.of(scene, endless.knows, 1, scene.mechanism.inertial_parameters), 0.3)
+
+
+def test_a_law_that_says_that_it_knows_the_file_may_use_it(own: str, scene: Scene) -> None:
+    from adaptctl.contest.own_law import own_entrant
+
+    reads = own_entrant(f"{own}:ReadsFile")
+    assert reads.knows is Knowledge.FILE
+    assert tried(reads, Known.of(scene, reads.knows, 1, scene.mechanism.inertial_parameters)) > 0
+
+
+def test_all_laws_of_the_library_are_made_and_know_no_more_than_they_say(scene: Scene) -> None:
+    truth = 1.1 * scene.mechanism.inertial_parameters
+    found = {law.name: tried(law, Known.of(scene, law.knows, 1, truth)) for law in LAWS}
+    assert len(found) == len(LAWS) >= 15
+    assert found["pd"] < found["gradient"] < found["learning"]
+
+
+def test_rows_do_not_depend_on_other_seeds_and_say_what_a_seed_drew(scene: Scene) -> None:
+    both, alone = (entry("gradient", "noise", "links-wrong", seeds=seeds).rows() for seeds in ((1, 2), (2,)))
+    second = [row for row in both if row["seed"] == 2]
+    for one, other in zip(second, alone, strict=True):
+        assert one["error"] == pytest.approx(other["error"], rel=1e-9)
+    assert both[0]["error"] != both[1]["error"]
+    assert set(np.abs(scene.initial_error(1))) == set(scene.tuning.initial_error)
+    later = scene.reference(1), scene.reference(1)
+    np.testing.assert_array_equal(later[0](3.0).p, later[1](3.0).p)
+    assert not np.allclose(later[0](3.0).p, scene.reference(2)(3.0).p)
+
+
+def test_a_wrong_file_is_30_percent_wrong_by_seed_and_the_truth_is_true(scene: Scene) -> None:
+    truth = 2.0 * scene.mechanism.inertial_parameters
+    assert Known.of(scene, Knowledge.TRUTH, 1, truth).parameters is truth
+    ratio = Known.of(scene, Knowledge.WRONG_FILE, 1, truth).parameters[0] / scene.mechanism.inertial_parameters[0]
+    assert ratio == pytest.approx(1.3) or ratio == pytest.approx(0.7)
+    with pytest.raises(InputError, match="knows limits may not have"):
+        _ = Known.of(scene, Knowledge.LIMITS, 1, truth).parameters
+
+
+def test_conditions_do_what_they_say(scene: Scene) -> None:
+    limits = scene.tuning.torque_limits
+    np.testing.assert_allclose(CONDITIONS["saturation"].plant(scene).torque_limits, 0.6 * limits)
+    halted = CONDITIONS["halt"].reference(scene.reference(1))
+    assert not halted(13.5).v.any()
+    held = CONDITIONS["payload"].plant(scene)
+    assert [held.payload_mass(t) > 0.0 for t in (5.9, 6.1)] == [False, True]
+    friction = CONDITIONS["friction"].parameters(scene, 1) - scene.mechanism.inertial_parameters
+    names = [name for name, x in zip(scene.mechanism.parameter_names, friction, strict=True) if x]
+    assert {name.rpartition(".")[2] for name in names} == {"viscous", "coulomb"}
+
+
+def test_mujoco_moves_the_arm_as_our_plant_does() -> None:
+    ours = entry("gradient", "clean", "links-wrong", seeds=(1,)).rows()
+    theirs = replace(entry("gradient", "clean", "links-wrong", seeds=(1,)), plant="mujoco").rows()
+    assert reasons(theirs) == {""}
+    for one, other in zip(ours, theirs, strict=True):
+        assert other["error"] == pytest.approx(one["error"], rel=0.02)
+
+
+ROWS = {
+    "best": [1.0, 2.0, 3.0, 4.0],
+    "pd-gravity": [2.0, 4.0, 6.0, 8.0],
+    "true": [1.0, 1.0, 1.0, 1.0],
+    "fails": [0.1, 0.1, np.nan, np.nan],
+}
+
+
+def rows_of(laws: dict[str, list[float]]) -> list[dict[str, Any]]:
+    other = dict.fromkeys(("error_2_s", "error_10_s", "error_20_s", "return_time", "torque", "torque_rate"), 1.0)
+    return [
+        {"law": law, "robot": "arm", "condition": "clean", "seed": seed, "error": x, "knows": "limits",
+         "saturated": 0.0, "reason": "" if np.isfinite(x) else "error beyond 2 rad at 1.00 s", "operations": 9, **other}
+        for law, values in laws.items() for seed, x in enumerate(values)
+    ]  # fmt: skip
+
+
+def test_failures_are_ranked_last_and_ratios_are_paired() -> None:
+    ranking = Ranking(rows_of(ROWS))
+    assert ranking.order == ["true", "best", "pd-gravity", "fails"]
+    assert ranking.over("best", "pd-gravity") == pytest.approx((0.5, 0.5, 0.5))
+    assert ranking.over("fails", "pd-gravity").high == np.inf
+    assert ranking.over("best", "true").low < 2.4 < ranking.over("best", "true").high
+    assert (
+        ranking.failure("fails")
+        == "Fails in 2 of 4 runs, 2 of them under clean: error beyond 2 rad at 1.00 s (arm, seed 2)."
+    )
+    assert "weakest under clean, 2.5 times" in ranking.failure("best")
+    # Demšar (2006): q of 4 laws at 5 % is 2.569, and here is one block
+    assert ranking.critical_difference == pytest.approx(2.569 * np.sqrt(4 * 5 / 6.0), rel=1e-3)
+    all_of = ranking.table()[2]
+    assert (all_of["law"], all_of["failed"], all_of["error"]) == ("pd-gravity", 0, 5.0)
+
+
+def test_orders_that_differ_are_told() -> None:
+    one = Ranking(rows_of({"a": [1.0, 1.1], "b": [2.0, 2.1], "c": [3.0, 3.1]}))
+    other = Ranking(rows_of({"a": [1.0, 1.1], "b": [3.0, 3.1], "c": [2.0, 2.1]}))
+    assert agreement(one, one) == (1.0, [])
+    found = agreement(one, other)
+    assert found.reversed_pairs == [("b", "c")]
+    assert found.tau_b == pytest.approx(1.0 / 3.0)
+
+
+def written(folder: Path, **changed: Any) -> Path:
+    given = {"purpose": "Try.", "robots": [ARM], "laws": ["true", "gradient"], "conditions": ["clean"], "seeds": [1, 2],
+             "duration": 0.3}  # fmt: skip
+    path = folder / "contest.toml"
+    path.write_text("\n".join(f"{name} = {json.dumps(x)}" for name, x in {**given, **changed}.items()))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("changed", "kind", "message"),
+    [
+        ({"laws": ["gradiant"]}, NotFoundError, "unknown law 'gradiant' (did you mean 'gradient'?); laws: true, "),
+        ({"conditions": ["windy"]}, NotFoundError, "unknown condition 'windy'; conditions: clean, "),
+        ({"laws": ["own.py:gradient", "gradient"]}, InputError, "two are called 'gradient'"),
+        ({"laws": ["own.py:gradient"]}, InputError, "two are called 'gradient', the library's and"),
+        ({"laws": ["gone.py:A"]}, FileError, "gone.py: no such file"),
+        ({"robots": []}, InputError, "robots: expected at least one"),
+        ({"seeds": [1, 1]}, InputError, "seeds: 1 is given twice"),
+        ({"seeds": [-1]}, InputError, "seeds"),
+        ({"duration": 0.0}, InputError, "duration: expected 0.1 to 1000 s"),
+        ({"robots": ["{no-such-package}/a.urdf"]}, Exception, "no-such-package is not installed"),
+        ({"plant": "mujoco", "conditions": ["noise"]}, InputError, "MuJoCo has no noise; it has clean"),
+        ({"arms": ["puma560"]}, FileError, "unknown field `arms`"),
+    ],
+)
+def test_a_contest_that_cannot_be_is_refused(
+    own: str, tmp_path: Path, changed: dict[str, Any], kind: type[Exception], message: str
+) -> None:
+    with pytest.raises(kind) as error:
+        Contest.of(written(tmp_path, **changed))
+    assert message in str(error.value)
+
+
+def test_laws_are_not_judged_on_what_they_were_tuned_on(tmp_path: Path) -> None:
+    (tmp_path / "earlier").mkdir()
+    written(tmp_path / "earlier", seeds=[2, 3])
+    with pytest.raises(InputError, match="has two_link, seed 2 too"):
+        Contest.of(written(tmp_path, tuned_on="earlier/contest.toml"))
+    Contest.of(Path("benchmarks/laws_judged_on.toml"))
+
+
+def test_the_hash_is_of_what_is_judged_on_alone(tmp_path: Path) -> None:
+    first = Contest.of(written(tmp_path)).scoring_hash
+    assert Contest.of(written(tmp_path, laws=["true"], purpose="Other.")).scoring_hash == first
+    assert Contest.of(written(tmp_path, seeds=[1, 3])).scoring_hash != first
+
+
+class InThisProcess:
+    """Workers of a contest, without processes."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.computed: list[str] = []
+        monkeypatch.setattr(running, "computed", self._computed)
+        monkeypatch.setattr("adaptctl.sweeps.cluster.Cluster.client", lambda cluster: self)
+
+    def _computed(self, client: Any, missing: dict[str, ContestEntry]) -> Iterator[tuple[ContestEntry, Any]]:
+        for each in list(missing.values()):
+            self.computed.append(each.law)
+            del missing[f"contest-{each.name}"]
+            yield each, each.rows()
+
+    def __enter__(self) -> InThisProcess:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        return
+
+
+def test_the_command_writes_all_files_resumes_and_runs_a_new_law_alone(
+    own: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    workers, out = InThisProcess(monkeypatch), tmp_path / "out"
+    assert main(["contest", str(written(tmp_path)), "--out", str(out)]) == 0
+    before = pq.read_table(out / "results.parquet")
+    assert main(["contest", str(written(tmp_path, laws=["true", "gradient", "own.py:Slower"])), "--out", str(out)]) == 0
+    assert [Path(law).name for law in workers.computed] == ["true", "gradient", "own.py:Slower"]
+    after = pq.read_table(out / "results.parquet")
+    assert after.filter(np.array(after["law"]) != "Slower").equals(before)
+    assert {f.metadata[b"unit"] for f in after.schema if f.name.startswith("error")} == {b"mrad (mm)"}
+    assert "Slower" in capsys.readouterr().out
+    assert json.loads((out / "contest.json").read_text())["sha256"] == after.schema.metadata[b"scoring"].decode()
+    shard = next((out / "shards").glob("*.true.*"))
+    shard.write_bytes(shard.read_bytes()[:-9])  # as by a full disk
+    assert main(["contest", str(written(tmp_path)), "--out", str(out)]) == 0
+    assert workers.computed[3:] == ["true"]
+
+
+def test_one_run_is_repeated_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    InThisProcess(monkeypatch)
+    one = ["--law", "gradient", "--robot", "two_link", "--condition", "clean", "--seed", "2"]
+    for more, folder in (([], "all"), (one, "one")):
+        assert main(["contest", str(written(tmp_path)), "--out", str(tmp_path / folder), *more]) == 0
+    whole, alone = (pq.read_table(tmp_path / folder / "results.parquet").to_pylist() for folder in ("all", "one"))
+    assert len(alone) == 1
+    assert alone[0]["error"] == pytest.approx(whole[3]["error"], rel=1e-9)
+    assert main(["contest", str(written(tmp_path)), "--out", str(tmp_path / "no"), "--law", "pd"]) == 2
