@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,12 +14,14 @@ import pyarrow.parquet as pq
 import pytest
 
 from adaptctl.cli.main import main
-from adaptctl.contest import running
+from adaptctl.contest import report, running
 from adaptctl.contest.conditions import CONDITIONS
 from adaptctl.contest.contest_file import Contest
 from adaptctl.contest.entries import ContestEntry
+from adaptctl.contest.figures import latex, write_paper
 from adaptctl.contest.known import Knowledge, Known
 from adaptctl.contest.laws import LAWS
+from adaptctl.contest.page import tint, write_page
 from adaptctl.contest.ranking import Ranking, agreement
 from adaptctl.contest.scene import Scene, scene_of
 from adaptctl.contest.trial import TimeExceededError, tried
@@ -239,6 +242,58 @@ def test_orders_that_differ_are_told() -> None:
     assert found.tau_b == pytest.approx(1.0 / 3.0)
 
 
+def large(laws: int = 3, robots: int = 20, conditions: int = 10, seeds: int = 20) -> Iterator[dict[str, Any]]:
+    rng = np.random.default_rng(0)
+    other = dict.fromkeys(("error_2_s", "error_10_s", "error_20_s", "return_time", "torque", "torque_rate"), 1.0)
+    for axes in np.ndindex(laws, robots, conditions, seeds):
+        law, robot, condition, seed = axes
+        yield {"law": f"law{law}", "robot": f"robot{robot}", "condition": list(CONDITIONS)[condition], "seed": seed,
+               "error": float(rng.random()), "knows": "limits", "saturated": 0.0, "operations": 9, "reason": "",
+               "curve": rng.random(20).tolist(), **other}  # fmt: skip
+
+
+def test_the_page_of_a_large_contest_is_small_and_asks_for_nothing_else(tmp_path: Path) -> None:
+    contest, ranking = Contest.of(written(tmp_path)), Ranking(list(large()))
+    rows = Ranking(list(large(2, 2, 10, 2))).table()
+    table = [{**rows[0], "law": law, "condition": x} for law in ranking.laws for x in ("all", *ranking.conditions)]
+    write_page(tmp_path / "index.html", contest, ranking, table)
+    text = (tmp_path / "index.html").read_text()
+    assert len(text) < 3e6 * 3 / 15  # a fifth of 15 laws
+    assert not re.search(r"(src|href)=|https?://|@import|url\(", text)
+    assert text.count("data-cell=") == 30
+
+
+def test_figures_for_a_paper_are_a_column_wide_in_three_formats(tmp_path: Path) -> None:
+    ranking = Ranking([{**row, "curve": [2.0, 1.0]} for row in rows_of(ROWS)])
+    write_paper(tmp_path, ranking, ranking.table(), 20.0)
+    found = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert found == {f"{name}.{kind}" for name in ("ranks", "map", "course") for kind in ("pdf", "svg", "png")}
+    assert 'width="248.4pt"' in (tmp_path / "figures" / "map.svg").read_text()
+    assert "best &" in (tmp_path / "table.tex").read_text()
+    assert "adaptctl" in (tmp_path / "cite.bib").read_text()
+
+
+def test_names_and_reasons_are_texts_in_the_page_and_the_table(tmp_path: Path) -> None:
+    rows = [{**row, "curve": [1.0]} for row in rows_of({"a_b": [1.0, 2.0], "c": [np.nan, 1.0]})]
+    for row in rows:
+        row["reason"] = row["reason"] and "</script><b>&"
+    ranking = Ranking(rows)
+    write_page(tmp_path / "index.html", Contest.of(written(tmp_path)), ranking, table := ranking.table())
+    text = (tmp_path / "index.html").read_text()
+    assert text.count("</script>") == 2
+    data = json.loads(text.partition('id="data">')[2].partition("</script>")[0])
+    assert data["runs"] == [[[[1.0, 2.0]]], [[["</script><b>&", 1.0]]]]
+    assert "a\\_b &" in latex(table)
+
+
+def test_colors_tell_better_from_worse_and_failed() -> None:
+    better, same, worse, failed = (tint(x, True) for x in (0.01, 1.0, 100.0, np.inf))
+    assert better.blue > worse.blue
+    assert worse.red > better.red
+    assert min(same) > 240
+    assert failed not in (better, same, worse)
+
+
 def written(folder: Path, **changed: Any) -> Path:
     given = {"purpose": "Try.", "robots": [ARM], "laws": ["true", "gradient"], "conditions": ["clean"], "seeds": [1, 2],
              "duration": 0.3}  # fmt: skip
@@ -292,6 +347,7 @@ class InThisProcess:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.computed: list[str] = []
         monkeypatch.setattr(running, "computed", self._computed)
+        monkeypatch.setattr(report, "write_paper", lambda *_: None)  # which takes seconds
         monkeypatch.setattr("adaptctl.sweeps.cluster.Cluster.client", lambda cluster: self)
 
     def _computed(self, client: Any, missing: dict[str, ContestEntry]) -> Iterator[tuple[ContestEntry, Any]]:
@@ -319,6 +375,7 @@ def test_the_command_writes_all_files_resumes_and_runs_a_new_law_alone(
     assert after.filter(np.array(after["law"]) != "Slower").equals(before)
     assert {f.metadata[b"unit"] for f in after.schema if f.name.startswith("error")} == {b"mrad (mm)"}
     assert "Slower" in capsys.readouterr().out
+    assert {"index.html", "ranks.parquet"} <= {path.name for path in out.iterdir()}
     assert json.loads((out / "contest.json").read_text())["sha256"] == after.schema.metadata[b"scoring"].decode()
     shard = next((out / "shards").glob("*.true.*"))
     shard.write_bytes(shard.read_bytes()[:-9])  # as by a full disk

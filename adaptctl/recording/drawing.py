@@ -89,8 +89,10 @@ def joint_color(index: int) -> Color:
 
 # Width in inches at which the report shows figures.
 FIGURE_WIDTH = 9.2
-# Resolution of figures.
-DOTS_PER_INCH = 160
+# Width in inches of a column of a paper.
+COLUMN_WIDTH = 3.45
+# Resolution of figures, and of those for print.
+DOTS_PER_INCH, PRINT_DOTS_PER_INCH = 160, 300
 
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -169,6 +171,34 @@ def write_drawings(folder: str | Path, drawings: Iterable[Drawing]) -> dict[str,
     return written
 
 
+PAPER_STYLE: dict[Any, Any] = {
+    "font.size": 7.5,
+    "axes.labelsize": 8.0,
+    "axes.titlesize": 8.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "legend.fontsize": 7.0,
+    "pdf.fonttype": 42,
+}
+
+
+def write_for_paper(folder: str | Path, drawings: Iterable[Drawing]) -> list[Path]:
+    """Write drawings as PDF, SVG and PNG files that are the same whenever they are written."""
+    import matplotlib as mpl
+
+    written = []
+    undated: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {}}
+    with mpl.rc_context({**STYLE, **PAPER_STYLE}):
+        for drawing in drawings:
+            figure = drawing.draw()
+            _lay_out(figure)
+            for kind, metadata in undated.items():
+                written.append(Path(folder) / f"{drawing.name}.{kind}")
+                with replacing(written[-1]) as beside:
+                    figure.savefig(beside, format=kind, dpi=PRINT_DOTS_PER_INCH, metadata=metadata)
+    return written
+
+
 def data_urls(drawings: Iterable[Drawing]) -> dict[str, str]:
     """URLs of drawings by name that contain them: SVG if plain, else PNG."""
     found = {}
@@ -193,10 +223,15 @@ def data_url(kind: str, content: bytes) -> str:
 
 def _draw_once(canvas: FigureCanvasAgg, path: Path) -> None:
     """Write a figure as PNG; `savefig` would lay it out, which costs most of it, twice."""
-    if layout := canvas.figure.get_layout_engine():
-        layout.execute(canvas.figure)
-        canvas.figure.set_layout_engine("none")
+    _lay_out(canvas.figure)
     canvas.print_png(path, metadata={"Software": "adaptctl"})  # type: ignore[no-untyped-call]  # Matplotlib has no types
+
+
+def _lay_out(figure: Figure) -> None:
+    """Lay a figure out, once for all that is made of it."""
+    if layout := figure.get_layout_engine():
+        layout.execute(figure)
+        figure.set_layout_engine("none")
 
 
 def thinned(samples: int, most: int) -> slice:

@@ -1,0 +1,169 @@
+"""Page of a contest, in one file that opens from the file system."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from adaptctl.contest.conditions import CONDITIONS
+from adaptctl.contest.contest_file import Contest
+from adaptctl.contest.laws import PD_GRAVITY, TRUE_MODEL
+from adaptctl.contest.ranking import ALL, Ranking
+from adaptctl.files import write_text
+from adaptctl.optional_packages import needed
+from adaptctl.recording.drawing import PAPER, Color
+from adaptctl.version import __version__
+
+HEADS = (
+    *("law", "rank", "mrad", "over true model", "over PD with gravity", "mrad at 2 s", "10 s", "20 s", "failed"),
+    *("return, s", "torque", "its rate, 1/s", "saturated", "operations", "knows", "how it fails"),
+)
+CITATION = "Adaptctl: adaptive control of robot mechanisms on minimal inertial parameters (CITATION.cff)."
+GOOD, BAD, LOST = Color(96, 165, 230), Color(240, 150, 80), Color(214, 196, 214)
+"""Colors of a hundredth and a hundredfold error, and of failures."""
+DECADES = 2.0
+"""Decades from 1 at which colors are full."""
+
+
+class PageCell(NamedTuple):
+    """Cell of a table: its text, what it is sorted by, a note and a color."""
+
+    text: str
+    value: float | str = ""
+    note: str = ""
+    color: str = ""
+    words: bool = False
+
+
+def short(value: float) -> str:
+    """Number with three digits, a dash where there is none."""
+    return "–" if math.isnan(value) else "∞" if math.isinf(value) else f"{value:.3g}"
+
+
+def write_page(path: Path, contest: Contest, ranking: Ranking, table: list[dict[str, Any]]) -> None:
+    """Write the page of a contest with these ranks."""
+    with needed("the page of a contest"):
+        import jinja2
+    template = jinja2.Environment(autoescape=True).from_string(Path(__file__).with_suffix(".html").read_text())
+    write_text(path, template.render(content(contest, ranking, table), data=_data(contest, ranking)))
+
+
+def content(contest: Contest, ranking: Ranking, table: list[dict[str, Any]]) -> dict[str, Any]:
+    """Names of the template and their values."""
+    asked, conditions = contest.asked, ranking.conditions
+    own = {(row["law"], row["condition"]): row for row in table}
+    over = next((name for name in (TRUE_MODEL, PD_GRAVITY) if name in ranking.laws), None)
+    return {
+        "title": f"Contest of {len(ranking.laws)} laws",
+        "purpose": asked.purpose,
+        "told": ", ".join(f"{len(getattr(ranking, name))} {name}" for name in ("laws", "robots", "conditions", "seeds"))
+        + f"; {asked.duration:g} s each, plant: {asked.plant}.",
+        "difference": f"Differences below {short(ranking.critical_difference)} are not significant (Nemenyi, 5 %).",
+        "heads": HEADS,
+        "rows": [{"name": law, "cells": _cells(own[law, ALL])} for law in ranking.order],
+        "map_told": f"Median error over that of {over} in equal runs." if over else "Median error in mrad.",
+        "conditions": [{"name": name, "meaning": CONDITIONS[name].meaning} for name in conditions],
+        "cells": [{"name": law, "cells": [_mapped(own[law, x], over) for x in conditions]} for law in ranking.laws],
+        "robots": ", ".join(ranking.robots),
+        "command": f"adaptctl contest {shlex.quote(str(contest.source))} --out results/contest",
+        "version": __version__,
+        "hash": contest.scoring_hash,
+        "citation": CITATION,
+    }
+
+
+def _cells(row: dict[str, Any]) -> list[PageCell]:
+    """Cells of a law's row beside its name."""
+    plain = [PageCell(short(row[name]), row[name]) for name in ("error_2_s", "error_10_s", "error_20_s")]
+    rest = [PageCell(short(row[name]), row[name]) for name in ("return_time", "torque", "torque_rate", "saturated")]
+    return [
+        PageCell(f"{row['rank']:.2f}", row["rank"]),
+        PageCell(short(row["error"]), row["error"]),
+        _over(row, "over_true"),
+        _over(row, "over_pd_gravity"),
+        *plain,
+        PageCell(f"{row['failed']} of {row['runs']}", row["failed"]),
+        *rest,
+        PageCell(f"{row['operations']:,}", row["operations"]),
+        PageCell(row["knows"], row["knows"]),
+        PageCell(row["failure"], row["failure"], words=True),
+    ]
+
+
+def _over(row: dict[str, Any], name: str) -> PageCell:
+    ends = row[f"{name}_low"], row[f"{name}_high"]
+    note = "" if math.isnan(ends[0]) else f"[{short(ends[0])}, {short(ends[1])}]"
+    return PageCell(short(row[name]), row[name], note)
+
+
+def _mapped(row: dict[str, Any], over: str | None) -> PageCell:
+    """Cell of the map of a law under a condition."""
+    value = row[{TRUE_MODEL: "over_true", PD_GRAVITY: "over_pd_gravity", None: "error"}[over]]
+    note = f"{row['failed']} of {row['runs']} failed" if row["failed"] else ""
+    return PageCell(short(value), value, note, tint(value, over is not None).hex)
+
+
+def tint(value: float, is_ratio: bool) -> Color:
+    """Background of a ratio: blue below 1, orange above; violet where there is none."""
+    if not math.isfinite(value) or value <= 0.0:
+        return LOST
+    share = min(1.0, abs(math.log10(value)) / DECADES) if is_ratio else 0.0
+    return PAPER.faded(0.08 + 0.92 * share, GOOD if value < 1.0 else BAD)
+
+
+def _data(contest: Contest, ranking: Ranking) -> Any:
+    """Runs behind the cells as JSON, which no text in it can end."""
+    from markupsafe import Markup
+
+    runs, curves = _runs(ranking), _curves(ranking)
+    told = {
+        **{name: getattr(ranking, name) for name in ("laws", "robots", "conditions", "seeds")},
+        "runs": runs,
+        "curves": curves,
+        "others": [ranking.laws.index(name) for name in (TRUE_MODEL, PD_GRAVITY) if name in ranking.laws],
+        "duration": contest.asked.duration,
+        "command": f"adaptctl contest {shlex.quote(str(contest.source))}",
+    }
+    return Markup(json.dumps(told, separators=(",", ":")).replace("<", "\\u003c"))  # escaped here
+
+
+def _shape(ranking: Ranking, blank: Any) -> list[Any]:
+    axes = ranking.laws, ranking.robots, ranking.conditions
+    return [[[blank() for _ in axes[2]] for _ in axes[1]] for _ in axes[0]]
+
+
+def _places(ranking: Ranking, row: dict[str, Any]) -> tuple[int, int, int]:
+    return (
+        ranking.laws.index(row["law"]),
+        ranking.robots.index(row["robot"]),
+        ranking.conditions.index(row["condition"]),
+    )
+
+
+def _runs(ranking: Ranking) -> list[Any]:
+    """Error of each run with three digits, or the reason of its failure, by law, robot, condition and seed."""
+    found = _shape(ranking, lambda: [None] * len(ranking.seeds))
+    for row in ranking.rows:
+        i, j, k = _places(ranking, row)
+        found[i][j][k][ranking.seeds.index(row["seed"])] = row["reason"] or digits(row["error"])
+    return found
+
+
+def _curves(ranking: Ranking) -> list[Any]:
+    """Median courses over seeds, by law, robot and condition."""
+    kept = _shape(ranking, list)
+    for row in ranking.rows:
+        if not row["reason"]:
+            i, j, k = _places(ranking, row)
+            kept[i][j][k].append(row["curve"])
+    return [[[[digits(x) for x in np.median(one, axis=0)] if one else [] for one in b] for b in a] for a in kept]
+
+
+def digits(value: float) -> float:
+    """Number rounded to three digits."""
+    return float(f"{value:.3g}")
