@@ -148,7 +148,8 @@ class Puma560Adaptive(FromRanges):
     def learning(self, model: ReducedModel) -> GuardedLearning:
         """Default learning law for these gains."""
         mechanism, gain = model.mechanism, mapped_gain(model, self.adaptation(ReducedModel.full(model.mechanism)))
-        limits, damping = finite_torque_limits(mechanism), self.gains(mechanism).damping
+        limits, damping = self.torque_limits(mechanism), self.gains(mechanism).damping
+        limits = finite_torque_limits(mechanism) if limits is None else limits
         return learning_by_rule(gain, limits, damping, self.control_period, self.reference)
 
     @property
@@ -159,11 +160,13 @@ class Puma560Adaptive(FromRanges):
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
         """Controllers to compare, the subject first."""
 
+        limits = self.torque_limits(mechanism)
+
         def law(
             model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None, first: Array | None = None
         ) -> SlotineLi:
             gains = self.gains(mechanism)
-            return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, first, self.control_period)
+            return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, first, self.control_period, limits)
 
         model = ReducedModel(mechanism, basis)
         if self.components == (0,):
