@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from _pytest.doctest import DoctestModule
+from _pytest.doctest import DoctestModule, DoctestTextfile
 
 PACKAGE = Path(__file__).parent / "adaptctl"
 NOT_IMPORTABLE = {PACKAGE / "envs" / "sb3.py"}  # it needs stable-baselines3, which is not in requirements.lock
@@ -30,7 +30,7 @@ def _shared() -> dict[str, Any]:
     from adaptctl.envs import TrackingEnv
     from adaptctl.simulation import Plant
 
-    arm = adaptctl.load(Path(__file__).parent / "docs" / "examples" / "two_link.toml")
+    arm = adaptctl.load("two_link")
     space = adaptctl.essential_space(arm)
     basis = adaptctl.fundamental_basis(space)
     model = adaptctl.ReducedModel(arm, basis)
@@ -42,6 +42,13 @@ def _shared() -> dict[str, Any]:
         **{"period": 1e-3, "reference": reference, "law": law, "plant": Plant(arm, 1e-3)},
         **{"env": env, "run": adaptctl.rollout(env, law, seed=0)},
     }
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(request: pytest.FixtureRequest) -> None:
+    """Pages run in an empty folder, as their readers do."""
+    if isinstance(request.node.parent, DoctestTextfile):
+        request.getfixturevalue("monkeypatch").chdir(request.getfixturevalue("tmp_path"))
 
 
 @pytest.fixture(autouse=True)

@@ -249,7 +249,7 @@ def counted(seed: int, count: int, duration: float, beside: int) -> LoopCounts:
     rng = np.random.default_rng(seed)
     arm = random_arm(rng)
     try:
-        model = ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+        model = ReducedModel(arm)
     except RankError:  # kept parameters that nearly depend on each other: no controller is made
         return LoopCounts(arms=1)
     if (draws := drawn(model, rng, count)) is None:

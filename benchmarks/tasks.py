@@ -79,7 +79,7 @@ _PUMA_REFERENCE = adaptctl.Sinusoids(
 
 
 def _task(arm: adaptctl.Mechanism, damping: Array, rate: float, reference: adaptctl.Sinusoids) -> Task:
-    model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+    model = adaptctl.ReducedModel(arm)
     gains = Gains(np.full(arm.dof, BANDWIDTH), damping)
     return Task(
         model, damping, adaptctl.adaptation_gain(model, gain_scale=rate, gains=gains, control_period=PERIOD), reference

@@ -22,7 +22,7 @@ from adaptctl.compilation import Ensemble, compile_step
 from adaptctl.control import Controller, ReferencePoint
 from adaptctl.control.pytree import leaves, like
 from adaptctl.dynamics import load
-from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column
 
 ROBOT = "puma560_measured"
@@ -48,7 +48,7 @@ class Tick(NamedTuple):
 def controllers() -> Iterator[tuple[str, Controller[Any]]]:
     """Controllers by name: every control law with every adaptation law that it takes, from true parameters."""
     mechanism = load(ROBOT)
-    model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
+    model = ReducedModel(mechanism)
     gains = control.Gains.from_bandwidth(mechanism, 8.0)
     yield "PDGravity", control.PDGravity(mechanism, gains.bandwidth * gains.damping, gains.damping)
     yield "ComputedTorque", control.ComputedTorque(mechanism, gains.bandwidth)

@@ -11,7 +11,7 @@ from adaptctl.arrays import whole_count
 from adaptctl.control import ComputedTorque, Controller, PDGravity
 from adaptctl.envs.learning import tracking_of
 from adaptctl.envs.tracking import TrackingEnv
-from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation.rollout import rollout
 from adaptctl.tuning import tune
 
@@ -69,7 +69,7 @@ def _laws(env: TrackingEnv) -> dict[str, Controller[Any]]:
         bandwidth=BANDWIDTH,
         sampling_ratio=SAMPLING_RATIO,
     )
-    model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
+    model = ReducedModel(mechanism)
     damping = tuning.gains.damping
     stiffness, nothing = tuning.gains.bandwidth * damping, np.zeros_like(mechanism.inertial_parameters)
     return {

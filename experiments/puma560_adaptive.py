@@ -166,7 +166,9 @@ class Puma560Adaptive(FromRanges):
             model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None, first: Array | None = None
         ) -> SlotineLi:
             gains = self.gains(mechanism)
-            return SlotineLi(model, gains.bandwidth, gains.damping, adaptation, first, self.control_period, limits)
+            return SlotineLi(
+                model, gains.bandwidth, gains.damping, adaptation, first, self.control_period, None, limits
+            )
 
         model = ReducedModel(mechanism, basis)
         if self.components == (0,):

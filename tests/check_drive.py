@@ -18,7 +18,7 @@ from adaptctl.control import FadeIn
 
 PERIOD, CENTER = 4e-3, np.array([0.3, 0.5])
 REFERENCE = adaptctl.Sinusoids(center=CENTER, amplitude=[0.6, 0.6], frequency=[0.5, 0.8])
-MODEL = adaptctl.ReducedModel(ARM, adaptctl.fundamental_basis(adaptctl.essential_space(ARM)))
+MODEL = adaptctl.ReducedModel(ARM)
 
 
 def law(scale: float = 1.0) -> adaptctl.SlotineLi:

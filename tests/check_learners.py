@@ -94,7 +94,7 @@ def checked_environments() -> None:
     import adaptctl
     from adaptctl.envs import LearningEnv, ResidualEnv, TuningEnv
 
-    arm = adaptctl.load(EXAMPLES / "two_link.toml")
+    arm = adaptctl.load("two_link")
     law = adaptctl.tune(arm, control_period=0.02).controller(adaptctl.ReducedModel.full(arm))
     inner = gymnasium.make("adaptctl.envs:adaptctl/Tracking-v0", robot=arm, control_period=0.02, duration=1.0)
     wrapped = [inner, ResidualEnv(inner, law), TuningEnv(inner, law, ["damping"])]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ import adaptctl
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.hardware import MuJoCoRobot, RobotReading
 
-ARM = adaptctl.load(Path(__file__).parent.parent / "docs" / "examples" / "two_link.toml")
+ARM = adaptctl.load("two_link")
 FAULTS: dict[str, Callable[[RobotReading, RobotReading], Any]] = {
     "nan": lambda r, last: RobotReading(r.time, r.p * np.nan, r.v),
     "infinite": lambda r, last: RobotReading(r.time, r.p, r.v * np.inf),

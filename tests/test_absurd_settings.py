@@ -20,7 +20,7 @@ from adaptctl.errors import InputError
 from adaptctl.identification.log_files import read_log, table
 from adaptctl.tuning import tune
 
-TWO_LINK = str(Path(__file__).parent.parent / "docs" / "examples" / "two_link.toml")
+TWO_LINK = "two_link"
 
 
 @pytest.mark.parametrize(

@@ -110,7 +110,7 @@ def test_saving(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
 def test_a_saved_basis_is_replaced_where_that_is_allowed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     place = tmp_path / "notes.json"
     place.write_text("mine")
-    asked = "docs/examples/two_link.toml", "--out", str(place)
+    asked = "two_link", "--out", str(place)
     assert "notes.json: exists already; choose another or allow it with --overwrite" in refused(capsys, *asked)
     assert place.read_text() == "mine"
     output(capsys, *asked, "--overwrite")

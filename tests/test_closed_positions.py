@@ -16,7 +16,7 @@ from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.equations import ClosedPositions
 from adaptctl.envs import TrackingEnv
-from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, column
 from adaptctl.simulation import rollout, simulate
 
@@ -137,7 +137,7 @@ def test_a_controller_of_another_geometry_closes_its_own_loops(arm: Mechanism) -
     """Its bars are 1 % longer: native code and step by step, it acts on the same configuration."""
     rough = longer(arm)
     assert rough.equations.rules
-    model = ReducedModel(rough, fundamental_basis(essential_space(rough)))
+    model = ReducedModel(rough)
     controller = SlotineLi(model, 4.0, np.full(3, 60.0), None, initial=model.fundamental_parameters)
     reference = Sinusoids(np.array([0.0, -1.57, -3.14]), np.full(3, 0.2), np.full(3, 0.3))
     native, stepped = (

@@ -18,7 +18,7 @@ from adaptctl.recording.report import report
 
 @pytest.fixture(scope="module")
 def two() -> Comparison:
-    return comparison(load("docs/examples/two_link.toml"), samples=1200)
+    return comparison(load("two_link"), samples=1200)
 
 
 def apart(one: Color, other: Color) -> float:

@@ -27,7 +27,7 @@ FILES = ["figures", "recording.rrd", "report.html", "summary.json", "trace.parqu
 
 @pytest.fixture(scope="module")
 def shown() -> Comparison:
-    return comparison(load("docs/examples/two_link.toml"), SAMPLES)
+    return comparison(load("two_link"), SAMPLES)
 
 
 @pytest.mark.parametrize(

@@ -13,11 +13,11 @@ from adaptctl.arrays import Array
 from adaptctl.description.inertia import from_pseudo_inertia, is_physically_consistent, pseudo_inertia
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, MissingExtraError, PhysicalConsistencyWarning
-from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis, nearest_consistent
+from adaptctl.identifiability import ReducedModel, nearest_consistent
 
 
 def reduced(mechanism: Mechanism) -> ReducedModel:
-    return ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
+    return ReducedModel(mechanism)
 
 
 @pytest.fixture(scope="module")

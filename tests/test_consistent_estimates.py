@@ -52,7 +52,8 @@ def test_every_problem_ends_at_a_consistent_minimum_in_like_time(count: int, mon
     assert max(residuals) < 1e-4
     assert np.median(residuals) < 1e-9
     steps = np.array(list(taken.values()))
-    assert len(steps) == count and steps.max() <= 3.0 * np.median(steps)
+    assert len(steps) == count
+    assert steps.max() <= 3.0 * np.median(steps)
 
 
 def test_the_residual_is_that_of_the_objectives_slope() -> None:

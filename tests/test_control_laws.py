@@ -372,7 +372,7 @@ def test_constant_loads_leave_an_error_in_motion_and_while_adapting() -> None:
 
 def test_the_undamped_task_space_law_passes_a_singularity() -> None:
     """The arm stretched out: J J' is singular there, and v_r and a_r are finite all the same."""
-    mechanism = load("docs/examples/two_link.toml")
+    mechanism = load("two_link")
     model = ReducedModel.full(mechanism)
     law = TaskSpaceSlotineLi(model, 5.0, own_damping(mechanism), axes=(0, 2))
     aim = ReferencePoint(np.array([0.1, 0.2]), np.array([0.1, -0.2]), np.zeros(2))
@@ -386,7 +386,7 @@ def test_the_undamped_task_space_law_passes_a_singularity() -> None:
 
 def test_the_guard_leaves_regular_places_alone() -> None:
     """There, with a small error, v_r is the one of the inverse: J v_r is what the task asks."""
-    mechanism = load("docs/examples/two_link.toml")
+    mechanism = load("two_link")
     law = TaskSpaceSlotineLi(ReducedModel.full(mechanism), 5.0, own_damping(mechanism), axes=(0, 2))
     p = np.array([0.3, 1.0])
     near = np.array(law.point(column(p))[0].of) + 1e-6

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from adaptctl.dynamics import load
 from adaptctl.identifiability import ReducedModel
 from adaptctl.tuning import tune
 
-ARM = load(Path(__file__).parent.parent / "docs" / "examples" / "two_link.toml")
+ARM = load("two_link")
 
 
 def test_controllers_and_laws_print_their_kind() -> None:

@@ -21,7 +21,7 @@ from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import rollout
 from adaptctl.tuning import tune
 
-ARM = "docs/examples/two_link.toml"
+ARM = "two_link"
 SECONDS = 2.5
 
 

@@ -28,6 +28,7 @@ OTHERS = {
 }
 """Flags of other programs, and those that every command has."""
 COMMANDS = (
+    "new",
     "basis",
     "gains",
     "identify",

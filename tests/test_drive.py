@@ -17,7 +17,7 @@ from adaptctl.hardware import GravityTorque, HardwareLimits, MuJoCoRobot, RobotR
 PERIOD = 4e-3
 CENTER = np.array([0.3, 0.5])
 REFERENCE = adaptctl.Sinusoids(center=CENTER, amplitude=[0.4, 0.3], frequency=[0.5, 0.8])
-MODEL = adaptctl.ReducedModel(ARM, adaptctl.fundamental_basis(adaptctl.essential_space(ARM)))
+MODEL = adaptctl.ReducedModel(ARM)
 
 
 def law(scale: float = 1.0) -> adaptctl.SlotineLi:

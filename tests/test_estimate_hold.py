@@ -26,10 +26,10 @@ from adaptctl.control.adaptation.prior_ranges import PriorRanges, parameter_samp
 from adaptctl.control.gains.workspace import everywhere
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import GainError, StabilityWarning
-from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.identifiability import ReducedModel
 
 ARM = random_chain(3, 3)
-MODEL = ReducedModel(ARM, fundamental_basis(essential_space(ARM)))
+MODEL = ReducedModel(ARM)
 K, PERIOD, BANDWIDTH = len(MODEL.columns), 1e-3, np.array([6.0, 5.0, 7.0])
 
 
@@ -80,7 +80,7 @@ def test_an_estimate_is_taken_to_begin_at_rest_unless_a_kinetic_energy_is_given(
 def wrist() -> tuple[ReducedModel, Gains]:
     """A PUMA, whose last link is light."""
     arm = load("puma560_measured")
-    model = ReducedModel(arm, fundamental_basis(essential_space(arm)))
+    model = ReducedModel(arm)
     shape = np.median(np.diagonal(everywhere(arm).mass_matrices, axis1=1, axis2=2), axis=0)
     return model, Gains(np.full(6, 8.0), shape / sampling_ratio(arm, shape, PERIOD).value)
 
@@ -121,7 +121,7 @@ def test_gains_that_leave_nothing_are_refused() -> None:
 
 
 def warned(arm: Mechanism, gain: Array, prior: Array | None) -> list[str]:
-    model = ReducedModel(arm, fundamental_basis(essential_space(arm)))
+    model = ReducedModel(arm)
     damping = 0.5 / sampling_ratio(arm, 1.0, PERIOD).value * np.ones(arm.dof)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", StabilityWarning)
@@ -151,7 +151,7 @@ def test_a_mapped_gain_is_symmetric_to_the_last_bit_and_taken() -> None:
     """K_r Gamma K_r' of gains over many decades: a product in another order differs by round-off."""
     for seed, links in ((3, 3), (5, 6), (8, 7)):
         arm = random_chain(seed, links)
-        model = ReducedModel(arm, fundamental_basis(essential_space(arm)))
+        model = ReducedModel(arm)
         size = model.regrouping.shape[1]
         for decades in (1.0, 6.0):
             gain = 10.0 ** np.random.default_rng(seed).uniform(-decades, decades, size)

@@ -14,13 +14,13 @@ from adaptctl.control import SlotineLi, load_estimate, save_estimate
 from adaptctl.description import Pose
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError, InputError
-from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.identifiability import ReducedModel
 
 
 @pytest.fixture(scope="module")
 def model() -> ReducedModel:
     arm = load("semi_direct_drive")
-    return ReducedModel(arm, fundamental_basis(essential_space(arm)))
+    return ReducedModel(arm)
 
 
 def test_a_controller_starts_from_what_was_saved(model: ReducedModel, tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from signals import signalled
 from adaptctl.cli.interruption import IMPORTING, interruptible
 from adaptctl.cli.main import main
 from adaptctl.control import ComputedTorque, SlotineLi, sampled_gain
+from adaptctl.description import builtin_file
 from adaptctl.dynamics import load
 from adaptctl.errors import GainError, InputError, NotFoundError
 from adaptctl.experiments import EXPERIMENTS, find
@@ -231,9 +232,9 @@ def test_any_arm_learns_with_gains_from_its_own_inertia_and_limits(robot: str) -
 
 
 def test_many_parameters_are_adapted_by_the_gradient(monkeypatch: pytest.MonkeyPatch) -> None:
-    mechanism = load("docs/examples/two_link.toml")
+    mechanism = load("two_link")
     basis = fundamental_basis(essential_space(mechanism))
-    kind, first = AdaptiveTracking(robot="docs/examples/two_link.toml"), []
+    kind, first = AdaptiveTracking(robot="two_link"), []
     for limit in (len(basis.names), len(basis.names) - 1):
         monkeypatch.setattr("adaptctl.experiments.puma560_adaptive.MAX_LEARNED", limit)
         first.append(kind.contenders(mechanism, basis)[0].label)
@@ -241,7 +242,7 @@ def test_many_parameters_are_adapted_by_the_gradient(monkeypatch: pytest.MonkeyP
 
 
 def test_a_weak_arm_starts_no_further_off_than_its_torques_bring_back(tmp_path: Path) -> None:
-    text = (Path(__file__).parent.parent / "docs" / "examples" / "two_link.toml").read_text()
+    text = builtin_file("two_link").read_text()
     flat = "\n".join(line for line in text.splitlines() if not line.startswith("base"))
     (robot := tmp_path / "weak.toml").write_text(flat.replace("60.0", "0.03").replace("25.0", "0.03"))
     mechanism = load(robot)
@@ -256,7 +257,7 @@ def test_a_weak_arm_starts_no_further_off_than_its_torques_bring_back(tmp_path: 
 def test_gains_of_any_arm_hold_what_the_control_period_asks() -> None:
     mechanism = load("puma560_measured")
     experiment = AdaptiveTracking(control_period=2e-3)
-    model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
+    model = ReducedModel(mechanism)
     gains = experiment.gains(mechanism)
     controller = SlotineLi(
         model, gains.bandwidth, gains.damping, experiment.adaptation(model), control_period=experiment.control_period

@@ -337,7 +337,7 @@ def write_scaled(tmp_path: Path, scale: float) -> Path:
 def test_the_command_writes_a_package_and_prints_its_manifest(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    robot = str(Path(__file__).parent.parent / "docs" / "examples" / "two_link.toml")
+    robot = "two_link"
     assert main(["export", robot, "--out", str(tmp_path / "arm"), "--scalar", "float", "--json"]) == 0
     manifest = json.loads(capsys.readouterr().out)
     assert manifest == json.loads((tmp_path / "arm" / "manifest.json").read_text())

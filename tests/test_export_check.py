@@ -12,7 +12,7 @@ from adaptctl.cli.main import main
 from adaptctl.codegen import builds
 from adaptctl.codegen.builds import COMPILERS, Build, found_compilers
 
-LINE = ("export", "docs/examples/two_link.toml", "--law", "computed-torque", "--check", "--anyway")
+LINE = ("export", "two_link", "--law", "computed-torque", "--check", "--anyway")
 
 
 def test_compilers_are_those_on_the_path(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -16,13 +16,14 @@ import adaptctl
 from adaptctl.codegen.gain_rules import gain_rules
 from adaptctl.codegen.interface import Interface, short_names, status_bits, status_of
 from adaptctl.control import Controller, PDGravity, ReferencePoint, Sinusoids, SlotineLi
+from adaptctl.description import builtin_file
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import GainError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, absolute, where
 from adaptctl.simulation import Plant
 
-EXAMPLE = Path(__file__).parent.parent / "docs" / "examples" / "two_link.toml"
+EXAMPLE = builtin_file("two_link")
 
 
 def test_the_check_states_the_errors_of_the_first_and_of_the_last_ten_seconds(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from adaptctl.errors import FileError
 from adaptctl.files import name_beside, replacing, write_text
 from adaptctl.folders import replacing_folder
 
-SMALL = "docs/examples/two_link.toml"
+SMALL = "two_link"
 RUN = [sys.executable, "-m", "adaptctl", "experiment", "run", "adaptive", "--robot", SMALL, "--duration", "0.2"]
 RUN.append("--overwrite")
 RUNS = 7

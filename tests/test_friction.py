@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from nightly import turn_by_turn
 
 from adaptctl.arrays import Array
 from adaptctl.control import ComputedTorque, Sinusoids, SlotineLi
+from adaptctl.description import builtin_file
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.identifiability import ReducedModel
@@ -27,7 +27,7 @@ from tests.robot_files import urdf
 PERIOD = 1e-3
 RUBBING = Drive(viscous=3.0, coulomb=5.0)
 FIVE_BAR = load("semi_direct_drive")
-TWO_LINK = Path(__file__).parent.parent / "docs" / "examples" / "two_link.toml"
+TWO_LINK = builtin_file("two_link")
 
 
 def rows(matrix: list[list[float]]) -> Array:

@@ -21,7 +21,7 @@ ROBOTS = (
         "puma560_geared",
         "puma560_arm3",
         "semi_direct_drive",
-        "two_link.toml",
+        "two_link",
         "cart.toml",
     ),
     *("mjcf_classes.xml", "mjcf_coupled.xml", "mjcf_geoms.xml", "ur5_robot.urdf", "panda.urdf"),

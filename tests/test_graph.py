@@ -15,7 +15,7 @@ from adaptctl.control.adaptation.law import NoMemory, Period
 from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import load
 from adaptctl.errors import TraceError
-from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Dual, absolute, clip, cos, maximum, minimum, sin, sqrt, where
 
 Equation = Callable[..., Any]
@@ -171,7 +171,7 @@ def test_the_refusal_shows_the_users_line(case: str) -> None:
 
 def test_a_law_of_ones_own_is_shown_its_line() -> None:
     puma = load("puma560_measured")
-    model = ReducedModel(puma, fundamental_basis(essential_space(puma)))
+    model = ReducedModel(puma)
     controller = SlotineLi(model, 8.0, 0.05, Impatient(adaptation_gain(model)))
     state, reference = controller.init(np.zeros(6), np.zeros(6)), ReferencePoint(*np.zeros((3, 6)))
     with pytest.raises(TraceError, match=r"where, minimum.*test_graph\.py:\d+: if period\.s @ period\.s > 1\.0:"):

@@ -221,7 +221,7 @@ def test_a_motion_is_rebuilt_from_what_is_remembered(case: str) -> None:
 def test_a_tick_learns_as_from_the_whole_motion(name: str) -> None:
     """The estimate's step from the memory against the regressor at the last tick."""
     arm = adaptctl.load(name)
-    model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+    model = adaptctl.ReducedModel(arm)
     gain = np.full(len(model.columns), 1e-3)
     law: Any = adaptctl.control.Gradient(gain, cap=0.0)
     controller = adaptctl.SlotineLi(model, 4.0, np.full(arm.dof, 1e-4), law, torque_limits=np.inf)

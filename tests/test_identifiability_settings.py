@@ -84,7 +84,7 @@ def runs(**second: Array) -> Mapping[str, adaptctl.Rollout]:
 
 
 def two_link() -> adaptctl.Mechanism:
-    return adaptctl.load("docs/examples/two_link.toml")
+    return adaptctl.load("two_link")
 
 
 def run_and_nothing() -> Mapping[str, adaptctl.Rollout]:

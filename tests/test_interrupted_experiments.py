@@ -13,7 +13,7 @@ from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.recording import shown
 from adaptctl.recording.result import silent
 
-ARM = str(Path(__file__).parents[1] / "docs" / "examples" / "two_link.toml")
+ARM = "two_link"
 
 
 def until(label: str) -> Callable[[str, float], None]:

@@ -32,13 +32,13 @@ MOVED = ("bandwidth", "damping", "adaptation.gain")
 
 @pytest.fixture(scope="module")
 def arm() -> adaptctl.Mechanism:
-    return adaptctl.load("docs/examples/two_link.toml")
+    return adaptctl.load("two_link")
 
 
 @pytest.fixture(scope="module")
 def law(arm: adaptctl.Mechanism) -> SlotineLi:
     tuning = adaptctl.tune(arm, control_period=0.01)
-    return tuning.controller(adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm))))
+    return tuning.controller(adaptctl.ReducedModel(arm))
 
 
 def single(arm: adaptctl.Mechanism, **settings: Any) -> gymnasium.Env[Any, Any]:

@@ -18,7 +18,7 @@ from adaptctl.recording import Comparison
 from adaptctl.simulation import Rollout, rollout, simulate
 
 CONSISTENT = ("consistent-adaptation", "natural")
-SMALL = "docs/examples/two_link.toml"
+SMALL = "two_link"
 
 
 def found(comparison: Comparison) -> dict[str, float]:

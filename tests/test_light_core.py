@@ -17,7 +17,7 @@ WORK = """
 import sys, numpy as np, adaptctl
 from adaptctl.simulation import Plant, simulate_many
 arm = adaptctl.load("puma560")
-model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+model = adaptctl.ReducedModel(arm)
 law = adaptctl.SlotineLi(model, 8.0, [90, 150, 70, 20, 16, 18], adaptctl.adaptation_gain(model))
 reference = adaptctl.Sinusoids(center=np.zeros(6), amplitude=np.full(6, 0.3), frequency=np.full(6, 0.3))
 torque, state = law.step(law.init(np.zeros(6), np.zeros(6)), np.zeros(6), np.zeros(6), reference(0.0))

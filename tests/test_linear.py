@@ -17,7 +17,7 @@ PERIOD = 1e-3
 
 @pytest.fixture(scope="module")
 def arm() -> adaptctl.Mechanism:
-    return adaptctl.load("docs/examples/two_link.toml")
+    return adaptctl.load("two_link")
 
 
 def lqr_gain(arm: adaptctl.Mechanism) -> np.ndarray:

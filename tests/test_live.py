@@ -30,7 +30,7 @@ from adaptctl.recording.live_process import _Rows
 
 @pytest.fixture(scope="module")
 def arm() -> adaptctl.Mechanism:
-    return adaptctl.load("docs/examples/two_link.toml")
+    return adaptctl.load("two_link")
 
 
 def shown(path: Path, entity: str, component: str) -> int:
@@ -199,7 +199,7 @@ def test_a_mechanism_that_no_file_can_say_is_refused_before_a_process_is_started
 INLINE = """
 import sys, time
 import adaptctl
-arm = adaptctl.load("docs/examples/two_link.toml")
+arm = adaptctl.load("two_link")
 live = adaptctl.Live(arm, f"127.0.0.1:{sys.argv[1]}", inline=True)
 for k in range(200):
     live.show(0.01 * k, [1.0, 0.0], [0.0, 0.0], [0.0, 0.0])

@@ -94,7 +94,7 @@ def test_where_there_is_no_live_arm_it_is_said_why(monkeypatch: pytest.MonkeyPat
 def test_a_report_holds_the_live_arm_and_fetches_nothing() -> None:
     from dataclasses import replace
 
-    arm = adaptctl.load(Path(__file__).parent.parent / "docs" / "examples" / "two_link.toml")
+    arm = adaptctl.load("two_link")
     made = comparison(arm, samples=20)
     live = shown(slotine_li(GAIN), ARM)
     page = report(replace(made, live=live)).html({})

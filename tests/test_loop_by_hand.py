@@ -61,7 +61,7 @@ def cpu(function: Callable[[], object], count: int = 2000) -> float:
 
 def test_a_reference_is_no_dearer_than_the_law() -> None:
     arm = adaptctl.load("puma560_measured")
-    model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+    model = adaptctl.ReducedModel(arm)
     tuning = adaptctl.tune(arm)
     law = tuning.controller(model).compile()
     zero = np.zeros(6)
@@ -73,7 +73,7 @@ def test_a_reference_is_no_dearer_than_the_law() -> None:
 
 
 def test_what_is_compiled_ahead_takes_no_time_at_the_first_step() -> None:
-    arm = adaptctl.load("docs/examples/two_link.toml")
+    arm = adaptctl.load("two_link")
     zero, still = np.zeros(2), ReferencePoint(np.zeros(2), np.zeros(2), np.zeros(2))
     law = adaptctl.ComputedTorque(arm, 3.21).compile()
     state, started = law.init(zero, zero), time.process_time()
@@ -106,7 +106,7 @@ OTHERS = {
 
 @pytest.fixture(scope="module")
 def two_link() -> adaptctl.Mechanism:
-    return adaptctl.load("docs/examples/two_link.toml")
+    return adaptctl.load("two_link")
 
 
 @pytest.mark.parametrize("other", OTHERS)
@@ -160,7 +160,7 @@ def test_vendors_loops_start_where_the_arm_stands(
 
 
 def test_the_mujoco_loop_learns() -> None:
-    run = example("mujoco_loop").track("docs/examples/scene.xml", "stand", 3.5)
+    run = example("mujoco_loop").track("scene", "stand", 3.5)
     assert run.stopped == ""
     assert run.final_rms_error.max() < 1e-3
     assert np.abs(run.rollout.estimate[-1] - run.rollout.estimate[0]).max() > 1e-4

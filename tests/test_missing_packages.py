@@ -45,8 +45,8 @@ API = """
 import numpy as np, adaptctl
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import MissingExtraError
-arm = adaptctl.load("docs/examples/two_link.toml")
-model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+arm = adaptctl.load("two_link")
+model = adaptctl.ReducedModel(arm)
 tuning = adaptctl.tune(arm)
 env = TrackingEnv(arm, tuning.reference, duration=0.1)
 run = adaptctl.simulate(env, tuning.controller(model), seed=0)
@@ -57,7 +57,7 @@ except MissingExtraError as error:
     print(error)
 """
 
-ROBOT = "docs/examples/two_link.toml"
+ROBOT = "two_link"
 REPORT = "jinja2 matplotlib pyarrow"
 NAMED = re.compile(r"adaptctl: [\w. -]+ needs (?P<what>\w+): pip install (?P<how>\S+)")
 

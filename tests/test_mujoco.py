@@ -15,6 +15,7 @@ from mjcf_files import BODY, chain, mjcf
 import adaptctl
 from adaptctl.cli.main import main
 from adaptctl.control import ComputedTorque, Sinusoids
+from adaptctl.description import builtin_file
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs import MuJoCoTrackingEnv
@@ -348,7 +349,7 @@ def test_the_environment_keeps_gymnasiums_rules_and_controllers_drive_it() -> No
     np.testing.assert_array_equal(same.p, runs[0].p)
 
 
-SCENE = Path("docs/examples/scene.xml")
+SCENE = builtin_file("scene")
 
 
 def test_experiments_run_on_mujoco(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ def parsed(shown: object) -> str:
 
 @pytest.fixture(scope="module")
 def arm() -> Mechanism:
-    return adaptctl.load("docs/examples/two_link.toml")
+    return adaptctl.load("two_link")
 
 
 def test_mechanisms_spaces_and_bases_are_tables(arm: Mechanism) -> None:

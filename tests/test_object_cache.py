@@ -17,7 +17,7 @@ from levels import usable
 
 from adaptctl.compilation import compile_function, compile_step
 from adaptctl.compilation.native import Processor
-from adaptctl.compilation.object_cache import SUFFIX, ObjectCache, cache_folder
+from adaptctl.compilation.object_cache import SUFFIX, ObjectCache, cache_folder, stored_objects
 
 KEY, OTHER, OBJECT = b"k" * 32, b"o" * 32, b"machine code" * 100
 
@@ -267,6 +267,27 @@ def test_what_is_left_of_a_writer_that_died_goes_too(tmp_path: Path) -> None:
     os.utime(leftover, (0, 0))
     ObjectCache(tmp_path, limit=len(OBJECT) + 400).put(KEY, OBJECT)
     assert not leftover.exists()
+
+
+def test_what_others_remove_while_it_is_listed_is_passed_over(tmp_path: Path) -> None:
+    kept, gone = tmp_path / "kept.object", tmp_path / "gone.object"
+    kept.write_bytes(OBJECT)
+    ended = threading.Event()
+
+    def come_and_go() -> None:
+        while not ended.is_set():
+            gone.write_bytes(b"x")
+            gone.unlink()
+
+    other = threading.Thread(target=come_and_go)
+    other.start()
+    try:
+        for _ in range(300):
+            sizes = {path: status.st_size for status, path in stored_objects(tmp_path)}
+            assert sizes[str(kept)] == len(OBJECT)
+    finally:
+        ended.set()
+        other.join()
 
 
 def test_keys_do_not_meet(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from adaptctl.control.pytree import leaves, like
 from adaptctl.dynamics import equation_costs, load
 from adaptctl.dynamics.recursion.energy import momentum_terms
 from adaptctl.errors import InputError, TraceError
-from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Dual, column
 
 ARMS = ["puma560_measured", "semi_direct_drive"]
@@ -37,7 +37,7 @@ def reduced(name: str) -> ReducedModel:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         mechanism = load(name)
-    return ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
+    return ReducedModel(mechanism)
 
 
 @lru_cache

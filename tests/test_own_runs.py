@@ -189,7 +189,7 @@ def test_a_logged_sample_costs_microseconds() -> None:
 
 @pytest.fixture(scope="module")
 def arm() -> adaptctl.Mechanism:
-    return adaptctl.load("docs/examples/two_link.toml")
+    return adaptctl.load("two_link")
 
 
 def runs_of(arm: adaptctl.Mechanism, estimates: int) -> dict[str, adaptctl.Rollout]:
@@ -201,7 +201,7 @@ def runs_of(arm: adaptctl.Mechanism, estimates: int) -> dict[str, adaptctl.Rollo
 
 
 def test_runs_of_an_unknown_truth_claim_nothing_of_it(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
-    model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+    model = adaptctl.ReducedModel(arm)
     runs = runs_of(arm, len(model.names))
     compared = compared_runs(arm, runs, adaptation_off="bench, off")
     assert judged(compared).passed
@@ -217,7 +217,7 @@ def test_runs_of_an_unknown_truth_claim_nothing_of_it(arm: adaptctl.Mechanism, t
 
 
 def test_where_the_truth_is_known_it_is_shown(arm: adaptctl.Mechanism) -> None:
-    model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+    model = adaptctl.ReducedModel(arm)
     known = summary(compared_runs(arm, runs_of(arm, len(model.names)), truth_known=True))["parameters"]
     assert [row["true"] for row in known.values()] == pytest.approx(model.fundamental_parameters.tolist())
 

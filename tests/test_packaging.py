@@ -183,7 +183,7 @@ def first_column(heading: str, end: str) -> set[str]:
 
 
 def test_the_keys_of_json_are_documented() -> None:
-    arm = adaptctl.load(ROOT / "docs" / "examples" / "two_link.toml")
+    arm = adaptctl.load("two_link")
     made = comparison(arm, samples=20)
     reduction = adaptctl.reduce(made.space, arm, components=3)
     basis = set(as_builtins(arm, made.space, made.basis, reduction))
@@ -192,7 +192,7 @@ def test_the_keys_of_json_are_documented() -> None:
 
 
 def test_the_columns_of_a_trace_are_documented() -> None:
-    arm = adaptctl.load(ROOT / "docs" / "examples" / "two_link.toml")
+    arm = adaptctl.load("two_link")
     made = comparison(arm, samples=20)
     run = replace(made.subject, rollout=replace(made.subject.rollout, flags={"torque_limited": np.zeros(20)}))
     columns = {column.name.split(".")[0] for column in quantities(run, arm, made.basis.names)}

@@ -137,7 +137,7 @@ def test_robots_that_come_with_the_package_get_no_note() -> None:
 
 
 def model_of(arm: Mechanism) -> adaptctl.ReducedModel:
-    return adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+    return adaptctl.ReducedModel(arm)
 
 
 def told_of(reference: object, arm: Mechanism) -> list[str]:

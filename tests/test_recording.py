@@ -38,7 +38,7 @@ from adaptctl.recording.views import LONG_LEGEND, SHORT_LEGEND
 from adaptctl.recording.wording import INCOMPLETE, parameter_unit
 
 FILES = {"recording.rrd", "summary.json", "trace.parquet", "report.html"}
-TWO_LINK = "docs/examples/two_link.toml"
+TWO_LINK = "two_link"
 FIGURES = {"tracking-error", "joint-errors", "lyapunov", "torque", "parameters", "spectrum"}
 
 

@@ -58,7 +58,7 @@ def test_the_joint_that_is_wrong_is_named(part: str, says: str, factor: float) -
 
 
 def test_simulations_and_environments_look() -> None:
-    arm = adaptctl.load("docs/examples/two_link.toml")
+    arm = adaptctl.load("two_link")
     law = SlotineLi(ReducedModel.full(arm), 5.0, 20.0 * np.diag(arm.mass_matrix(np.zeros(2))))
     with pytest.warns(ReferenceWarning, match="elbow"):
         simulate_many(adaptctl.Plant(arm, 1e-3), law, Twisted("a", 2.0), duration=0.5)

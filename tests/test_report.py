@@ -22,7 +22,7 @@ pytestmark = pytest.mark.drawn
 
 @pytest.fixture(scope="module")
 def shown() -> Comparison:
-    return comparison(load("docs/examples/two_link.toml"))
+    return comparison(load("two_link"))
 
 
 @pytest.fixture(scope="module")

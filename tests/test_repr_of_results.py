@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -20,7 +18,7 @@ from adaptctl.recording import compared_runs
 
 @pytest.fixture(scope="module")
 def arm() -> adaptctl.Mechanism:
-    return adaptctl.load(Path(__file__).parent.parent / "docs" / "examples" / "two_link.toml")
+    return adaptctl.load("two_link")
 
 
 def test_offline_results_print_as_one_line(arm: adaptctl.Mechanism) -> None:
@@ -52,7 +50,7 @@ def test_results_of_logs_and_motions_print_as_one_line(arm: adaptctl.Mechanism) 
     assert repr(drives) == "<Drives of 2 joints>"
     env = TrackingEnv(arm, reference, duration=0.02)
     law = adaptctl.SlotineLi(
-        adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm))),
+        adaptctl.ReducedModel(arm),
         bandwidth=5.0,
         damping=[6.0, 2.0],
         adaptation=np.full(6, 0.1),

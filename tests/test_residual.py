@@ -19,7 +19,7 @@ from adaptctl.errors import InputError, NonFiniteError
 
 @pytest.fixture(scope="module")
 def arm() -> adaptctl.Mechanism:
-    return adaptctl.load("docs/examples/two_link.toml")
+    return adaptctl.load("two_link")
 
 
 def residual(arm: adaptctl.Mechanism, share: float = 0.2) -> ResidualEnv:

@@ -239,7 +239,7 @@ def test_a_second_process_proves_nothing(tmp_path: Path) -> None:
     program = (
         "import sys, adaptctl\n"
         "arm = adaptctl.load('puma560_measured')\n"
-        "model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))\n"
+        "model = adaptctl.ReducedModel(arm)\n"
         "adaptctl.SlotineLi(model, 8.0, [0.2, 0.3, 0.15, 0.04, 0.03, 0.04])\n"
         "heavy = ('identifiability.proof', 'identifiability.sampling', 'identifiability.certification')\n"
         "found = [m for m in sys.modules if m.removeprefix('adaptctl.').startswith(heavy)]\n"

@@ -30,7 +30,7 @@ from adaptctl.hardware import (
 
 CENTER = np.array([0.3, 0.5])
 LIMITS = HardwareLimits.of(ARM, torque_rate=1000.0)
-SCENE = str(Path(__file__).parent.parent / "docs" / "examples" / "scene.xml")
+SCENE = "scene"
 
 
 class SimulatedVendor:
@@ -128,7 +128,7 @@ def vendor(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> S
 
 
 REFERENCE = motion_about(CENTER, LIMITS)
-MODEL = adaptctl.ReducedModel(ARM, adaptctl.fundamental_basis(adaptctl.essential_space(ARM)))
+MODEL = adaptctl.ReducedModel(ARM)
 
 
 def law(period: float) -> adaptctl.SlotineLi:

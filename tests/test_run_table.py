@@ -19,7 +19,7 @@ from adaptctl.recording.rerun_recording import write_recording
 from adaptctl.recording.run_table import COLUMNS, find_runs
 from adaptctl.recording.summary import summary
 
-SUMMARY = summary(comparison(load("docs/examples/two_link.toml")))
+SUMMARY = summary(comparison(load("two_link")))
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_a_folder_without_runs_is_refused(tmp_path: Path, folder: str, says: str
 
 
 def test_a_recording_has_the_summary_s_values_as_properties(tmp_path: Path) -> None:
-    compared = comparison(load("docs/examples/two_link.toml"))
+    compared = comparison(load("two_link"))
     write_recording(tmp_path / "a.rrd", compared)
     content: dict[str, Any] = summary(compared)
     chunks = RrdReader(tmp_path / "a.rrd").store().stream().filter(content="/__properties/adaptctl", is_static=True)

@@ -45,7 +45,7 @@ def ticks(controller: Controller[Any], arm: Mechanism, count: int = 5) -> Array:
 
 
 def controllers(arm: Mechanism) -> Iterator[Controller[Any]]:
-    model = ReducedModel(arm, fundamental_basis(essential_space(arm)))
+    model = ReducedModel(arm)
     yield PDGravity(arm, np.full(arm.dof, 100.0), np.full(arm.dof, 10.0))
     yield PDGravity.from_model(model, 100.0, 10.0)
 

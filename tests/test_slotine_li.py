@@ -25,7 +25,7 @@ from adaptctl.control import (
 from adaptctl.control.pytree import leaves
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import GainError, InputError, NonFiniteError, PhysicalConsistencyWarning
-from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, spread
 
 REFERENCE = Sinusoids((0.0, -0.6, 0.8, 0.0, 0.5, 0.0), (0.4,) * 6, (0.5, 0.6, 0.7, 0.8, 0.9, 1.0), start_time=0.5)
@@ -40,7 +40,7 @@ def puma() -> Mechanism:
 
 @pytest.fixture(scope="module")
 def reduced(puma: Mechanism) -> ReducedModel:
-    return ReducedModel(puma, fundamental_basis(essential_space(puma)))
+    return ReducedModel(puma)
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from adaptctl.sweeps.search import BestSettings, write_settings
 from adaptctl.sweeps.study import SweepStudy, as_span, parsed
 
 FIELDS = {entry.name: entry for entry in fields(AdaptiveTracking)}
-SHORT = {"robot": "docs/examples/two_link.toml", "duration": "0.02"}
+SHORT = {"robot": "two_link", "duration": "0.02"}
 
 
 def study(**settings: str) -> SweepStudy:
@@ -80,7 +80,7 @@ def test_a_run_is_shown_again_with_all_its_settings(tmp_path: Path) -> None:
     assert "--as-written" in words
     assert "True" not in words
     assert words[words.index("--robot") + 1] == "my arm.urdf"
-    words[words.index("my arm.urdf")] = "docs/examples/two_link.toml"
+    words[words.index("my arm.urdf")] = "two_link"
     assert main([*words[1:-1], str(tmp_path / "replay")]) in (0, 1)
 
 

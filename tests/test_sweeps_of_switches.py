@@ -16,7 +16,7 @@ from adaptctl.sweeps.search import BestSettings, write_settings
 from adaptctl.sweeps.study import Span, SweepStudy, as_span, parsed
 
 AS_WRITTEN = {entry.name: entry for entry in fields(AdaptiveTracking)}["as_written"]
-ARM = "docs/examples/two_link.toml"
+ARM = "two_link"
 
 
 def test_switches_are_typed_as_true_and_false() -> None:

@@ -15,7 +15,7 @@ from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, SimplificationWarning
-from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import LinearlyImplicitEuler, Plant, simulate_many
 from adaptctl.tuning import Tuning, tune
 from adaptctl.tuning.default_gains import DefaultGains, achieved_adaptation_ratio
@@ -131,8 +131,8 @@ def test_the_rotor_that_is_named_allows_four_times_the_damping(tuned: Tuning) ->
 
 @pytest.mark.parametrize("kind", ["gradient", "learning"])
 def test_a_trial_is_slotine_and_li_on_the_reduced_model(kind: str) -> None:
-    arm = load("docs/examples/two_link.toml")
-    tuned, model = tune(arm), ReducedModel(arm, fundamental_basis(essential_space(arm)))
+    arm = load("two_link")
+    tuned, model = tune(arm), ReducedModel(arm)
     law = tuned.controller(model, kind)
     plant = Plant(arm, PERIOD, tuned.substeps, tuned.integrator, tuned.torque_limits)
     first = tuned.reference(0.0).p + tuned.initial_error
@@ -207,7 +207,7 @@ def test_links_that_no_body_can_be_are_named() -> None:
 
 
 def test_numbers_may_be_numpys() -> None:
-    two = load("docs/examples/two_link.toml")
+    two = load("two_link")
     plain, numpys = (
         tune(two, control_period=T, seed=k) for T, k in ((2.0**-10, 1), (np.float32(2.0**-10), np.int64(1)))
     )
@@ -234,14 +234,14 @@ def test_wrong_settings_are_refused(settings: dict[str, float], message: str) ->
 
 
 def test_the_command_tells_people_and_programs(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["tune", "docs/examples/two_link.toml"]) == 0
+    assert main(["tune", "two_link"]) == 0
     assert "What limits the gains" in capsys.readouterr().out
-    assert main(["tune", "docs/examples/two_link.toml", "--json", "--search", "2"]) == 0
+    assert main(["tune", "two_link", "--json", "--search", "2"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert said["schema"] == "adaptctl/tuning/3"
     assert said["verified"][0]["name"] == "nominal"
     assert said["verified"][0]["is_learning"] is True
-    assert main(["tune", "docs/examples/two_link.toml", "--control-period", "nan"]) == 2
+    assert main(["tune", "two_link", "--control-period", "nan"]) == 2
     assert "control_period: expected" in capsys.readouterr().err
 
 

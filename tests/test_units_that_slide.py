@@ -73,7 +73,7 @@ def test_units_of_both_kinds_are_told_together(cart: Path) -> None:
 
 def test_runs_that_verify_gains_say_so(cart: Path) -> None:
     assert "mrad or mm; without adaptation" in str(tune(load(cart)).verified[0])
-    assert "mrad; without adaptation" in str(tune(load("docs/examples/two_link.toml")).verified[0])
+    assert "mrad; without adaptation" in str(tune(load("two_link")).verified[0])
 
 
 def test_errors_of_each_unit_are_those_of_its_own_joints(cart: Path) -> None:

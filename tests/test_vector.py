@@ -26,7 +26,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 @pytest.fixture(scope="module")
 def compared() -> Comparison:
-    return comparison(load("docs/examples/two_link.toml"), samples=400)
+    return comparison(load("two_link"), samples=400)
 
 
 def curve(svg: str) -> np.ndarray:

@@ -11,11 +11,11 @@ from random_trees import random_chain
 from adaptctl.arrays import Array
 from adaptctl.control import CushionedFloor, Gradient, PassivityIntegral, ReferencePoint, SlotineLi, monitor_stability
 from adaptctl.errors import InputError
-from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import Plant
 
 ARM = random_chain(3, 3)
-MODEL = ReducedModel(ARM, fundamental_basis(essential_space(ARM)))
+MODEL = ReducedModel(ARM)
 TRUE = MODEL.fundamental_parameters
 K, PERIOD, BANDWIDTH, DAMPING = len(TRUE), 2e-3, np.array([6.0, 5.0, 7.0]), np.array([3.0, 4.0, 2.0])
 

@@ -54,7 +54,7 @@ from adaptctl.tuning.verification import scaled_links
 
 @cache
 def arm() -> Mechanism:
-    return load("docs/examples/two_link.toml")
+    return load("two_link")
 
 
 @cache

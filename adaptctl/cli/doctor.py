@@ -88,10 +88,10 @@ def _compiler() -> dict[str, Any]:
 
 
 def _cache() -> dict[str, Any]:
-    from adaptctl.compilation.object_cache import SUFFIX, cache_folder
+    from adaptctl.compilation.object_cache import cache_folder, stored_objects
 
     folder = cache_folder()
-    sizes = [path.stat().st_size for path in folder.glob(f"*{SUFFIX}")] if folder and folder.is_dir() else []
+    sizes = [status.st_size for status, _ in stored_objects(folder)] if folder and folder.is_dir() else []
     return {"folder": str(folder) if folder else None, "objects": len(sizes), "bytes": sum(sizes)}
 
 

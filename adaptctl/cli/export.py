@@ -88,7 +88,7 @@ def export(
     from adaptctl.codegen import export as exported
     from adaptctl.codegen.builds import COMPILERS, builds
     from adaptctl.errors import VerdictError
-    from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+    from adaptctl.identifiability import ReducedModel
     from adaptctl.tuning import tune
     from adaptctl.tuning.named_laws import guarded, named_law
 
@@ -96,7 +96,7 @@ def export(
     tuning = tune(mechanism, control_period=control_period, bandwidth=bandwidth)
     if not anyway:
         tuning.validate_learning("--anyway")
-    model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
+    model = ReducedModel(mechanism)
     named = law or DEFAULT_LAWS[scalar]
     chosen = named_law(named, tuning, model)
     controller = chosen if without_safety_filter else guarded(chosen, tuning)

@@ -72,6 +72,7 @@ app = App(
     result_action="return_value",
 )
 # Named, not given: a command's module is imported when it is asked for.
+app.command("adaptctl.cli.new:new", name="new", help="A robot file to edit.")
 app.command("adaptctl.cli.basis:basis", name="basis", help="Base parameters of a robot.")
 app.command("adaptctl.cli.gains:gains", name="gains", help="Gains of a tracking loop, and their stability margins.")
 app.command("adaptctl.cli.identify:identify", name="identify", help="Parameters of a robot from logs of its motion.")

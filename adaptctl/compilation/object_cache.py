@@ -88,15 +88,21 @@ class ObjectCache(NamedTuple):
 
     def _shrink(self) -> None:
         total = 0
-        with os.scandir(self.folder) as entries:
-            files = [
-                (entry.stat(follow_symlinks=False), entry.path) for entry in entries if entry.name.endswith(SUFFIX)
-            ]
+        files = stored_objects(self.folder)
         for status, path in sorted(files, key=lambda file: file[0].st_mtime_ns, reverse=True):
             total += status.st_size
             if total > self.limit:
                 with suppress(FileNotFoundError):
                     os.unlink(path)  # noqa: PTH108
+
+
+def stored_objects(folder: Path) -> Iterator[tuple[os.stat_result, str]]:
+    """Status and path of each compiled object in a folder, without those that another process removes meanwhile."""
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            with suppress(FileNotFoundError):
+                if entry.name.endswith(SUFFIX):
+                    yield entry.stat(follow_symlinks=False), entry.path
 
 
 def _head(key: bytes, data: bytes) -> bytes:

@@ -17,6 +17,7 @@ from adaptctl.description.readers.mjcf import read_mjcf as read_mjcf
 from adaptctl.description.readers.pinocchio_model import from_pinocchio as from_pinocchio
 from adaptctl.description.readers.pinocchio_model import to_pinocchio as to_pinocchio
 from adaptctl.description.readers.pinocchio_model import to_pinocchio_constraints as to_pinocchio_constraints
+from adaptctl.description.readers.registry import builtin_file as builtin_file
 from adaptctl.description.readers.registry import builtin_names as builtin_names
 from adaptctl.description.readers.registry import read as read
 from adaptctl.description.readers.urdf import read_urdf as read_urdf

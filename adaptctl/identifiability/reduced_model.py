@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,8 @@ from adaptctl.compilation.object_cache import kept
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.array_equations import ArrayEquation, ArrayEquations, OnArrays
 from adaptctl.errors import InputError, printable, validate_kind
-from adaptctl.identifiability.fundamental_basis import FundamentalBasis
+from adaptctl.identifiability.essential_space import essential_space
+from adaptctl.identifiability.fundamental_basis import FundamentalBasis, fundamental_basis
 from adaptctl.scalars import Column, Keyed, spread
 
 if TYPE_CHECKING:
@@ -29,6 +30,16 @@ CHECKED_STATES, MAX_LOOP_OFFSET = 8, 0.02
 ENERGY_TOLERANCE, ROUND_OFF_FLOOR = 1e-4, 1e-8
 
 
+class _Computed:
+    """Default of `basis`: computed from the mechanism, as None stands for no basis."""
+
+    def __repr__(self) -> str:
+        return "fundamental_basis(essential_space(mechanism))"
+
+
+_COMPUTED = cast(FundamentalBasis, _Computed())
+
+
 @dataclass(frozen=True, eq=False)
 class ReducedModel(Keyed):
     r"""
@@ -38,14 +49,17 @@ class ReducedModel(Keyed):
     ----------
     mechanism : Mechanism
         Mechanism with r primary (independent) joints.
-    basis : FundamentalBasis or None
-        Basis of any mechanism of the same geometry, gravity and link names; None keeps all P parameters.
+    basis : FundamentalBasis or None, optional
+        Basis of any mechanism of the same geometry, gravity and link names; None keeps all P parameters. By default
+        `fundamental_basis` of the mechanism's `essential_space`.
 
     Raises
     ------
     InputError
         If the basis belongs to another geometry, gravity or other link names, or changes energies by more than about
         1e-4 of their size.
+    RankError
+        If the number of base parameters cannot be certified.
 
     Notes
     -----
@@ -53,7 +67,7 @@ class ReducedModel(Keyed):
 
     Examples
     --------
-    >>> model = adaptctl.ReducedModel(arm, basis)
+    >>> model = adaptctl.ReducedModel(arm)
     >>> model.torque_regressor(p, v, np.zeros(2)).shape
     (2, 6)
     >>> torque = model.inverse_dynamics(p, v, np.zeros(2))
@@ -62,10 +76,13 @@ class ReducedModel(Keyed):
     """
 
     mechanism: Mechanism
-    basis: FundamentalBasis | None
+    basis: FundamentalBasis | None = _COMPUTED
 
     def __post_init__(self) -> None:
         validate_kind(self.mechanism, Mechanism, "reduced model", "as load(...) gives one")
+        if self.basis is _COMPUTED:
+            object.__setattr__(self, "basis", fundamental_basis(essential_space(self.mechanism)))
+            return
         if self.basis is None:
             return
         if not isinstance(self.basis, FundamentalBasis):

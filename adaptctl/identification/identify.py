@@ -331,7 +331,7 @@ def _result(
     remarks: tuple[str, ...],
 ) -> Identification:
     identified = identified_mechanism(evidence, fit)
-    model = ReducedModel(identified, fundamental_basis(essential_space(identified)))
+    model = ReducedModel(identified)
     places = [evidence.mechanism.parameter_names.index(name) for name in identified.parameter_names]
     onto = np.zeros((len(model.columns), len(fit.x)))
     onto[:, places] = model.regrouping

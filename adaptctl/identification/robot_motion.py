@@ -18,7 +18,7 @@ from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.files import write_text
-from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.identifiability import ReducedModel
 
 # From 0 to 1 with three derivatives zero at both ends.
 BLEND = np.polynomial.Polynomial([0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0])
@@ -280,7 +280,7 @@ def exciting_motion(
     positive_number(duration, "duration: expected a positive number of seconds", most=MAX_DURATION)
     if not 0.0 < 2.0 * fade < duration:
         raise InputError(f"fade: expected a time up to half of the duration of {duration:g} s, got {fade:g}")
-    model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
+    model = ReducedModel(mechanism)
     space = MotionLimits.from_model(model, limit_share)
     middle = 0.5 * (space.lower + space.upper)
     first, last = (middle if pose is None else checked(pose, mechanism.dof, "pose") for pose in (start, end))

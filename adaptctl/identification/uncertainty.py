@@ -14,7 +14,7 @@ from adaptctl.arrays import Array, positive_per_joint
 from adaptctl.control.adaptation import PriorRanges
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.identifiability import EssentialSpace, ReducedModel, States, essential_space, fundamental_basis, reduce
+from adaptctl.identifiability import EssentialSpace, ReducedModel, States, essential_space, reduce
 from adaptctl.identification.fit import Fit, LogEvidence
 from adaptctl.identification.robot_motion import RobotMotion
 
@@ -195,7 +195,7 @@ class Forecast:
 def forecast(mechanism: Mechanism, motion: RobotMotion, noise: ArrayLike | None = None) -> Forecast:
     """Standard deviations to be expected from least squares on a motion."""
     given = None if noise is None else positive_per_joint(noise, mechanism.dof, "noise")
-    model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
+    model = ReducedModel(mechanism)
     _, p, v, a, _ = motion.sampled(INDEPENDENT_ROW_RATE)
     expected = _expected(mechanism.inverse_dynamics(p, v, a)) if given is None else given
     Y = (model.torque_regressor(p, v, a) / expected[:, None]).reshape(-1, len(model.columns))

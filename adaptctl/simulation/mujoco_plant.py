@@ -17,6 +17,7 @@ from adaptctl.arrays import Array, checked
 from adaptctl.caching import cached_property
 from adaptctl.control.controller import Reference
 from adaptctl.control.references import Sinusoids
+from adaptctl.description import builtin_file, builtin_names
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import (
     FileError,
@@ -198,6 +199,8 @@ def as_mujoco(robot: str | Path | Mechanism | mujoco.MjModel) -> mujoco.MjModel:
         raise MissingExtraError("MuJoCo is not installed: pip install 'adaptctl[mujoco]'") from error
     if isinstance(robot, mujoco.MjModel):
         return robot
+    if isinstance(robot, str) and robot in builtin_names():
+        robot = builtin_file(robot)
     if isinstance(robot, str | Path) and Path(robot).suffix.lower() in (".xml", ".mjcf"):
         try:
             return _held(robot, mujoco.MjModel.from_xml_path(str(robot)))

@@ -18,7 +18,7 @@ from adaptctl.control.gains.workspace import Workspace
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.errors import RankError
-from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, where
 from adaptctl.simulation import Plant, Rollouts, simulate_many
 from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule
@@ -114,7 +114,7 @@ class Trials:
 def base_model(mechanism: Mechanism) -> ReducedModel:
     """Model of the base parameters, or of all where their number cannot be certified."""
     try:
-        return ReducedModel(mechanism, fundamental_basis(essential_space(mechanism)))
+        return ReducedModel(mechanism)
     except RankError:
         return ReducedModel.full(mechanism)
 

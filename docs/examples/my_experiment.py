@@ -14,7 +14,7 @@ class MyExperiment(AdaptiveTracking):
     name: ClassVar[str] = "my-experiment"
     title: ClassVar[str] = "{robot}: my own question"
 
-    robot: str = setting("docs/examples/two_link.toml", "my arm")
+    robot: str = setting("two_link", "my arm")
 
     @property
     def purpose(self) -> str:

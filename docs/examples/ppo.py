@@ -231,7 +231,7 @@ def controller(env: Puma560VectorTrackingEnv, hold: float = 1.0) -> adaptctl.Slo
     tuning = adaptctl.tune(
         arm, control_period=0.02, reference=reference, initial_error=0.1, bandwidth=8.0, sampling_ratio=hold
     )
-    model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+    model = adaptctl.ReducedModel(arm)
     return tuning.controller(model, "gradient")
 
 

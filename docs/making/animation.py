@@ -26,7 +26,7 @@ def runs() -> tuple[adaptctl.Mechanism, tuple[adaptctl.Rollout, ...]]:
     settings = Puma560Adaptive(duration=DURATION)
     env = gymnasium.make("adaptctl.envs:adaptctl/Puma560Tracking-v0", duration=DURATION)
     arm = env.unwrapped.mechanism
-    model = adaptctl.ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+    model = adaptctl.ReducedModel(arm)
     gains = (settings.bandwidth, np.array(settings.damping))
     learning, off = (
         adaptctl.rollout(env, SlotineLi(model, *gains, law), seed=0) for law in (adaptctl.adaptation_gain(model), None)

@@ -13,7 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.files import write_text
 from adaptctl.recording.drawing import INK, MUTED, PAPER, run_color
 
-ROBOT = Path(__file__).resolve().parents[1] / "examples" / "two_link.toml"
+ROBOT = "two_link"
 PERIOD, DURATION, FRAMES, STILL = 1e-3, 6.0, 72, 44
 """s of a torque and of the picture, how many poses of it are kept, and which of them is shown where nothing may move"""
 HANGING, SWING, TURNS = np.array([-np.pi / 2, 0.0]), np.array([0.7, 0.9]), np.array([2, 3])

@@ -108,13 +108,13 @@ def sources() -> dict[str, tuple[str | Path, Mapping[str, bool]]]:
     """Robots by the names that they are kept under, and how each is loaded."""
     from adaptctl.description import builtin_names
 
-    own = sorted([*HERE.glob("files/*"), *ROOT.glob("docs/examples/*.toml")])
+    own = sorted(HERE.glob("files/*"))
     wheel = {
         path.name: Path(str(path.locate())) for path in files("example-robot-data") or () if path.suffix == ".urdf"
     }
     return {
         **{name: (name, {}) for name in builtin_names()},
-        **{path.name: (path, FLOATING if "floating" in path.name else {}) for path in own if path.stem != "priority"},
+        **{path.name: (path, FLOATING if "floating" in path.name else {}) for path in own},
         **{name: (wheel[name.split()[0]], how) for name, how in FOREIGN.items()},
     }
 

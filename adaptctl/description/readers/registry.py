@@ -62,7 +62,38 @@ def builtin_names() -> tuple[str, ...]:
     >>> "puma560" in builtin_names()
     True
     """
-    return tuple(sorted(path.stem for path in _ROBOTS.glob("*.toml")))
+    return tuple(sorted(path.stem for path in _ROBOTS.iterdir()))
+
+
+def builtin_file(name: str) -> Path:
+    """
+    Return the file of a robot that comes with adaptctl, a template for one's own.
+
+    Parameters
+    ----------
+    name : str
+        Name of a built-in robot, see `builtin_names`.
+
+    Returns
+    -------
+    Path
+        File in the installed package, .toml or .xml.
+
+    Raises
+    ------
+    NotFoundError
+        If no robot has this name.
+
+    Examples
+    --------
+    >>> from adaptctl.description import builtin_file
+    >>> builtin_file("two_link").name
+    'two_link.toml'
+    """
+    if name not in builtin_names():
+        known = ", ".join(builtin_names())
+        raise NotFoundError(f"unknown robot {name!r}{suggested_name(name.lower(), builtin_names())}; built-in: {known}")
+    return next(_ROBOTS.glob(f"{name}.*"))
 
 
 class _Head(msgspec.Struct):
@@ -132,7 +163,9 @@ def read(
     >>> read("puma560_measured")
     <Description 'puma560_measured': 6 links>
     """
-    suffix = Path(source).suffix.lower()
+    known = isinstance(source, str) and source in builtin_names()
+    path = builtin_file(str(source)) if known else source
+    suffix = Path(path).suffix.lower()
     if floating_base and suffix not in (".urdf", *MJCF):
         raise InputError(
             f"{source}: floating_base: only for URDF and MJCF files, whose bases have inertias; for others, "
@@ -144,15 +177,12 @@ def read(
         raise InputError(f"{source}: mesh_folders: only for URDF files, got {mesh_folders!r}")
     if root is not None and suffix not in MJCF:
         raise InputError(f"{source}: root: only for MJCF files, got {root!r}")
-    if isinstance(source, str) and source in builtin_names():
-        description, remark = read_toml_mechanism(_ROBOTS / f"{source}.toml"), _ASSIGNED.get(source, "")
-    else:
-        asked = {"floating_base": floating_base, "mesh_folders": mesh_folders, "root": root}
-        description, remark = _reader(source)(source, **{name: x for name, x in asked.items() if x}), ""
+    asked = {"floating_base": floating_base, "mesh_folders": mesh_folders, "root": root}
+    description = _reader(path)(path, **{name: x for name, x in asked.items() if x})
     if floating_base:
         text = "the base floats: in closed loop it is pushed by six ideal forces that no robot has"
         warnings.warn(f"{source}: {text}", SimplificationWarning, stacklevel=3)
-    _warn_of_inconsistency(description, remark)
+    _warn_of_inconsistency(description, _ASSIGNED.get(str(source), "") if known else "")
     return description
 
 

@@ -1,4 +1,5 @@
-"""An arm in real time for an exported controller: `python udp_plant.py ROBOT [SECONDS] [PORT]`.
+"""
+Simulated arm in real time for an exported controller, `python -m adaptctl.hardware.udp_plant ROBOT [SECONDS] [PORT]`.
 
 It sends a count, positions and velocities every millisecond over the loopback, gets torques back, and moves the arm as
 `adaptctl` simulates it. A torque that does not come within the period is missed: the last one is held once, then the
@@ -70,4 +71,5 @@ def received(link: socket.socket, k: int, r: int, patience: float) -> tuple[np.n
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], *map(float, sys.argv[2:3]), *map(int, sys.argv[3:4]))
+    name, seconds, port = (*sys.argv[1:], *("20", "5150")[len(sys.argv) - 2 :])
+    main(name, float(seconds), int(port))

@@ -1,0 +1,73 @@
+"""A page of the documentation, followed from the folder where one is: `python pages.py PAGE`, with an installed wheel.
+
+Commands and examples run in the order of the page; a file that the words before a block name is written first. Lines
+for a clone, the network, a screen or a robot are left out, as are patterns in capitals.
+"""
+
+from __future__ import annotations
+
+import doctest
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+BLOCK = re.compile(r"^```(?:\{[\w-]+\} ?)?(\S*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+FILE = re.compile(r"`([\w-]+\.(?:toml|py))`[^`]*\Z")
+NEEDS_MORE = re.compile(r"\b[A-Z]{3,}\b|\.\.\.|…|adaptctl (drive|install-completion|sweep (work|serve))|--live")
+
+
+class Block(NamedTuple):
+    """Language and text of a block, and the file that the words before it name."""
+
+    kind: str
+    text: str
+    file: str | None
+
+
+def blocks(text: str) -> Iterator[Block]:
+    for found in BLOCK.finditer(text):
+        named = FILE.search(text[: found.start()].rstrip().rpartition("\n\n")[2])
+        yield Block(found[1], found[2], named[1] if named else None)
+
+
+def commands(text: str) -> Iterator[list[str]]:
+    """Words of each command of a console block that runs anywhere."""
+    for line in text.replace("\\\n", " ").splitlines():
+        line = line.strip().removeprefix("$ ")
+        if line.startswith("adaptctl ") and not NEEDS_MORE.search(line):
+            yield shlex.split(line, comments=True)[1:]
+
+
+def failed_commands(text: str) -> Iterator[str]:
+    for words in commands(text):
+        command = [str(Path(sys.executable).parent / "adaptctl"), *words]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
+        if done.returncode:
+            yield f"adaptctl {shlex.join(words)}: exit {done.returncode}: {done.stderr.strip()[-300:]}"
+
+
+def failures(text: str) -> Iterator[str]:
+    """What fails of a page, from top to bottom."""
+    names: dict[str, Any] = {}
+    runner = doctest.DocTestRunner(verbose=False)
+    for block in blocks(text):
+        if block.kind == "console":
+            yield from failed_commands(block.text)
+        elif ">>>" in block.text:
+            told: list[str] = []
+            test = doctest.DocTestParser().get_doctest(block.text, names, "page", None, 0)
+            runner.run(test, told.append, clear_globs=False)
+            names |= test.globs
+            yield from told
+        elif block.file:
+            Path(block.file).write_text(block.text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    wrong = list(failures(Path(sys.argv[1]).read_text(encoding="utf-8")))
+    print("\n".join(wrong))
+    sys.exit(bool(wrong))
