@@ -9,7 +9,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: architecture help demo test test-nightly search golden bench gallery sdist figures check-stability check-export check-page check-pages check-learners check-robots check-drive mutants lint types docs format licences audit lock clean
+.PHONY: architecture help demo test test-nightly search golden bench gallery sdist figures check-stability check-export check-page check-pages check-examples check-learners check-robots check-drive mutants lint types docs format licences audit lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
@@ -50,6 +50,9 @@ check-page: $(STAMP) ## test exported WebAssembly in node, and a report's simula
 
 check-pages: docs ## check documentation and reports in a headless browser: accessibility (axe-core), widths, valid HTML; npm in build/pages
 	PYTHONPATH=. $(BIN)/python tests/check_pages.py $(DOCS) results
+
+check-examples: $(STAMP) ## run all commands and examples of README and docs from empty folders, with an installed wheel; ten minutes (PAGES="quickstart cli" for some)
+	$(BIN)/python tests/check_examples.py $(PAGES)
 
 mutants: $(STAMP) ## mutation tests of the whole package; three hours (MUTANTS="--folders control" for some)
 	nice -n 12 $(BIN)/python tests/mutants.py $(MUTANTS)

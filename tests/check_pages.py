@@ -1,52 +1,129 @@
-"""All commands and examples of README and docs from empty folders, with an installed wheel: `make check-pages`.
+"""Pages for every reader: the documentation and reports in a browser without a window: `make check-pages`.
 
-Builds the wheel and installs it without its dependencies beside those of the environment, so that nothing of the clone
-is importable. `python tests/check_pages.py quickstart` takes pages whose names contain a word.
+Every page at the widths of a phone, a tablet and a screen, light and dark: findings of axe-core, and whether the page
+scrolls sideways; and the rules of html-validate. Names each tool that is missing, and does the rest.
 """
 
 from __future__ import annotations
 
-import os
+import json
+import shutil
 import subprocess
 import sys
-import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
-ROOT = Path(__file__).resolve().parent.parent
+WIDTHS, SCHEMES = (390, 768, 1280), ("light", "dark")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+PACKAGES = Path("build/pages")
+"""where `npm install --prefix` has put what node needs"""
+SERIOUS = ("serious", "critical")
+RULES = {
+    "root": True,
+    "extends": ["html-validate:standard"],
+    "rules": {
+        # matters of taste, of the writers of HTML that are used here, and what axe-core looks at in a browser
+        **dict.fromkeys(
+            ("no-trailing-whitespace", "long-title", "no-inline-style", "void-style", "attr-quotes"), "off"
+        ),
+        **dict.fromkeys(("prefer-native-element", "no-implicit-button-type", "valid-id", "wcag/h32"), "off"),
+        **dict.fromkeys(("tel-non-breaking", "svg-focusable", "no-raw-characters", "no-redundant-role"), "off"),
+    },
+}
+
+SCRIPT = """
+const { pages, browser, widths, schemes } = JSON.parse(require("fs").readFileSync(0, "utf8"));
+const axe = require("fs").readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
+const look = async () => {
+  const { violations } = await axe.run(document, { resultTypes: ["violations"] });
+  const told = ({ id, impact, nodes }) => ({ id, impact, count: nodes.length, first: nodes[0].html.slice(0, 120) });
+  return { wide: document.documentElement.scrollWidth, found: violations.map(told) };
+};
+(async () => {
+  const args = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"];
+  const running = await require("puppeteer-core").launch({ executablePath: browser, args, protocolTimeout: 600000 });
+  for (const page of pages) for (const width of widths) {
+    const tab = await running.newPage();  // one that has looked at hundreds of pages may be gone
+    await tab.setViewport({ width, height: 900 });
+    await tab.goto("file://" + page, { timeout: 600000 });
+    await tab.evaluate(axe);
+    for (const scheme of schemes) {
+      await tab.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
+      console.log(JSON.stringify({ page, width, scheme, ...(await tab.evaluate(look)) }));
+    }
+    await tab.close();
+  }
+  await running.close();
+})();
+"""
 
 
-def installed(folder: Path) -> Path:
-    """Interpreter of an environment with the wheel, which sees the packages of this one."""
-    subprocess.run(
-        [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT)],
-        check=True, stdout=subprocess.DEVNULL,
-    )  # fmt: skip
-    subprocess.run([sys.executable, "-m", "venv", str(folder / "venv")], check=True)
-    python = folder / "venv" / "bin" / "python"
-    [wheel] = folder.glob("*.whl")
-    subprocess.run([str(python), "-m", "pip", "install", "--quiet", "--no-deps", str(wheel)], check=True)
-    here = next(path for path in sys.path if path.endswith("site-packages"))
-    site = next((folder / "venv" / "lib").glob("python*/site-packages"))
-    (site / "beside.pth").write_text(f"import sys; sys.path.append({here!r})\n")
-    return python
+def missing() -> list[str]:
+    """Sentences on tools that are not here."""
+    told = [] if shutil.which("node") else ["node is missing: nothing can be looked at"]
+    if not any(map(shutil.which, BROWSERS)):
+        told.append(f"a browser is missing (one of {', '.join(BROWSERS)}): axe-core is left out")
+    for package in ("puppeteer-core", "axe-core", "html-validate"):
+        if not (PACKAGES / "node_modules" / package).is_dir():
+            told.append(f"{package} is missing: npm install --prefix {PACKAGES} {package}")
+    return told
 
 
-def main(words: list[str]) -> int:
-    pages = [ROOT / "README.md", *sorted(p for p in (ROOT / "docs").rglob("*.md") if "_build" not in p.parts)]
-    chosen = [page for page in pages if not words or any(word in page.name for word in words)]
-    os.environ.pop("PYTHONPATH", None)
-    failed = []
-    with tempfile.TemporaryDirectory() as place:
-        python = installed(Path(place))
-        for page in chosen:
-            (folder := Path(place) / "empty" / page.stem).mkdir(parents=True)
-            command = [str(python), str(ROOT / "tests" / "pages.py"), str(page)]
-            done = subprocess.run(command, cwd=folder, stdout=subprocess.PIPE, text=True, check=False)
-            print(f"{page.relative_to(ROOT)}: {'failed' if done.returncode else 'passed'}", flush=True)
-            failed += [f"\n{page.name}:\n{done.stdout}"] if done.returncode else []
-    print("\n".join(failed))
-    return bool(failed)
+def look(pages: Sequence[Path]) -> Iterator[dict[str, Any]]:
+    """What axe-core finds on every page, at every width, light and dark."""
+    browser = next(path for path in map(shutil.which, BROWSERS) if path)
+    given = json.dumps(
+        {"pages": [str(p.resolve()) for p in pages], "browser": browser, "widths": WIDTHS, "schemes": SCHEMES}
+    )
+    script = PACKAGES / "look.js"
+    script.write_text(SCRIPT, encoding="utf-8")
+    with subprocess.Popen(["node", script], text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as running:
+        assert running.stdin is not None
+        assert running.stdout is not None
+        with running.stdin:
+            running.stdin.write(given)
+        yield from map(json.loads, running.stdout)
+    if running.returncode:
+        raise SystemExit(f"the browser ended with {running.returncode}")
+
+
+def invalid(pages: Sequence[Path]) -> dict[tuple[str, str], int]:
+    """How often each rule of HTML is broken, and how."""
+    (PACKAGES / ".htmlvalidate.json").write_text(json.dumps(RULES), encoding="utf-8")
+    program = PACKAGES / "node_modules" / ".bin" / "html-validate"
+    command = [program, "--config", PACKAGES / ".htmlvalidate.json", "--formatter", "json", *pages]
+    done = subprocess.run(command, check=False, text=True, stdout=subprocess.PIPE)
+    found: dict[tuple[str, str], int] = {}
+    for file in json.loads(done.stdout):
+        for message in file["messages"]:
+            kind = message["ruleId"], message["message"]
+            found[kind] = found.get(kind, 0) + 1
+    return found
+
+
+def main(pages: Sequence[Path]) -> int:
+    """1 where there is something serious, a page scrolls sideways, or HTML is not valid."""
+    lacking, bad = missing(), 0
+    for sentence in lacking:
+        print(sentence)
+    without = " ".join(lacking)
+    if not any(tool in without for tool in ("node is", "browser", "puppeteer-core", "axe-core is")):
+        for one in look(pages):
+            wide = [f"scrolls sideways ({one['wide']} px)"] if one["wide"] > one["width"] else []
+            told = wide + [f"{f['id']} ({f['impact']}) {f['count']} times: {f['first']}" for f in one["found"]]
+            bad += len(wide) + sum(f["impact"] in SERIOUS for f in one["found"])
+            for sentence in told:
+                print(f"{one['page']}, {one['width']} px, {one['scheme']}: {sentence}", flush=True)
+    if not any(tool in without for tool in ("node is", "html-validate is")):
+        broken = invalid(pages)
+        bad += sum(broken.values())
+        for (rule, message), count in broken.items():
+            print(f"{rule}, {count} times: {message}")
+    print(f"{len(pages)} pages: {bad} findings that matter")
+    return bool(bad)
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    given = [Path(word) for word in sys.argv[1:]]
+    sys.exit(main(sorted(p for one in given for p in (one.rglob("*.html") if one.is_dir() else [one]))))

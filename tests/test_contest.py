@@ -27,7 +27,7 @@ from adaptctl.contest.scene import Scene, scene_of
 from adaptctl.contest.trial import TimeExceededError, tried
 from adaptctl.errors import FileError, InputError, NotFoundError
 
-ARM = str(Path("docs/examples/two_link.toml").resolve())
+ARM = "two_link"
 OWN = '''
 import time
 from dataclasses import dataclass

@@ -63,8 +63,8 @@ def identify(
     validate : list of Path
         Validation logs. Default: the last 40 % of the others.
     columns : list of str
-        Columns, such as position=q{} torque=tau_{joint}; {} is a number from 1, {0} from 0. Or numbers of columns from 1,
-        such as time=1 position=2-4 torque=5-7.
+        Columns, such as position=q{} torque=tau_{joint}; {} is a number from 1, {0} from 0. Or numbers of columns from
+        1, such as time=1 position=2-4 torque=5-7.
     units : list of str
         Units of time, position, torque, velocity, such as position=deg.
     sample_rate : float
