@@ -82,6 +82,8 @@ def imported_lazily(package: str) -> tuple[list[str], Callable[[str], Any], Call
 
     def found(name: str) -> Any:
         if name not in home_of:
+            if not name.startswith("_") and find_spec(f"{package}.{name}"):
+                return import_module(f"{package}.{name}")
             guess = suggested_name(name, home_of)
             missing = f"module {package!r} has no attribute {name!r}{guess}"
             raise AttributeError(missing, name=name, obj=modules[package])

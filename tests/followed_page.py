@@ -60,7 +60,7 @@ def failures(text: str) -> Iterator[str]:
         elif ">>>" in block.text:
             told: list[str] = []
             test = doctest.DocTestParser().get_doctest(block.text, names, "page", None, 0)
-            runner.run(test, told.append, clear_globs=False)
+            runner.run(test, out=told.append, clear_globs=False)
             names |= test.globs
             yield from told
         elif block.file:

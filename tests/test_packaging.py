@@ -35,7 +35,7 @@ DOCUMENTS = sorted(
     [*ROOT.glob("*.md"), *ROOT.glob("*.cff"), *(p for p in ROOT.glob("docs/**/*.*") if "_build" not in p.parts)]
 )
 PAGES = [path for path in DOCUMENTS if path.suffix == ".md"]
-PACKED = {".py", ".pyi", ".toml", ".html", ".ll", ".jinja", ".typed", ".urdf", ".parquet", ".txt"}
+PACKED = {".py", ".pyi", ".toml", ".xml", ".html", ".ll", ".jinja", ".typed", ".urdf", ".parquet", ".txt"}
 FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 MACHINE = re.compile(

@@ -83,3 +83,8 @@ def test_ten_lines_are_enough() -> None:
     torque, state = controller.step(state, [0.1] * 6, [0.0] * 6, reference(0.0))
     assert torque.shape == (6,)
     assert state.estimate.shape == (36,)
+
+
+def test_a_folder_of_the_package_is_there_without_an_import_of_its_own() -> None:
+    code = "import adaptctl; adaptctl.control.Sinusoids; adaptctl.description.builtin_names()"
+    subprocess.run([sys.executable, "-c", code], check=True)
