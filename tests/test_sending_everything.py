@@ -147,7 +147,8 @@ def of_control() -> Any:
     )
     laws = control.GainDesign.from_bandwidth(ARM, 4.0), control.margins(loop.loop()), control.ReleasedGradient(GAIN)
     limits = control.MotionLimits(REST - 1.0, REST + 1.0, REST + 2.0, REST + 50.0)
-    return loop, linear, gains, references, found, exciting, measured, laws, limits, control.PriorRanges(), POINT
+    touch = LAWS["touch"].init(REST[:2], REST[:2]).law_state.touch, control.tool_wrench(ARM, REST, REST + 1.0)
+    return loop, linear, gains, references, found, exciting, measured, laws, limits, control.PriorRanges(), POINT, touch
 
 
 def of_simulation() -> Any:

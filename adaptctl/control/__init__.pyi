@@ -45,3 +45,6 @@ from adaptctl.control.safety_filter import SafetyFilterState as SafetyFilterStat
 from adaptctl.control.slotine_li import PassivityIntegral as PassivityIntegral
 from adaptctl.control.slotine_li import SlotineLi as SlotineLi
 from adaptctl.control.task_space import TaskSpaceSlotineLi as TaskSpaceSlotineLi
+from adaptctl.control.touch import ToolWrench as ToolWrench
+from adaptctl.control.touch import tool_wrench as tool_wrench
+from adaptctl.control.touch import with_external_torque as with_external_torque

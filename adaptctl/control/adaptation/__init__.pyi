@@ -2,6 +2,8 @@ from adaptctl.control.adaptation.composite import Composite as Composite
 from adaptctl.control.adaptation.composite_learning import CompositeLearning as CompositeLearning
 from adaptctl.control.adaptation.concurrent_learning import ConcurrentLearning as ConcurrentLearning
 from adaptctl.control.adaptation.consistent_adaptation import ConsistentAdaptation as ConsistentAdaptation
+from adaptctl.control.adaptation.external_torque import ExternalTorque as ExternalTorque
+from adaptctl.control.adaptation.external_torque import Touch as Touch
 from adaptctl.control.adaptation.gradient import DeadZone as DeadZone
 from adaptctl.control.adaptation.gradient import EModification as EModification
 from adaptctl.control.adaptation.gradient import Gradient as Gradient

@@ -116,12 +116,12 @@ def validate_filter(law: str, weight: ArrayLike, cutoff: float) -> None:
     positive_numbers(weight, f"{law}: prediction_weight")
 
 
-def validate_cutoff(cutoff: float, control_period: float) -> None:
+def validate_cutoff(cutoff: float, control_period: float, what: str = "torque filter") -> None:
     """Raise `InputError` unless a filter's cut-off frequency fits the control period."""
-    positive_number(cutoff, "torque filter: cutoff: expected a positive number in rad/s")
+    positive_number(cutoff, f"{what}: cutoff: expected a positive number in rad/s")
     if cutoff * control_period > 1.0:
         raise InputError(
-            f"torque filter: cutoff: {cutoff:g} rad/s is too fast for a control period of {control_period:g} s; "
+            f"{what}: cutoff: {cutoff:g} rad/s is too fast for a control period of {control_period:g} s; "
             f"use at most {1.0 / control_period:g} rad/s"
         )
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import reduce
 from typing import Any, NamedTuple
 
 from adaptctl.control.adaptation.law import Period
 from adaptctl.scalars import Column, maximum, minimum, where
+from adaptctl.scalars.scalar import Condition
 
 MODEL, UNKNOWN, PAYLOAD, CONTACT = 0.0, 1.0, 2.0, 3.0
 """Decisions on what the missed torques are: nothing new, not known yet, a changed load, a push."""
@@ -66,6 +68,12 @@ def doubted(sample: TorqueEquations, unsure: Column, period: Period, watch: Watc
         takes = quiet * where(old * where(square > limit, 1.0, 0.0) > 0.5, 0.0, pace * counts)
         noises.append(noise + takes * (seen - noise))
     return Column(noises), Column(doubts), age
+
+
+def touched(doubt: Column, beyond: Sequence[Condition], age: Any) -> Column:
+    """Doubts (r,) in s, renewed for joints whose external torque is beyond its level."""
+    old = where(age < YOUTH, 0.0, CLEAR)
+    return Column(where(above, maximum(s, old), s) for above, s in zip(beyond, doubt, strict=True))
 
 
 class End(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
 from typing import Any, ClassVar, NamedTuple
@@ -10,19 +11,31 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, per_joint
-from adaptctl.control.adaptation import payload_test, two_stage_filter
+from adaptctl.control.adaptation import external_torque, payload_test, two_stage_filter
 from adaptctl.control.adaptation.composite import residual
-from adaptctl.control.adaptation.doubt import CLEAR, MODEL, UNKNOWN, TorqueEquations, Watch, doubted, ended, named
-from adaptctl.control.adaptation.law import Period
+from adaptctl.control.adaptation.doubt import (
+    CLEAR,
+    MODEL,
+    UNKNOWN,
+    TorqueEquations,
+    Watch,
+    doubted,
+    ended,
+    named,
+    touched,
+)
+from adaptctl.control.adaptation.external_torque import ExternalTorque, Missed, Touch
+from adaptctl.control.adaptation.law import NoMemory, Period
 from adaptctl.control.adaptation.payload_test import PayloadSums, PayloadTest
 from adaptctl.control.adaptation.recall import RecallingLeastSquares
 from adaptctl.control.adaptation.recalled_step import Flow, recalled_step
 from adaptctl.control.adaptation.stored import QUARANTINE, Stored
-from adaptctl.control.adaptation.two_stage_filter import FilteredTwice
+from adaptctl.control.adaptation.symmetric import joined
+from adaptctl.control.adaptation.two_stage_filter import FilteredPrediction, FilteredTwice
 from adaptctl.control.pytree import either
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, validate_kind
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, absolute, column, each, maximum, minimum, where
+from adaptctl.scalars import Column, Scalar, Tunable, absolute, column, each, maximum, minimum, where
 
 SETTLING = 2.0
 """time constants of the filters for which a joint has to move before its equation counts"""
@@ -43,11 +56,15 @@ class GuardedMemory(NamedTuple):
     filtered: FilteredTwice
     watch: Watch
     sums: PayloadSums
+    touch: Any = NoMemory()
 
     @property
     def logged_state(self) -> Any:
-        """Decision (1,): 0 model, 1 unknown, 2 payload, 3 contact."""
-        return self.watch.decision
+        """Decision (1,): 0 model, 1 unknown, 2 payload, 3 contact; then external torques (r,) and levels (r,)."""
+        parts = (self.watch.decision, *self.touch[:2])
+        if isinstance(parts[0], Column):
+            return joined(parts)
+        return np.concatenate(parts, axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +93,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         says nothing of the model.
     time_limit : float, default 10.0
         Time in s of an undecided change, after which the trial estimate is taken and the memory cleared.
+    external_torque : ExternalTorque, optional
+        Observer of external torques, which raises a doubt within some hundredths of a second. Default: none.
 
     Raises
     ------
@@ -118,14 +137,22 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
     recall: float = 10.0
     min_speed: ArrayLike = 0.05
     time_limit: float = 10.0
+    external_torque: ExternalTorque | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.external_torque is not None:
+            validate_kind(self.external_torque, ExternalTorque, "external_torque", "as ExternalTorque() is one")
         self._validate_not_negative({"recall": "1/s", "time_limit": "s"})
         speeds = np.asarray(self.min_speed, dtype=np.float64)
         if not (np.all(np.isfinite(speeds)) and np.all(speeds >= 0.0)):
             raise InputError(f"{self.called}: min_speed: expected finite speeds of at least 0, got {self.min_speed}")
         object.__setattr__(self, "min_speed", frozen_array(speeds, speeds.shape, f"{self.called}: min_speed"))
+
+    @property
+    def tunable_parts(self) -> Mapping[str, Tunable]:
+        """Observer by the name "external_torque", if there is one."""
+        return {} if self.external_torque is None else {"external_torque": self.external_torque}
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
@@ -148,6 +175,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         """
         super().validate(model, initial, control_period)
         per_joint(self.min_speed, model.mechanism.dof, f"{self.called}: min_speed")
+        if self.external_torque is not None:
+            self.external_torque.validate(control_period)
 
     def initial_state(
         self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float
@@ -179,12 +208,14 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         """
         k, r = len(model.columns), model.mechanism.dof
         nothing, none, rest = np.zeros(k * (k + 1) // 2), np.zeros(k), np.zeros(r)
-        one = np.zeros(1)
+        one, observer = np.zeros(1), self.external_torque
+        touch = NoMemory() if observer is None else observer.start(model, q, v, control_period)
         return GuardedMemory(
             Stored(nothing, none, nothing, none, np.ones(2)),
             two_stage_filter.start(model, q, v, self.cutoff, control_period),
             Watch(np.array(initial), rest, rest, rest, one, one, one, one),
             PayloadSums.zero(r),
+            touch,
         )
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
@@ -219,12 +250,28 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         sample = self._sample(prediction, period, watch)
         slope = self._scale * period.gradient(period.integral)
         x = Column(value / scale for value, scale in zip(estimate, self._scale, strict=True))
-        stored, step, unsure = self._stepped(memory.stored, sample, period, watch, (x, slope))
+        observer = self.external_torque
+        fast = None if observer is None else external_torque.predicted(observer, model, period, memory.touch)
+        stored, step, unsure = self._stepped(memory.stored, sample, period, watch, (x, slope), fast)
+        touch = self._felt(fast, sample, Column(unsure.of[len(sample.rows) :]), period, memory)
         trial = (trial_share(sample, watch) * self._scale) * slope + self._returning(watch, period) * (
             estimate - watch.trusted
         )
         after = estimate - either(watch.alarm[0] > 0.0, trial, self._scale * step)
-        return self._decided(model, after, stored, sample, unsure, period, memory, prediction.after)
+        unsure = Column(unsure.of[: len(sample.rows)])
+        return self._decided(model, after, stored, sample, unsure, period, memory, prediction.after, touch)
+
+    def _felt(
+        self, fast: FilteredPrediction | None, sample: TorqueEquations, form: Column, period: Period,
+        memory: GuardedMemory,
+    ) -> Any:  # fmt: skip
+        """State of the observer after the period."""
+        if self.external_torque is None or fast is None:
+            return memory.touch
+        torque = residual(fast.rows, memory.watch.trusted, fast.torque)
+        missed = Missed(torque, form, sample.weights, memory.watch.alarm[0])
+        speeds = list(each(self.min_speed, len(torque)))
+        return external_torque.judged(self.external_torque, fast, missed, period, speeds, memory.touch)
 
     def _sample(self, prediction: two_stage_filter.FilteredPrediction, period: Period, watch: Watch) -> TorqueEquations:
         rows, r = prediction.rows, len(prediction.rows)
@@ -236,15 +283,17 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         return TorqueEquations(rows, units, prediction.torque, missed, each(self.prediction_weight, r), counts, moving)
 
     def _stepped(
-        self, stored: Stored, sample: TorqueEquations, period: Period, watch: Watch, given: tuple[Column, Column]
-    ) -> tuple[Stored, Column, Column]:
-        """Memory with what leaves quarantine, the step at an estimate along a slope, and what is unsure (r,)."""
+        self, stored: Stored, sample: TorqueEquations, period: Period, watch: Watch, given: tuple[Column, Column],
+        fast: FilteredPrediction | None,
+    ) -> tuple[Stored, Column, Column]:  # fmt: skip
+        """Memory with what leaves quarantine, the step at an estimate along a slope, and what is unsure (r or 2 r,)."""
         flow, (x, slope) = self._flow(stored, sample, period, watch), given
         shares = where(watch.alarm[0] > 0.0, 0.0, period.dt) * (sample.counts * sample.weights)
         # The step recalls what was kept, and takes what is new at once: then V does not rise (docs/adaptation.md).
         kept, new = flow.keep * stored.known, flow.leave * stored.pending_known
         right = slope - flow.recall * kept - new
-        found = recalled_step(stored.information, stored.pending, sample.units, shares, flow, x, right)
+        beside = [] if fast is None else [self._scale * row for row in fast.rows]
+        found = recalled_step(stored.information, stored.pending, sample.units, shares, flow, x, right, beside)
         pending = flow.stay * stored.pending_known
         for unit, share, torque in zip(sample.units, shares, sample.torque, strict=True):
             pending = pending + (share * torque) * unit
@@ -265,11 +314,13 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
 
     def _decided(
         self, model: ReducedModel, after: Column, stored: Stored, sample: TorqueEquations, unsure: Column,
-        period: Period, memory: GuardedMemory, filtered: FilteredTwice,
+        period: Period, memory: GuardedMemory, filtered: FilteredTwice, touch: Any,
     ) -> tuple[Column, GuardedMemory]:  # fmt: skip
         """Estimate and state after what the missed torques are taken for."""
         watch, T = memory.watch, period.period
         noise, doubt, age = doubted(sample, unsure, period, watch)
+        if isinstance(touch, Touch):
+            doubt = touched(doubt, external_torque.beyond(touch), age)
         going = where(watch.alarm[0] > TRANSIENT, 1.0, 0.0)
         shares = (going * period.dt) * (sample.counts * sample.weights)
         step = payload_test.JudgedPeriod(T, going, watch.announced[0], sample.weights)
@@ -286,7 +337,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         states = (age, end.alarm, where(still, watch.announced[0], 0.0), decision)
         doubts = Column(where(still, x, 0.0) for x in doubt)
         watch = Watch(trusted, noise, doubts, sample.moving, *(Column((x,)) for x in states))
-        return after, GuardedMemory(stored, filtered, watch, verdict.after.times(1.0 - verdict.payload))
+        return after, GuardedMemory(stored, filtered, watch, verdict.after.times(1.0 - verdict.payload), touch)
 
     def decision(self, memory: GuardedMemory) -> str:
         """

@@ -27,7 +27,7 @@ class Flow(NamedTuple):
 
 
 class RecalledStep(NamedTuple):
-    """Triangles of A and N after the period, the step (k,), and what the memory leaves unsure (r,) of the rows."""
+    """Triangles of A and N after the period, the step (k,), and what the memory leaves unsure (r + b,) of the rows."""
 
     information: Column
     pending: Column
@@ -36,26 +36,29 @@ class RecalledStep(NamedTuple):
 
 
 def recalled_step(
-    information: Column, pending: Column, rows: Sequence[Column], shares: Column, flow: Flow, x: Column, right: Column
-) -> RecalledStep:
+    information: Column, pending: Column, rows: Sequence[Column], shares: Column, flow: Flow, x: Column, right: Column,
+    beside: Sequence[Column] = (),
+) -> RecalledStep:  # fmt: skip
     """
     RecalledStep of A = keep A + leave N and N = stay N + W' diag(shares) W, of the rows of W.
 
     The step solves (A + 1) step = right + (recall keep A + leave N) x, of the A and N before; unsure are the forms
-    w' (A + 1)^-1 w.
+    w' (A + 1)^-1 w, of the rows and of b others beside them, which are not stored.
     """
-    period = _period(len(x), len(rows))
-    return RecalledStep(*period(information, pending, joined(rows), shares, Column(flow), x, right))
+    period = _period(len(x), len(rows), len(beside))
+    return RecalledStep(*period(information, pending, joined([*rows, *beside]), shares, Column(flow), x, right))
 
 
 @cache
-def _period(k: int, r: int) -> MatrixOperation:
+def _period(k: int, r: int, beside: int) -> MatrixOperation:
+    lines = r + beside
+
     def recalled_step(
         m: Interpreter, A: Any, N: Any, rows: Any, shares: Any, flow: Any, given: Any, right: Any,
         A_out: Any, N_out: Any, step: Any, unsure: Any,
     ) -> None:  # fmt: skip
         keep, leave, stay, recall = (flow[c] for c in range(4))
-        w, recalled, system = copied(m, rows, r, k), m.scratch(k, k), Elimination(m, k, 1 + r)
+        w, recalled, system = copied(m, rows, lines, k), m.scratch(k, k), Elimination(m, k, 1 + lines)
         for i in m.range(k):
             gains = [shares[q] * w[q, i] for q in range(r)]
             for j in m.columns(i, k):
@@ -64,22 +67,22 @@ def _period(k: int, r: int) -> MatrixOperation:
                 system.upper[i, j] = kept + new
                 recalled[i, j] = recall * kept + new
                 N_out[i, j] = _sum([stay * N[i, j], *(gain * w[q, j] for q, gain in enumerate(gains))])
-            for q in m.range(r):
+            for q in m.range(lines):
                 system.upper[i, q + k + 1] = w[q, i]
             system.complete(i, 1.0)
         _force(m, recalled, copied(m, given, 1, k), right, system)
         system.run()
-        solved, forms = system.solution(), m.scratch(k + 1 + r)
+        solved, forms = system.solution(), m.scratch(k + 1 + lines)
         for j in m.columns(0, k):
             step[j] = solved[j]
         for i in m.range(k):
-            for j in m.columns(k + 1, k + 1 + r):
+            for j in m.columns(k + 1, k + 1 + lines):
                 forms[j] = forms[j] + (system.upper[i, j] * system.upper[i, j]) * system.inverse[i]
-        for q in m.range(r):
+        for q in m.range(lines):
             unsure[q] = forms[q + k + 1]
 
-    given: list[Shape] = [Triangle(k), Triangle(k), matrix(r, k), vector(r), vector(4), vector(k), vector(k)]
-    return MatrixOperation(recalled_step, given, [Triangle(k), Triangle(k), vector(k), vector(r)], k)
+    given: list[Shape] = [Triangle(k), Triangle(k), matrix(lines, k), vector(r), vector(4), vector(k), vector(k)]
+    return MatrixOperation(recalled_step, given, [Triangle(k), Triangle(k), vector(k), vector(lines)], k)
 
 
 def _sum(terms: Sequence[Any]) -> Any:

@@ -93,29 +93,38 @@ def _rows(matrix: Mat) -> tuple[Vec, Vec, Vec]:
 
 
 class MovingPoint:
-    """Point of a link, with its Jacobian."""
+    """Point of a link, with its Jacobian and that of the link's rotation."""
 
-    __slots__ = ("columns", "position")
+    __slots__ = ("columns", "position", "turns")
 
-    def __init__(self, position: Vec, columns: Sequence[Vec]) -> None:
-        self.position, self.columns = position, tuple(columns)
+    def __init__(self, position: Vec, columns: Sequence[Vec], turns: Sequence[Vec]) -> None:
+        self.position, self.columns, self.turns = position, tuple(columns), tuple(turns)
 
     def velocity(self, rates: Column) -> Vec:
         """Velocity (3,) of the point in m/s."""
-        total = ZERO
-        for rate, velocity in zip(rates, self.columns, strict=True):
-            total = total + rate * velocity
-        return total
+        return _sum_of(self.columns, rates)
+
+    def angular_velocity(self, rates: Column) -> Vec:
+        """Angular velocity (3,) of the link in the world frame in rad/s."""
+        return _sum_of(self.turns, rates)
+
+
+def _sum_of(columns: Sequence[Vec], rates: Column) -> Vec:
+    total = ZERO
+    for rate, velocity in zip(rates, columns, strict=True):
+        total = total + rate * velocity
+    return total
 
 
 def moving_point(links: Sequence[Segment], q: Column, link: int, offset: Vec) -> MovingPoint:
     """Position and Jacobian of a point of a link."""
     placed = frames(links, q)
     position = placed[link].origin + placed[link].rotation @ offset
-    columns, i = [ZERO] * len(links), link
+    columns, turns, i = [ZERO] * len(links), [ZERO] * len(links), link
     while i != GROUND:
         axis = placed[i].rotation @ links[i].axis
         joint = placed[i].origin - placed[i].rotation @ links[i].joint_to_link
         columns[i] = cross(axis, position - joint) if links[i].turns else axis
+        turns[i] = axis if links[i].turns else ZERO
         i = links[i].parent
-    return MovingPoint(position, columns)
+    return MovingPoint(position, columns, turns)
