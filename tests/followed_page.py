@@ -1,4 +1,4 @@
-"""A page of the documentation, followed from the folder where one is: `python followed_page.py PAGE`, with an installed wheel.
+"""A page of the documentation, followed from the present folder by an installed wheel: `python followed_page.py PAGE`.
 
 Commands and examples run in the order of the page; a file that the words before a block name is written first. Lines
 for a clone, the network, a screen or a robot are left out, as are patterns in capitals.

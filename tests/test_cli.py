@@ -78,11 +78,11 @@ print("loaded", [name for name in {HEAVY!r} if name in sys.modules])
     [
         (
             (),
-            "a command is missing: basis, gains, identify, ",
+            "a command is missing: new, basis, gains, identify, ",
         ),
         (
             ("bases",),
-            'Unknown command "bases". Did you mean "basis"? Available commands: basis, gains,',
+            'Unknown command "bases". Did you mean "basis"? Available commands: new, basis, gains,',
         ),
         (("experiment",), "a command is missing: run, list, compare; see adaptctl experiment --help"),
         (("experiment", "lst"), 'Unknown command "lst". Did you mean "list"?'),

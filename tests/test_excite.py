@@ -177,7 +177,7 @@ def test_the_command_writes_what_robots_run(tmp_path: Path, capsys: pytest.Captu
         (["--start", "0"], "pose: expected"),
         (["--box", "0", "0"], "--box: expected six numbers"),
         (["--box", "5", "5", "5", "6", "6", "6"], "start: the pose collides, or leaves the workspace"),
-        (["--duration", "3"], "fade: expected a time up to half of the duration of 3 s"),
+        (["--duration", "3"], "duration: expected more than 4 s, twice the fade, got 3"),
         (["--jerk", "1", "2", "3"], "jerk: expected"),
         (["--noise", "0"], "noise: expected positive numbers"),
         (["--sample-rate", "0"], "rate: expected a positive number of Hz, got 0.0"),

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from adaptctl.compilation import compile_function
 from adaptctl.control import MinimumJerk, Reference, ReferencePoint, Sinusoids, Spline
-from adaptctl.control.references import FadeIn, SinusoidNumbers, StoppedReference, sinusoids_at
+from adaptctl.control.references import SinusoidNumbers, sinusoids_at
+from adaptctl.control.transitions import FadeIn, StoppedReference
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 

@@ -10,7 +10,8 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control import HeldState, SafetyFilter
 from adaptctl.control.controller import Reference, ReferencePoint
-from adaptctl.control.references import point_at, quintic
+from adaptctl.control.minimum_jerk import quintic
+from adaptctl.control.transitions import point_at
 from adaptctl.dynamics import Mechanism
 from adaptctl.hardware.compensation import Compensation
 from adaptctl.hardware.gravity import GravityTorque

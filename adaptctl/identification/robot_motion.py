@@ -279,7 +279,7 @@ def exciting_motion(
     """
     positive_number(duration, "duration: expected a positive number of seconds", most=MAX_DURATION)
     if not 0.0 < 2.0 * fade < duration:
-        raise InputError(f"fade: expected a time up to half of the duration of {duration:g} s, got {fade:g}")
+        raise InputError(f"duration: expected more than {2.0 * fade:g} s, twice the fade, got {duration:g}")
     model = ReducedModel(mechanism)
     space = MotionLimits.from_model(model, limit_share)
     middle = 0.5 * (space.lower + space.upper)

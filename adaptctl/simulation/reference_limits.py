@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control.controller import Reference
-from adaptctl.control.references import Spline
+from adaptctl.control.spline import Spline
 from adaptctl.description import Joint
 from adaptctl.errors import ReferenceWarning
 
