@@ -102,7 +102,7 @@ def connected(vendor: str, address: str, arm: Mechanism, any_kernel: bool) -> To
         return hardware.TrossenRobot(address)
     if vendor == "udp":
         return hardware.UDPRobot(address, hardware.HardwareLimits.of(arm, torque_rate=1000.0))
-    return hardware.MuJoCoRobot(Path(address), real_time=True)
+    return hardware.MuJoCoRobot(address, real_time=True)
 
 
 def _driven(
