@@ -9,7 +9,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: architecture help demo test test-nightly search golden bench gallery sdist figures check-stability check-export check-page check-pages check-examples check-learners check-robots check-drive mutants lint types docs format licences audit lock clean
+.PHONY: architecture help demo test test-nightly search golden bench gallery sdist figures check-stability check-export check-page check-pages check-examples check-learners check-robots check-drive mutants lint types docs format contest licences audit lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
@@ -32,6 +32,9 @@ golden: $(STAMP) ## compare outputs with the references in tests/golden; ten min
 
 bench: $(STAMP) ## measure the speed against other tools, and update docs/speed.md and README.md's plot; three minutes
 	$(BIN)/python -m benchmarks
+
+contest: $(STAMP) ## rank all laws on benchmarks/contest.toml, into results/contest; resumes where it was stopped
+	$(BIN)/adaptctl contest benchmarks/contest.toml --out results/contest
 
 figures: $(STAMP) ## check the documented bounds, into results/figures.json, and update docs/verification.md
 	@rm -rf results/.figures && mkdir -p results/.figures

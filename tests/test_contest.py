@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from adaptctl.contest import report, running
 from adaptctl.contest.conditions import CONDITIONS
 from adaptctl.contest.contest_file import Contest
 from adaptctl.contest.entries import ContestEntry
-from adaptctl.contest.figures import latex, write_paper
+from adaptctl.contest.figures import drawings, latex
 from adaptctl.contest.known import Knowledge, Known
 from adaptctl.contest.laws import LAWS
 from adaptctl.contest.page import tint, write_page
@@ -26,6 +27,7 @@ from adaptctl.contest.ranking import Ranking, agreement
 from adaptctl.contest.scene import Scene, scene_of
 from adaptctl.contest.trial import TimeExceededError, tried
 from adaptctl.errors import FileError, InputError, NotFoundError
+from followed_page import blocks, commands
 
 ARM = "two_link"
 OWN = '''
@@ -263,14 +265,15 @@ def test_the_page_of_a_large_contest_is_small_and_asks_for_nothing_else(tmp_path
     assert text.count("data-cell=") == 30
 
 
-def test_figures_for_a_paper_are_a_column_wide_in_three_formats(tmp_path: Path) -> None:
+def test_figures_have_names_units_and_legends() -> None:
     ranking = Ranking([{**row, "curve": [2.0, 1.0]} for row in rows_of(ROWS)])
-    write_paper(tmp_path, ranking, ranking.table(), 20.0)
-    found = {path.name for path in (tmp_path / "figures").iterdir()}
-    assert found == {f"{name}.{kind}" for name in ("ranks", "map", "course") for kind in ("pdf", "svg", "png")}
-    assert 'width="248.4pt"' in (tmp_path / "figures" / "map.svg").read_text()
-    assert "best &" in (tmp_path / "table.tex").read_text()
-    assert "adaptctl" in (tmp_path / "cite.bib").read_text()
+    found = {one.name: one.draw() for one in drawings(ranking, ranking.table(), 20.0)}
+    assert {figure.get_figwidth() for figure in found.values()} == {3.45}
+    assert found["ranks"].axes[0].get_xlabel() == "mean rank"
+    assert [text.get_text() for text in found["map"].axes[0].get_yticklabels()] == ranking.order
+    assert found["course"].axes[0].get_xlabel() == "time [s]"
+    assert found["course"].get_supylabel() == "median RMS error [mrad]"
+    assert [text.get_text() for text in found["course"].legends[0].get_texts()] == ranking.order
 
 
 def test_names_and_reasons_are_texts_in_the_page_and_the_table(tmp_path: Path) -> None:
@@ -332,7 +335,8 @@ def test_laws_are_not_judged_on_what_they_were_tuned_on(tmp_path: Path) -> None:
     written(tmp_path / "earlier", seeds=[2, 3])
     with pytest.raises(InputError, match="has two_link, seed 2 too"):
         Contest.of(written(tmp_path, tuned_on="earlier/contest.toml"))
-    Contest.of(Path("benchmarks/laws_judged_on.toml"))
+    for name in ("laws_judged_on", "contest"):
+        Contest.of(Path(f"benchmarks/{name}.toml"))
 
 
 def test_the_hash_is_of_what_is_judged_on_alone(tmp_path: Path) -> None:
@@ -344,10 +348,11 @@ def test_the_hash_is_of_what_is_judged_on_alone(tmp_path: Path) -> None:
 class InThisProcess:
     """Workers of a contest, without processes."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, drawn: bool = False) -> None:
         self.computed: list[str] = []
         monkeypatch.setattr(running, "computed", self._computed)
-        monkeypatch.setattr(report, "write_paper", lambda *_: None)  # which takes seconds
+        if not drawn:
+            monkeypatch.setattr(report, "write_paper", lambda *_: None)  # which takes seconds
         monkeypatch.setattr("adaptctl.sweeps.cluster.Cluster.client", lambda cluster: self)
 
     def _computed(self, client: Any, missing: dict[str, ContestEntry]) -> Iterator[tuple[ContestEntry, Any]]:
@@ -392,3 +397,44 @@ def test_one_run_is_repeated_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert len(alone) == 1
     assert alone[0]["error"] == pytest.approx(whole[3]["error"], rel=1e-9)
     assert main(["contest", str(written(tmp_path)), "--out", str(tmp_path / "no"), "--law", "pd"]) == 2
+
+
+def lesson(folder: Path) -> tuple[str, list[list[str]]]:
+    """Write the files of the lesson; its text and its commands."""
+    page = Path("docs/tutorials/enter-the-contest.md").read_text()
+    for block in blocks(page):
+        if block.file and block.kind != "console":
+            (folder / block.file).write_text(block.text)
+    return page, [words for block in blocks(page) if block.kind == "console" for words in commands(block.text)]
+
+
+def test_the_lesson_runs_in_short(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, commands = lesson(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    toml = Path("contest.toml")
+    toml.write_text(toml.read_text() + "duration = 0.3\n")
+    InThisProcess(monkeypatch)
+    assert [main(words) for words in commands] == [0, 0]
+    rows = pq.read_table("results/results.parquet").to_pylist()
+    assert {row["reason"] for row in rows if row["law"] == "WhileMoving"} == {""}
+
+
+@pytest.mark.nightly
+def test_the_lesson_ends_with_its_figures_and_the_order_that_it_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page, commands = lesson(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    InThisProcess(monkeypatch, drawn=True)
+    assert main(commands[0]) == 0
+    printed = capsys.readouterr().out
+    shown = re.search(r"```text\nlaw .*?\n(.*?)```", page, re.DOTALL)
+    assert shown is not None
+    for line in shown[1].splitlines():
+        law, rank = line.split()[:2]
+        assert re.search(rf"{law} +\w+ +{rank} ", printed), line
+    found = {path.name for path in Path("results/figures").iterdir()}
+    assert found == {f"{name}.{kind}" for name in ("ranks", "map", "course") for kind in ("pdf", "svg", "png")}
+    assert 'width="248.4pt"' in Path("results/figures/map.svg").read_text()
+    assert "WhileMoving &" in Path("results/table.tex").read_text()
+    assert "adaptctl" in Path("results/cite.bib").read_text()

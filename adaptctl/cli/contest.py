@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from adaptctl.cli.experiment import shown_progress
 from adaptctl.cli.interruption import interruptible
-from adaptctl.cli.output import headed, print_parts
+from adaptctl.cli.output import WrappedTable, print_parts
 
 if TYPE_CHECKING:
     from adaptctl.contest.running import ContestFolder
@@ -95,7 +95,7 @@ def _told(folder: ContestFolder) -> int:
         )
         for row in rows
     ]  # fmt: skip
-    print_parts([headed(heads, lines, "llrrrrr")])
+    print_parts([WrappedTable(heads, lines)])
     for row in rows:
         if row["failed"]:
             print(f"{row['law']}: {row['failure']}")
