@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shlex
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from followed_page import blocks, commands
 
 from adaptctl.cli.main import main
 from adaptctl.contest import report, running
@@ -27,7 +27,6 @@ from adaptctl.contest.ranking import Ranking, agreement
 from adaptctl.contest.scene import Scene, scene_of
 from adaptctl.contest.trial import TimeExceededError, tried
 from adaptctl.errors import FileError, InputError, NotFoundError
-from followed_page import blocks, commands
 
 ARM = "two_link"
 OWN = '''
