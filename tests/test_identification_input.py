@@ -128,7 +128,10 @@ BAD: dict[str, tuple[Spoil, str]] = {
         times("motor_torque", 1e3),
         "joint 'joint_1' has a torque of .* N m, but the limit of the robot is 132; check the unit of torque",
     ),
-    "wrong sign": (times("motor_torque_4", -1.0), "the friction estimated for joint 'joint_4' is negative"),
+    "wrong sign": (
+        times("motor_torque_4", -1.0),
+        "column 'motor_torque_4' has the other sign: .*negate it, or .* by --trust-log",
+    ),
     "noise for torque": (
         lambda log: log.update({f"motor_torque_{i}": 0.1 * np.random.default_rng(i).normal(size=2500) for i in MOTORS}),
         "the equations of staubli_tx40 do not explain .* of the torques; check that the log is this robot's",

@@ -40,6 +40,7 @@ def identify(
     cutoff: Annotated[float | None, Parameter(metavar="HZ")] = None,
     prior_weight: float | None = None,
     instrumental_variables: bool = False,
+    trust_log: bool = False,
     energy_differences: Annotated[float | None, Parameter(metavar="S")] = None,
     reading: RobotFlags = AS_USUAL,
     out: Folder = Path("results/identify"),
@@ -81,6 +82,8 @@ def identify(
         Weight of the prior link parameters. Default: cross-validation.
     instrumental_variables : bool
         Use instrumental variables, for coarse or noisy encoders.
+    trust_log : bool
+        Take the log as it is, even if other signs, columns or gravity fit far better.
     energy_differences : float
         Also estimate from energy balances over windows of this length, s, for comparison.
 
@@ -121,6 +124,7 @@ def identify(
             cutoff=cutoff,
             prior_weight=prior_weight,
             instrumental_variables=instrumental_variables,
+            trust_log=trust_log,
         )
         notes = _write(folder, found, robot, mechanism)
         compared = None

@@ -34,7 +34,7 @@ for k, (i, j) in enumerate(PAIRS):
     DIRECTIONS[k, i, j] = DIRECTIONS[k, j, i] = 1.0 if i == j else np.sqrt(0.5)
 FROM_DIRECTIONS = np.linalg.inv(np.einsum("aij,kij->ak", DIRECTIONS, UNIT_PSEUDO_INERTIAS))
 # Factor between the weights of two stages, and most Newton steps of a stage, of the last, and of one begun elsewhere.
-STAGE_RATIO, MAX_STAGE_STEPS, MAX_LAST_STEPS, MAX_WARM_STEPS = 1000.0, 20, 60, 25
+STAGE_RATIO, MAX_STAGE_STEPS, MAX_LAST_STEPS, MAX_WARM_STEPS = 1000.0, 20, 60, 60
 # Newton's decrement, relative to the divergence's weight, at which a stage and the last one end, and a whole step is
 # taken.
 STAGE_DECREMENT, LAST_DECREMENT, FULL_STEP_DECREMENT = 0.1, 1e-14, 0.05
@@ -118,11 +118,12 @@ def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float,
     if not (np.all(np.isfinite(A)) and np.all(np.isfinite(b))):
         raise AdaptctlError("the sums of the rows' squares are not finite; check the units of the columns")
     squares = _Squares.of(A, b, prior, weight)
-    if start is not None and (point := _Point.of(start, prior)) is not None:
-        point, converged = squares.minimum(point, 1.0, MAX_WARM_STEPS)
-        if converged:
-            return _inside(point.x, prior)
-    return _inside(_from_prior(squares).x, prior)
+    begun = None if start is None else _Point.of(start, prior)
+    if begun is None:
+        return _inside(_from_prior(squares).x, prior)
+    near, converged = squares.minimum(begun, 1.0, MAX_WARM_STEPS)
+    found = near if converged else min(near, _from_prior(squares), key=squares.value)
+    return _inside(found.x, prior)
 
 
 def _inside(x: Array, prior: EntropicPrior) -> Array:
@@ -224,6 +225,11 @@ class _Squares:
         x = np.where(free, 0.0, point.x)
         x[free] = _solved((self.A + np.diag(self.ridge))[np.ix_(free, free)], (self.b - self.A @ x)[free])
         return _Point(x, point.roots, point.positive)
+
+    def value(self, point: _Point) -> float:
+        """Objective at a point."""
+        squares = 0.5 * float(point.x @ (self.A @ point.x)) - float(self.b @ point.x)
+        return squares + self.prior.divergence(point.x, self.weight)
 
     def pull(self, point: _Point) -> Array:
         """Slope (P,) of the divergence's linear part by unit steps."""

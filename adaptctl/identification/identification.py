@@ -14,6 +14,7 @@ from adaptctl.identification.choice import Choice
 from adaptctl.identification.drives_file import Drives
 from adaptctl.identification.filtered_dynamics import SmoothMotion
 from adaptctl.identification.held_out import HeldOut
+from adaptctl.identification.hypotheses import TriedHypothesis
 from adaptctl.identification.preparation import PreparationStep
 from adaptctl.identification.uncertainty import Combination, unexcited
 from adaptctl.identification.validation import Validation
@@ -65,6 +66,8 @@ class Identification:
         Smoothed motions of the logs.
     drives : Drives
         Transmission, with the torque constants that were used.
+    hypotheses : tuple of TriedHypothesis, optional
+        Hypotheses about what the logs' columns mean, the log as it is first, with their errors. None by default.
 
     Examples
     --------
@@ -97,6 +100,7 @@ class Identification:
     combinations: tuple[Combination, ...]
     motions: tuple[SmoothMotion, ...]
     drives: Drives
+    hypotheses: tuple[TriedHypothesis, ...] = ()
 
     def __repr__(self) -> str:
         error = f"torque error {self.validation.relative_error:.2%}"

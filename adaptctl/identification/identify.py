@@ -39,6 +39,7 @@ from adaptctl.identification.filtered_dynamics import (
 from adaptctl.identification.fit import Fit, LogEvidence, positive_columns
 from adaptctl.identification.friction_model import FrictionModel, with_all_friction
 from adaptctl.identification.held_out import HeldOut
+from adaptctl.identification.hypotheses import compared_hypotheses, validate_meaning
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.lasting_errors import with_lasting_errors, without_delay
 from adaptctl.identification.least_squares import halves, joined_first_stage
@@ -73,6 +74,7 @@ def identify(
     cutoff: float | None = None,
     prior_weight: float | None = None,
     instrumental_variables: bool = False,
+    trust_log: bool = False,
 ) -> Identification:
     """
     Identify a robot's inertial and friction parameters from logs of its motion.
@@ -108,6 +110,9 @@ def identify(
     instrumental_variables : bool, default False
         If true, instrumental variables remove the bias due to noise in measured positions, for coarse or noisy
         encoders. By default regressors are taken as measured.
+    trust_log : bool, default False
+        If true, the log is taken as it is although it fits far better with another sign, order, scale or zero of its
+        columns, or other gravity, which is a warning then. By default it is refused.
 
     Returns
     -------
@@ -120,7 +125,7 @@ def identify(
         If a file cannot be read or used.
     InputError
         If an argument is wrong or contradicts another, columns or units are missing, or the logs are at rest, too
-        short, sampled too slowly or of another robot.
+        short, sampled too slowly, of another robot, or of columns that mean something else.
     NotFoundError
         If a built-in robot is unknown.
     MissingExtraError
@@ -175,6 +180,7 @@ def identify(
         cutoff=cutoff,
         prior_weight=prior_weight,
         instrumental_variables=instrumental_variables,
+        trust_log=trust_log,
     )
 
 
@@ -216,6 +222,7 @@ def identified(
     cutoff: float | None = None,
     prior_weight: float | None = None,
     instrumental_variables: bool = False,
+    trust_log: bool = False,
 ) -> Identification:
     """Identification from logs that have been read."""
     _validate_settings(cutoff, prior_weight)
@@ -224,20 +231,23 @@ def identified(
     evidence = freed_of_noise(measured) if instrumental_variables else measured
     late = [] if test else list(range(round((1.0 - HELD_OUT_SHARE) * evidence.blocks), evidence.blocks))
     training = evidence.part([b for b in range(evidence.blocks) if b not in late])
-    validate_plausible(training, train[0].source, judged_at(training))
-    choice = choose(training, friction, prior_weight, cutoff)
-    fit = training.fit(choice.settings, range(training.blocks))
     cutoffs = (judged_at(training), min(judged_at(training), evidence.band))
     if late:
         judged = replace(measured, edges=evidence.edges).part(late)
     else:
         judged = gathered(mechanism, drives, test, skip_steps, cutoffs=cutoffs, band=evidence.band)[0]
+    meaning = compared_hypotheses(measured, () if late else judged.motions)
+    doubts = validate_meaning(meaning, trust_log)
+    validate_plausible(training, train[0].source, judged_at(training))
+    choice = choose(training, friction, prior_weight, cutoff)
+    fit = training.fit(choice.settings, range(training.blocks))
     origin = "the last 40 % of the logs" if late else ", ".join(log.source for log in test)
     training, fit, judged, late_torques = without_delay(training, fit, judged)
     held_out = HeldOut(judged, origin, *cutoffs, choice.settings.left_out)
     read = dict.fromkeys(note for log in (*train, *test) for note in log.notes)
-    notes = (*read, *remarks, *known, *([late_torques] if late_torques else []), *contradictions(training, fit))
-    return _result(training, fit, held_out, choice, steps, notes)
+    late_words = [late_torques] if late_torques else []
+    notes = (*doubts, *read, *remarks, *known, *late_words, *contradictions(training, fit))
+    return replace(_result(training, fit, held_out, choice, steps, notes), hypotheses=meaning.tried)
 
 
 def _with_constants(

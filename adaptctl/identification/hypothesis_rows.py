@@ -1,0 +1,190 @@
+"""Equations of motion on which hypotheses about what a log's columns mean are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
+from adaptctl.description.drive import DriveParameter
+from adaptctl.dynamics import Mechanism
+from adaptctl.identification.entropic import consistent_estimate
+from adaptctl.identification.filtered_dynamics import MIN_ROWS, ROWS_PER_PERIOD, RowFilter, Rows, SmoothMotion
+from adaptctl.identification.fit import FitSettings, LogEvidence
+from adaptctl.identification.friction_model import ALWAYS, FrictionModel
+from adaptctl.identification.least_squares import weighted_least_squares
+from adaptctl.identification.normal_equations import NormalEquations
+from adaptctl.identification.preparation import derivative, filtered
+from adaptctl.identification.torque_constants import without_payloads
+
+# Rows are w*tau = (w*Y) D with the kernel w of the other fits, but with accelerations from differences of the smoothed
+# positions, so that one regressor for each sample serves; the differences are as smooth as the filter w makes them.
+
+# Instants in a period of the cut-off, instants in all, and windows of a log that are spread over it if it has more.
+DENSITY, MAX_INSTANTS, WINDOWS = 8.0, 2500, 10
+# Weight of the prior, share of peak speed below which a joint's rows do not count, and relative error of a joint below
+# which fits count as equal.
+PRIOR_WEIGHT, SLOW, LEAST_ERROR = 0.1, 0.05, 0.003
+FRICTION = FrictionModel((*ALWAYS, DriveParameter.OFFSET))
+
+
+@dataclass(frozen=True, eq=False)
+class HypothesisRows:
+    """Instants of logs (M, r), with the filters that make rows of them, and the rows' torques (n, r)."""
+
+    evidence: LogEvidence
+    windows: Sequence[SmoothMotion]
+    position: Array
+    velocity: Array
+    acceleration: Array
+
+    @classmethod
+    def of(cls, evidence: LogEvidence, others: Sequence[SmoothMotion] = ()) -> HypothesisRows:
+        """Instants of evidence and of other motions, about a dozen in a period of the lowest cut-off."""
+        thin = [_thinned(motion, evidence.band) for motion in (*evidence.motions, *others)]
+        thin = [(m, a) for m, a in thin if len(m.position) >= RowFilter.of(m, evidence.band).taps] or thin[:1]
+        most = MAX_INSTANTS // len(thin)
+        parts = [window for motion, acceleration in thin for window in _windows(motion, acceleration, most)]
+        windows = [replace(motion, number=k) for k, (motion, _) in enumerate(parts)]
+        p, v = (np.concatenate([getattr(motion, what) for motion in windows]) for what in ("position", "velocity"))
+        return cls(evidence, windows, p, v, np.concatenate([acceleration for _, acceleration in parts]))
+
+    @cached_property
+    def settings(self) -> FitSettings:
+        """Settings of all fits to these rows."""
+        return FitSettings(FRICTION, PRIOR_WEIGHT, self.evidence.band, SLOW)
+
+    @cached_property
+    def rows(self) -> Rows:
+        """Rows of the log as it is, without known payloads."""
+        mechanism = self.evidence.mechanism
+        Y = mechanism.torque_regressor(self.position, self.velocity, self.acceleration)
+        rows = Rows.joined([f.rows(motion, f.signal(part)) for motion, f, part in self._parts(Y)])
+        return without_payloads(rows, self.windows, mechanism, self.evidence.drives)
+
+    @cached_property
+    def used(self) -> NDArray[np.bool_]:
+        """Mask (n, r) of the joints' rows that count."""
+        fast = np.abs(self.rows.velocity) >= SLOW * np.abs(self.velocity).max(axis=0)
+        return np.asarray(self.rows.moving[:, None] & fast)
+
+    @cached_property
+    def sources(self) -> list[str]:
+        """Names of the logs, in their order."""
+        return list(dict.fromkeys(motion.log.source for motion in self.windows))
+
+    def of_source(self, source: str) -> NDArray[np.bool_]:
+        """Mask (n,) of the rows of a log."""
+        numbers = [motion.number for motion in self.windows if motion.log.source == source]
+        return np.isin(self.rows.log, numbers)
+
+    def filtered(self, values: Array) -> Array:
+        """Values (M, ...) at all instants through the filter: (n, ...) at rows."""
+        return np.concatenate([f.signal(part) for _, f, part in self._parts(values)])
+
+    def regressor(self, mechanism: Mechanism, position: Array, velocity: Array, acceleration: Array) -> Array:
+        """Regressor (n, r, P) of another motion of the joints, or of another mechanism."""
+        return self.filtered(mechanism.torque_regressor(position, velocity, acceleration))
+
+    def _parts(self, values: Array) -> Iterator[tuple[SmoothMotion, RowFilter, Array]]:
+        ends = np.cumsum([0, *(len(motion.position) for motion in self.windows)]).tolist()
+        for motion, (a, b) in zip(self.windows, pairwise(ends), strict=True):
+            stride = min(int(motion.rate / (ROWS_PER_PERIOD * self.evidence.band)), ends[-1] // MIN_ROWS)
+            yield motion, replace(RowFilter.of(motion, self.evidence.band), every=max(1, stride)), values[a:b]
+
+    def mixed(self, mixing: Array) -> NormalEquations:
+        """Normal equations of the motion as it is and torques that are a matrix (r, r) times the log's."""
+        normal, moments, squares = self._products
+        moment = np.einsum("ik,ikp->ip", mixing, moments)
+        square = np.einsum("ij,ik,ijk->i", mixing, mixing, squares)
+        return NormalEquations(normal[None], moment[None], square[None], self.used.sum(axis=0)[None].astype(np.float64))
+
+    @cached_property
+    def _products(self) -> tuple[Array, Array, Array]:
+        """Products of each joint's rows (r, P, P), of these and all torques (r, r, P), and of torques (r, r, r)."""
+        Y, used = self.rows.regressor, self.used.astype(np.float64)
+        own = np.ascontiguousarray((Y * used[..., None]).transpose(1, 2, 0))
+        squares = np.einsum("nj,nk,ni->ijk", self.rows.torque, self.rows.torque, used)
+        return own @ own.mT, (own @ self.rows.torque).mT, squares
+
+    def sums(self, regressor: Array, torque: Array) -> NormalEquations:
+        """Normal equations of a regressor and torques."""
+        rows = replace(self.rows, regressor=regressor, torque=torque)
+        return NormalEquations.of(rows, np.zeros(len(rows), dtype=np.int64), 1, self.used)
+
+    def least(self, equations: NormalEquations) -> tuple[Array, Array]:
+        """Parameters (P,) and deviations (r,) by least squares; further columns than the mechanism's are free."""
+        own = self.evidence.independent(self.settings)
+        more = np.arange(len(self.evidence.mechanism.parameter_names), equations.moment.shape[-1])
+        return weighted_least_squares(equations, np.concatenate([own, more]))
+
+    def consistent(self, equations: NormalEquations, deviations: Array, start: Array | None = None) -> Array:
+        """Consistent parameters (P,), the joints weighted by their deviations (r,), searched from a start."""
+        mask, evidence = np.ones(equations.moment.shape[-1]), self.evidence
+        own = self.settings.columns(evidence.mechanism)
+        mask[: len(own)] = own
+        A, b = equations.whitened(deviations)
+        prior = evidence.prior_of(self.settings)
+        return consistent_estimate(A * np.outer(mask, mask), b * mask, prior, PRIOR_WEIGHT, start)
+
+    def file_slopes(self) -> tuple[Array, Array]:
+        """Slopes (r,) of measured torques on those of the file's links, and shares (r,) that these explain of them."""
+        rows, tens = self.rows, self.evidence.prior.tens.ravel()
+        told = rows.regressor[..., : tens.size] @ tens
+        return _each_joint(rows, told, self.used)
+
+
+def relative_error(equations: NormalEquations, x: Array) -> float:
+    """Geometric mean over the joints of a fit's errors relative to the torques, each at least 0.3 %."""
+    squares = equations.square.sum(axis=0)
+    counted = squares > 0.0
+    shares = equations.misfit(x)[counted] / squares[counted]
+    return float(np.exp(0.5 * np.mean(np.log(shares + LEAST_ERROR**2))))
+
+
+def _each_joint(rows: Rows, told: Array, used: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Slopes (r,) of torques on others beside friction and an offset, and shares (r,) explained beside those."""
+    slopes, shares = np.zeros((2, told.shape[1]))
+    for j in range(told.shape[1]):
+        here, v = used[:, j], rows.velocity[used[:, j], j]
+        if np.count_nonzero(here) < 8:
+            continue
+        friction = np.column_stack([v, np.sign(v), np.ones(len(v))])
+        own, other = (_left(friction, values[here, j]) for values in (told, rows.torque))
+        products = float(own @ own), float(other @ other)
+        if min(products) > 0.0:
+            slopes[j], shares[j] = own @ other / products[0], (own @ other) ** 2 / (products[0] * products[1])
+    return slopes, shares
+
+
+def _left(columns: Array, values: Array) -> Array:
+    return np.asarray(values - columns @ np.linalg.lstsq(columns, values)[0])
+
+
+def _thinned(motion: SmoothMotion, cutoff: float) -> tuple[SmoothMotion, Array]:
+    """Motion with about a dozen instants in a period of a cut-off (Hz), and its accelerations."""
+    inner = filtered(motion.velocity, derivative(np.ones(1), motion.rate))
+    edge = (len(motion.velocity) - len(inner)) // 2
+    acceleration = np.pad(inner, ((edge, edge), (0, 0)), mode="edge")
+    k = max(1, int(motion.rate / (DENSITY * cutoff)))
+    thin = replace(motion, every=k * motion.every, position=motion.position[::k], velocity=motion.velocity[::k])
+    return thin, acceleration[::k]
+
+
+def _windows(motion: SmoothMotion, acceleration: Array, most: int) -> Iterator[tuple[SmoothMotion, Array]]:
+    """The motion itself, or windows spread over it that have at most so many instants together."""
+    whole, length = len(motion.position), max(most // WINDOWS, 100)
+    count = max(1, most // length)
+    starts = [0] if whole <= most else np.linspace(0, whole - length, count).astype(int).tolist()
+    for start in starts:
+        part = slice(0, whole) if whole <= most else slice(start, start + length)
+        first = motion.first + motion.every * part.start
+        yield (
+            replace(motion, first=first, position=motion.position[part], velocity=motion.velocity[part]),
+            acceleration[part],
+        )

@@ -1,0 +1,122 @@
+"""Hypotheses about a log: each fault is named, and a right log is left alone."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_logs import Known, known
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identification.columns import JointLog
+from adaptctl.identification.hypotheses import AS_IS, LogMeaning, compared_hypotheses, validate_meaning
+from adaptctl.identification.identify import gathered
+
+Fault = Callable[[JointLog, Known], JointLog]
+SIGNS, ORDER = np.array([1.0, -1.0, 1.0]), [0, 2, 1]
+
+
+@pytest.fixture(scope="module")
+def case() -> Known:
+    """Three revolute joints across gravity, links guessed."""
+    return known(7, duration=10.0, rate=100.0, noise=0.01)
+
+
+def judged(case: Known, *logs: JointLog) -> LogMeaning:
+    return compared_hypotheses(gathered(case.guess, case.drives, logs)[0])
+
+
+def under(mechanism: Mechanism, gravity: list[float]) -> Mechanism:
+    return type(mechanism)(replace(mechanism.description, gravity=np.array(gravity)))
+
+
+def pulled(log: JointLog, case: Known, gravity: list[float]) -> JointLog:
+    """The log under another gravity: statics differ alone."""
+    still = np.zeros_like(log.position)
+    before, after = (m.inverse_dynamics(log.position, still, still) for m in (case.truth, under(case.truth, gravity)))
+    return replace(log, torque=log.torque + after - before)
+
+
+FAULTS: dict[str, tuple[Fault, str]] = {
+    "sign of a torque": (lambda log, _: replace(log, torque=log.torque * SIGNS), "column 'tau.joint1'"),
+    "sign of a position": (lambda log, _: replace(log, position=log.position * SIGNS), "column 'p.joint1'"),
+    "a mirrored joint": (
+        lambda log, _: replace(log, position=log.position * SIGNS, torque=log.torque * SIGNS),
+        "columns 'p.joint1' and 'tau.joint1' both have the other sign",
+    ),
+    "sign of all torques": (lambda log, _: replace(log, torque=-log.torque), "all torques"),
+    "two torques exchanged": (
+        lambda log, _: replace(log, torque=log.torque[:, ORDER]),
+        "columns 'tau.joint1' and 'tau.joint2' are exchanged",
+    ),
+    "two positions exchanged": (
+        lambda log, _: replace(log, position=log.position[:, ORDER]),
+        "columns 'p.joint1' and 'p.joint2' are exchanged",
+    ),
+    "two joints exchanged": (
+        lambda log, _: replace(log, position=log.position[:, ORDER], torque=log.torque[:, ORDER]),
+        "all columns of joint1 and joint2 are exchanged",
+    ),
+    "zero of a joint": (
+        lambda log, _: replace(log, position=log.position - [0.0, 0.5, 0.0]),
+        "joint1 is at 28.* deg where its column has 0",
+    ),
+    "gravity turned": (lambda log, case: pulled(log, case, [0.0, 0.0, 9.81]), "gravity is along .*9.8"),
+    "gravity absent": (lambda log, case: pulled(log, case, [0.0, 0.0, 0.0]), "gravity-compensated"),
+    "scale of a torque": (
+        lambda log, _: replace(log, torque=log.torque * [1, 0.02, 1]),
+        "'tau.joint1' is about 0.0(19|2|21) ",
+    ),
+    "a spring": (
+        lambda log, _: replace(log, torque=log.torque + np.outer(log.position[:, 1] - 0.3, [0, 60.0, 0])),
+        "a spring is at joint1, of (5[89]|6[012]).* N m/rad",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_a_fault_is_named_by_its_column_with_the_way_out(case: Known, kind: str) -> None:
+    fault, words = FAULTS[kind]
+    verdict = judged(case, fault(case.log, case))
+    (named,) = [trial for trial in verdict.tried if trial.named]
+    assert named.kind == kind, verdict.sentence
+    assert re.search(words, verdict.sentence or ""), verdict.sentence
+    assert named.error < 0.07
+    assert not named.is_bound
+    assert verdict.refuses == (kind != "a spring")
+
+
+def test_a_right_log_is_left_alone(case: Known) -> None:
+    verdict = judged(case, case.log)
+    first = verdict.tried[0]
+    assert first.kind == AS_IS
+    assert verdict.sentence is None
+    assert not any(trial.named for trial in verdict.tried)
+    assert len({trial.kind for trial in verdict.tried}) == len(FAULTS) + 2
+    assert validate_meaning(verdict, False) == ()
+
+
+def test_a_payload_in_one_of_two_logs_is_weighed(case: Known) -> None:
+    rng = np.random.default_rng(5)
+    other = replace(case.log, source="second", position=case.log.position[::-1] + 0.2 * rng.normal(size=3))
+    rate = 100.0
+    v = np.gradient(other.position, axis=0)
+    a = np.gradient(v, axis=0)
+    loaded = case.truth.inertial_parameters.copy()
+    loaded[20:30] += [1.5, 0.3, 0.0, 0.15, 0.02, 0.0, -0.03, 0.08, 0.0, 0.06]
+    motion = other.position, v * rate, a * rate**2
+    full = case.truth.with_parameters(loaded).inverse_dynamics(*motion)
+    verdict = judged(case, case.log, replace(other, torque=full))
+    assert re.search("link2 carries a body in second .* of 1.5 kg", verdict.sentence or ""), verdict.sentence
+    assert not verdict.refuses
+
+
+def test_a_named_fault_refuses_a_log_unless_it_is_trusted(case: Known) -> None:
+    verdict = judged(case, replace(case.log, torque=case.log.torque * SIGNS))
+    with pytest.raises(InputError, match=r"'tau.joint1' has the other sign: .*; negate it, or .*--trust-log"):
+        validate_meaning(verdict, False)
+    assert validate_meaning(verdict, True) == (verdict.sentence,)
