@@ -24,6 +24,7 @@ from adaptctl.contest.known import Knowledge, Known
 from adaptctl.contest.laws import LAWS
 from adaptctl.contest.page import tint, write_page
 from adaptctl.contest.ranking import Ranking, agreement
+from adaptctl.contest.running import ContestFolder
 from adaptctl.contest.scene import Scene, scene_of
 from adaptctl.contest.trial import TimeExceededError, tried
 from adaptctl.errors import FileError, InputError, NotFoundError
@@ -104,7 +105,9 @@ def own(tmp_path: Path) -> str:
 
 
 def entry(law: str, *conditions: str, seeds: tuple[int, ...] = (1, 2), duration: float = 0.3) -> ContestEntry:
-    return ContestEntry(law, ARM, conditions or ("clean",), seeds, duration, ("reference", "initial error"), "adaptctl")
+    return ContestEntry(
+        law, ARM, "", conditions or ("clean",), seeds, duration, ("reference", "initial error"), "adaptctl"
+    )
 
 
 def reasons(rows: list[dict[str, Any]]) -> set[str]:
@@ -318,6 +321,8 @@ def written(folder: Path, **changed: Any) -> Path:
         ({"duration": 0.0}, InputError, "duration: expected 0.1 to 1000 s"),
         ({"robots": ["{no-such-package}/a.urdf"]}, Exception, "no-such-package is not installed"),
         ({"plant": "mujoco", "conditions": ["noise"]}, InputError, "MuJoCo has no noise; it has clean"),
+        ({"robots": ["gone.urdf"]}, FileError, "gone.urdf: cannot be read"),
+        ({"robots": ["puma56"]}, NotFoundError, "unknown robot 'puma56' (did you mean 'puma560'?)"),
         ({"arms": ["puma560"]}, FileError, "unknown field `arms`"),
     ],
 )
@@ -329,6 +334,7 @@ def test_a_contest_that_cannot_be_is_refused(
     assert message in str(error.value)
 
 
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.RoundedAnglesWarning")
 def test_laws_are_not_judged_on_what_they_were_tuned_on(tmp_path: Path) -> None:
     (tmp_path / "earlier").mkdir()
     written(tmp_path / "earlier", seeds=[2, 3])
@@ -385,6 +391,23 @@ def test_the_command_writes_all_files_resumes_and_runs_a_new_law_alone(
     shard.write_bytes(shard.read_bytes()[:-9])  # as by a full disk
     assert main(["contest", str(written(tmp_path)), "--out", str(out)]) == 0
     assert workers.computed[3:] == ["true"]
+
+
+def test_rows_are_kept_only_for_the_robot_and_the_law_that_made_them(own: str, tmp_path: Path) -> None:
+    robot = tmp_path / "arm.toml"
+    robot.write_text(Path("adaptctl/description/robots/two_link.toml").read_text())
+    path = written(tmp_path, robots=["arm.toml"], laws=["own.py:Slower"])
+
+    def names() -> list[str]:
+        return [each.name for each in ContestFolder(tmp_path, Contest.of(path)).entries()]
+
+    found = [names(), names()]
+    robot.write_text(robot.read_text().replace("mass = 2.0", "mass = 2.1"))
+    found.append(names())
+    Path(own).write_text(OWN.replace("0.5 *", "0.6 *"))
+    found.append(names())
+    assert found[0] == found[1]
+    assert len({name for each in found for name in each}) == 3
 
 
 def test_one_run_is_repeated_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

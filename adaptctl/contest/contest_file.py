@@ -10,13 +10,14 @@ from typing import Any, Literal, get_args
 import msgspec
 
 from adaptctl.arrays import whole_count
+from adaptctl.caching import cached_property
 from adaptctl.contest.conditions import CONDITIONS
 from adaptctl.contest.laws import LAWS
 from adaptctl.contest.mujoco_runs import fits_mujoco
 from adaptctl.contest.own_law import is_own, own_entrant, own_name
-from adaptctl.contest.scene import robot_name, robot_path
+from adaptctl.contest.scene import loaded, robot_name
 from adaptctl.errors import InputError, NotFoundError, suggested_name
-from adaptctl.files import hashed, read_bytes, read_toml
+from adaptctl.files import hashed, read_toml
 
 Plant = Literal["adaptctl", "mujoco"]
 Draw = Literal["reference", "initial error"]
@@ -95,8 +96,7 @@ class Contest:
             raise InputError(
                 f"{where}: duration: expected {MIN_DURATION:g} to {MAX_DURATION:g} s, got {asked.duration:g}"
             )
-        for robot in asked.robots:
-            robot_path(robot)
+        _ = self.robot_hashes
         self._validate_disjoint()
         unfit = [] if asked.plant == "adaptctl" else [name for name in asked.conditions if not fits_mujoco(name)]
         if unfit:
@@ -114,12 +114,16 @@ class Contest:
         if shared:
             raise InputError(f"{self.source}: {self.asked.tuned_on} has {', '.join(shared)} too: judge on others")
 
+    @cached_property
+    def robot_hashes(self) -> dict[str, str]:
+        """Hash of each robot's description, of limits and all, by its name. Raises what `load` raises."""
+        return {robot_name(robot): loaded(robot).description.sha256 for robot in self.asked.robots}
+
     @property
     def scoring(self) -> dict[str, Any]:
         """Set on which laws are judged: robots by their files' hashes, conditions, seeds, duration, draws, plant."""
         asked = self.asked
-        robots = {robot_name(robot): _file_hash(robot) for robot in asked.robots}
-        sets = {"robots": robots, "conditions": list(asked.conditions), "seeds": list(asked.seeds)}
+        sets = {"robots": self.robot_hashes, "conditions": list(asked.conditions), "seeds": list(asked.seeds)}
         return {**sets, "duration": asked.duration, "draws": list(asked.draws), "plant": asked.plant}
 
     @property
@@ -144,11 +148,6 @@ class Contest:
 def law_name(law: str) -> str:
     """Name of a law in tables."""
     return own_name(law) if is_own(law) else law
-
-
-def _file_hash(robot: str) -> str:
-    path = Path(robot_path(robot))
-    return hashed(read_bytes(path).hex()) if path.suffix else "built-in"
 
 
 def _placed(name: str, path: Path, is_file: bool) -> str:

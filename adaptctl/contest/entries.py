@@ -36,6 +36,7 @@ class ContestEntry:
 
     law: str
     robot: str
+    robot_sha256: str
     conditions: tuple[str, ...]
     seeds: tuple[int, ...]
     duration: float
@@ -45,8 +46,8 @@ class ContestEntry:
     @property
     def name(self) -> str:
         """Name of its file, which tells all that its rows depend on."""
-        own = source_hash(self.law) if is_own(self.law) else __version__
-        told = [self.robot, self.law, own, self.conditions, self.seeds, self.duration, self.draws, self.plant]
+        own = source_hash(self.law) if is_own(self.law) else self.law
+        told = [self.robot_sha256, own, __version__, self.conditions, self.seeds, self.duration, self.draws, self.plant]
         return f"{robot_name(self.robot)}.{law_name(self.law)}.{hashed(told)[:16]}.parquet"
 
     def rows(self) -> list[Row]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from adaptctl.contest.contest_file import Contest
 from adaptctl.contest.entries import ContestEntry, Row
 from adaptctl.contest.measures import COLUMNS
+from adaptctl.contest.scene import robot_name
 from adaptctl.errors import FileError
 from adaptctl.files import write_json
 from adaptctl.folders import made_folder
@@ -35,7 +36,8 @@ class ContestFolder:
         """Entries of the contest, robot by robot, since a worker keeps what it knows of the last robots."""
         asked = self.contest.asked
         how = tuple(asked.conditions), tuple(asked.seeds), asked.duration, tuple(asked.draws), asked.plant
-        return [ContestEntry(law, robot, *how) for robot in asked.robots for law in asked.laws]
+        robots = [(robot, self.contest.robot_hashes[robot_name(robot)]) for robot in asked.robots]
+        return [ContestEntry(law, *robot, *how) for robot in robots for law in asked.laws]
 
     def place(self, entry: ContestEntry) -> Path:
         """Path of an entry's file."""

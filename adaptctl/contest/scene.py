@@ -89,6 +89,11 @@ def robot_path(robot: str) -> str:
     return str(found[0].locate())
 
 
+def loaded(robot: str) -> Mechanism:
+    """Mechanism of a robot as its name or file has it."""
+    return load(robot_path(robot))
+
+
 def robot_name(robot: str) -> str:
     """Short name of a robot in tables."""
     return Path(robot).stem if "/" in robot or "." in robot else robot
@@ -97,5 +102,5 @@ def robot_name(robot: str) -> str:
 @lru_cache(maxsize=4)
 def scene_of(robot: str, control_period: float) -> Scene:
     """Arm with friction parameters, tuned by the one rule that all laws share."""
-    mechanism = with_friction(load(robot_path(robot)))
+    mechanism = with_friction(loaded(robot))
     return Scene(mechanism, tune(mechanism, control_period=control_period), base_model(mechanism))
