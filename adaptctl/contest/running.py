@@ -37,7 +37,7 @@ class ContestFolder:
         asked = self.contest.asked
         how = tuple(asked.conditions), tuple(asked.seeds), asked.duration, tuple(asked.draws), asked.plant
         robots = [(robot, self.contest.robot_hashes[robot_name(robot)]) for robot in asked.robots]
-        return [ContestEntry(law, *robot, *how) for robot in robots for law in asked.laws]
+        return [ContestEntry(law, robot, sha, *how) for robot, sha in robots for law in asked.laws]
 
     def place(self, entry: ContestEntry) -> Path:
         """Path of an entry's file."""
