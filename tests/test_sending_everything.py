@@ -29,7 +29,7 @@ from adaptctl.control import BoundedGainForgetting
 from adaptctl.description import Coupling
 from adaptctl.dynamics import equation_costs, load
 from adaptctl.experiments import EXPERIMENTS
-from adaptctl.hardware import MuJoCoRobot, drive
+from adaptctl.hardware import MuJoCoRobot, TouchEvent, drive
 from adaptctl.identification.identify import identified
 from adaptctl.simulation import effects
 from adaptctl.tuning import tune
@@ -214,7 +214,8 @@ def of_identification() -> Any:
 def of_hardware() -> Any:
     robot = MuJoCoRobot(driven.ARM, control_period=driven.PERIOD, start=driven.CENTER)
     recorded = drive(robot, driven.LAW, driven.REFERENCE, duration=0.1)
-    return replace(recorded, rollout=run()), control.HeldState(LAWS["guarded"])
+    recorded = replace(recorded, rollout=run(), touches=(TouchEvent(1.0, "elbow", 3.0, 1.0),))
+    return recorded, control.HeldState(LAWS["guarded"])
 
 
 ROOTS: dict[str, Callable[[], Any]] = {

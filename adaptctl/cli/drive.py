@@ -22,9 +22,12 @@ if TYPE_CHECKING:
 
 SCHEMA = "adaptctl/drive/1"
 DONE, FAILED = 0, 3
+FAST = 60.0
+"""rad/s, corner frequency of the observer of external torques"""
 RECORDED = 50.0
 """Hz of the recording"""
 Vendor = Literal["franka", "trossen", "ur", "udp", "mujoco"]
+OnTouch = Literal["ignore", "stop", "comply", "retract"]
 
 
 def drive(
@@ -38,6 +41,7 @@ def drive(
     amplitude: float = 0.3,
     any_kernel: bool = False,
     live: bool = False,
+    on_touch: OnTouch = "ignore",
     overwrite: Overwrite = False,
     reading: RobotFlags = AS_USUAL,
 ) -> int:
@@ -57,6 +61,9 @@ def drive(
         Accept a kernel without real time, for franka.
     live : bool
         Show the arm in the rerun viewer during the run.
+    on_touch : {"ignore", "stop", "comply", "retract"}
+        Feel external torques, and stop, yield or go back where they pass the level of one false alarm an hour. "ignore"
+        feels nothing.
 
     Returns
     -------
@@ -78,7 +85,8 @@ def drive(
     with replacing_folder(out, overwrite) as folder, ExitStack() as shown:
         found = connected(vendor, address, arm, any_kernel)
         try:
-            run = _driven(found, arm, duration, amplitude, folder, _view(arm, shown) if live else None)
+            view = _view(arm, shown) if live else None
+            run = _driven(found, arm, (duration, amplitude), folder, view, on_touch)
         except KeyboardInterrupt as stop:
             if not stop.args:
                 raise
@@ -106,11 +114,13 @@ def connected(vendor: str, address: str, arm: Mechanism, any_kernel: bool) -> To
 
 
 def _driven(
-    robot: TorqueRobot, arm: Mechanism, duration: float, amplitude: float, folder: Path, live: Any
+    robot: TorqueRobot, arm: Mechanism, motion: tuple[float, float], folder: Path, live: Any, on_touch: OnTouch
 ) -> DrivenRun:
     from adaptctl.arrays import positive_number
+    from adaptctl.control import with_external_torque
     from adaptctl.hardware import HardwareLimits, drive, motion_about, ready_controller
 
+    duration, amplitude = motion
     positive_number(duration, "--duration: expected a positive time in s")
     positive_number(amplitude, "--amplitude: expected a positive amplitude in rad")
     if robot.limits.dof != arm.dof:
@@ -120,7 +130,9 @@ def _driven(
         raise InputError("no measurement came from the robot")
     reference = motion_about(here.p, robot.limits.within(HardwareLimits.of(arm)), amplitude)
     controller = ready_controller(arm, robot.period, reference, getattr(robot, "tool", None))
-    return drive(robot, controller, reference, duration, folder / "run.parquet", live=live)
+    if on_touch != "ignore":
+        controller = with_external_torque(controller, cutoff=min(FAST, 0.5 / robot.period))
+    return drive(robot, controller, reference, duration, folder / "run.parquet", live=live, on_touch=on_touch)
 
 
 def _view(arm: Mechanism, shown: ExitStack) -> Any:
@@ -166,6 +178,7 @@ def as_builtins(run: DrivenRun, arm: Mechanism) -> dict[str, Any]:
         "longest_late_run": times.longest_late,
         "longest_period": times.worst,
         "longest_computation": times.busy,
+        "touches": [touch._asdict() for touch in run.touches],
         "period_histogram": times.histogram.tolist(),
     }
 
@@ -173,6 +186,8 @@ def as_builtins(run: DrivenRun, arm: Mechanism) -> dict[str, Any]:
 def _report(run: DrivenRun, arm: Mechanism, out: Path) -> Iterator[RenderableType]:
     if run.stopped:
         yield words((f"STOPPED: {run.stopped}", "bold red"))
+    if run.touches:
+        yield words("\n".join(f"touched at {touch.time:.2f} s: {touch}" for touch in run.touches))
     names = [joint.name for joint in arm.primary_joints]
     rows = [[name, f"{1e3 * error:.3g}"] for name, error in zip(names, run.final_rms_error, strict=False)]
     yield titled("RMS error of the last two seconds", WrappedTable(("joint", "mrad or mm"), rows))

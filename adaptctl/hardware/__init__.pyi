@@ -11,6 +11,7 @@ from adaptctl.hardware.robot import RobotReading as RobotReading
 from adaptctl.hardware.robot import TorqueRobot as TorqueRobot
 from adaptctl.hardware.timing import LoopTimes as LoopTimes
 from adaptctl.hardware.torque_guard import TorqueGuard as TorqueGuard
+from adaptctl.hardware.touch_reaction import TouchEvent as TouchEvent
 from adaptctl.hardware.trossen_robot import TrossenRobot as TrossenRobot
 from adaptctl.hardware.udp_robot import UDPRobot as UDPRobot
 from adaptctl.hardware.ur_robot import URRobot as URRobot

@@ -31,6 +31,7 @@ from adaptctl.hardware.loop import DriveLoop
 from adaptctl.hardware.measurements import Measurements
 from adaptctl.hardware.resting import StoppingDistance
 from adaptctl.hardware.robot import RobotReading, TorqueRobot, validate_robot
+from adaptctl.hardware.touch_reaction import Reaction, touch_of, validate_reaction
 from adaptctl.recording import Live
 from adaptctl.simulation import RunLogger
 
@@ -50,6 +51,7 @@ def drive(
     from_zero: bool = False,
     mechanism: Mechanism | None = None,
     live: Live | None = None,
+    on_touch: Reaction = "stop",
 ) -> DrivenRun:
     """
     Drive a robot along a reference, from where it stands to a planned stop.
@@ -76,6 +78,10 @@ def drive(
         Description of the robot. Default: that of the controller.
     live : Live, optional
         Live view of the run. Default: none.
+    on_touch : {"ignore", "stop", "comply", "retract"}, default "stop"
+        Reaction to external torques above their levels, of a controller `with_external_torque`: stop on the path; yield
+        until nothing was felt for 1 s, and stop there; or go back 1 s of the path; "ignore" follows the path, without
+        learning. Stopping is the default, as what was not expected may be a person.
 
     Returns
     -------
@@ -112,6 +118,7 @@ def drive(
     greatest = positive_number(max_error, "max_error: expected a positive error in rad")
     arm = mechanism_of(controller, mechanism)
     validate_periods(controller, robot.period)
+    validate_reaction(on_touch, controller)
     limits = common_limits(robot, arm, controller)
     guarded = controller if isinstance(controller, SafetyFilter) else _filtered(controller, robot.period)
     guarded.compile()
@@ -132,7 +139,7 @@ def drive(
         if logger is not log:
             held_open.enter_context(logger)
         loop = DriveLoop(robot, guarded, path, seconds, arm, limits, stopping, measurements, gravity, compensation)
-        loop.log, loop.live, loop.max_error = logger, live, greatest
+        loop.log, loop.live, loop.max_error, loop.on_touch = logger, live, greatest, on_touch
         loop.run(now, own, gravity(now.p) if from_zero else own)
         run = _result(loop, robot)
         if loop.interrupted:
@@ -143,7 +150,8 @@ def drive(
 def _result(loop: DriveLoop, robot: TorqueRobot) -> DrivenRun:
     run = loop.log.rollout(loop.interrupted) if loop.log.count >= 2 else None
     numbers = loop.first_error, loop.peak_rate, loop.peak_speed_share
-    return DrivenRun(run, loop.times, loop.stopped, loop.by_robot, *numbers, bool(robot.compensates_gravity))
+    compensates, touches = bool(robot.compensates_gravity), tuple(loop.feeling.events)
+    return DrivenRun(run, loop.times, loop.stopped, loop.by_robot, *numbers, compensates, touches)
 
 
 def _held(robot: Any, now: RobotReading, compensation: Compensation, gravity: GravityTorque) -> tuple[Array, float]:
@@ -171,8 +179,11 @@ def _log(
         raise InputError(f"log: expected a RunLogger or a path, got {log!r}")
     names = tuple(joint.name for joint in arm.primary_joints)
     units = tuple(joint.kind.position_unit for joint in arm.primary_joints)
-    estimates = np.size(getattr(_first_state(controller, arm), "estimate", ()))
+    first = _first_state(controller, arm)
+    estimates = np.size(getattr(first, "estimate", ()))
     flags = ("learning", "stopping", *(f"compensation.{n}" for n in names), *(f"reported_torque.{n}" for n in names))
+    if touch_of(first) is not None:
+        flags = (*flags, "touched", *(f"external_torque.{n}" for n in names))
     capacity = min(int(duration / period) + 20_000, 2_000_000)
     return RunLogger(
         arm.dof, period, log, estimates=estimates, capacity=capacity, joints=names, position_units=units, flags=flags

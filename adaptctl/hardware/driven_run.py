@@ -8,6 +8,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.hardware.timing import LoopTimes
+from adaptctl.hardware.touch_reaction import TouchEvent
 from adaptctl.simulation import Rollout
 
 FINAL = 2.0
@@ -40,6 +41,9 @@ class DrivenRun:
         Greatest share of a speed limit.
     compensates_gravity : bool
         True if the robot added its own gravity torque.
+    touches : tuple of TouchEvent, default ()
+        Touches that a controller `with_external_torque` felt. Flags then hold `touched` and `external_torque.JOINT`
+        while the path is followed or the arm complies.
 
     Examples
     --------
@@ -60,6 +64,7 @@ class DrivenRun:
     peak_torque_rate: float
     peak_speed_share: float
     compensates_gravity: bool
+    touches: tuple[TouchEvent, ...] = ()
 
     @property
     def final_rms_error(self) -> Array:

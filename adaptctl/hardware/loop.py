@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from adaptctl.hardware.robot import HardwareLimits, RobotReading
 from adaptctl.hardware.stop import HOLD, PATIENCE, PlannedStop
 from adaptctl.hardware.timing import LoopTimes, without_collections
 from adaptctl.hardware.torque_guard import TorqueGuard
+from adaptctl.hardware.touch_reaction import Feeling, Reaction, touch_of, yielding
 from adaptctl.recording import Live
 from adaptctl.simulation import RunLogger
 
@@ -39,6 +41,8 @@ QUIET_SHARE = 0.05
 """share of the torque limits that feedback may add to a good estimate"""
 REST = 0.05
 """rad/s (m/s) below which a stopped arm is handed back"""
+TOUCHED = "touched:"
+"""beginning of a reason to stop that is a touch"""
 TOO_FAST = "is above its speed limit"
 """end of a reason for which the path is left, since the arm does not follow it"""
 SAG, SAG_TIME = 1e-3, 0.05
@@ -53,6 +57,7 @@ class DriveLoop:
     log: RunLogger
     live: Live | None = None
     max_error: float = 0.3
+    on_touch: Reaction = "ignore"
 
     def __init__(
         self, robot: Any, controller: SafetyFilter, path: Reference, duration: float, arm: Mechanism,
@@ -64,6 +69,7 @@ class DriveLoop:
         self.gravity, self.compensation = gravity, compensation
         self.names = [joint.name for joint in arm.primary_joints]
         self.times, self.held_state = LoopTimes(robot.period), HeldState(controller)
+        self.feeling = Feeling(self.names)
         self.time, self.blind, self.good, self._logged = 0.0, 0, 0.0, -1.0
         self.stop: PlannedStop | None = None
         self.stopped, self.by_robot, self.interrupted, self.ended = "", False, False, False
@@ -96,13 +102,13 @@ class DriveLoop:
         if self.ended:
             return
         since = time.perf_counter()
-        point = self._point()
+        point = self._point(reading)
         trouble = self._trouble(reading, point)
         if self.ended:
             return
-        if trouble and self.stop is None:
+        if trouble and (self.stop is None or self.stop.yields):
             self._begin_stop(trouble, reading, point)
-            point = self._point()
+            point = self._point(reading)
         added = self.compensation(reading)
         total, after = self._torque(reading, point)
         wanted, before = total - added, self.guard.torque
@@ -136,7 +142,9 @@ class DriveLoop:
         self.time = max(self.time, reading.time - self._began)
         return reading, on_time and not was_blind
 
-    def _point(self) -> ReferencePoint:
+    def _point(self, reading: RobotReading) -> ReferencePoint:
+        if self.stop is not None and self.stop.yields:
+            return yielding(reading.p, reading.v)
         return point_at(self.path if self.stop is None else self.stop.path, self.time)
 
     def _trouble(self, reading: RobotReading, point: ReferencePoint) -> str:
@@ -145,6 +153,10 @@ class DriveLoop:
             return "done"
         if self.interrupted:
             return "interrupted"
+        if self.on_touch != "ignore" and self.stop is None and self.feeling.touched:
+            return f"{TOUCHED} {self.feeling.events[-1]}"
+        if self.stop is not None and self.stop.yields and self.feeling.over(self.time):
+            return self.stop.reason
         if self.state.flags.stopped[0] > 0.5:
             return "the controller rings, or its numbers are not finite"
         if self.times.late > LATE:
@@ -167,14 +179,26 @@ class DriveLoop:
         return self.guard.torque - self.gravity(reading.p)
 
     def _begin_stop(self, reason: str, reading: RobotReading, point: ReferencePoint) -> None:
+        if reason.startswith(TOUCHED) and self.stop is None and self.on_touch != "stop":
+            self._react(reason, point)
+            return
         state = self.held_state.at(self.proven, self.state)
         near = (np.abs(reading.p - point.p) <= 0.5 * self.max_error).all()
         ends = self.stopping.beyond(reading.p, reading.v, self._net(reading)).any()
-        if near and not ends and not reason.endswith(TOO_FAST):
+        if near and self.stop is None and not ends and not reason.endswith(TOO_FAST):
             self.stop = PlannedStop.along(self.path, self.time, point.v, state, reason, self.stopping)
         else:
             self.stop = PlannedStop.ahead(reading.p, self.time, reading.v, state, reason, self.stopping)
-        self.stopped = "" if reason == "done" else reason
+        self.stopped = self.stopped or ("" if reason == "done" else reason)
+
+    def _react(self, reason: str, point: ReferencePoint) -> None:
+        """Retract or yield, with the estimate of now, which was trusted before the touch."""
+        if self.on_touch == "comply":
+            self.stop = PlannedStop(self.path, np.inf, self.state, reason, yields=True)
+        else:
+            state = self.held_state.at(self.proven, self.state)
+            self.stop = PlannedStop.back(self.path, self.time, point.v, state, reason, self.stopping)
+        self.stopped = reason
 
     def _torque(self, reading: RobotReading, point: ReferencePoint) -> tuple[Array, Any]:
         """Torque (r,) for the arm, and the controller's next state."""
@@ -183,6 +207,9 @@ class DriveLoop:
             torque, after = self.controller.step(state, reading.p, reading.v, point)
             if after.flags.stopped[0] > 0.5 or (np.abs(reading.p - point.p) > self.max_error).any():
                 self._robot_stops(f"{self.stop.reason}; and the planned stop failed")
+            if self.stop.yields:
+                self.stop = replace(self.stop, state=after)
+                return torque, after
             return torque, self.held_state.at(self.stop.state, after)
         torque, after = self.controller.step(self.state, reading.p, reading.v, point)
         if self.time < RAMP:
@@ -199,6 +226,8 @@ class DriveLoop:
 
     def _learn(self, after: Any, applied: Array, sound: bool, reading: RobotReading, point: ReferencePoint) -> None:
         """Keep the next state, and an estimate that has proven good."""
+        if self.stop is None or self.stop.yields:
+            self.feeling.feel(after, self.time)
         self.learning = sound and self.stop is None and self.time >= RAMP
         self.state = after if self.learning else self.held_state.without_learning(after, applied)
         if self.stop is not None:
@@ -236,7 +265,8 @@ class DriveLoop:
         flags: Any = ()
         if self.log.flags:
             told = np.zeros_like(added) if reading.torque is None else reading.torque
-            flags = np.concatenate(((self.learning, self.stop is not None), added, told))
+            felt = (float(self.feeling.touched), *self.feeling.torque) if touch_of(self.state) is not None else ()
+            flags = np.concatenate(((self.learning, self.stop is not None), added, told, felt))
         inner = getattr(self.state, "inner", self.state)
         estimate = getattr(inner, "estimate", ())
         self.log.append(self.time, reading.p, reading.v, point, total, applied, estimate, flags)

@@ -11,6 +11,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import StoppedReference
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.hardware.resting import StoppingDistance
+from adaptctl.hardware.touch_reaction import Retreat
 
 HOLD = 0.5
 """s for which an arm is held after a stop"""
@@ -20,12 +21,21 @@ PATIENCE = 2.0
 
 @dataclass(frozen=True)
 class PlannedStop:
-    """Path to rest, its end in s, and the state of the controller that follows it."""
+    """Path to rest, its end in s, and the state of the controller that follows it, or that yields to a touch."""
 
     path: Reference
     end: float
     state: Any
     reason: str
+    yields: bool = False
+
+    @classmethod
+    def back(
+        cls, path: Reference, time: float, v: Array, state: Any, reason: str, stopping: StoppingDistance
+    ) -> PlannedStop:
+        """Retreat along the path it came."""
+        way = Retreat(path, time, float(stopping.duration(v)))
+        return cls(way, way.end, state, reason)
 
     @classmethod
     def along(
