@@ -95,7 +95,7 @@ def test_pages_have_commands() -> None:
 def known_flags() -> set[str]:
     """The flags of all commands and experiments, and those of other programs."""
     known = set(OTHERS)
-    known |= {flag for name in COMMANDS for flag in flags(app[name])}
+    known |= {flag for name in (*COMMANDS, "drive") for flag in flags(app[name])}
     known |= {flag for sub in ("status", "report") for flag in flags(app["sweep"][sub])}
     return known | {flag for entry in EXPERIMENTS for flag in flags(app["experiment"]["run"][entry.name])}
 
