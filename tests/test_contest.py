@@ -54,6 +54,17 @@ class Own(Controller):
     def initial_state(self, p, v):
         return NoMemory()
 
+@dataclass(frozen=True, eq=False)
+class Tuned(Own):
+    stiffness: float = 1.0
+    @classmethod
+    def enter(cls, known):
+        return cls(known.mechanism, known.damping, 2.0 * known.stiffness)
+    def law(self, p, v, reference, memory):
+        error, rate = p - reference.p, v - reference.v
+        terms = zip(self.stiffness.tolist(), error, self.damping.tolist(), rate)
+        return Column(-k * e - d * r for k, e, d, r in terms), memory
+
 class Raises(Own):
     def law(self, p, v, reference, memory):
         raise KeyError("oops")
@@ -155,6 +166,13 @@ def test_a_law_that_says_that_it_knows_the_file_may_use_it(own: str, scene: Scen
     assert tried(reads, Known.of(scene, reads.knows, 1, scene.mechanism.inertial_parameters)) > 0
 
 
+def test_a_law_may_bring_gains_of_its_own_and_the_tables_say_so(own: str) -> None:
+    rows = entry(f"{own}:Tuned").rows()
+    assert reasons(rows) == {""}
+    assert {row["gains"] for row in rows} == {"by its own gains"}
+    assert {row["gains"] for row in entry("pd").rows()} == {"by the rule"}
+
+
 def test_all_laws_of_the_library_are_made_and_know_no_more_than_they_say(scene: Scene) -> None:
     truth = 1.1 * scene.mechanism.inertial_parameters
     found = {law.name: tried(law, Known.of(scene, law.knows, 1, truth)) for law in LAWS}
@@ -215,7 +233,8 @@ def rows_of(laws: dict[str, list[float]]) -> list[dict[str, Any]]:
     other = dict.fromkeys(("error_2_s", "error_10_s", "error_20_s", "return_time", "torque", "torque_rate"), 1.0)
     return [
         {"law": law, "robot": "arm", "condition": "clean", "seed": seed, "error": x, "knows": "limits",
-         "saturated": 0.0, "reason": "" if np.isfinite(x) else "error beyond 2 rad at 1.00 s", "operations": 9, **other}
+         "gains": "by the rule", "saturated": 0.0, "operations": 9,
+         "reason": "" if np.isfinite(x) else "error beyond 2 rad at 1.00 s", **other}
         for law, values in laws.items() for seed, x in enumerate(values)
     ]  # fmt: skip
 
@@ -252,8 +271,8 @@ def large(laws: int = 3, robots: int = 20, conditions: int = 10, seeds: int = 20
     for axes in np.ndindex(laws, robots, conditions, seeds):
         law, robot, condition, seed = axes
         yield {"law": f"law{law}", "robot": f"robot{robot}", "condition": list(CONDITIONS)[condition], "seed": seed,
-               "error": float(rng.random()), "knows": "limits", "saturated": 0.0, "operations": 9, "reason": "",
-               "curve": rng.random(20).tolist(), **other}  # fmt: skip
+               "error": float(rng.random()), "knows": "limits", "gains": "by the rule", "saturated": 0.0,
+               "operations": 9, "reason": "", "curve": rng.random(20).tolist(), **other}  # fmt: skip
 
 
 def test_the_page_of_a_large_contest_is_small_and_asks_for_nothing_else(tmp_path: Path) -> None:

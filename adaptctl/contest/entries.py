@@ -70,13 +70,12 @@ class ContestEntry:
     def about(self, condition: str, seed: int) -> Row:
         """Row of a run before it is made."""
         named = {"robot": robot_name(self.robot), "condition": condition, "law": law_name(self.law), "seed": seed}
-        return {**NOTHING, **named, "knows": "", "reason": "", "parameters": 0}
+        return {**NOTHING, **named, "knows": "", "gains": "", "reason": "", "parameters": 0}
 
     def failed(self, condition: str, reason: str, entrant: Entrant | None = None, **more: Any) -> Iterator[Row]:
         """Rows of all seeds under a condition, with the reason why there are no others."""
-        knows = entrant.knows.value if entrant else ""
         for seed in self.seeds:
-            yield {**self.about(condition, seed), "knows": knows, **more, "reason": reason}
+            yield {**self.about(condition, seed), **_told(entrant), **more, "reason": reason}
 
     def _under(self, name: str, entrant: Entrant, trials: dict[float, int]) -> list[Row]:
         condition = CONDITIONS[name]
@@ -97,7 +96,7 @@ class ContestEntry:
             if not (is_own(self.law) or isinstance(error, AdaptctlError)):
                 raise
             return list(self.failed(name, reason_of(error), entrant, **more))
-        limits, more["knows"] = condition.limit_share * scene.tuning.torque_limits, entrant.knows.value
+        limits, more = condition.limit_share * scene.tuning.torque_limits, {**more, **_told(entrant)}
         found = (measured(runs, k, limits, condition.event) for k in range(len(self.seeds)))
         return [{**self.about(name, seed), **more, **one} for seed, one in zip(self.seeds, found, strict=True)]
 
@@ -121,6 +120,11 @@ class ContestEntry:
 def entrant_of(law: str) -> Entrant:
     """Entrant of a law's name, or of its file and class."""
     return own_entrant(law) if is_own(law) else next(one for one in LAWS if one.name == law)
+
+
+def _told(entrant: Entrant | None) -> Row:
+    """Knowledge and gains of a law, as columns."""
+    return {"knows": entrant.knows.value, "gains": entrant.tuned} if entrant else {}
 
 
 def _laws(entrant: Entrant, known: list[Known]) -> Controller[Any] | list[Controller[Any]]:

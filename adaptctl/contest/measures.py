@@ -25,6 +25,7 @@ COLUMNS = {
     "law": ("string", "", "law"),
     "seed": ("int64", "", "seed, the same for every law"),
     "knows": ("string", "", "what the law may know"),
+    "gains": ("string", "", "how the law got its gains"),
     "reason": ("string", "", "why the run failed; empty if it did not"),
     "error": ("double", "mrad (mm)", "RMS error of all joints over the last 10 % of the run, by which laws are ranked"),
     "error_2_s": ("double", "mrad (mm)", "RMS error of all joints from 1.5 to 2.5 s"),

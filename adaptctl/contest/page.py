@@ -21,7 +21,7 @@ from adaptctl.version import __version__
 
 HEADS = (
     *("law", "rank", "mrad", "over true model", "over PD with gravity", "mrad at 2 s", "10 s", "20 s", "failed"),
-    *("return, s", "torque", "its rate, 1/s", "saturated", "operations", "knows", "how it fails"),
+    *("return, s", "torque", "its rate, 1/s", "saturated", "operations", "knows", "gains", "how it fails"),
 )
 CITATION = "Adaptctl: adaptive control of robot mechanisms on minimal inertial parameters (CITATION.cff)."
 GOOD, BAD, LOST = Color(96, 165, 230), Color(240, 150, 80), Color(214, 196, 214)
@@ -90,7 +90,7 @@ def _cells(row: dict[str, Any]) -> list[PageCell]:
         PageCell(f"{row['failed']} of {row['runs']}", row["failed"]),
         *rest,
         PageCell(f"{row['operations']:,}", row["operations"]),
-        PageCell(row["knows"], row["knows"]),
+        *(PageCell(row[name], row[name]) for name in ("knows", "gains")),
         PageCell(row["failure"], row["failure"], words=True),
     ]
 

@@ -42,6 +42,7 @@ RANK_COLUMNS = {
     "saturated": ("double", "1", "median share of samples with a torque at its limit"),
     "operations": ("int64", "1", "floating-point operations of a control step, most of all robots"),
     "knows": ("string", "", "what the law may know"),
+    "gains": ("string", "", "how the law got its gains"),
     "failure": ("string", "", "how the law fails, in a sentence"),
 }
 """Kind, unit and meaning of each column of ranks.parquet."""
@@ -165,6 +166,7 @@ class Ranking:
             "failed": len(rows) - len(sound),
             "operations": max(row["operations"] for row in rows),
             "knows": next((row["knows"] for row in rows if row["knows"]), ""),
+            "gains": next((row["gains"] for row in rows if row["gains"]), ""),
             "failure": self.failure(law, condition),
         }
         found |= {name: median(row[name] for row in sound) for name in MEDIANS}
