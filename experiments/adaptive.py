@@ -88,8 +88,8 @@ class AdaptiveTracking(FromFile):
         super().__post_init__()
         if self.plant not in PLANTS:
             raise InputError(f"plant: expected {', '.join(PLANTS[:-1])} or {PLANTS[-1]}, got {self.plant!r}")
-        if self.plant != OURS and self.floating_base:
-            raise InputError("plant: floating bases need the plant adaptctl")
+        if self.plant != OURS and (self.floating_base or self.gravity or self.lock):
+            raise InputError("plant: floating bases, locked joints and another gravity need the plant adaptctl")
 
     @property
     def purpose(self) -> str:

@@ -26,6 +26,7 @@ from adaptctl.control import (
     lyapunov,
 )
 from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import InputError
 from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, stated
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import (
@@ -197,6 +198,18 @@ class Learning(ClosedLoopExperiment):
         )
 
 
+def _gravity(text: str) -> tuple[float, ...] | None:
+    """Gravity (3,) in m/s^2 of a text; None where it is empty."""
+    words = text.replace(",", " ").split()
+    try:
+        found = tuple(float(word) for word in words)
+    except ValueError:
+        found = ()
+    if words and len(found) != 3:
+        raise InputError(f"gravity: expected three numbers in m/s^2, such as 6.9,0,-6.9, got {text!r}")
+    return found or None
+
+
 @dataclass(frozen=True)
 class FromFile(Learning):
     """Base class of experiments on any robot file, with the choices in reading it."""
@@ -204,6 +217,8 @@ class FromFile(Learning):
     floating_base: bool = setting(False, "let the base float, pushed by ideal forces, instead of holding it")
     root: str = setting("", "first body of the robot, in an MJCF scene with several")
     as_written: bool = setting(False, "take angles and lengths as written, where rounding may have made them")
+    gravity: str = setting("", "gravity in the frame of the base, m/s^2, for a tilted mount, such as 6.9,0,-6.9")
+    lock: str = setting("", "joints to hold fast, at a position in rad or m or at 0, such as head,finger=0.02")
 
     def mechanism(self) -> Mechanism:
         """Arm from `robot`."""
@@ -212,8 +227,13 @@ class FromFile(Learning):
     @property
     def reading(self) -> dict[str, Any]:
         """Choices in reading the robot other than the default, as arguments of `load`."""
-        chosen = {"floating_base": self.floating_base, "root": self.root, "as_written": self.as_written}
+        chosen: dict[str, Any] = {name: getattr(self, name) for name in ("floating_base", "root", "as_written")}
+        chosen |= {"gravity": _gravity(self.gravity), "lock": tuple(self.lock.replace(",", " ").split())}
         return {name: value for name, value in chosen.items() if value}
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _gravity(self.gravity)
 
 
 @dataclass(frozen=True)

@@ -33,11 +33,21 @@ class RobotFlags:
         bool, Parameter(help="Take angles and lengths as written, where rounding may have made them.")
     ] = False
 
+    gravity: Annotated[
+        tuple[float, float, float] | None,
+        Parameter(metavar="X Y Z", help="Gravity in the frame of the base, m/s^2, for a tilted mount."),
+    ] = None
+    lock: Annotated[
+        tuple[str, ...],
+        Parameter(metavar="JOINT[=VALUE]", help="Joints to hold fast, at VALUE in rad or m, or at 0."),
+    ] = ()
+
     def load(self, robot: str) -> Mechanism:
         """Robot of a name or file."""
         from adaptctl.dynamics import load
 
-        found = load(robot, floating_base=self.floating_base, root=self.root, as_written=self.as_written)
+        choices = {name: getattr(self, name) for name in ("floating_base", "root", "as_written", "gravity")}
+        found = load(robot, **choices, lock=self.lock)
         if not found.inertial_parameters[: found.num_energy_parameters].any():
             text = "no link has an inertia: base parameters follow from the geometry alone, all else needs inertias"
             warnings.warn(f"{robot}: {text}", SimplificationWarning, stacklevel=2)

@@ -14,6 +14,7 @@ from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.control.slotine_li import ReferenceVelocity, SlotineLi
+from adaptctl.description.places import place_on_link
 from adaptctl.dynamics.recursion.kinematics import moving_point
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
@@ -135,7 +136,7 @@ class TaskSpaceSlotineLi(SlotineLi):
         for name in ("singularity", "posture_rate"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InputError(f"task space: {name}: expected at least 0, got {getattr(self, name)}")
-        self._validate_link()
+        self._place_link()
         self._validate_reach()
         super().__post_init__()
 
@@ -224,10 +225,15 @@ class TaskSpaceSlotineLi(SlotineLi):
             gram[i][i] = gram[i][i] + square
         return free + combined(rows, solve_symmetric(gram, task))
 
-    def _validate_link(self) -> None:
-        names = [link.name for link in self.model.mechanism.links]
-        if self.link is not None and self.link not in names:
-            raise InputError(f"task space: unknown link {self.link!r}; links: {', '.join(names)}")
+    def _place_link(self) -> None:
+        """Take a named frame, such as `tool0`, as its place on the link that carries it."""
+        if self.link is None:
+            return
+        link, pose = place_on_link(self.model.mechanism.description, self.link, "task space")
+        if link != self.link:
+            tool = pose.rotation @ np.asarray(self.tool) + pose.translation
+            object.__setattr__(self, "tool", frozen_array(tool, (3,), "tool"))
+            object.__setattr__(self, "link", link)
 
     def _validate_reach(self) -> None:
         """Raise `InputError` if the point cannot move along every axis."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any
@@ -195,6 +195,8 @@ class Description:
     as_written : bool, default False
         If true, nearly special angles and lengths are meant as they stand, and a rank that depends on them is not
         refused. It is no part of the hashes, or of equality.
+    locked : mapping of str to float, optional
+        Joints of the source that were locked, and their positions in rad (m), which hashes leave out. Default: none.
 
     Raises
     ------
@@ -220,10 +222,12 @@ class Description:
     visuals: tuple[Visual, ...] = ()
     frames: tuple[NamedFrame, ...] = ()
     as_written: bool = False
+    locked: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("links", "visuals", "frames"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
+        object.__setattr__(self, "locked", dict(self.locked))
         object.__setattr__(self, "gravity", frozen_array(self.gravity, (3,), f"{self.name}: gravity"))
         if np.abs(self.gravity).max() > MAX_GRAVITY:
             raise InputError(

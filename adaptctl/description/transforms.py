@@ -135,7 +135,7 @@ def with_floating_base(description: Description, name: str, inertia: ArrayLike) 
         closures = tuple(replace(c, first=c.first or name, second=c.second or name) for c in loops.closures)
         primary = (*(link.joint.name for link in links[: len(FLOATING_JOINTS)]), *loops.primary)
         loops = replace(loops, primary=primary, closures=closures)
-    frames = tuple(replace(frame, link=frame.link + len(FLOATING_JOINTS)) for frame in description.frames)
+    frames = frames_above_base(description.frames)
     return replace(description, links=links, loops=loops, visuals=above_base(description.visuals), frames=frames)
 
 
@@ -150,6 +150,11 @@ def floating(links: Sequence[Link], name: str, inertia: ArrayLike) -> tuple[Link
 def above_base(visuals: Sequence[Visual]) -> tuple[Visual, ...]:
     """Shapes renumbered for the six links of a floating base."""
     return tuple(replace(visual, link=visual.link + len(FLOATING_JOINTS)) for visual in visuals)
+
+
+def frames_above_base(frames: Sequence[NamedFrame]) -> tuple[NamedFrame, ...]:
+    """Named frames renumbered for the six links of a floating base."""
+    return tuple(replace(frame, link=frame.link + len(FLOATING_JOINTS)) for frame in frames)
 
 
 def _base_link(i: int, name: str, inertia: ArrayLike) -> Link:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, stacked, stacked_rows
 from adaptctl.caching import sent_as_made
+from adaptctl.description.places import place_on_link
 from adaptctl.dynamics.mechanism import Mechanism
 from adaptctl.dynamics.recursion.kinematics import moving_point
 from adaptctl.errors import InputError, SingularityError
@@ -57,10 +58,12 @@ class Tip:
     offset: Array
 
     def __post_init__(self) -> None:
-        names = [link.name for link in self.mechanism.links]
-        if self.link not in names:
-            raise InputError(f"{self.mechanism.name}: unknown link {self.link!r}; links: {', '.join(names)}")
-        object.__setattr__(self, "offset", frozen_array(self.offset, (3,), "offset"))
+        link, pose = place_on_link(self.mechanism.description, self.link, self.mechanism.name)
+        offset = frozen_array(self.offset, (3,), "offset")
+        if link != self.link:
+            object.__setattr__(self, "link", link)
+            offset = frozen_array(pose.rotation @ offset + pose.translation, (3,), "offset")
+        object.__setattr__(self, "offset", offset)
 
     def at(self, p: ArrayLike) -> Array:
         """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, finite_results, frozen, same_samples
+from adaptctl.arrays import Array, checked, finite_results, frozen, frozen_array, same_samples
 from adaptctl.caching import cached_property
 from adaptctl.description import Description, Joint, Link
 from adaptctl.description.drive import Drive
@@ -255,6 +255,44 @@ class Mechanism:
         True
         """
         return Mechanism(self.description.with_parameters(parameters))
+
+    def locked(self, positions: Mapping[str, float | None] | Sequence[str]) -> Mechanism:
+        """
+        Return the mechanism with some joints held fast.
+
+        Parameters
+        ----------
+        positions : mapping of str to float or None, or sequence of str
+            Positions in rad (m if prismatic) by the names of the joints; None is zero. Or words such as "elbow=0.5",
+            and "elbow" for zero.
+
+        Returns
+        -------
+        Mechanism
+            The mechanism of the other joints. Links behind locked joints are part of the links before them, and named
+            frames there.
+
+        Raises
+        ------
+        NotFoundError
+            If there is no such joint.
+        InputError
+            If a position is not finite or outside the limits, no joint is left, or a joint that is not locked moves one
+            that is.
+
+        Examples
+        --------
+        >>> held = arm.locked({"elbow": 0.5})
+        >>> held.dof, held.links[0].inertia[0] == sum(link.inertia[0] for link in arm.links)
+        (1, True)
+        """
+        from adaptctl.description.locking import held_positions, with_locked
+
+        held = held_positions(self.description, positions)
+        p = self.neutral_configuration.copy()
+        for j, joint in enumerate(self.primary_joints):
+            p[j] = held.get(joint.name, p[j])
+        return Mechanism(with_locked(self.description, held, self.configuration(p).tolist()))
 
     def column_regressor(self, regressor: str, columns: Sequence[int]) -> OnArrays:
         """
@@ -862,6 +900,8 @@ def load(
     as_written: bool = False,
     mesh_folders: Sequence[str | Path] = (),
     root: str | None = None,
+    gravity: ArrayLike | None = None,
+    lock: Mapping[str, float | None] | Sequence[str] = (),
 ) -> Mechanism:
     """
     Load a robot by name, from a file, or from a Pinocchio or MuJoCo model.
@@ -881,6 +921,11 @@ def load(
     root : str, optional
         Name of the body of an MJCF scene or MuJoCo model at which the mechanism begins. Default: the only root body
         that moves.
+    gravity : array_like, optional
+        Gravity (3,) in the frame of the robot's base in m/s^2, for a tilted mount. Default: the source's, which is
+        (0, 0, -9.81) in URDF.
+    lock : mapping of str to float or None, or sequence of str, optional
+        Joints to hold fast, as `Mechanism.locked` takes them. Default: none.
 
     Returns
     -------
@@ -923,10 +968,13 @@ def load(
     is_file = isinstance(source, str | Path)
     read_in = read(source, **options) if isinstance(source, str | Path) else read_model(source, **options)
     where = str(source) if is_file else read_in.name
+    if gravity is not None:
+        read_in = replace(read_in, gravity=frozen_array(gravity, (3,), "gravity"))
     mechanism = Mechanism(replace(read_in, as_written=True) if as_written else as_meant(read_in, where, stacklevel=2))
     if not is_file:
-        return mechanism
+        return mechanism.locked(lock) if lock else mechanism
     try:
+        mechanism = mechanism.locked(lock) if lock else mechanism
         _ = mechanism.continuation  # Closes the loops, so that a wrong file is named here and not later.
     except LoopError as error:
         raise LoopError(f"{source}: {error}") from error

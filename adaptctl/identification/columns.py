@@ -21,6 +21,7 @@ from adaptctl.identification.drives_file import (
     Drives,
     MotorEntry,
     Units,
+    locking,
     spaced,
     validate_fitting,
 )
@@ -209,6 +210,7 @@ def _pattern(log: LogTable, joints: list[str], given: dict[str, str]) -> dict[st
     for what in ("position", "torque"):
         if what in given:
             _require(log, what, joint_names(given[what], joints, log, what))
+    _validate_all_joints(log, joints, given)
     missing = " and ".join(what for what in ("position", "torque") if what not in given)
     have = ", ".join(list(log.columns)[:20])
     if log.numbered:
@@ -221,6 +223,21 @@ def _pattern(log: LogTable, joints: list[str], given: dict[str, str]) -> dict[st
         f"{' '.join(f'{what}={what.capitalize()}{{}}' for what in missing.split(' and '))} ({{}}: number of the joint "
         f"from 1, {{0}}: from 0, {{joint}}: its name), or give a drives file; columns: {have}"
     )
+
+
+def _validate_all_joints(log: LogTable, joints: list[str], given: dict[str, str]) -> None:
+    """Refuse a log that has the columns of some of the joints alone, and offer to lock the others."""
+    for known in KNOWN_PATTERNS:
+        whole = [(known | given)[what] for what in ("position", "torque")]
+        if not all("{joint}" in pattern for pattern in whole):
+            continue
+        here = [j for j in joints if all(p.replace("{joint}", j) in log.columns for p in whole)]
+        if here and len(here) < len(joints):
+            others = [joint for joint in joints if joint not in here]
+            raise FileError(
+                f"{log.source}: no column {whole[0].replace('{joint}', others[0])!r} for position; the log has "
+                f"{len(here)} of {len(joints)} joints{locking(others, here, joints)}"
+            )
 
 
 def _require(log: LogTable, what: str, names: list[str]) -> None:

@@ -69,6 +69,12 @@ def validate_fitting(symbols: Mapping[str, str], turns: Mapping[str, bool]) -> N
 SPELLINGS = {"°": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad", "sec": "s"}
 
 
+def locking(missing: Sequence[str], known: Sequence[str], names: Sequence[str]) -> str:
+    """Words that offer to lock the joints that a log has not; none where it has other joints."""
+    fitting = missing and len(missing) < len(names) and set(known) <= set(names)
+    return f"; if the others did not move: --lock {' '.join(missing)}" if fitting else ""
+
+
 def spaced(symbol: str) -> str:
     """Unit's symbol as the tables of factors have it: "Nm" becomes "N m"."""
     return SPELLINGS.get(symbol, re.sub("N[*.·]?m", "N m", symbol))
@@ -334,6 +340,7 @@ class Drives:
         if sorted(names) != sorted(self.joints):
             raise InputError(
                 f"the drives are for the joints {', '.join(self.joints)}, but {mechanism.name} has {', '.join(names)}"
+                f"{locking([name for name in names if name not in self.joints], self.joints, names)}"
             )
         order = [self.joints.index(name) for name in names]
         return Drives(

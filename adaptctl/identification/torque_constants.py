@@ -9,7 +9,8 @@ import numpy as np
 from msgspec import structs
 
 from adaptctl.arrays import Array
-from adaptctl.description.inertia import from_center_of_mass, is_physically_consistent
+from adaptctl.description.inertia import from_center_of_mass, is_physically_consistent, transformed
+from adaptctl.description.places import place_on_link
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog, same_place
@@ -27,25 +28,19 @@ def payload_torques(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mech
     """Torques (n, r) of known payloads in rows of filtered equations."""
     out = np.zeros_like(rows.torque)
     for payload in drives.payloads:
-        columns, ten = _columns(payload, mechanism), _ten(payload)
+        names, what = mechanism.description.body_names, f"payload in {payload.log}"
+        link, pose = place_on_link(mechanism.description, payload.link, what, names)
+        first, ten = 10 * names.index(link), transformed(_ten(payload), pose)
         for motion in motions:
             if same_place(payload.log, motion.log.source):
                 here = rows.log == motion.number
-                out[here] += rows.regressor[here][:, :, columns] @ ten
+                out[here] += rows.regressor[here][:, :, first : first + 10] @ ten
     return out
 
 
 def without_payloads(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives) -> Rows:
     """Rows with the torques that the robot alone takes, known payloads subtracted."""
     return replace(rows, torque=rows.torque - payload_torques(rows, motions, mechanism, drives))
-
-
-def _columns(payload: PayloadEntry, mechanism: Mechanism) -> slice:
-    names = mechanism.description.body_names
-    if payload.link not in names:
-        raise InputError(f"payload in {payload.log}: unknown link {payload.link!r}; links: {', '.join(names)}")
-    first = 10 * names.index(payload.link)
-    return slice(first, first + 10)
 
 
 def _ten(payload: PayloadEntry) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from adaptctl.arrays import Array
+from adaptctl.description.description import STANDARD_GRAVITY
 from adaptctl.description.drive import MAY_BE_NEGATIVE, Drive, DriveParameter
 from adaptctl.description.writers.mechanism_file import write_mechanism
 from adaptctl.description.writers.robot_file import with_comment, write_urdf
@@ -64,7 +65,7 @@ def write_robots(
     yield _judged(folder / TOML, found)
     if robot is not None and before is not None and Path(robot).suffix.lower() == ".urdf":
         write_urdf(folder / URDF, robot, before.description, simple.description)
-        if missing := missing_terms(found.mechanism, URDF):
+        if missing := (*missing_terms(found.mechanism, URDF), *_reading(before)):
             comment = f"adaptctl identify: URDF has no place for {'; '.join(missing)}; robot.toml has all"
             write_bytes(folder / URDF, with_comment(read_bytes(folder / URDF), comment))
         yield _judged(folder / URDF, found, before)
@@ -78,11 +79,26 @@ def write_robots(
 def _judged(path: Path, found: Identification, before: Mechanism | None = None) -> WrittenRobot:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # said when the robot was first read
-        robot = load(path)
+        robot = load(path) if before is None else _as_read(path, before)
     if robot.dof != found.mechanism.dof and before is not None:
         raise AdaptctlError(f"{path.name}: has {robot.dof} joints instead of {found.mechanism.dof} when loaded again")
     validation, _ = found.held_out.judged(robot)
     return WrittenRobot(path.name, robot, validation, missing_terms(found.mechanism, path.name))
+
+
+def _as_read(path: Path, before: Mechanism) -> Mechanism:
+    """Robot of a URDF file with the gravity and the locked joints that the first one was read with."""
+    description = before.description
+    return load(path, gravity=description.gravity, lock=description.locked)
+
+
+def _reading(before: Mechanism) -> Iterator[str]:
+    """Gravity other than the usual and locked joints, of which URDF says nothing."""
+    description = before.description
+    if not np.array_equal(description.gravity, STANDARD_GRAVITY):
+        yield f"gravity {description.gravity.tolist()} m/s^2"
+    if description.locked:
+        yield f"the locked joints {', '.join(f'{name}={x:.6g}' for name, x in description.locked.items())}"
 
 
 def missing_terms(mechanism: Mechanism, name: str) -> tuple[str, ...]:

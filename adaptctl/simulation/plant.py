@@ -91,7 +91,9 @@ class Plant(Tunable):
         validate_integrator(self.integrator)
         self.mechanism.validate_mass()
         object.__setattr__(self, "torque_limits", torque_limits(self.mechanism, self.torque_limits))
-        object.__setattr__(self, "effects", listed(self.effects))
+        given = listed(self.effects)
+        placed = (e.on(self.mechanism.description) if isinstance(e, LoadEffect) else e for e in given)
+        object.__setattr__(self, "effects", tuple(placed))
         self._effects.validate(self.dof, self._links, self.control_period)
         if self.loads:
             validate_ten_a_link(self.mechanism)

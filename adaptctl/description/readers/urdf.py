@@ -16,7 +16,7 @@ from adaptctl.description.description import GROUND, Description, Joint, JointKi
 from adaptctl.description.drive import Drive, Limits
 from adaptctl.description.inertia import from_center_of_mass, transformed
 from adaptctl.description.loops import Coupling, Loops
-from adaptctl.description.pose import Pose
+from adaptctl.description.pose import NamedFrame, Pose
 from adaptctl.description.readers.entries import (
     FLOATING_FLAG,
     MAX_BODIES,
@@ -40,7 +40,7 @@ from adaptctl.description.readers.xml_elements import (
     refuse,
     required,
 )
-from adaptctl.description.transforms import above_base, floating
+from adaptctl.description.transforms import above_base, floating, frames_above_base
 from adaptctl.description.visual import Visual
 from adaptctl.errors import FileError, InputError, SimplificationWarning
 
@@ -83,8 +83,9 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
 
     Notes
     -----
-    Links behind fixed joints are merged into their parents; collision geometry and transmissions are not read. Damping
-    and friction become viscous and Coulomb friction, where not zero. See :doc:`/robots`.
+    Links behind fixed joints are merged into their parents, and are named frames there; collision geometry and
+    transmissions are not read. Damping and friction become viscous and Coulomb friction, where not zero. See
+    :doc:`/robots`.
 
     Examples
     --------
@@ -108,9 +109,10 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
         name, source = robot.get("name") or Path(path).stem, f"URDF file {Path(path).name}"
         links, still, places = _movable(root, inertias, edges)
         meshes = Meshes(Path(path), mesh_folders)
-        shown = _shown(robot, bodies, places, meshes)
+        shown, frames = _shown(robot, bodies, places, meshes), _frames(links, places)
         held = _held(root, still, links, edges)
         if floating_base:
+            frames = frames_above_base(frames)
             links, shown = floating(links, root, still), above_base(shown)
         elif not links:
             more = f"; the base {root!r} is held still, and floats with {FLOATING_FLAG}" if np.any(still) else ""
@@ -119,7 +121,7 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
         for link in links:
             with located(bodies.get(link.name, robot)):
                 validate_mass_of_inertia(link)
-        description = Description(name, links, source=source, loops=loops, visuals=shown)
+        description = Description(name, links, source=source, loops=loops, visuals=shown, frames=frames)
     except FileError:
         raise
     except InputError as error:
@@ -285,6 +287,12 @@ def _movable(
 def _link(edge: _Edge, joint: Joint, parent: int, near: Pose, ten: Array) -> Link:
     with located(edge.element):
         return Link(edge.child, parent, joint, near, Pose.identity(), ten)
+
+
+def _frames(links: Sequence[Link], places: dict[str, tuple[int, Pose]]) -> tuple[NamedFrame, ...]:
+    """Links that fixed joints hold, such as `tool0`, as frames on the links that move."""
+    moving = {link.name for link in links}
+    return tuple(NamedFrame(name, *place) for name, place in places.items() if name not in moving)
 
 
 def _shown(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -61,7 +61,7 @@ def write_urdf(path: str | Path, original: str | Path, before: Description, afte
     try:
         robot = parsed(text, "robot")
         elements = {element.attrib["name"]: element for element in robot.findall("link")}
-        fixed = _fixed_below(robot)
+        fixed = _still_below(robot, before.joint_names)
         changed: dict[str, Array | None] = {}
         links = zip(before.links, after.links, strict=True)
         for old, new in ((old, new) for old, new in links if not old.massless):
@@ -118,11 +118,12 @@ def _with_elements(data: bytes, tag: str, inner: str, elements: Mapping[str, byt
     return _edited(data, edits)
 
 
-def _fixed_below(robot: Element) -> dict[str, list[str]]:
+def _still_below(robot: Element, moving: Collection[str]) -> dict[str, list[str]]:
+    """Links that fixed and locked joints hold, by the links before them."""
     below: dict[str, list[str]] = {}
     for joint in robot.findall("joint"):
         parent, child = joint.find("parent"), joint.find("child")
-        if joint.get("type") == "fixed" and parent is not None and child is not None:
+        if joint.get("name") not in moving and parent is not None and child is not None:
             below.setdefault(parent.attrib["link"], []).append(child.attrib["link"])
     return below
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, numbers, per_joint, positive_number
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
+
+if TYPE_CHECKING:
+    from adaptctl.description import Description
 
 
 class Effect(ABC):
@@ -265,6 +268,27 @@ class LoadEffect(Effect):
             Time in s; of this base class `time` itself, as for a load that changes continuously.
         """
         return time
+
+    def on(self, description: Description) -> LoadEffect:
+        """
+        Return the effect on a robot's links, by the names of those that have inertial parameters.
+
+        Parameters
+        ----------
+        description : Description
+            Robot, whose named frames, such as `tool0`, are known too.
+
+        Returns
+        -------
+        LoadEffect
+            The effect; of this base class the same.
+
+        Raises
+        ------
+        NotFoundError
+            If a link is unknown or does not move.
+        """
+        return self
 
     @abstractmethod
     def loaded(self, parameters: Array, links: tuple[str, ...], time: float) -> Array:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,10 +15,14 @@ from adaptctl.caching import sent_as_made
 from adaptctl.description.description import MAX_INERTIAL_PARAMETER
 from adaptctl.description.drive import DriveParameter
 from adaptctl.description.inertia import from_center_of_mass
+from adaptctl.description.places import place_on_link
 from adaptctl.dynamics.recursion.drive import COULOMB_SMOOTHING_SPEED, friction
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.scalars import Column
 from adaptctl.simulation.effects.effect import Effect, JointEffect, LoadEffect, at_least_zero, validate_positive
+
+if TYPE_CHECKING:
+    from adaptctl.description import Description
 
 KINDS = (DriveParameter.VISCOUS, DriveParameter.COULOMB, DriveParameter.STRIBECK)
 
@@ -345,7 +349,8 @@ class PayloadHeld(LoadEffect):
     stop : float, default infinity
         Time in s at which it is dropped.
     link : str, optional
-        Name of the link. Default: the last link that has mass.
+        Name of the link, or of a frame on it, such as `tool0`, in whose axes the payload is given. Default: the last
+        link that has mass.
 
     Raises
     ------
@@ -376,6 +381,16 @@ class PayloadHeld(LoadEffect):
         start, stop = real_number(self.start, "payload: start"), real_number(self.stop, "payload: stop")
         if not (math.isfinite(start) and start < stop):
             raise InputError(f"payload: expected a start before its stop, got {self.start} and {self.stop} s")
+
+    def on(self, description: Description) -> PayloadHeld:
+        """The same payload on the link that carries the one named, such as `tool0`."""
+        if self.link is None or self.link in description.body_names:
+            return self
+        link, pose = place_on_link(description, self.link, "payload", description.body_names)
+        body = Payload.of(self.payload)
+        tensor = pose.rotation @ body.inertia @ pose.rotation.T
+        moved = Payload(body.mass, pose.rotation @ body.center + pose.translation, tensor)
+        return replace(self, payload=moved, link=link)
 
     def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
         """Check the settings against a plant."""

@@ -1,0 +1,33 @@
+"""Places on links by the names of links and of frames, such as `tool0`."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import NamedTuple
+
+from adaptctl.description.description import GROUND, Description
+from adaptctl.description.pose import Pose
+from adaptctl.errors import NotFoundError
+
+
+class PlaceOnLink(NamedTuple):
+    """Link, and the pose of a frame on it."""
+
+    link: str
+    pose: Pose
+
+
+def place_on_link(description: Description, name: str, what: str, links: Collection[str] | None = None) -> PlaceOnLink:
+    """Place of a link or frame on one of the links that move (of some, if given)."""
+    names = [link.name for link in description.links]
+    allowed = names if links is None else links
+    if name in allowed:
+        return PlaceOnLink(name, Pose.identity())
+    for frame in description.frames:
+        if frame.name == name and frame.link != GROUND and names[frame.link] in allowed:
+            return PlaceOnLink(names[frame.link], frame.pose)
+    still = [frame.name for frame in description.frames if frame.link == GROUND]
+    if name in still:
+        raise NotFoundError(f"{what}: link {name!r} does not move; links: {', '.join(allowed)}")
+    moving = [frame.name for frame in description.frames if frame.name not in (*still, *allowed)]
+    raise NotFoundError(f"{what}: unknown link {name!r}; links: {', '.join((*allowed, *moving))}")
