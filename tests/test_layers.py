@@ -32,6 +32,7 @@ ORDER = (
     "control",
     "simulation",
     "recording",
+    "logs",
     "identification",
     "tuning",
     "design",

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from adaptctl.errors import InputError
-from adaptctl.identification.log_table import LogTable
+from adaptctl.logs.table import LogTable
 
 RANGE = re.compile(r"(\d+)(?:-(\d+))?$")
 

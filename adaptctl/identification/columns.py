@@ -25,7 +25,7 @@ from adaptctl.identification.drives_file import (
     spaced,
     validate_fitting,
 )
-from adaptctl.identification.log_table import LogTable
+from adaptctl.logs.table import LogTable
 
 # Samples below which nothing can be learnt from a log.
 MIN_SAMPLES = 100

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.errors import FileError
-from adaptctl.identification.log_table import LogTable
+from adaptctl.logs.table import LogTable
 
 # Periods of a column over which a straight line joins its numbers.
 MAX_BRIDGED_PERIODS = 8.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,16 +19,11 @@ from adaptctl.description.readers.entries import MAX_ENTRIES, Name, Tensor, Trip
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import read_toml
+from adaptctl.logs.units import OTHER_TORQUE, POSITION, TIME, TORQUE, VELOCITY, spaced
 
-TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-POSITION = {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "m": 1.0, "mm": 1e-3}
-VELOCITY = {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0, "m/s": 1.0, "mm/s": 1e-3}
-TORQUE = {"N m": 1.0, "mN m": 1e-3, "N": 1.0}
 TURNING = {"position": ("rad", "deg", "rev"), "velocity": ("rad/s", "deg/s", "rpm"), "torque": ("N m", "mN m")}
 # Units of revolute and of prismatic joints.
 SLIDING = {"position": ("m", "mm"), "velocity": ("m/s", "mm/s"), "torque": ("N",)}
-# Units of quantities that are only proportional to a torque.
-OTHER_TORQUE = ("A", "mA", "%", "1")
 
 
 @dataclass(frozen=True)
@@ -66,25 +60,6 @@ def validate_fitting(symbols: Mapping[str, str], turns: Mapping[str, bool]) -> N
                 raise InputError(f"unit of {what}: joint {joint!r} {kind}: expected {expected}, got {symbol!r}")
 
 
-SPELLINGS = {"°": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad", "sec": "s"}
-
-
-def locking(missing: Sequence[str], known: Sequence[str], names: Sequence[str]) -> str:
-    """Words that offer to lock the joints that a log has not; none where it has other joints."""
-    fitting = missing and len(missing) < len(names) and set(known) <= set(names)
-    return f"; if the others did not move: --lock {' '.join(missing)}" if fitting else ""
-
-
-def spaced(symbol: str) -> str:
-    """Unit's symbol as the tables of factors have it: "Nm" becomes "N m"."""
-    return SPELLINGS.get(symbol, re.sub("N[*.·]?m", "N m", symbol))
-
-
-def is_unit(symbol: str) -> bool:
-    """True for a unit of a log's column, or a dash or nothing in its place."""
-    return spaced(symbol) in (*TIME, *POSITION, *VELOCITY, *TORQUE, *OTHER_TORQUE, "", "-")
-
-
 def _factor(what: str, symbol: str, known: dict[str, float], others: tuple[str, ...] = ()) -> float:
     whole, mark, count = symbol.rpartition("/")
     if mark and count.isdecimal() and int(count) and whole in known:
@@ -96,6 +71,12 @@ def _factor(what: str, symbol: str, known: dict[str, float], others: tuple[str, 
 
 
 SCHEMA = "adaptctl/drives/1"
+
+
+def locking(missing: Sequence[str], known: Sequence[str], names: Sequence[str]) -> str:
+    """Words that offer to lock the joints that a log has not; none where it has other joints."""
+    fitting = missing and len(missing) < len(names) and set(known) <= set(names)
+    return f"; if the others did not move: --lock {' '.join(missing)}" if fitting else ""
 
 
 class MotorEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):

@@ -13,7 +13,7 @@ BELOW = {"errors", "optional_packages", "renamed", "version", "caching", "files"
 GROUPS = (
     ("what users run", ("cli", "contest", "sweeps", "experiments", "envs")),
     ("results", ("codegen", "hardware", "design", "identification")),
-    ("runs shown, tuned", ("recording", "tuning")),
+    ("runs shown, tuned, logs", ("recording", "tuning", "logs")),
     ("closed loops", ("simulation",)),
     ("laws", ("control",)),
     ("offline", ("identifiability",)),

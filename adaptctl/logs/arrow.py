@@ -23,6 +23,8 @@ class LogColumn(NamedTuple):
     unit: str = ""
     empty: NDArray[np.bool_] | None = None
     word: str | None = None
+    begin: float = 0.0
+    """what was taken off the values, of which these have no ones"""
 
 
 def numbers(name: str, column: Any, unit: str = "") -> Iterator[LogColumn]:
@@ -40,9 +42,10 @@ def numbers(name: str, column: Any, unit: str = "") -> Iterator[LogColumn]:
         yield _moments(name, column)
     elif pa.types.is_duration(kind):
         whole = column.cast(pa.int64())
-        yield LogColumn(name, FACTORS[kind.unit] * _floats(whole), "s", _empty(column))
+        yield LogColumn(name, FACTORS[kind.unit] * _floats(whole)[0], "s", _empty(column))
     elif _holds_numbers(kind):
-        yield LogColumn(name, _floats(column), unit, _empty(column))
+        values, begin = _floats(column)
+        yield LogColumn(name, values, unit, _empty(column), begin=begin)
 
 
 def _places(name: str, column: Any, unit: str) -> Iterator[LogColumn]:
@@ -62,7 +65,7 @@ def _places(name: str, column: Any, unit: str) -> Iterator[LogColumn]:
             return
         size, cells = int(lengths[0]), column.flatten()
     values = np.full((len(column), size), np.nan)
-    values[given] = _floats(cells).reshape(-1, size)
+    values[given] = _floats(cells)[0].reshape(-1, size)
     empty = None if given.all() else ~given
     yield from (LogColumn(f"{name}[{i}]", values[:, i].copy(), unit, empty) for i in range(size))
 
@@ -75,10 +78,11 @@ def _moments(name: str, column: Any) -> LogColumn:
     if unit is None:
         column, unit = column.cast(pa.timestamp("ms")), "ms"
     whole = column.cast(pa.int64())
-    return LogColumn(name, FACTORS[unit] * _from_first(whole), "s", _empty(column))
+    values, begin = _from_first(whole)
+    return LogColumn(name, FACTORS[unit] * values, "s", _empty(column), begin=FACTORS[unit] * begin)
 
 
-def _floats(column: Any) -> Array:
+def _floats(column: Any) -> tuple[Array, int]:
     """Floating-point numbers (n,); of whole ones that these cannot tell apart, the differences from the first."""
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -87,17 +91,17 @@ def _floats(column: Any) -> Array:
         least, most = (int(end.as_py()) for end in pc.min_max(column).values())
         if max(abs(least), abs(most)) >= EXACT and most - least < 2**62:
             return _from_first(column)
-    return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=np.float64)
+    return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=np.float64), 0
 
 
-def _from_first(column: Any) -> Array:
-    """Differences (n,) of whole numbers from the first, NaN where there is none."""
+def _from_first(column: Any) -> tuple[Array, int]:
+    """Differences (n,) of whole numbers from the first, NaN where there is none, and the first."""
     given = np.asarray(column.is_valid())
     whole = np.asarray(column.drop_null().to_numpy(zero_copy_only=False))
     out = np.full(len(column), np.nan)
     if len(whole):
         out[given] = (whole.astype(np.int64) - np.int64(whole[0])).astype(np.float64)
-    return out
+    return out, int(whole[0]) if len(whole) else 0
 
 
 def _empty(column: Any) -> NDArray[np.bool_] | None:

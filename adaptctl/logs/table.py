@@ -38,6 +38,8 @@ class LogTable:
     """True if names of columns are their numbers from 1, for want of others"""
     notes: tuple[str, ...] = ()
     """what was left out or joined in reading"""
+    begin: Mapping[str, float] = field(default_factory=dict)
+    """what was taken off columns of large whole numbers and dates"""
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()), ()))
@@ -84,6 +86,7 @@ def table(
     units: Mapping[str, str] | None = None,
     empty: Mapping[str, NDArray[np.bool_]] | None = None,
     words: Mapping[str, str] | None = None,
+    begin: Mapping[str, float] | None = None,
 ) -> LogTable:
     """Table of pairs of a name and a column."""
     found: dict[str, Array] = {}
@@ -97,7 +100,7 @@ def table(
     for name, values in found.items():
         if len(values) != rows:
             raise FileError(f"{source}: column {name!r} has {len(values)} rows, but {first!r} has {rows}")
-    return LogTable(source, found, units or {}, empty or {}, words or {})
+    return LogTable(source, found, units or {}, empty or {}, words or {}, begin=begin or {})
 
 
 def validate_size(source: object, rows: int, columns: int) -> None:
@@ -113,16 +116,19 @@ def validate_size(source: object, rows: int, columns: int) -> None:
 
 def whole_stamps(log: LogTable) -> LogTable:
     """Table in which a column of seconds and its column of nanoseconds both are the whole stamp, from 0."""
-    columns, units, joined = dict(log.columns), dict(log.units), []
+    columns, units, begin, joined = dict(log.columns), dict(log.units), dict(log.begin), []
     for name in log.columns:
         second = _seconds_of(name, log)
         if second is None:
             continue
-        total = log.columns[second] - np.nanmin(log.columns[second]) + 1e-9 * log.columns[name]
+        least = float(np.nanmin(log.columns[second]))
+        total = log.columns[second] - least + 1e-9 * log.columns[name]
+        begin |= {second: begin.get(second, 0.0) + least, name: 1e9 * (begin.get(second, 0.0) + least)}
         columns |= {name: 1e9 * total, second: total}
         units |= {name: "ns", second: "s"}
         joined.append(f"{second} and {name} are taken as one stamp")
-    return replace(log, columns=columns, units=units, notes=(*log.notes, *joined)) if joined else log
+    changed = {"columns": columns, "units": units, "begin": begin, "notes": (*log.notes, *joined)}
+    return replace(log, **changed) if joined else log  # type: ignore[arg-type]
 
 
 def _seconds_of(name: str, log: LogTable) -> str | None:

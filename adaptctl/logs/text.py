@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from adaptctl.errors import FileError, printable
-from adaptctl.identification.drives_file import is_unit, spaced
-from adaptctl.identification.log_formats.arrow import LogColumn, numbers
-from adaptctl.identification.log_table import MAX_COLUMNS, LogTable, table, validate_size, whole_stamps
+from adaptctl.logs.arrow import LogColumn, numbers
+from adaptctl.logs.table import MAX_COLUMNS, LogTable, table, validate_size, whole_stamps
+from adaptctl.logs.units import is_unit, spaced
 
 HEAD = 1_000_000
 """bytes by which the form of a file is known"""
@@ -60,8 +60,9 @@ def read_delimited(path: str | Path) -> LogTable:
     found = [_column(name, read.column(i)) for i, name in enumerate(names)]
     units = form.units | {one.name: one.unit for one in found if one.unit}
     empty = {one.name: one.empty for one in found if one.empty is not None}
+    begin = {one.name: one.begin for one in found if one.begin}
     words = {one.name: one.word for one in found if one.word is not None}
-    log = table(str(path), ((one.name, one.values) for one in found), units, empty, words)
+    log = table(str(path), ((one.name, one.values) for one in found), units, empty, words, begin)
     return whole_stamps(replace(log, numbered=form.names is None, notes=(*form.notes, *notes)))
 
 

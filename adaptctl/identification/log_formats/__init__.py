@@ -1,1 +1,0 @@
-"""Readers of logs, one module for each format."""

@@ -1,0 +1,1 @@
+"""Logs of robots as tables, whatever their format."""

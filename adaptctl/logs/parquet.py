@@ -1,0 +1,67 @@
+"""Reader of logs as Parquet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from adaptctl.errors import FileError, printable
+from adaptctl.logs.arrow import numbers
+from adaptctl.logs.table import LogTable, table, validate_size, whole_stamps
+
+MAX_UNPACKED = 8 * 2**30
+MAX_RATIO, FREE = 1000, 400 * 2**20
+"""declared bytes for each one of the file, besides some that any file may have"""
+
+
+def read_parquet(path: str | Path) -> LogTable:
+    """Table of a Parquet file: columns of numbers, booleans and dates, lists split into `name[0]`, `name[1]`."""
+    read = read_arrow(path)
+    try:
+        return whole_stamps(arrow_table(str(path), read))
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path}: a name or unit is not UTF-8 ({error.reason})") from error
+
+
+def read_arrow(path: str | Path, columns: Sequence[str] | None = None) -> Any:
+    """Table of Arrow in a Parquet file, of some of its columns if given, with checksums verified."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(path, memory_map=True, page_checksum_verification=True) as file:
+            validate_size(path, file.metadata.num_rows, file.metadata.num_columns)
+            _validate_unpacked(path, file.metadata)
+            known = None if columns is None else [name for name in columns if name in file.schema_arrow.names]
+            read, metadata = file.read(known, use_threads=False), file.metadata.metadata
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({(error.strerror or str(error)).splitlines()[0].lower()})") from error
+    except (pa.ArrowException, UnicodeDecodeError, ValueError, OverflowError) as error:
+        raise FileError(f"{path}: not a Parquet file ({printable(str(error).splitlines()[0])})") from error
+    if columns is None and metadata and b"sha256" in metadata:
+        from adaptctl.simulation.rollout_file import validate_own
+
+        validate_own(path, read, metadata)
+    return read
+
+
+def _validate_unpacked(path: str | Path, metadata: Any) -> None:
+    """Refuse a file that says to be very much larger unpacked."""
+    groups = (metadata.row_group(i) for i in range(metadata.num_row_groups))
+    declared = sum(group.total_byte_size for group in groups)
+    if not 0 <= declared <= min(MAX_UNPACKED, FREE + MAX_RATIO * Path(path).stat().st_size):
+        raise FileError(f"{path}: declares {declared} bytes unpacked, more than is read from a file of its size")
+
+
+def arrow_table(source: str, read: Any) -> LogTable:
+    """Table of one of Arrow."""
+    found = [one for entry in read.schema for one in numbers(entry.name, read.column(entry.name), _unit(entry))]
+    units = {one.name: one.unit for one in found if one.unit}
+    empty = {one.name: one.empty for one in found if one.empty is not None}
+    begin = {one.name: one.begin for one in found if one.begin}
+    return table(source, ((one.name, one.values) for one in found), units, empty, begin=begin)
+
+
+def _unit(entry: Any) -> str:
+    return str((entry.metadata or {}).get(b"unit", b"").decode())

@@ -1,0 +1,247 @@
+"""Binary logs: as people have them, and hostile ones, which are refused in one line within bounds."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import rerun as rr
+from backports import zstd
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from adaptctl.errors import FileError
+from adaptctl.identification.complete_rows import complete_rows
+from adaptctl.identification.log_files import read_log
+from adaptctl.logs import isolated
+from adaptctl.logs.lerobot import read_lerobot
+from adaptctl.logs.parquet import read_parquet
+from adaptctl.logs.rerun_recording import read_rrd
+from adaptctl.logs.ros_bag import read_ros_bag
+
+COUNT = 200
+T = np.arange(COUNT) / 100.0
+NAMES = ["shoulder", "elbow"]
+TYPES = get_typestore(Stores.LATEST)
+STATE, HEADER, STAMP = (
+    TYPES.types[name] for name in ("sensor_msgs/msg/JointState", "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
+)
+
+
+def bag(folder: Path, plugin: StoragePlugin = StoragePlugin.MCAP, gripper: bool = False, late: int = 0) -> Path:
+    """Bag of an arm's states, whose efforts begin late, and perhaps of a gripper's on the same topic."""
+    with Writer(folder, version=9, storage_plugin=plugin) as writer:
+        connection = writer.add_connection("/joint_states", STATE.__msgtype__, typestore=TYPES)
+        for i, t in enumerate(T):
+            order = [1, 0] if gripper and i % 3 == 1 else [0, 1]
+            effort = np.array([np.nan, np.nan]) if i < late else np.array([np.cos(t), 2.0 * t])[order]
+            states = [([NAMES[k] for k in order], np.array([np.sin(t), t])[order], effort)]
+            if gripper and i % 2:
+                states.append((["finger"], np.array([0.01]), np.array([])))
+            for names, position, torque in states:
+                at = HEADER(stamp=STAMP(sec=1_726_000_000 + i // 100, nanosec=i % 100 * 10_000_000), frame_id="")
+                message = STATE(header=at, name=names, position=position, velocity=np.array([]), effort=torque)
+                writer.write(connection, 10_000_000 * i, TYPES.serialize_cdr(message, STATE.__msgtype__))
+    return folder
+
+
+def lerobot(folder: Path, pattern: str, place: str, features: dict[str, object] | None = None) -> Path:
+    about = {"dtype": "float32", "shape": [2], "names": [f"{name}.pos" for name in NAMES]}
+    effort = {"dtype": "float32", "shape": [2], "names": {"motors": NAMES}}
+    given = {"observation.state": about, "observation.effort": effort, "action": about}
+    (folder / "meta").mkdir(parents=True)
+    info = {"codebase_version": "v3.0", "fps": 100, "data_path": pattern, "features": features or given}
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    half = COUNT // 2
+    columns = {
+        "timestamp": np.r_[T[:half], T[:half]].astype(np.float32),
+        "episode_index": np.repeat([0, 1], half),
+        "observation.state": pa.array(np.stack([np.sin(T), T], axis=-1).tolist(), pa.list_(pa.float32(), 2)),
+        "observation.effort": pa.array(np.stack([np.cos(T), 2 * T], axis=-1).tolist(), pa.list_(pa.float32())),
+    }
+    (folder / place).parent.mkdir(parents=True, exist_ok=True)
+    pq.write_table(pa.table(columns), folder / place)
+    return folder
+
+
+V3, FILE = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", "data/chunk-000/file-000.parquet"
+
+
+def recording(path: Path) -> Path:
+    stream = rr.RecordingStream("log")
+    stream.save(path)
+    for t in T:
+        stream.set_time("time", duration=t)
+        for j, name in enumerate(NAMES):
+            stream.log(f"position/{name}", rr.Scalars([np.sin(t), t][j]))
+            stream.log(f"effort/{name}", rr.Scalars([np.cos(t), 2.0 * t][j]))
+    stream.disconnect()
+    return path
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_bags_of_several_publishers_in_any_order_are_read(plugin: StoragePlugin, tmp_path: Path) -> None:
+    log = read_ros_bag(bag(tmp_path / "bag", plugin, gripper=True, late=7))
+    assert log.notes == ("100 messages of other publishers were left out (finger)",)
+    used = [f"{what}.{name}" for what in ("position", "effort") for name in NAMES]
+    whole = complete_rows(log, used, "time")
+    assert whole.notes[1] == "7 rows at the ends that are not finite were left out"
+    np.testing.assert_allclose(whole.columns["time"], T[7:], atol=1e-9)
+    np.testing.assert_allclose(whole.columns["position.elbow"], T[7:])
+    np.testing.assert_allclose(whole.columns["effort.shoulder"], np.cos(T[7:]))
+    assert "velocity.elbow" not in whole.columns
+
+
+@pytest.mark.parametrize(
+    ("pattern", "place"),
+    [
+        (V3, FILE),
+        (
+            "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
+            "data/chunk-000/episode_000000.parquet",
+        ),
+    ],
+)
+def test_data_sets_of_lerobot_are_read(pattern: str, place: str, tmp_path: Path) -> None:
+    log = read_log(lerobot(tmp_path / "set", pattern, place))
+    assert list(log.columns) == [
+        "time",
+        "episode_index",
+        *(f"position.{n}" for n in NAMES),
+        *(f"effort.{n}" for n in NAMES),
+    ]
+    np.testing.assert_allclose(log.columns["position.elbow"], T, atol=1e-6)
+    np.testing.assert_allclose(log.columns["effort.shoulder"], np.cos(T), atol=1e-6)
+    assert len(complete_rows(log, ["position.elbow"], "time").notes) == 1
+
+
+@pytest.mark.parametrize(
+    ("pattern", "message"),
+    [
+        ("../outside/{file_index}.parquet", "expected a path within the data set"),
+        ("/etc/{file_index}.parquet", "expected a path within the data set"),
+        ("data/{file_index.__class__}.parquet", "expected numbers as in data/"),
+        ("data/{file_index:99999999d}.parquet", "expected numbers as in data/"),
+        ("data/{0}.parquet", "expected numbers as in data/"),
+        ("data/file.parquet", "no files that fit data/file.parquet"),
+    ],
+)
+def test_patterns_of_lerobot_are_not_followed_out_of_the_folder(pattern: str, message: str, tmp_path: Path) -> None:
+    folder = lerobot(tmp_path / "set", pattern, FILE)
+    with pytest.raises(FileError, match=message):
+        read_lerobot(folder)
+
+
+def test_links_out_of_a_data_set_and_actions_are_no_log(tmp_path: Path) -> None:
+    folder = lerobot(tmp_path / "set", V3, FILE)
+    (folder / FILE).rename(tmp_path / "file-000.parquet")
+    (folder / FILE).symlink_to(tmp_path / "file-000.parquet")
+    with pytest.raises(FileError, match="no files that fit"):
+        read_lerobot(folder)
+    only = {"observation.state": {"dtype": "float32", "shape": [2], "names": NAMES}, "action": {}}
+    with pytest.raises(FileError, match=r"an action is no torque; record observation.effort; features: ob"):
+        read_lerobot(lerobot(tmp_path / "other", V3, FILE, only))
+
+
+def test_recordings_are_read(tmp_path: Path) -> None:
+    log = read_log(recording(tmp_path / "log.rrd"))
+    assert set(log.columns) == {"time", *(f"{what}.{name}" for what in ("position", "effort") for name in NAMES)}
+    np.testing.assert_allclose(log.columns["time"], T, atol=1e-9)
+    np.testing.assert_allclose(log.columns["effort.elbow"], 2.0 * T, atol=1e-12)
+    assert log.units == {"time": "s"}
+
+
+def test_files_of_one_log_are_joined(tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "q.txt", np.stack([np.sin(T), T], axis=-1))
+    np.savetxt(tmp_path / "tau.txt", np.stack([np.cos(T), 2 * T], axis=-1))
+    log = read_log(f"{tmp_path}/q.txt+{tmp_path}/tau.txt")
+    assert list(log.columns) == ["1", "2", "3", "4"]
+    np.testing.assert_allclose(log.columns["4"], 2 * T)
+    begin = 1_726_000_000 * 10**9
+    for name, late in (("q", 0), ("tau", 3_000_000)):
+        stamps = begin + late + (1e9 * T).round().astype(np.int64)
+        pq.write_table(pa.table({"time": stamps, "x": stamps - begin}), tmp_path / f"{name}.parquet")
+    log = complete_rows(read_log(f"{tmp_path}/q.parquet+{tmp_path}/tau.parquet"), ["q.x", "tau.x"], "time")
+    np.testing.assert_allclose(log.columns["tau.x"], log.columns["q.x"], atol=1.0)
+    np.testing.assert_allclose(log.columns["time"], log.columns["q.x"], atol=1.0)
+    (tmp_path / "short.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(FileError, match=r"other numbers of rows \(q.txt 200, short.csv 1\)"):
+        read_log(f"{tmp_path}/q.txt+{tmp_path}/short.csv")
+
+
+def test_a_bomb_is_refused_soon_and_without_memory(tmp_path: Path) -> None:
+    place = next(bag(tmp_path / "bag").glob("*.mcap"))
+    packed = zstd.compress(bytes(500 * 2**20))
+    assert len(packed) < 60_000
+    data = place.read_bytes()
+    bomb = tmp_path / "bomb.mcap"
+    record = (
+        bytes(8)
+        + (1).to_bytes(8, "little")
+        + (500 * 2**20).to_bytes(8, "little")
+        + bytes(4)
+        + (4).to_bytes(4, "little")
+        + b"zstd"
+    )
+    record += len(packed).to_bytes(8, "little") + packed
+    head = data[: 8 + 9 + int.from_bytes(data[9:17], "little")]
+    footer = b"\x02" + (20).to_bytes(8, "little") + bytes(20) + b"\x89MCAP0\r\n"
+    bomb.write_bytes(head + b"\x06" + len(record).to_bytes(8, "little") + record + footer)
+    zeros = pa.table({"time": np.zeros(60_000_000, dtype=np.int8)})
+    pq.write_table(zeros, tmp_path / "bomb.parquet", compression="zstd")
+    begin = time.monotonic()
+    for name in ("bomb.mcap", "bomb.parquet"):
+        with pytest.raises(FileError, match=name):
+            read_log(tmp_path / name)
+    assert time.monotonic() - begin < 20.0
+
+
+def test_a_reader_that_waits_or_grows_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    os.mkfifo(tmp_path / "log.mcap")
+    monkeypatch.setattr(isolated, "TIME", 0.5)
+    monkeypatch.setattr(isolated, "WAITING", 1.0)
+    with pytest.raises(FileError, match=r"log\.mcap: was not read within 2 s; is it damaged"):
+        read_log(tmp_path / "log.mcap")
+    pq.write_table(pa.table({"time": np.random.default_rng(0).normal(size=1000)}), tmp_path / "log.parquet")
+    monkeypatch.setattr(isolated, "TIME", 10.0)
+    monkeypatch.setattr(isolated, "WAITING", 20.0)
+    monkeypatch.setattr(isolated, "MEMORY", 150 * 2**20)
+    with pytest.raises(FileError, match=r"log\.parquet: cannot be read within 0\.15 GB and the time that a file"):
+        read_log(tmp_path / "log.parquet")
+
+
+READERS = {".mcap": read_ros_bag, ".db3": read_ros_bag, ".parquet": read_parquet, ".rrd": read_rrd}
+
+
+def real(tmp_path: Path) -> Iterator[Path]:
+    yield next(bag(tmp_path / "a").glob("*.mcap"))
+    yield next(bag(tmp_path / "b", StoragePlugin.SQLITE3).glob("*.db3"))
+    lerobot(tmp_path / "set", V3, FILE)
+    yield tmp_path / "set" / FILE
+    yield recording(tmp_path / "log.rrd")
+
+
+def test_mutated_files_are_read_or_refused_in_one_line(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    for place in real(tmp_path):
+        data = place.read_bytes()
+        for k in range(12):
+            spoilt = bytearray(data)
+            for at in rng.integers(0, len(data), size=1 + k % 5):
+                spoilt[at] = rng.integers(256)
+            part = spoilt[: int(rng.integers(len(data)))] if k % 4 == 3 else spoilt
+            bad = tmp_path / f"bad{place.suffix}"
+            bad.write_bytes(bytes(part))
+            told = ""
+            try:
+                READERS[place.suffix](bad)
+            except FileError as error:
+                told = str(error)
+            assert not told or (str(bad) in told and "\n" not in told)
