@@ -13,19 +13,9 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError
 from adaptctl.identification.column_names import column_name, joint_names, offer
 from adaptctl.identification.complete_rows import complete_rows
-from adaptctl.identification.drives_file import (
-    POSITION,
-    TIME,
-    TORQUE,
-    VELOCITY,
-    Drives,
-    MotorEntry,
-    Units,
-    locking,
-    spaced,
-    validate_fitting,
-)
+from adaptctl.identification.drives_file import Drives, MotorEntry, Units, locking, validate_fitting
 from adaptctl.logs.table import LogTable
+from adaptctl.logs.units import POSITION, TIME, TORQUE, VELOCITY, spaced
 
 # Samples below which nothing can be learnt from a log.
 MIN_SAMPLES = 100

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adaptctl.errors import FileError
 from adaptctl.logs.table import LogTable
@@ -85,7 +86,8 @@ def _same_stamps(parts: Sequence[LogTable]) -> bool:
 def _interleaved(source: str, parts: Sequence[LogTable], names: Sequence[dict[str, str]]) -> LogTable:
     """Table of the rows of all files by their stamps, with empty cells for those of the others."""
     stamps = np.unique(np.concatenate([part.columns[TIME] for part in parts]))
-    columns, empty, own_units = {TIME: stamps}, {}, {}
+    columns, own_units = {TIME: stamps}, dict[str, str]()
+    empty: dict[str, NDArray[np.bool_]] = {}
     for part, own in zip(parts, names, strict=True):
         place = np.searchsorted(stamps, part.columns[TIME])
         own_units |= {own[name]: unit for name, unit in part.units.items()}

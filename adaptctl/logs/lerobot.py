@@ -123,7 +123,7 @@ def _kind(word: str) -> str | None:
 
 
 def _of_feature(feature: str) -> str | None:
-    """What the numbers of a feature are, by its name; those of observation.state are positions."""
+    """Kind of the numbers of a feature, by its name; those of observation.state are positions."""
     parts = re.split(r"[._]", feature.removeprefix("observation."))
     words = [word.removesuffix("s") for word in parts]
     told = next((kind for word in words if (kind := _kind(word))), None)

@@ -38,7 +38,7 @@ def read_rrd(path: str | Path) -> LogTable:
     stamps = np.unique(np.concatenate([times for times, _ in columns.values()]))
     validate_size(path, len(stamps), len(columns))
     factor = FACTORS.get(getattr(kind, "unit", ""), 1.0)
-    found, empty = [("time", factor * (stamps - stamps[0]))], {}
+    found, empty = [("time", factor * (stamps - stamps[0]))], dict[str, NDArray[np.bool_]]()
     for name, (times, values) in columns.items():
         whole, mask = np.full(len(stamps), np.nan), np.ones(len(stamps), dtype=np.bool_)
         place = np.searchsorted(stamps, times)

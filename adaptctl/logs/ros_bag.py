@@ -95,7 +95,7 @@ def _connections(path: str | Path, connections: list[Any], topic: str | None) ->
 def _bound_chunks() -> None:
     """Let chunks of MCAP unpack to no more than they declare, and to no more than a bound."""
     from backports import zstd
-    from lz4.frame import LZ4FrameDecompressor
+    from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
     from rosbags.rosbag2 import storage_mcap
 
     def bounded(of: Any) -> Any:
