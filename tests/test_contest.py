@@ -263,6 +263,8 @@ def test_orders_that_differ_are_told() -> None:
     found = agreement(one, other)
     assert found.reversed_pairs == [("b", "c")]
     assert found.tau_b == pytest.approx(1.0 / 3.0)
+    assert str(found) == "tau-b 0.33; settled pairs in another order: b and c"
+    assert str(one.halves()) == "tau-b 1.00; settled pairs in another order: none"
 
 
 def large(laws: int = 3, robots: int = 20, conditions: int = 10, seeds: int = 20) -> Iterator[dict[str, Any]]:

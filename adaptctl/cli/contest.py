@@ -100,6 +100,8 @@ def _told(folder: ContestFolder) -> int:
         if row["failed"]:
             print(f"{row['law']}: {row['failure']}")
     print(f"\nCritical difference of ranks: {short(ranking.critical_difference)}")
+    if (halves := ranking.halves()) is not None:
+        print(f"Halves of the seeds: {halves}")
     print(f"Scoring set: {folder.contest.scoring_hash}")
     print(f"Rows:     {folder.path / 'results.parquet'}\nPage:     {folder.path / 'index.html'}")
     return 0

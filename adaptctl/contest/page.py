@@ -63,7 +63,8 @@ def content(contest: Contest, ranking: Ranking, table: list[dict[str, Any]]) -> 
         "purpose": asked.purpose,
         "told": ", ".join(f"{len(getattr(ranking, name))} {name}" for name in ("laws", "robots", "conditions", "seeds"))
         + f"; {asked.duration:g} s each, plant: {asked.plant}.",
-        "difference": f"Differences below {short(ranking.critical_difference)} are not significant (Nemenyi, 5 %).",
+        "difference": f"Differences below {short(ranking.critical_difference)} are not significant (Nemenyi, 5 %)."
+        + (f" Between two halves of the seeds: {halves}." if (halves := ranking.halves()) else ""),
         "heads": HEADS,
         "rows": [{"name": law, "cells": _cells(own[law, ALL])} for law in ranking.order],
         "map_told": f"Median error over that of {over} in equal runs." if over else "Median error in mrad.",

@@ -63,6 +63,10 @@ class OrdersCompared(NamedTuple):
     tau_b: float
     reversed_pairs: list[tuple[str, str]]
 
+    def __str__(self) -> str:
+        turned = ", ".join(f"{a} and {b}" for a, b in self.reversed_pairs) or "none"
+        return f"tau-b {self.tau_b:.2f}; settled pairs in another order: {turned}"
+
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
@@ -141,9 +145,16 @@ class Ranking:
         """Median ratio of the errors of two laws in equal runs, with its paired interval over seeds."""
         if other not in self.laws:
             return Interval(*[float("nan")] * 3)
+        return Interval(*np.exp(_interval(self._logs(law, other, condition))).tolist())
+
+    def ratio(self, law: str, other: str) -> float:
+        """Median ratio of the errors of two laws in equal runs."""
+        return float(np.exp(_middle(self._logs(law, other, ALL).reshape(1, -1)))[0])
+
+    def _logs(self, law: str, other: str, condition: str) -> Array:
+        """Logarithms (n, S) of the ratios of two laws."""
         with np.errstate(invalid="ignore", divide="ignore"):
-            logs = np.log(self._of(law, condition)) - np.log(self._of(other, condition))
-        return Interval(*np.exp(_interval(logs)).tolist())
+            return np.asarray(np.log(self._of(law, condition)) - np.log(self._of(other, condition)))
 
     def _of(self, law: str, condition: str) -> Array:
         """Errors (n, S) of a law under a condition or all."""
@@ -220,7 +231,8 @@ def agreement(one: Ranking, other: Ranking) -> OrdersCompared:
     laws = [law for law in one.laws if law in other.laws]
     ranks = [[each.mean_ranks[each.laws.index(law)] for law in laws] for each in (one, other)]
     pairs = [(a, b) for k, a in enumerate(laws) for b in laws[k + 1 :]]
-    turned = [pair for pair in pairs if _settled(one, *pair) * _settled(other, *pair) < 0]
+    apart = [pair for pair in pairs if (one.ratio(*pair) - 1.0) * (other.ratio(*pair) - 1.0) < 0.0]
+    turned = [pair for pair in apart if _settled(one, *pair) * _settled(other, *pair) < 0]
     return OrdersCompared(float(kendalltau(*ranks).statistic) if len(laws) > 1 else float("nan"), turned)
 
 
