@@ -221,3 +221,23 @@ def test_an_arm_that_sags_is_braked_again() -> None:
     run = adaptctl.drive(robot, light, REFERENCE, 1.0)
     assert run.stopped == "by the robot: the arm sagged when its brakes opened"
     assert len(robot.sent) < 50
+
+
+def test_after_a_period_off_time_the_filters_settle_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = adaptctl.ReducedModel(ARM)
+    learning = adaptctl.SlotineLi(model, 5.0, 4.0, adaptctl.control.GuardedLearning(np.full(6, 0.1)))
+    held, state = adaptctl.control.HeldState(learning), learning.init([0.1, 0.2], [0.5, 0.5])
+    for k in range(20):
+        _, state = learning.step(state, [0.1 + 5e-4 * k, 0.2 + 5e-4 * k], [0.5, 0.5], REFERENCE.at(1e-3 * k))
+    after = held.unsettled(state)
+    assert (state.law_state.watch.moving > 0.0).any()
+    assert not after.law_state.watch.moving.any()
+    np.testing.assert_array_equal(after.law_state.stored.information, state.law_state.stored.information)
+    np.testing.assert_array_equal(after.estimate, state.estimate)
+
+    told, unsettled = [], adaptctl.control.HeldState.unsettled
+    monkeypatch.setattr(adaptctl.control.HeldState, "unsettled", lambda self, x: told.append(1) or unsettled(self, x))
+    robot = FaultyRobot(ARM, PERIOD, CENTER)
+    robot.fault, robot.faults = "late", ((140, 1),)
+    adaptctl.drive(robot, LAW, REFERENCE, 0.8)
+    assert 1 <= len(told) <= 3

@@ -31,12 +31,12 @@ class HeldState:
 
     def __init__(self, controller: Controller[Any]) -> None:
         self._controller, self._size = controller, 0
-        self._places: dict[str, list[slice]] = {"torque": [], "dt": [], "q": [], "estimate": []}
+        self._places: dict[str, list[slice]] = {"torque": [], "dt": [], "q": [], "estimate": [], "moving": []}
         for path, part in zip(paths(controller._blank), leaves(controller._blank), strict=True):
             here = slice(self._size, self._size + np.shape(part)[-1])
             parents, _, name = path.rpartition(".")
             own = set(parents.split(".")) <= {"state", "inner"}
-            if name == "dt" or (own and name in ("torque", "q", "estimate")):
+            if name in ("dt", "moving") or (own and name in ("torque", "q", "estimate")):
                 self._places[name].append(here)
             self._size = here.stop
 
@@ -57,6 +57,22 @@ class HeldState:
             Internal state.
         """
         return self._edited(state, torque=torque, dt=0.0)
+
+    def unsettled(self, state: Any) -> Any:
+        """
+        Return a state whose torque filters, which assume equal periods, settle again before anything is stored.
+
+        Parameters
+        ----------
+        state : tuple
+            Internal state of one arm after a period that was not on time.
+
+        Returns
+        -------
+        tuple
+            Internal state.
+        """
+        return self._edited(state, moving=0.0)
 
     def with_estimate(self, state: Any, estimate: Array) -> Any:
         """

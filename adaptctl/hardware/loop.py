@@ -116,6 +116,7 @@ class DriveLoop:
         self._write(sent)
         self.times.answered(since)
         self._note(reading, point, before, sent)
+        after = after if sound else self.held_state.unsettled(after)
         self._learn(after, sent + added, sound and np.array_equal(sent, wanted), reading, point)
         self._record(reading, point, total, sent + added, added)
         self._finish(reading)
