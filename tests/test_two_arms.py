@@ -53,6 +53,15 @@ def test_the_pair_learns_and_the_lyapunov_function_never_rises(mechanism: Mechan
     assert np.diff(lyapunov(controller, run, mechanism)).max() <= 0.0
 
 
+def test_every_law_of_the_experiment_has_both_arms_motors(mechanism: Mechanism) -> None:
+    basis, limits = ReducedModel(mechanism).basis, EXPERIMENT.torque_limits(mechanism)
+    assert basis is not None
+    laws = [law for one in EXPERIMENT.contenders(mechanism, basis) if isinstance(law := one.make(), SlotineLi)]
+    assert len(laws) > 3
+    for law in laws:
+        np.testing.assert_array_equal(np.asarray(law.torque_limits), limits)
+
+
 def test_an_arm_that_cannot_hold_the_rod_is_refused() -> None:
     with pytest.raises(InputError, match="semi_direct_drive has 5 links, but two arms need"):
         TwoArms(robot="semi_direct_drive").mechanism()
