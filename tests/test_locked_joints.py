@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,11 @@ from adaptctl.cli.main import main
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import load
 from adaptctl.dynamics.inverse_kinematics import Tip
-from adaptctl.errors import InputError, NotFoundError
+from adaptctl.errors import FileError, InputError, NotFoundError
+from adaptctl.identification.columns import JointLog
+from adaptctl.identification.drives_file import Drives, MotorEntry, Units
+from adaptctl.identification.own_gravity import validate_not_added, with_own_gravity
+from adaptctl.logs.table import LogTable
 from adaptctl.simulation.effects import Payload, PayloadHeld
 
 LINK = (
@@ -198,3 +203,44 @@ def test_joints_that_a_log_has_not_are_offered_to_be_locked(arm: Path, tmp_path:
     units = {"time": "s", "position": "rad", "torque": "N m"}
     with pytest.raises(InputError, match=r"has 2 of 4 joints; if the others did not move: --lock j2 j3$"):
         adaptctl.identify(tmp_path / "log.csv", arm, units=units)
+
+
+def drives_of(*ratios: list[float]) -> Drives:
+    motors = tuple(MotorEntry(name=f"m{i}", position=f"q{i}", torque=f"i{i}") for i in range(1, 5))
+    return Drives(("j1", "j2", "j3", "j4"), np.array(ratios), np.array([0.1, 0.2, 0.3, 0.4]), motors, "time", UNITS)
+
+
+UNITS = Units(1.0, 1.0, 1.0)
+
+
+def test_drives_of_locked_joints_are_left_out(arm: Path) -> None:
+    drives = drives_of([10, 0, 2, 0], [0, 20, 0, 0], [0, 0, 30, 0], [1, 0, 0, -40])
+    held = drives.ordered_like(load(arm, lock=["j3=0.7"]))
+    joints = np.array([0.3, -0.2, 0.7, 0.5])
+    motors = drives.transmission @ (joints - drives.offsets)
+    np.testing.assert_allclose(held.position(motors[[0, 1, 3]]), joints[[0, 1, 3]])
+    np.testing.assert_allclose(held.torque([1.0, 2.0, 3.0]), drives.torque([1.0, 2.0, 0.0, 3.0])[[0, 1, 3]])
+    with pytest.raises(InputError, match="the motors of j1 turn with other joints too"):
+        drives.ordered_like(load(arm, lock=["j1"]))
+    with pytest.raises(InputError, match=r"but arm has j1, j2, j3, j4; if the others did not move: --lock j4$"):
+        replace(
+            drives, joints=drives.joints[:3], transmission=np.eye(3), offsets=np.zeros(3), motors=drives.motors[:3]
+        ).ordered_like(load(arm))
+
+
+def test_gravity_is_added_to_compensated_torques(arm: Path) -> None:
+    robot, rng = load(arm), np.random.default_rng(0)
+    p, v, a = rng.uniform(0.5, 1.0, size=(3, 50, 4))
+    weightless = load(arm, gravity=np.zeros(3))
+    log = JointLog("run.csv", np.arange(50.0), p, weightless.inverse_dynamics(p, v, a))
+    known = drives_of(*np.eye(4).tolist())
+    found = with_own_gravity(log, robot, known)
+    np.testing.assert_allclose(found.torque, robot.inverse_dynamics(p, v, a), rtol=1e-10, atol=1e-10)
+    assert "added to 50 rows" in found.notes[0]
+    with pytest.raises(FileError, match="hold the robot's own compensation; leave out --compensated"):
+        validate_not_added(LogTable("run.parquet", {"flag.compensation.j1": np.ones(3)}))
+    motors = tuple(
+        MotorEntry(name=m.name, position=m.position, torque=m.torque, torque_constant="unknown") for m in known.motors
+    )
+    with pytest.raises(InputError, match="expected known torque constants"):
+        with_own_gravity(log, robot, replace(known, motors=motors))

@@ -40,6 +40,7 @@ def identify(
     cutoff: Annotated[float | None, Parameter(metavar="HZ")] = None,
     prior_weight: float | None = None,
     instrumental_variables: bool = False,
+    compensated: bool = False,
     trust_log: bool = False,
     energy_differences: Annotated[float | None, Parameter(metavar="S")] = None,
     reading: RobotFlags = AS_USUAL,
@@ -82,6 +83,8 @@ def identify(
         Weight of the prior link parameters. Default: cross-validation.
     instrumental_variables : bool
         Use instrumental variables, for coarse or noisy encoders.
+    compensated : bool
+        Add the gravity torques of the robot file, for a robot that compensates its own and logs the rest.
     trust_log : bool
         Take the log as it is, even if other signs, columns or gravity fit far better.
     energy_differences : float
@@ -124,6 +127,7 @@ def identify(
             cutoff=cutoff,
             prior_weight=prior_weight,
             instrumental_variables=instrumental_variables,
+            compensated=compensated,
             trust_log=trust_log,
         )
         notes = _write(folder, found, robot, mechanism)

@@ -47,8 +47,10 @@ def joint_log(log: LogTable, drives: Drives, sample_rate: float | None = None) -
         raise FileError(
             f"{log.source}: has {len(log)} samples; at least {MIN_SAMPLES} are needed, a few seconds of motion"
         )
-    _validate_change(log, [m.position for m in drives.motors], position, "the joint is at rest throughout")
-    _validate_change(log, [m.torque for m in drives.motors], torque, "no torque was logged")
+    names = [f"{name}=VALUE" for name in drives.joints]
+    still = [f"the joint is at rest throughout; if it is held, lock it: --lock {name}" for name in names]
+    _validate_change(log, [m.position for m in drives.motors], position, still)
+    _validate_change(log, [m.torque for m in drives.motors], torque, ["no torque was logged"] * len(names))
     _validate_counted(log, drives, position * drives.units.position)
     constants = np.nan_to_num(drives.constants, nan=1.0)
     return JointLog(
@@ -112,12 +114,12 @@ def _validate_counted(log: LogTable, drives: Drives, position: Array) -> None:
         )
 
 
-def _validate_change(log: LogTable, names: list[str], values: Array, meaning: str) -> None:
-    for name, still in zip(names, np.ptp(values, axis=0) == 0.0, strict=True):
+def _validate_change(log: LogTable, names: list[str], values: Array, meanings: list[str]) -> None:
+    for name, still, meaning in zip(names, np.ptp(values, axis=0) == 0.0, meanings, strict=True):
         if still:
             raise FileError(
-                f"{log.source}: column {name!r} is {log.columns[name][0]:g} in every row: {meaning}; give another "
-                "column or another log"
+                f"{log.source}: column {name!r} is {log.columns[name][0]:g} in every row: {meaning}; or give "
+                "another column or log"
             )
 
 

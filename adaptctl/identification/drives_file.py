@@ -318,6 +318,9 @@ class Drives:
         ('shoulder', 'elbow')
         """
         names = [joint.name for joint in mechanism.primary_joints]
+        locked = {name: x for name, x in mechanism.description.locked.items() if name in self.joints}
+        if locked and sorted([*names, *locked]) == sorted(self.joints):
+            return self._without(locked).ordered_like(mechanism)
         if sorted(names) != sorted(self.joints):
             raise InputError(
                 f"the drives are for the joints {', '.join(self.joints)}, but {mechanism.name} has {', '.join(names)}"
@@ -329,6 +332,27 @@ class Drives:
             self.transmission[np.ix_(order, order)],
             self.offsets[order],
             tuple(self.motors[i] for i in order),
+            self.time,
+            self.units,
+            self.payloads,
+            self.source,
+        )
+
+    def _without(self, locked: Mapping[str, float]) -> Drives:
+        """Drives of the joints that are not locked at some positions."""
+        kept = [i for i, name in enumerate(self.joints) if name not in locked]
+        held = [i for i, name in enumerate(self.joints) if name in locked]
+        own, others = self.transmission[np.ix_(kept, kept)], self.transmission[np.ix_(kept, held)]
+        if self.transmission[np.ix_(held, kept)].any():
+            raise InputError(
+                f"lock: the motors of {', '.join(locked)} turn with other joints too, which are not locked"
+            )
+        still = np.array([locked[self.joints[i]] for i in held]) - self.offsets[held]
+        return Drives(
+            tuple(self.joints[i] for i in kept),
+            own,
+            self.offsets[kept] - np.linalg.solve(own, others @ still),
+            tuple(self.motors[i] for i in kept),
             self.time,
             self.units,
             self.payloads,

@@ -45,6 +45,7 @@ from adaptctl.identification.lasting_errors import with_lasting_errors, without_
 from adaptctl.identification.least_squares import halves, joined_first_stage
 from adaptctl.identification.log_files import read_log
 from adaptctl.identification.normal_equations import block_edges
+from adaptctl.identification.own_gravity import validate_not_added, with_own_gravity
 from adaptctl.identification.preparation import PreparationStep, PreparedLog, prepare
 from adaptctl.identification.torque_constants import known_drives, torque_constants, with_constants, without_payloads
 from adaptctl.identification.uncertainty import combinations, essential_components, uncertainty
@@ -74,6 +75,7 @@ def identify(
     cutoff: float | None = None,
     prior_weight: float | None = None,
     instrumental_variables: bool = False,
+    compensated: bool = False,
     trust_log: bool = False,
 ) -> Identification:
     """
@@ -110,6 +112,9 @@ def identify(
     instrumental_variables : bool, default False
         If true, instrumental variables remove the bias due to noise in measured positions, for coarse or noisy
         encoders. By default regressors are taken as measured.
+    compensated : bool, default False
+        If true, the logged torques lack the gravity torques that the robot adds by itself, and those of the robot
+        file's links are added. By default torques are whole, as in the logs of `drive`.
     trust_log : bool, default False
         If true, the log is taken as it is although it fits far better with another sign, order, scale or zero of its
         columns, or other gravity, which is a warning then. By default it is refused.
@@ -164,11 +169,15 @@ def identify(
     _validate_settings(cutoff, prior_weight)
     mechanism = load(robot) if not isinstance(robot, Mechanism) else robot
     known = read_drives(drives) if isinstance(drives, str | Path) else drives
+    tables = [[read_log(path, topic) for path in paths] for paths in (given, _paths(validate))]
     if known is None:
-        known = joint_columns(mechanism, read_log(given[0], topic), columns, units, sample_rate is None)
+        known = joint_columns(mechanism, tables[0][0], columns, units, sample_rate is None)
     turned = known.ordered_like(mechanism)
-    train = [joint_log(read_log(path, topic), turned, sample_rate) for path in given]
-    test = [joint_log(read_log(path, topic), turned, sample_rate) for path in _paths(validate)]
+    train, test = ([joint_log(log, turned, sample_rate) for log in logs] for logs in tables)
+    if compensated:
+        for log in (*tables[0], *tables[1]):
+            validate_not_added(log)
+        train, test = ([with_own_gravity(log, mechanism, turned) for log in logs] for logs in (train, test))
     terms = None if friction is None else FrictionModel.named(friction)
     return identified(
         mechanism,

@@ -7,10 +7,10 @@ from pathlib import Path
 from adaptctl.errors import FileError, MissingExtraError
 from adaptctl.logs.isolated import read_isolated
 from adaptctl.logs.lerobot import INFO
-from adaptctl.logs.table import MAX_BYTES, LogTable, table
+from adaptctl.logs.table import MAX_BYTES
+from adaptctl.logs.table import LogTable as LogTable
+from adaptctl.logs.table import table as table
 from adaptctl.logs.text import read_delimited
-
-__all__ = ["LogTable", "read_log", "table"]
 
 TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
 BAG_SUFFIXES = (".mcap", ".bag", ".db3")
