@@ -53,7 +53,8 @@ def printable(text: str, most: int = 80) -> str:
 def validate_kind(given: object, kind: type, what: str, made: str) -> None:
     """Raise `InputError` unless `given` is of class `kind`."""
     if not isinstance(given, kind):
-        raise InputError(f"{what}: expected a {kind.__name__}, {made}, got {printable(repr(given))}")
+        article = "an" if kind.__name__[0] in "AEIO" else "a"
+        raise InputError(f"{what}: expected {article} {kind.__name__}, {made}, got {printable(repr(given))}")
 
 
 class InputError(AdaptctlError, ValueError):

@@ -76,6 +76,13 @@ def homes(stub: Path) -> dict[str, str]:
     return offered
 
 
+def elsewhere(package: str, name: str) -> str:
+    """Words on the folder of a package that has a name, if one does."""
+    stubs = Path(str(modules[package].__file__)).parent.glob("*/__init__.pyi")
+    places = [f"{package}.{stub.parent.name}.{name}" for stub in sorted(stubs) if name in homes(stub)]
+    return f"; there is {' and '.join(places)}" if places else ""
+
+
 def imported_lazily(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
     """`__all__`, `__getattr__` and `__dir__` of a lazy package."""
     home_of = homes(Path(str(modules[package].__file__)).with_suffix(".pyi"))
@@ -84,7 +91,7 @@ def imported_lazily(package: str) -> tuple[list[str], Callable[[str], Any], Call
         if name not in home_of:
             if not name.startswith("_") and find_spec(f"{package}.{name}"):
                 return import_module(f"{package}.{name}")
-            guess = suggested_name(name, home_of)
+            guess = suggested_name(name, home_of) or elsewhere(package, name)
             missing = f"module {package!r} has no attribute {name!r}{guess}"
             raise AttributeError(missing, name=name, obj=modules[package])
         with needed(f"{package}.{name}"):

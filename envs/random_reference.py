@@ -55,7 +55,8 @@ def validate_trajectory(given: object, what: str = "trajectory") -> None:
     is_seed = isinstance(given, int | np.integer) and not isinstance(given, bool) and given >= 0
     is_word = given is None or (isinstance(given, str) and given == "random")
     if not (is_seed or is_word or callable(given)):
-        raise InputError(f"{what}: expected a Reference, a seed of at least 0, or 'random', got {given!r:.80}")
+        samples = "; Spline(positions, times) makes a Reference" if isinstance(given, list | tuple | np.ndarray) else ""
+        raise InputError(f"{what}: expected a Reference, a seed of at least 0, or 'random', got {given!r:.80}{samples}")
 
 
 def random_sinusoids(mechanism: Mechanism, rng: np.random.Generator) -> Sinusoids:

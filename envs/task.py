@@ -205,7 +205,9 @@ def finite_actions(
 
 def validate_reference(given: Trajectory, dof: int) -> None:
     """Raise `InputError` unless it fits `dof` joints."""
-    if isinstance(given, list | tuple | np.ndarray):
+    if isinstance(given, list | tuple | np.ndarray):  # one for each arm of a vector environment
+        for one in given:
+            validate_trajectory(one, "reference")
         return
     validate_trajectory(given, "reference")
     if callable(given):

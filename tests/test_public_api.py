@@ -9,11 +9,13 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import adaptctl
 from adaptctl import control, description, design, identifiability
 from adaptctl.control import adaptation
+from adaptctl.envs import TrackingEnv
 from adaptctl.optional_packages import homes
 from adaptctl.simulation import effects
 
@@ -88,3 +90,18 @@ def test_ten_lines_are_enough() -> None:
 def test_a_folder_of_the_package_is_there_without_an_import_of_its_own() -> None:
     code = "import adaptctl; adaptctl.control.Sinusoids; adaptctl.description.builtin_names()"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_name_of_a_folder_is_told_where_it_is() -> None:
+    with pytest.raises(AttributeError, match=r"there is adaptctl\.control\.PDGravity$"):
+        adaptctl.PDGravity  # noqa: B018
+
+
+def test_samples_are_no_reference_and_the_message_says_what_makes_one() -> None:
+    arm = adaptctl.load("two_link")
+    with pytest.raises(
+        adaptctl.InputError, match=r"a Reference.*Spline\(positions, times\) makes a Reference"
+    ):
+        TrackingEnv(arm, np.zeros((10, 2)))
+    with pytest.raises(adaptctl.InputError, match="expected an EssentialSpace"):
+        adaptctl.fundamental_basis(arm)  # type: ignore[arg-type]

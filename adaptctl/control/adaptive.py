@@ -109,7 +109,7 @@ class AdaptiveController(Controller[AdaptiveState]):
         self.adaptation_law.validate(self.model, np.asarray(self.initial), self.control_period)
 
     def _validate_model(self) -> None:
-        validate_kind(self.model, ReducedModel, type(self).__name__, "as ReducedModel(mechanism, basis) is one")
+        validate_kind(self.model, ReducedModel, type(self).__name__, "as ReducedModel(mechanism) is one")
 
     @cached_property
     def adaptation_law(self) -> AdaptationLaw[Any] | None:

@@ -270,7 +270,7 @@ def adaptation_gain(
     >>> adaptctl.adaptation_gain(model, adaptctl.PriorRanges(mass=2.0)).shape
     (6,)
     """
-    validate_kind(model, ReducedModel, "adaptation gain", "as ReducedModel(mechanism, basis) is one")
+    validate_kind(model, ReducedModel, "adaptation gain", "as ReducedModel(mechanism) is one")
     known = PriorRanges() if ranges is None else ranges
     validate_kind(known, PriorRanges, "adaptation gain: ranges", "as PriorRanges() is one")
     reach = known.for_parameters(model.names)
