@@ -107,7 +107,7 @@ def identify(
     """
     from adaptctl.folders import replacing_folder
     from adaptctl.identification import identify as identified
-    from adaptctl.identification.report import facts, verdict
+    from adaptctl.identification.report import facts, log_lines, verdict
     from adaptctl.optional_packages import validate_for_results
 
     validate_for_results()
@@ -140,7 +140,7 @@ def identify(
         print_json(as_builtins(found, out) | words)
     else:
         print_outcome(verdict(found), facts(found), out, found.warnings)
-        print_parts([titled("Torques of the joints", _joints(found))])
+        print_parts([titled("Logs", listed(log_lines(found))), titled("Torques of the joints", _joints(found))])
         if compared is not None:
             page = compared.report()
             print()
@@ -149,12 +149,12 @@ def identify(
 
 def as_builtins(found: Identification, folder: Path) -> dict[str, Any]:
     """Identification in JSON's types; numbers are in its summary.json."""
-    from adaptctl.identification.report import facts, joint_verdicts, verdict
+    from adaptctl.identification.report import facts, joint_verdicts, log_lines, verdict
     from adaptctl.recording.result import answers
 
     joints = {joint.name: joint.as_builtins() for joint in joint_verdicts(found)}
     words = {"verdict": verdict(found), "joints": joints, "facts": answers(facts(found))}
-    words |= {"warnings": list(found.warnings)}
+    words |= {"logs": dict(log_lines(found)), "warnings": list(found.warnings)}
     return {"schema": SCHEMA, "folder": str(folder), **words}
 
 

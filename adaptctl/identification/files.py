@@ -18,7 +18,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import AdaptctlError
 from adaptctl.files import hashed, write_json
 from adaptctl.identification.identification import Identification
-from adaptctl.identification.report import components, consistency, joint_verdicts, report
+from adaptctl.identification.report import best_hypotheses, components, consistency, joint_verdicts, report
 from adaptctl.identification.validation import Validation
 from adaptctl.identification.written import WrittenRobot, write_robots
 from adaptctl.recording.drawing import MUTED, joint_color, run_color, thinned
@@ -84,6 +84,7 @@ def summary(found: Identification, written: Sequence[WrittenRobot] = ()) -> dict
         "unexcited": [combination.words for combination in found.unexcited],
         "trials": [trial._asdict() for trial in found.choice.trials],
         "steps": {step.name: step.outcome for step in found.steps},
+        "hypotheses": [trial._asdict() for trial in best_hypotheses(found)],
         "warnings": list(found.warnings),
     }
 

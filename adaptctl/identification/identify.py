@@ -43,6 +43,7 @@ from adaptctl.identification.hypotheses import compared_hypotheses, validate_mea
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.lasting_errors import with_lasting_errors, without_delay
 from adaptctl.identification.least_squares import halves, joined_first_stage
+from adaptctl.identification.log_checks import checked_log
 from adaptctl.identification.log_files import read_log
 from adaptctl.identification.normal_equations import block_edges
 from adaptctl.identification.own_gravity import validate_not_added, with_own_gravity
@@ -235,6 +236,9 @@ def identified(
 ) -> Identification:
     """Identification from logs that have been read."""
     _validate_settings(cutoff, prior_weight)
+    checks = [checked_log(log, mechanism) for log in (*train, *test)]
+    facts = tuple(dict.fromkeys(fact for _, own in checks for fact in own))
+    train, test = [log for log, _ in checks[: len(train)]], [log for log, _ in checks[len(train) :]]
     drives, train, test, known = _with_constants(mechanism, drives, train, test, skip_steps)
     measured, steps, remarks = gathered(mechanism, drives, train, skip_steps, cutoff)
     evidence = freed_of_noise(measured) if instrumental_variables else measured
@@ -256,7 +260,7 @@ def identified(
     read = dict.fromkeys(note for log in (*train, *test) for note in log.notes)
     late_words = [late_torques] if late_torques else []
     notes = (*doubts, *read, *remarks, *known, *late_words, *contradictions(training, fit))
-    return replace(_result(training, fit, held_out, choice, steps, notes), hypotheses=meaning.tried)
+    return replace(_result(training, fit, held_out, choice, (*facts, *steps), notes), hypotheses=meaning.tried)
 
 
 def _with_constants(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from adaptctl.identification.hypotheses import TriedHypothesis
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.validation import Validation
 from adaptctl.identification.written import WrittenRobot
@@ -141,6 +142,36 @@ def facts(found: Identification) -> Iterator[Fact]:
     yield Fact("cut-off", f"{settings.cutoff:.3g} Hz")
 
 
+def best_hypotheses(found: Identification) -> list[TriedHypothesis]:
+    """The log as it is, and the best hypothesis of each kind, the best first."""
+    best = {trial.kind: trial for trial in sorted(found.hypotheses[1:], key=lambda t: -t.error)}
+    return [*found.hypotheses[:1], *sorted(best.values(), key=lambda t: t.error)]
+
+
+def log_lines(found: Identification) -> Iterator[tuple[str, str]]:
+    """Lines on the logs: their rows and columns, their preparation, and what fits them best."""
+    yield from found.steps
+    if found.hypotheses:
+        named = [trial for trial in found.hypotheses if trial.named]
+        other = named[0].words if named else "no other meaning takes a third of it off"
+        yield "meaning of the columns", f"the log as it is: {_off(found.hypotheses[0])} off; {other}"
+
+
+def _off(trial: TriedHypothesis) -> str:
+    return f"{'at least ' if trial.is_bound else ''}{trial.error:.2%}"
+
+
+def _meaning(found: Identification) -> Section:
+    trials = best_hypotheses(found)
+    rows = [(t.kind, t.words, _off(t), Cell("named", tone=Tone.BAD) if t.named else "") for t in trials]
+    told = (
+        "Each hypothesis about the columns is compared with the log as it is, by the error of the consistent estimate "
+        "relative to the torques (geometric mean over the joints); here the best one of each kind. One that takes a "
+        "third of the error off is named."
+    )
+    return Section("What the columns mean", (told, Table(("hypothesis", "in words", "error", ""), rows, align="llrl")))
+
+
 def report(found: Identification, written: Sequence[WrittenRobot] = ()) -> Report:
     """Report of an identification, with what its files predict."""
     return Report(
@@ -152,6 +183,7 @@ def report(found: Identification, written: Sequence[WrittenRobot] = ()) -> Repor
             _prediction(found, written),
             _parameters(found),
             _excited(found),
+            *([_meaning(found)] if found.hypotheses else []),
             _chosen(found),
             files_section(
                 "The moving arm, with measured and predicted torques.",

@@ -1,0 +1,156 @@
+"""Checks of a log before any fit: rows that no joint can do, and columns that are clipped, frozen or dead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import median_filter
+
+from adaptctl.arrays import Array
+from adaptctl.description.description import Joint
+from adaptctl.dynamics import Mechanism
+from adaptctl.identification.columns import JointLog
+from adaptctl.identification.preparation import MIN_GAP_PERIODS, PreparationStep
+
+# Step over the 99th percentile of a column's steps, and in rad (m), from where on no joint does it; samples after which
+# it is back, or is no outlier.
+JUMP_RATIO, LEAST_JUMP, LONGEST_RUN = 8.0, 0.01, 20
+# Torque off the median of five over the range of 98 % of the torques, and over the median of such differences.
+SPIKE_SHARE, SPIKE_RATIO, AROUND = 0.5, 12.0, 5
+# Samples at the greatest torque over those at any of the next values, and least share of them in the log.
+CLIPPED_RATIO, CLIPPED_SHARE, NEXT_VALUES = 6.0, 2e-3, 5
+# Seconds and samples of one torque, and times the usual run of one and the fifth longest, from where on it is frozen.
+FROZEN_TIME, FROZEN_SAMPLES, FROZEN_RATIO, FEWER_RATIO = 0.1, 20, 10.0, 4.0
+# Range of torques over the largest of a robot's, below which it is dead, and share of rows with a value of their own
+# from where on a column's quantum is below its noise.
+DEAD_SHARE, OWN_VALUES = 3e-4, 0.5
+
+
+def checked_log(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, list[PreparationStep]]:
+    """Log whose impossible rows are filled from their neighbours, with notes on its faults, and facts about it."""
+    joints, turns = mechanism.primary_joints, [joint.kind.is_revolute for joint in mechanism.primary_joints]
+    position, torque = log.position.copy(), log.torque.copy()
+    velocity = None if log.velocity is None else log.velocity.copy()
+    notes: list[str] = []
+    for j, joint in enumerate(joints):
+        wrong, whole = _impossible(np.unwrap(position[:, j]) if turns[j] else position[:, j])
+        for column, values in ((position, whole), *([] if velocity is None else [(velocity, velocity[:, j])])):
+            column[:, j] = np.where(wrong, _filled(log.time, values, wrong), column[:, j])
+        spiked = _spiked(torque[:, j])
+        torque[:, j] = _filled(log.time, torque[:, j], spiked)
+        notes += _filled_words(log, joint, "positions that it cannot reach", wrong)
+        notes += _filled_words(log, joint, "torques that stand out of their neighbours", spiked)
+        notes += _column_faults(log.time, position, torque, joint, j)
+    said = (*log.notes, *(f"{log.source}: {note}" for note in notes))
+    checked = replace(log, position=position, torque=torque, velocity=velocity, notes=said)
+    return checked, list(_facts(checked, mechanism))
+
+
+def _filled_words(log: JointLog, joint: Joint, what: str, wrong: NDArray[np.bool_]) -> list[str]:
+    count = int(wrong.sum())
+    row = int(np.argmax(wrong))
+    where = f"the first in row {row + 1}, at {log.time[row]:.6g} s"
+    return [f"joint {joint.name!r} has {count} {what}, {where}; filled from their neighbours"] if count else []
+
+
+def _impossible(values: Array) -> tuple[NDArray[np.bool_], Array]:
+    """Mask (n,) of the short runs that a column jumps to and back from, and the column."""
+    steps = np.abs(np.diff(values))
+    most = max(JUMP_RATIO * float(np.percentile(steps, 99.0)), LEAST_JUMP)
+    jumps, wrong = np.flatnonzero(steps > most) + 1, np.zeros(len(values), dtype=np.bool_)
+    for start in jumps.tolist():
+        if wrong[start] or wrong[start - 1]:
+            continue
+        after = values[start + 1 : start + 1 + LONGEST_RUN]
+        back = np.abs(after - values[start - 1]) <= most * 0.5 * np.arange(2, len(after) + 2)
+        if back.any():
+            wrong[start : start + 1 + int(np.argmax(back))] = True
+    return wrong, values
+
+
+def _filled(time: Array, values: Array, wrong: NDArray[np.bool_]) -> Array:
+    if not wrong.any() or np.count_nonzero(~wrong) < 4:
+        return values
+    return np.where(wrong, CubicSpline(time[~wrong], values[~wrong])(time), values)
+
+
+def _spiked(torque: Array) -> NDArray[np.bool_]:
+    """Mask (n,) of single torques that are far from those around them."""
+    off = np.abs(torque - median_filter(torque, AROUND, mode="nearest"))
+    low, high = np.percentile(torque, [1.0, 99.0])
+    return np.asarray(off > max(SPIKE_SHARE * (high - low), SPIKE_RATIO * float(np.median(off)), 1e-12))
+
+
+def _column_faults(time: Array, position: Array, torques: Array, joint: Joint, j: int) -> Iterator[str]:
+    """Sentences on a torque that is clipped, frozen or dead."""
+    torque, unit = torques[:, j], joint.kind.effort_unit
+    if np.ptp(position[:, j]) > LEAST_JUMP and np.ptp(torque) < DEAD_SHARE * np.ptp(torques, axis=0).max():
+        held = f"{torque.mean():.3g} {unit} to within {np.ptp(torque):.2g}"
+        yield f"the torque of joint {joint.name!r} is {held}: its sensor seems dead"
+        return
+    moves = np.concatenate([[False], (np.diff(position, axis=0) != 0.0).any(axis=1)])
+    for value, count in _clipped(torque[moves]):
+        yield (
+            f"the torque of joint {joint.name!r} is clipped: {count} rows have exactly {value:.4g} {unit}; record a "
+            "gentler motion, or leave these rows out"
+        )
+    start, end = _frozen(torque, np.concatenate([[False], np.diff(position[:, j]) != 0.0]), time)
+    if end > start:
+        yield (
+            f"the torque of joint {joint.name!r} is frozen at {torque[start]:.4g} {unit} from {time[start]:.6g} to "
+            f"{time[end - 1]:.6g} s; cut this stretch out of the log"
+        )
+
+
+def _clipped(torque: Array) -> Iterator[tuple[float, int]]:
+    """Greatest and least torques that far more rows have than any of the next values, and their counts."""
+    values, counts = np.unique(torque, return_counts=True)
+    for each, own in ((values[::-1], counts[::-1]), (values, counts)):
+        least = max(10.0, CLIPPED_SHARE * len(torque))
+        if len(each) > NEXT_VALUES and own[0] >= max(least, CLIPPED_RATIO * own[1 : 1 + NEXT_VALUES].max()):
+            yield float(each[0]), int(own[0])
+
+
+def _frozen(torque: Array, moves: NDArray[np.bool_], time: Array) -> tuple[int, int]:
+    """Longest run (start, end) of one torque while the joint moves; (0, 0) if it is no longer than usual."""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(torque) != 0.0) + 1, [len(torque)]])
+    lengths = np.diff(edges)
+    at = int(np.argmax(lengths))
+    start, end = int(edges[at]), int(edges[at + 1])
+    usual = float(np.percentile(lengths, 95.0))
+    others = FEWER_RATIO * float(np.sort(lengths)[-min(5, len(lengths))])
+    extremes = torque[start] in (torque.max(), torque.min())
+    long = (
+        lengths[at] >= max(FROZEN_SAMPLES, FROZEN_RATIO * usual, others) and time[end - 1] - time[start] >= FROZEN_TIME
+    )
+    return (start, end) if long and not extremes and moves[start:end].mean() > 0.5 else (0, 0)
+
+
+def _facts(log: JointLog, mechanism: Mechanism) -> Iterator[PreparationStep]:
+    """Lines on rows and rates, on quanta, and on joints that stand still."""
+    steps = np.diff(log.time)
+    gaps = steps[steps > MIN_GAP_PERIODS * np.median(steps)]
+    held = f"; {len(gaps)} gaps, the longest of {gaps.max():.3g} s" if len(gaps) else ""
+    rate = 1.0 / float(np.median(steps))
+    of = f"of {Path(log.source).name}"
+    yield PreparationStep(
+        f"rows {of}",
+        f"{len(log)} rows of {np.ptp(log.time):.4g} s at {rate:.4g} Hz, at most {steps.max():.3g} s apart{held}",
+    )
+    names = [joint.name for joint in mechanism.primary_joints]
+    quanta = [_quantum(column) for column in log.position.T]
+    each = ", ".join(f"{name} {q:.2g}" for name, q in zip(names, quanta, strict=True) if q)
+    yield PreparationStep(f"quanta of positions {of}", f"{each} rad (m)" if each else "below the noise")
+    still = [n for n, column in zip(names, log.position.T, strict=True) if np.ptp(column) < LEAST_JUMP]
+    yield PreparationStep(f"still joints {of}", ", ".join(still) or "none")
+
+
+def _quantum(values: Array) -> float:
+    """Distance of neighbouring values of a column, 0 if nearly every row has its own."""
+    own = np.unique(values)
+    return float(np.median(np.diff(own))) if 1 < len(own) < OWN_VALUES * len(values) else 0.0

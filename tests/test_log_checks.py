@@ -1,0 +1,86 @@
+"""Checks of logs: faults of rows and columns are named and mended, right logs pass as they are."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_logs import Known, known
+
+from adaptctl.arrays import Array
+from adaptctl.identification.columns import JointLog
+from adaptctl.identification.log_checks import checked_log
+
+
+@pytest.fixture(scope="module")
+def case() -> Known:
+    return known(7, duration=10.0, rate=200.0, noise=0.01)
+
+
+def put(values: Array, rows: slice | list[int], columns: int | slice, new: float | Array) -> Array:
+    changed = values.copy()
+    changed[rows, columns] = new
+    return changed
+
+
+FAULTS: dict[str, tuple[Callable[[JointLog], JointLog], str]] = {
+    "positions at 0": (
+        lambda log: replace(log, position=put(log.position, [300, 700, 701, 1500], 1, 7.0)),
+        "'joint1' has 4 positions that it cannot reach, the first in row 301, at 1.5 s; filled",
+    ),
+    "torques far off": (
+        lambda log: replace(log, torque=put(log.torque, [400, 900], 2, 1e3)),
+        "'joint2' has 2 torques that stand out of their neighbours, the first in row 401",
+    ),
+    "clipped": (
+        lambda log: replace(log, torque=np.clip(log.torque, *(s * np.abs(log.torque).max() / 2 for s in (-1, 1)))),
+        "is clipped: [0-9]+ rows have exactly",
+    ),
+    "frozen": (
+        lambda log: replace(log, torque=put(log.torque, slice(1000, 1160), slice(None), log.torque[1000])),
+        "is frozen at .* from 5 to 5.795 s",
+    ),
+    "dead": (
+        lambda log: replace(log, torque=put(log.torque, slice(None), 1, 1e-4 * np.sin(log.time))),
+        "'joint1' is .* to within 0.0002: its sensor seems dead",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_named_with_its_joint_and_row(case: Known, fault: str) -> None:
+    spoil, words = FAULTS[fault]
+    checked, _ = checked_log(spoil(case.log), case.guess)
+    assert any(re.search(words, note) for note in checked.notes), checked.notes
+
+
+def test_impossible_rows_are_filled_as_they_were(case: Known) -> None:
+    for fault in ("positions at 0", "torques far off"):
+        checked, _ = checked_log(FAULTS[fault][0](case.log), case.guess)
+        assert np.abs(checked.position - case.log.position).max() < 1e-4
+        assert np.abs(checked.torque - case.log.torque).max() < 0.1 * np.ptp(case.log.torque, axis=0).max()
+
+
+@pytest.mark.parametrize("quantum", [1e-9, 2 * np.pi / 4096, 0.01])
+def test_right_logs_pass_as_they_are(case: Known, quantum: float) -> None:
+    position, steps = np.round(case.log.position / quantum) * quantum, 0.02 * np.ptp(case.log.torque, axis=0)
+    log = replace(case.log, position=position, torque=np.round(case.log.torque / steps) * steps)
+    checked, facts = checked_log(log, case.guess)
+    assert checked.notes == ()
+    assert np.array_equal(checked.position, log.position)
+    assert np.array_equal(checked.torque, log.torque)
+    words = dict(facts)
+    assert words["rows of synthetic"].startswith("2000 rows of 9.995 s at 200 Hz")
+    assert (quantum < 1e-6) == (words["quanta of positions of synthetic"] == "below the noise")
+
+
+def test_facts_tell_gaps_and_joints_that_stand_still(case: Known) -> None:
+    kept = np.r_[:800, 900:2000]
+    still = put(case.log.position, slice(None), 2, 0.3)[kept]
+    _, facts = checked_log(JointLog("a", case.log.time[kept], still, case.log.torque[kept]), case.guess)
+    words = dict(facts)
+    assert "1 gaps, the longest of 0.505 s" in words["rows of a"]
+    assert words["still joints of a"] == "joint2"
