@@ -99,9 +99,7 @@ def test_a_name_of_a_folder_is_told_where_it_is() -> None:
 
 def test_samples_are_no_reference_and_the_message_says_what_makes_one() -> None:
     arm = adaptctl.load("two_link")
-    with pytest.raises(
-        adaptctl.InputError, match=r"a Reference.*Spline\(positions, times\) makes a Reference"
-    ):
+    with pytest.raises(adaptctl.InputError, match=r"a Reference.*Spline\(positions, times\) makes a Reference"):
         TrackingEnv(arm, np.zeros((10, 2)))
     with pytest.raises(adaptctl.InputError, match="expected an EssentialSpace"):
         adaptctl.fundamental_basis(arm)  # type: ignore[arg-type]

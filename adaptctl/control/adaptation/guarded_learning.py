@@ -323,7 +323,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
             doubt = touched(doubt, external_torque.beyond(touch), age)
         going = where(watch.alarm[0] > TRANSIENT, 1.0, 0.0)
         shares = (going * period.dt) * (sample.counts * sample.weights)
-        step = payload_test.JudgedPeriod(T, going, watch.announced[0], sample.weights)
+        step = payload_test.JudgedPeriod(T, going, watch.announced[0], sample.weights, watch.trusted, period.damping)
         test = PayloadTest(model, column(self.gain))
         verdict = test.judged(sample.rows, sample.missed, shares, watch.noise, memory.sums, step)
         end = ended(watch, doubt, verdict.payload, self.time_limit, T)

@@ -20,6 +20,8 @@ WINDOW, MIN_TIME = 1.0, 0.45
 """s: time constant of the sums, and the time they hold at least for a verdict, what 0.6 s of a steady stream leave"""
 MAX_LEFT, MAX_LEFT_RATIO = 0.1, 0.3
 """what a payload may leave of the squared misses, relative to all and to what a contact leaves"""
+MAX_LOSS, SLACK_TIME = 0.95, 0.005
+"""share of the last joint's inertia that a payload may take away; s: times the damping, an error that loops stand"""
 MIN_SPREAD = 1e-12
 """variance of the times, relative to the weight, below which a slope says nothing"""
 
@@ -62,12 +64,19 @@ class LoadVerdict(NamedTuple):
 
 
 class JudgedPeriod(NamedTuple):
-    """Length in s; 1 while the test goes on, else 0; 1 for an announced payload; weights (r,) of joints, per s."""
+    """
+    Data of a period.
+
+    Length in s; 1 while the test goes on, else 0; 1 for an announced payload; weights (r,) of joints, per s; the
+    estimate (k,) before the change; damping (r,) in N m s.
+    """
 
     period: float
     going: Scalar
     announced: Scalar
     weights: Column
+    trusted: Column
+    damping: Column
 
 
 @dataclass(frozen=True)
@@ -118,10 +127,33 @@ class PayloadTest:
         left = maximum(whole - own @ right, 0.0) - usual
         times = [n / weight for n, weight in zip(after.n, step.weights, strict=True)]
         full = where(reduce(maximum, times) > MIN_TIME, 1.0, 0.0)
-        payload = full * where(left < MAX_LEFT * whole, 1.0, 0.0)
+        change = self._change(own)
+        payload = full * where(left < MAX_LEFT * whole, 1.0, 0.0) * self._is_a_body(change, step)
         better = where(left < MAX_LEFT_RATIO * straight, 1.0, step.announced)
         contact = full * where(straight - usual < MAX_LEFT * whole, 1.0, 0.0) * (1.0 - payload * better)
-        return LoadVerdict(payload * better, contact, self._change(own), PayloadSums(normal, right, after))
+        return LoadVerdict(payload * better, contact, change, PayloadSums(normal, right, after))
+
+    def _is_a_body(self, change: Column, step: JudgedPeriod) -> Scalar:
+        """1 if the last joint keeps a positive inertia, else 0: a load that a push feigns may take away far more."""
+        inertia, joint = self._inertia
+        if not inertia.any():
+            return 1.0
+        before, gained = _combined(inertia, step.trusted), _combined(inertia, change)
+        least = -MAX_LOSS * maximum(before, 0.0) - SLACK_TIME * step.damping[joint]
+        return where(gained > least, 1.0, 0.0)
+
+    @property
+    def _inertia(self) -> tuple[Array, int]:
+        """Row (k,) of the last link's inertia about its joint, zero if postures change it, and the joint's index."""
+        mechanism = self.model.mechanism
+        joint = mechanism.links[mechanism.description.bodies[-1]].joint.name
+        names = [one.name for one in mechanism.primary_joints]
+        if mechanism.description.loops is not None or joint not in names:
+            return np.zeros(len(self.model.columns)), 0
+        place, rest = names.index(joint), np.zeros(mechanism.dof)
+        moved = self.model.torque_regressor(mechanism.neutral_configuration, rest, np.eye(mechanism.dof)[place])
+        still = self.model.torque_regressor(mechanism.neutral_configuration, rest, rest)
+        return moved[place] - still[place], place
 
     def _effects(self, row: Column) -> Column:
         """Torque (10,) of a joint for each parameter of the link."""
