@@ -44,7 +44,8 @@ def operation_and_arguments(name: str, k: int, r: int, rng: np.random.Generator)
             return symmetric._rank_updater(k, r), [A, W, shares[0], np.array([0.9, 0.5])]
         case "recall":
             flow, (x, right) = np.array([0.9, 0.1, 0.8, 0.05]), rng.normal(size=(2, k))
-            return recalled_step._period(k, r), [A, 0.5 * A, W, shares[0], flow, x, right]
+            lines = np.concatenate([W, rng.normal(size=2 * k)])  # two beside the rows
+            return recalled_step._period(k, r, 2), [A, 0.5 * A, lines, shares[0], flow, x, right]
         case "scale":
             return symmetric._scaler(len(A)), [A, np.array([0.7])]
     learns = name == "learn"
