@@ -221,7 +221,7 @@ LISTED: tuple[Listed, ...] = (
     ),
     Listed(
         "a revolution is half a turn",
-        "adaptctl/identification/drives_file.py",
+        "adaptctl/logs/units.py",
         '"rev": 2.0 * math.pi',
         '"rev": math.pi',
         ("tests/test_identification_by_hand.py::test_a_revolution_is_a_whole_turn_at_which_ever_unit",),
@@ -550,14 +550,14 @@ LISTED: tuple[Listed, ...] = (
     ),
     Listed(
         "nanoseconds ten times as long",
-        "adaptctl/identification/drives_file.py",
+        "adaptctl/logs/units.py",
         '"ns": 1e-9',
         '"ns": 1e-8',
         ("tests/test_identification_by_hand.py::test_columns_are_taken_to_si_units_by_their_own_factors",),
     ),
     Listed(
         "millinewton meters ten times as large",
-        "adaptctl/identification/drives_file.py",
+        "adaptctl/logs/units.py",
         '"mN m": 1e-3',
         '"mN m": 1e-2',
         ("tests/test_identification_by_hand.py::test_columns_are_taken_to_si_units_by_their_own_factors",),
