@@ -22,8 +22,6 @@ from adaptctl.identification.complete_rows import complete_rows
 from adaptctl.identification.log_files import read_log
 from adaptctl.logs import isolated
 from adaptctl.logs.lerobot import read_lerobot
-from adaptctl.logs.parquet import read_parquet
-from adaptctl.logs.rerun_recording import read_rrd
 from adaptctl.logs.ros_bag import read_ros_bag
 
 COUNT = 200
@@ -217,9 +215,6 @@ def test_a_reader_that_waits_or_grows_is_ended(tmp_path: Path, monkeypatch: pyte
         read_log(tmp_path / "log.parquet")
 
 
-READERS = {".mcap": read_ros_bag, ".db3": read_ros_bag, ".parquet": read_parquet, ".rrd": read_rrd}
-
-
 def real(tmp_path: Path) -> Iterator[Path]:
     yield next(bag(tmp_path / "a").glob("*.mcap"))
     yield next(bag(tmp_path / "b", StoragePlugin.SQLITE3).glob("*.db3"))
@@ -229,19 +224,20 @@ def real(tmp_path: Path) -> Iterator[Path]:
 
 
 def test_mutated_files_are_read_or_refused_in_one_line(tmp_path: Path) -> None:
+    """By the bounded process: the packages abort on some, or ask for any memory."""
     rng = np.random.default_rng(0)
     for place in real(tmp_path):
         data = place.read_bytes()
-        for k in range(12):
+        for k in range(3):
             spoilt = bytearray(data)
-            for at in rng.integers(0, len(data), size=1 + k % 5):
+            for at in rng.integers(0, len(data), size=1 + 3 * k):
                 spoilt[at] = rng.integers(256)
-            part = spoilt[: int(rng.integers(len(data)))] if k % 4 == 3 else spoilt
+            part = spoilt[: int(rng.integers(len(data)))] if k == 2 else spoilt
             bad = tmp_path / f"bad{place.suffix}"
             bad.write_bytes(bytes(part))
             told = ""
             try:
-                READERS[place.suffix](bad)
+                read_log(bad)
             except FileError as error:
                 told = str(error)
             assert not told or (str(bad) in told and "\n" not in told)
