@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nightly import mostly_at_night
 
 from adaptctl import ReducedModel, arrays, load
 from adaptctl.cli.main import main
@@ -75,7 +76,7 @@ def test_junk_is_no_bag(tmp_path: Path, suffix: str, content: bytes) -> None:
         read_log(tmp_path / f"junk{suffix}")
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+@pytest.mark.parametrize("encoding", mostly_at_night(["ascii", "latin-1"], "ascii"))
 @pytest.mark.parametrize("words", [("gains",), ("tune",)])
 def test_any_terminal_shows_reports(words: tuple[str, ...], encoding: str) -> None:
     ran = _run(*words, TWO_LINK, PYTHONIOENCODING=encoding)

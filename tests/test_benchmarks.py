@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import nightly
 
 from benchmarks import stability, tuning_table
 from benchmarks.__main__ import SUBJECTS
@@ -140,6 +141,7 @@ def test_the_table_of_tuned_robots_counts_its_rows(tmp_path: Path) -> None:
     assert tuning_table.rows(tmp_path / "none.jsonl") == []
 
 
+@nightly
 def test_loops_of_random_arms_are_counted() -> None:
     """In earnest, for a moment: gains are offered, none is lost so soon, and the promise is judged on the sums."""
     found = stability.counted(1, 8, 0.05, 2)

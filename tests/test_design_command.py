@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nightly import nightly
 from rerun.chunk import RrdReader
 from robot_files import urdf
 
@@ -51,6 +52,7 @@ def test_the_report_is_for_a_person(capsys: pytest.CaptureFixture[str]) -> None:
         assert told in text
 
 
+@nightly
 def test_a_folder_is_written_whole(tmp_path: Path) -> None:
     out = tmp_path / "study"
     assert main(["design", "semi_direct_drive", *QUICK, "--objective", "coupling", "--out", str(out)]) == 0

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from c_compiler import build, said
 from golden.capture import arms
+from nightly import mostly_at_night
 
 import adaptctl
 from adaptctl.cli.main import main
@@ -45,7 +46,9 @@ def test_the_exported_test_of_every_law_passes(outcomes: dict[str, str], law: st
     assert last.startswith("passed: torques within ")
 
 
-def test_the_exported_test_of_the_pumas_default_passes_when_optimised(tmp_path: Path) -> None:
-    assert main(["export", "puma560_measured", "--out", str(tmp_path / "arm"), "--name", "arm"]) == 0
+@pytest.mark.parametrize("law", mostly_at_night(["slotine-li", "slotine-li-learning"], "slotine-li"))
+def test_the_exported_test_of_the_puma_passes_when_optimised(tmp_path: Path, law: str) -> None:
+    """The default law, of 60 kB, compiles for a minute."""
+    assert main(["export", "puma560_measured", "--law", law, "--out", str(tmp_path / "arm"), "--name", "arm"]) == 0
     program = build(tmp_path / "arm", "arm.c", "test_arm.c", flags=("-O2",))
     assert re.fullmatch(r"passed: torques within \S+ of \S+ N m\n", said(program))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nightly import mostly_at_night
 from sampled_loops import Loop, arm, gains, kinetic, loaded, loop, own_gain, posture, reduced, swinging
 
 from adaptctl import Plant, SlotineLi, adaptive_controller, simulate_many
@@ -173,7 +174,7 @@ def known(effects: tuple[Any, ...] = (), **more: Any) -> Any:
     return measured(Plant(arm(ARM), 1e-3, effects=effects), law, seed=1)
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.03])
+@pytest.mark.parametrize("noise", mostly_at_night([0.0, 0.03], 0.03))
 def test_it_ends_at_the_error_of_the_true_parameters(noise: float) -> None:
     effects = (Encoder(velocity_noise=noise),) if noise else ()
     learned = measured(Plant(arm(ARM), 1e-3, effects=effects), learner(), seed=1)
@@ -188,7 +189,7 @@ def test_a_dropped_load_is_told_from_a_push_and_learned() -> None:
     assert torque_error(runs.estimate[-1, 0]) < 0.02
 
 
-@pytest.mark.parametrize("share", [0.05, 0.1])
+@pytest.mark.parametrize("share", mostly_at_night([0.05, 0.1], 0.1))
 def test_a_push_leaves_no_trace(share: float) -> None:
     limits = np.array([97.6, 186.4, 89.4])
     push = Push(tuple((share * limits).tolist()), 6.0, 11.0)
@@ -236,7 +237,7 @@ def judged(mass: float, seed: int, noise: float, offset: float = 0.05) -> tuple[
 
 
 @given(seed=st.integers(0, 999), noise=st.floats(0.0, 0.05))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_a_push_is_never_taken_for_a_payload(seed: int, noise: float) -> None:
     verdict, _ = judged(0.0, seed, noise)
     assert (verdict.payload, verdict.contact) == (0.0, 1.0)

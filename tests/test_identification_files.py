@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from nightly import nightly
 from random_trees import random_chain
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -313,6 +314,7 @@ def test_runs_are_kept_and_read_back_and_identified(tmp_path: Path) -> None:
             Rollout.load(tmp_path / "bad.parquet")
 
 
+@nightly
 def test_an_identified_estimate_starts_three_times_closer_than_none() -> None:
     result = IdentifyThenAdapt(duration=2.5).compare(lambda what, share: None)
     assert isinstance(result, Comparison)

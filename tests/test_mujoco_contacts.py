@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from nightly import nightly
 
 import adaptctl
 from adaptctl.cli.main import main
@@ -73,6 +74,7 @@ def test_a_scene_whose_arm_begins_in_contact_is_named(tmp_path: Path) -> None:
         clear_of_contacts(plant(scene(tmp_path, post=0.6)), reference(0.0))
 
 
+@nightly
 def test_the_experiment_keeps_clear(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The post stands where the reference of this seed would go; without it the arm learns as well."""
     model = mujoco.MjModel.from_xml_path(str(scene(tmp_path)))

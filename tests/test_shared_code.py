@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nightly import nightly
 
 from adaptctl.compilation import compile_step, llvm, native, outlined
 from adaptctl.compilation import routine as routines
@@ -62,6 +63,7 @@ def test_a_long_routine_is_compiled_once_and_gives_the_same_bits(compiled: list[
         assert step.run_single(5, start, np.empty(0)).tobytes() == there.tobytes()
 
 
+@nightly
 def test_shared_code_lives_as_long_as_what_calls_it(compiled: list[str]) -> None:
     function, start = outlined(long_function(0.2)), np.array([0.1, 0.2])
     first, second = two_steps(function)

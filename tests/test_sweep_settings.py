@@ -9,6 +9,7 @@ from typing import Any
 
 import pyarrow as pa
 import pytest
+from nightly import nightly
 
 from adaptctl.cli.main import main
 from adaptctl.errors import InputError
@@ -52,6 +53,7 @@ def test_a_table_has_settings_that_are_true_or_false() -> None:
     assert set(found.column("status").to_pylist()) == {"done"}
 
 
+@nightly
 def test_a_sweep_of_any_arm_is_kept_and_resumed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["sweep", "adaptive", "--out", str(tmp_path / "out"), "--jobs", "1", "--seed", "0,1"]
     for _ in range(2):

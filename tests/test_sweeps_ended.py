@@ -76,6 +76,7 @@ def test_the_whole_sweep_is_killed(tmp_path: Path, trial: random.Random) -> None
     validate_resumed(tmp_path / "out")
 
 
+@nightly
 def test_a_worker_is_killed(tmp_path: Path, trial: random.Random) -> None:
     """Another takes its place, and the sweep ends as if nothing had been."""
     sweep = started(tmp_path / "out")

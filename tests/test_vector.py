@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from comparisons import comparison, no_progress
+from nightly import nightly
 
 from adaptctl.dynamics import load
 from adaptctl.recording.comparison import Comparison
@@ -127,6 +128,7 @@ def test_without_files_a_report_has_its_figures_all_the_same(compared: Compariso
     assert names == {drawing.name for drawing in report(compared).drawings}
 
 
+@nightly
 def test_an_experiment_does_without_matplotlib(tmp_path: Path) -> None:
     program = (
         "import sys; from adaptctl.cli.main import main; "

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import nightly
 
 from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.description.drive import Drive
@@ -125,6 +126,7 @@ def test_the_centre_is_the_same_in_python_and_in_native_code() -> None:
     np.testing.assert_array_equal(reference(arm).reference(0.0).p, first.reference(0.0).p)
 
 
+@nightly
 def test_a_weak_joint_starts_near_enough_to_be_brought_back() -> None:
     """An initial error of 0.1 rad, with a torque of 0.3 N m on 4 kg m^2, would take a bandwidth below 1 1/s."""
     tuning = tune(weakened(PUMA, 0, 0.3))

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import nightly
 
 import adaptctl
 from adaptctl.errors import FileError
@@ -97,6 +98,7 @@ def test_what_stdout_leads_to_is_not_replaced(tmp_path: Path) -> None:
     assert (tmp_path / "out.txt").read_text() == "kept\n"
 
 
+@nightly
 def test_commands_write_through(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "adaptctl"]
     done = subprocess.run(
