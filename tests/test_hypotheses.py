@@ -120,3 +120,13 @@ def test_a_named_fault_refuses_a_log_unless_it_is_trusted(case: Known) -> None:
     with pytest.raises(InputError, match=r"'tau.joint1' has the other sign: .*; negate it, or .*--trust-log"):
         validate_meaning(verdict, False)
     assert validate_meaning(verdict, True) == (verdict.sentence,)
+
+
+def test_torques_over_those_of_the_file_are_told_and_those_of_another_gear_side_asked_for(case: Known) -> None:
+    """The file has links of the guess; 0.02 of all torques are as good a log, of a robot of a fiftieth of its mass."""
+    right, geared = (judged(case, replace(case.log, torque=scale * case.log.torque)) for scale in (1.0, 0.02))
+    told = [[float(x) for x in re.findall(r"(\S+) \(", verdict.slopes.outcome)] for verdict in (right, geared)]
+    np.testing.assert_allclose(told[1], 0.02 * np.array(told[0]), rtol=0.06)
+    assert not right.slopes.outcome.endswith("?")
+    assert geared.slopes.outcome.endswith("are they on the other side of gears?")
+    assert geared.sentence is None

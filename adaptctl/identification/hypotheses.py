@@ -19,6 +19,7 @@ from adaptctl.identification.filtered_dynamics import SmoothMotion
 from adaptctl.identification.fit import LogEvidence
 from adaptctl.identification.hypothesis_rows import HypothesisRows, relative_error
 from adaptctl.identification.normal_equations import NormalEquations
+from adaptctl.identification.preparation import PreparationStep
 
 # Error as the log is over that of a hypothesis from which on this is named.
 MARGIN = 1.5
@@ -72,11 +73,17 @@ class Hypothesis:
 
 
 class LogMeaning(NamedTuple):
-    """Hypotheses as tried, as it is first, and the sentence on the one that is named; if the log is refused for it."""
+    """
+    What a log's columns mean.
+
+    Hypotheses as tried, as it is first, the sentence on the one that is named, if the log is refused for it, and a line
+    on the slopes of measured torques on those of the file's links.
+    """
 
     tried: tuple[TriedHypothesis, ...]
     sentence: str | None
     refuses: bool
+    slopes: PreparationStep
 
 
 AS_IS = "as is"
@@ -97,13 +104,13 @@ def compared_hypotheses(evidence: LogEvidence, others: Sequence[SmoothMotion] = 
     tried = [TriedHypothesis(AS_IS, "the log is as its columns, units and the robot file say", error)]
     tried.extend(own.trial._replace(named=i == best) for i, own in enumerate(found))
     if best is None:
-        return LogMeaning(tuple(tried), None, False)
+        return LogMeaning(tuple(tried), None, False, rows.file_slopes())
     hypothesis, trial, names = found[best].hypothesis, found[best].trial, ", ".join(rows.sources)
     sentence = (
         f"{names}: {trial.words}: if so, the error of the consistent estimate falls from {error:.2%} to "
         f"{trial.error:.2%} of the torques; {hypothesis.remedy}"
     )
-    return LogMeaning(tuple(tried), sentence, hypothesis.refuses)
+    return LogMeaning(tuple(tried), sentence, hypothesis.refuses, rows.file_slopes())
 
 
 def validate_meaning(verdict: LogMeaning, trusted: bool) -> tuple[str, ...]:

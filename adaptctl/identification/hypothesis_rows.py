@@ -19,7 +19,7 @@ from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import ALWAYS, FrictionModel
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations
-from adaptctl.identification.preparation import derivative, filtered
+from adaptctl.identification.preparation import PreparationStep, derivative, filtered
 from adaptctl.identification.torque_constants import without_payloads
 
 # Rows are w*tau = (w*Y) D with the kernel w of the other fits, but with accelerations from differences of the smoothed
@@ -30,6 +30,8 @@ DENSITY, MAX_INSTANTS, WINDOWS = 8.0, 2500, 10
 # Weight of the prior, share of peak speed below which a joint's rows do not count, and relative error of a joint below
 # which fits count as equal.
 PRIOR_WEIGHT, SLOW, LEAST_ERROR = 0.1, 0.05, 0.003
+# Share of torques that the file's links explain and ratio of torques to theirs, beyond which a common one is a gear's.
+EXPLAINED, OTHER_SIDE, ALIKE = 0.4, 5.0, 3.0
 FRICTION = FrictionModel((*ALWAYS, DriveParameter.OFFSET))
 
 
@@ -132,11 +134,17 @@ class HypothesisRows:
         prior = evidence.prior_of(self.settings)
         return consistent_estimate(A * np.outer(mask, mask), b * mask, prior, PRIOR_WEIGHT, start)
 
-    def file_slopes(self) -> tuple[Array, Array]:
-        """Slopes (r,) of measured torques on those of the file's links, and shares (r,) that these explain of them."""
+    def file_slopes(self) -> PreparationStep:
+        """Line on torques over those of the file's links; it refuses nothing, as many are placeholders."""
         rows, tens = self.rows, self.evidence.prior.tens.ravel()
-        told = rows.regressor[..., : tens.size] @ tens
-        return _each_joint(rows, told, self.used)
+        slopes, shares = _each_joint(rows, rows.regressor[..., : tens.size] @ tens, self.used)
+        names = [joint.name for joint in self.evidence.mechanism.primary_joints]
+        each = [f"{n} {slope:.2g} ({share:.0%})" for n, slope, share in zip(names, slopes, shares, strict=True)]
+        told = f"{', '.join(each)} of their variation beside friction explained"
+        least, most = np.abs(slopes).min(), np.abs(slopes).max()
+        geared = shares.min() > EXPLAINED and most < ALIKE * least and not 1 / OTHER_SIDE < most < OTHER_SIDE
+        side = f"; all about {np.median(slopes):.2g}: are they on the other side of gears?" if geared else ""
+        return PreparationStep("torques over the file's", told + side)
 
 
 def relative_error(equations: NormalEquations, x: Array) -> float:

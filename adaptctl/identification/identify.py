@@ -259,8 +259,11 @@ def identified(
     held_out = HeldOut(judged, origin, *cutoffs, choice.settings.left_out)
     read = dict.fromkeys(note for log in (*train, *test) for note in log.notes)
     late_words = [late_torques] if late_torques else []
-    notes = (*doubts, *read, *remarks, *known, *late_words, *contradictions(training, fit))
-    return replace(_result(training, fit, held_out, choice, (*facts, *steps), notes), hypotheses=meaning.tried)
+    geared = [f"{meaning.slopes.name}: {meaning.slopes.outcome}"] if meaning.slopes.outcome.endswith("?") else []
+    notes = (*doubts, *geared, *read, *remarks, *known, *late_words, *contradictions(training, fit))
+    return replace(
+        _result(training, fit, held_out, choice, (*facts, meaning.slopes, *steps), notes), hypotheses=meaning.tried
+    )
 
 
 def _with_constants(
