@@ -69,3 +69,12 @@ def test_results_of_design_print_as_one_line(arm: adaptctl.Mechanism) -> None:
     assert repr(balls) == "<Counterweights on 'two_link': 0 for energy>"
     assert repr(changes[0]) == "<Simplification: lower is symmetric along y already>"
     assert repr(DesignStudy(task, point(1.0), (bounds,), 1.0, balls, changes)) == "<DesignStudy of 'two_link': 1 links>"
+
+
+def test_a_runs_figure_has_the_robots_names_and_units(arm: adaptctl.Mechanism) -> None:
+    env, law = TrackingEnv(arm, 3, duration=0.02), adaptctl.ComputedTorque(arm, 8.0)
+    for run in (adaptctl.rollout(env, law, seed=0), adaptctl.simulate(env, law, seed=0)):
+        figure = run.plot()
+        assert [axes.get_ylabel() for axes in figure.axes] == ["position [rad]", "error [mrad]", "torque [N m]"]
+        assert [text.get_text() for text in figure.legends[0].get_texts()] == ["shoulder", "elbow"]
+    assert [text.get_text() for text in run.plot(["a", "b"]).legends[0].get_texts()] == ["a", "b"]

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
+from adaptctl.description import Joint
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.joint_units import position_units
 from adaptctl.errors import DivergedRunWarning, InputError, validate_kind
 from adaptctl.simulation.closed_loop import guards
 from adaptctl.simulation.references import REFERENCE
@@ -241,7 +241,8 @@ class _SteppedRun:
             terminated=self.terminated,
             info=dict(self._info),
             every=self._kept_samples.every,
-            position_units=_units(self._env),
+            position_units=tuple(joint.kind.position_unit for joint in _joints(self._env)),
+            joints=tuple(joint.name for joint in _joints(self._env)),
         )
 
     def _read(self) -> tuple[Array, Array, ReferencePoint]:
@@ -286,10 +287,10 @@ def known_steps(env: gymnasium.Env[Any, Any]) -> int | None:
     return min((steps for steps in limits if isinstance(steps, int) and steps > 0), default=None)
 
 
-def _units(env: gymnasium.Env[Any, Any]) -> tuple[str, ...]:
-    """Position units, "rad" or "m", empty if unknown."""
+def _joints(env: gymnasium.Env[Any, Any]) -> tuple[Joint, ...]:
+    """Primary joints, empty if unknown."""
     mechanism = getattr(getattr(env.unwrapped, "plant", None), "mechanism", None)
-    return position_units(mechanism) if isinstance(mechanism, Mechanism) else ()
+    return tuple(mechanism.primary_joints) if isinstance(mechanism, Mechanism) else ()
 
 
 def _estimate(state: object) -> Array:

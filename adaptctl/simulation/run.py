@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen, numbers, positive_period
 from adaptctl.caching import sent_as_made
+from adaptctl.dynamics.joint_units import either
 from adaptctl.errors import FileError, InputError
 from adaptctl.optional_packages import needed
 from adaptctl.simulation.rollout_file import (
@@ -89,6 +90,8 @@ class Rollout:
         Numbers (T, l) that the adaptation law records of its internal state, in its units. Default: none.
     position_units : tuple of str, default ()
         Joint units (r,), "rad" or "m"; empty where not known.
+    joints : tuple of str, default ()
+        Joint names (r,), for figures; empty where not known.
 
     Notes
     -----
@@ -125,6 +128,7 @@ class Rollout:
     every: int = 1
     logged_state: Array = field(default_factory=partial(np.empty, (0, 0)))
     position_units: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         end = "to the end" if self.reached_end else "interrupted" if self.interrupted else "terminated"
@@ -262,7 +266,7 @@ class Rollout:
         Parameters
         ----------
         joints : sequence of str, optional
-            Names (r,) of the curves. Default: joint1, joint2, ...
+            Names (r,) of the curves. Default: those of the run's robot where known, else joint1, joint2, ...
 
         Returns
         -------
@@ -294,10 +298,16 @@ class Rollout:
     def _figure(self, joints: Sequence[str] | None = None) -> Figure:
         from matplotlib.figure import Figure
 
-        names = joint_names(self.p.shape[1], joints)
-        panels = [(self.p, "position [rad or m]"), (1e3 * self.error, "error [mrad or mm]")]
-        panels += [(self.applied, "torque [N m or N]")]
-        panels += [(self.estimate, "estimates")] if self.estimate.shape[1] else []
+        names = joint_names(self.p.shape[1], joints or self.joints or None)
+        units = self.position_units or ("rad", "m")
+        unit, small, force = (
+            either(units),
+            either(f"m{one}" for one in units),
+            either("N m" if one == "rad" else "N" for one in units),
+        )
+        panels = [(self.p, f"position [{unit}]"), (1e3 * self.error, f"error [{small}]")]
+        panels += [(self.applied, f"torque [{force}]")]
+        panels += [(self.estimate, "estimates [SI units]")] if self.estimate.shape[1] else []
         figure = Figure(figsize=(8.0, 1.9 * len(panels)), layout="constrained")
         every = slice(None, None, max(1, -(-len(self.time) // MAX_PLOTTED_SAMPLES)))
         for axes, (values, label) in zip(figure.subplots(len(panels), 1, sharex=True), panels, strict=True):

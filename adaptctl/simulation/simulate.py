@@ -341,6 +341,7 @@ class EpisodeRun(Driven):
             flags=self._flags(*flags),
             every=self.kept.every,
             position_units=position_units(self.episode.plant.mechanism),
+            joints=tuple(joint.name for joint in self.episode.plant.mechanism.primary_joints),
         )
 
     def _energy_reached(self) -> float:
