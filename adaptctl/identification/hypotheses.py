@@ -74,7 +74,7 @@ class Hypothesis:
 
 class LogMeaning(NamedTuple):
     """
-    What a log's columns mean.
+    Meaning of a log's columns.
 
     Hypotheses as tried, as it is first, the sentence on the one that is named, if the log is refused for it, and a line
     on the slopes of measured torques on those of the file's links.
