@@ -32,6 +32,7 @@ def noisy(seed: int, encoder: float) -> Known:
     return replace(case, log=replace(case.log, position=case.log.position + off))
 
 
+@nightly
 def test_instruments_forgive_noisy_encoders() -> None:
     errors = []
     for seed in (1, 3, 5):

@@ -244,16 +244,16 @@ def test_a_push_is_never_taken_for_a_payload(seed: int, noise: float) -> None:
 
 
 def test_payloads_are_found_by_their_torques() -> None:
-    found = [judged(2.0, seed, 0.0) for seed in range(12)]
+    found = [judged(2.0, seed, 0.0) for seed in range(8)]
     taken = [left for verdict, left in found if verdict.payload == 1.0]
-    assert len(taken) >= 8
+    assert len(taken) >= 6
     assert max(taken) < 0.15
 
 
 def test_a_load_that_takes_away_more_than_there_is_is_no_payload() -> None:
     """As a push feigns one: the last joint would be left with a negative inertia, and the loop could diverge."""
-    assert [judged(-4.0, seed, 0.0, 0.5)[0].payload for seed in range(6)] == [0.0] * 6
-    assert sum(judged(4.0, seed, 0.0, 0.5)[0].payload for seed in range(6)) >= 3.0
+    assert [judged(-4.0, seed, 0.0, 0.5)[0].payload for seed in range(2)] == [0.0] * 2
+    assert sum(judged(4.0, seed, 0.0, 0.5)[0].payload for seed in range(2)) >= 1.0
 
 
 def test_an_announced_payload_is_taken_at_once_and_ends() -> None:

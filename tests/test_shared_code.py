@@ -52,6 +52,7 @@ def two_steps(function: Callable[[Column], Column]) -> tuple[Any, Any]:
     return once, twice
 
 
+@nightly
 def test_a_long_routine_is_compiled_once_and_gives_the_same_bits(compiled: list[str]) -> None:
     start = np.array([0.3, -0.2])
     apart = [step.run_single(5, start, np.empty(0)) for step in two_steps(outlined(long_function(0.1)))]

@@ -9,6 +9,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from nightly import nightly
 
 from adaptctl.errors import FileError
 from adaptctl.sweeps.folder import read_table
@@ -37,6 +38,7 @@ def cut(place: Path) -> None:
     place.write_bytes(place.read_bytes()[:-40])
 
 
+@nightly
 def test_shards_that_were_changed_run_again(tmp_path: Path) -> None:
     command = [*SWEEP, "--out", str(tmp_path / "out")]
     subprocess.run(command, check=True, capture_output=True)

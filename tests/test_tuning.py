@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import nightly
 
 from adaptctl.cli.main import main
 from adaptctl.control import Sinusoids
@@ -245,6 +246,7 @@ def test_the_command_tells_people_and_programs(capsys: pytest.CaptureFixture[str
     assert "control_period: expected" in capsys.readouterr().err
 
 
+@nightly
 def test_a_base_may_float(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     source = str(urdf("double_pendulum.urdf"))
     assert main(["basis", source, "--floating-base", "--json"]) == 0
