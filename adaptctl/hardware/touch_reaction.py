@@ -12,6 +12,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import Touch
 from adaptctl.control.adaptation.doubt import YOUTH
 from adaptctl.control.controller import Controller, Reference, ReferencePoint
+from adaptctl.control.minimum_jerk import quintic
 from adaptctl.errors import InputError
 
 Reaction: TypeAlias = Literal["ignore", "stop", "comply", "retract"]
@@ -104,8 +105,8 @@ class Retreat:
         turned, slowed = np.clip(passed / (2.0 * d), 0.0, 1.0), np.clip((passed - 2.0 * d - b) / d, 0.0, 1.0)
         back = np.clip(passed - 2.0 * d, 0.0, b)
         way = 2.0 * d * turned - 4.0 * d * _area(turned) - back - d * (slowed - _area(slowed))
-        rate = 1.0 - 2.0 * _step(turned) + _step(slowed)
-        change = (_slope(slowed) - _slope(turned)) / d
+        (turning, turns), (slowing, slows) = (quintic(u)[:2] for u in (turned, slowed))
+        rate, change = 1.0 - 2.0 * turning + slowing, (slows - turns) / d
         inner = self.path(np.maximum(self.time + way, 0.0))
         rate, change = rate[..., None], change[..., None]
         return ReferencePoint(inner.p, inner.v * rate, inner.a * rate**2 + inner.v * change)
@@ -138,13 +139,6 @@ def _innermost(state: Any) -> Any:
     return state
 
 
-def _step(u: Array) -> Array:
-    return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-
-
-def _slope(u: Array) -> Array:
-    return 30.0 * u**2 * (1.0 - u) ** 2
-
-
 def _area(u: Array) -> Array:
+    """Integral of the quintic from 0."""
     return u**4 * (2.5 - 3.0 * u + u**2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import lru_cache, reduce
 from operator import add
 from typing import Any, NamedTuple
 
@@ -135,25 +135,12 @@ class PayloadTest:
 
     def _is_a_body(self, change: Column, step: JudgedPeriod) -> Scalar:
         """1 if the last joint keeps a positive inertia, else 0: a load that a push feigns may take away far more."""
-        inertia, joint = self._inertia
+        inertia, joint = last_inertia(self.model)
         if not inertia.any():
             return 1.0
         before, gained = _combined(inertia, step.trusted), _combined(inertia, change)
         least = -MAX_LOSS * maximum(before, 0.0) - SLACK_TIME * step.damping[joint]
         return where(gained > least, 1.0, 0.0)
-
-    @property
-    def _inertia(self) -> tuple[Array, int]:
-        """Row (k,) of the last link's inertia about its joint, zero if postures change it, and the joint's index."""
-        mechanism = self.model.mechanism
-        joint = mechanism.links[mechanism.description.bodies[-1]].joint.name
-        names = [one.name for one in mechanism.primary_joints]
-        if mechanism.description.loops is not None or joint not in names:
-            return np.zeros(len(self.model.columns)), 0
-        place, rest = names.index(joint), np.zeros(mechanism.dof)
-        moved = self.model.torque_regressor(mechanism.neutral_configuration, rest, np.eye(mechanism.dof)[place])
-        still = self.model.torque_regressor(mechanism.neutral_configuration, rest, rest)
-        return moved[place] - still[place], place
 
     def _effects(self, row: Column) -> Column:
         """Torque (10,) of a joint for each parameter of the link."""
@@ -168,6 +155,20 @@ class PayloadTest:
         inverse, effect = Column(1.0 / x for x in self.gain), self._effect
         pairs = ((i, j) for i in range(10) for j in range(i, 10))
         return Column(_combined(effect[:, i] * effect[:, j], inverse) for i, j in pairs)
+
+
+@lru_cache(maxsize=32)
+def last_inertia(model: ReducedModel) -> tuple[Array, int]:
+    """Row (k,) of the last link's inertia about its joint, zero if postures change it, and the joint's index."""
+    mechanism = model.mechanism
+    joint = mechanism.links[mechanism.description.bodies[-1]].joint.name
+    names = [one.name for one in mechanism.primary_joints]
+    if mechanism.description.loops is not None or joint not in names:
+        return np.zeros(len(model.columns)), 0
+    place, rest = names.index(joint), np.zeros(mechanism.dof)
+    moved = model.torque_regressor(mechanism.neutral_configuration, rest, np.eye(mechanism.dof)[place])
+    still = model.torque_regressor(mechanism.neutral_configuration, rest, rest)
+    return moved[place] - still[place], place
 
 
 def _combined(factors: Array, values: Column) -> Scalar:
