@@ -10,7 +10,8 @@ import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING, NoReturn
 
-from adaptctl.cli.interruption import not_ignored
+from adaptctl.cli.heartbeat import heartbeat
+from adaptctl.cli.interruption import keep_without_terminal, not_ignored, raised, repeated_where_lost
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,16 +29,16 @@ def run() -> NoReturn:
     """Run the command line and exit with its code."""
     _on_signals(_leave)  # while packages are imported, there is nothing to keep
     gc.set_threshold(*COLLECTED)
+    keep_without_terminal()
+    heartbeat.start()
     main = _main()
-    from adaptctl.cli.interruption import keep_without_terminal, raised, repeated_where_lost
-
     code = INTERRUPTED
     with suppress(KeyboardInterrupt):  # between two commands' own ways to take it
         repeated_where_lost()
-        keep_without_terminal()
         _on_signals(raised)
         code = main()
     _on_signals(signal.SIG_IGN)  # all is done; packages close
+    heartbeat.stop()
     if code == INTERRUPTED:
         _exit_at_once()
     sys.exit(code)
@@ -71,6 +72,7 @@ def _on_signals(handler: Handler) -> None:
 
 
 def _leave(number: int, frame: FrameType | None) -> NoReturn:
+    heartbeat.stop()
     with suppress(OSError):  # The terminal may be gone.
         os.write(2, b"adaptctl: interrupted\n")
     os._exit(INTERRUPTED)

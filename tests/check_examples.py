@@ -28,6 +28,7 @@ def installed(folder: Path) -> Path:
     here = next(path for path in sys.path if path.endswith("site-packages"))
     site = next((folder / "venv" / "lib").glob("python*/site-packages"))
     (site / "beside.pth").write_text(f"import sys; sys.path.append({here!r})\n")
+    (folder / "venv" / "bin" / "rerun").symlink_to(Path(sys.executable).parent / "rerun")
     return python
 
 

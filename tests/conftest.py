@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 # One worker runs on each core. A second thread of OpenBLAS would wait there in a loop, and products of small matrices
 # take up to a hundred times as long. NumPy reads this when it is first imported, in processes started here too.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Signs of life come after a second, which a busy machine takes for what a quiet one does at once.
+os.environ["ADAPTCTL_PROGRESS"] = "off"
 
 # `make test` draws the same cases each time, so that a red run is a change's own; `make search` draws others each time.
 settings.register_profile("same", deadline=None, derandomize=True, database=None, max_examples=40)

@@ -37,9 +37,9 @@ def blocks(text: str) -> Iterator[Block]:
 def commands(text: str) -> Iterator[list[str]]:
     """Words of each command of a console block that runs anywhere."""
     for line in text.replace("\\\n", " ").splitlines():
-        line = line.strip().removeprefix("$ ")
+        line = line.partition(" #")[0].strip().removeprefix("$ ")
         if line.startswith("adaptctl ") and not NEEDS_MORE.search(line):
-            yield shlex.split(line, comments=True)[1:]
+            yield shlex.split(line)[1:]
 
 
 def failed_commands(text: str) -> Iterator[str]:

@@ -1,18 +1,14 @@
-"""Compilation that takes long is shown, on terminals alone."""
+"""Compilation that takes long is shown among bars of progress."""
 
 from __future__ import annotations
 
-import os
-import pty
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 
 from adaptctl.cli import compiling
-from adaptctl.cli.compiling import TEXT, Announcement, compilation_shown
+from adaptctl.cli.compiling import Announcement
 from adaptctl.compilation import compile_function
 from adaptctl.compilation.watch import watched, watching
 
@@ -60,38 +56,3 @@ def test_compilation_is_what_is_watched(monkeypatch: pytest.MonkeyPatch, tmp_pat
         for _ in range(2):  # the second is found in the cache
             assert compile_function(lambda x: 3.0 * x[0], {"x": 1}, name="tripled")([2.0]) == 6.0
     assert told in (["shown", "hidden"], [])  # it may be over before the timer's thread begins
-    assert compilation_shown().__class__.__name__ == "nullcontext"
-
-
-PROGRAM = """
-import sys, time
-from adaptctl.cli import compiling
-from adaptctl.compilation.watch import watched
-compiling.PATIENCE = 0.0
-with compiling.compilation_shown(), watched():
-    time.sleep(0.3)
-print("done", file=sys.stderr)
-"""
-
-
-def test_a_terminal_sees_a_line_that_goes() -> None:
-    ours, theirs = pty.openpty()
-    with subprocess.Popen([sys.executable, "-c", PROGRAM], stderr=theirs, stdin=theirs) as process:
-        os.close(theirs)
-        seen = b""
-        while True:
-            try:
-                part = os.read(ours, 1024)
-            except OSError:  # Linux's end of a terminal
-                break
-            if not part:
-                break
-            seen += part
-        assert process.wait(30) == 0
-    os.close(ours)
-    assert seen.decode().replace("\r\n", "\n") == f"{TEXT}\r\x1b[Kdone\n"
-
-
-def test_no_terminal_sees_nothing() -> None:
-    done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "done\n")

@@ -11,6 +11,7 @@ import pytest
 from adaptctl.cli.main import main
 from adaptctl.codegen import builds
 from adaptctl.codegen.builds import COMPILERS, Build, found_compilers
+from adaptctl.codegen.exporting import Exported
 
 LINE = ("export", "two_link", "--law", "computed-torque", "--check", "--anyway")
 
@@ -48,10 +49,22 @@ def test_builds_are_told_and_what_differs_is_a_failure(
     compiler(tmp_path, "echo FAILED: torques within nan of 9 N m; exit 1")
     assert main([*LINE, "--out", str(tmp_path / "two")]) == 3
     (line,) = [line for line in capsys.readouterr().err.splitlines() if "note:" not in line]
-    assert line.endswith("two: the compiled code differs from Python: cc: FAILED: torques within nan of 9 N m")
+    assert line.endswith("two: the compiled code fails its test: cc: FAILED: torques within nan of 9 N m")
     (tmp_path / "cc").write_text("#!/bin/sh\necho no such flag >&2; exit 1\n")
     assert main([*LINE, "--out", str(tmp_path / "three")]) == 3
     assert "does not compile: no such flag" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("slow", ["cc", "program"])
+def test_a_build_that_does_not_end_is_a_failure(slow: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    made = compiler(tmp_path, "sleep 20")
+    if slow == "cc":
+        (tmp_path / "cc").write_text("#!/bin/sh\nexec sleep 20\n")
+    monkeypatch.setattr(builds, "COMPILERS", {"cc": (made,)})
+    monkeypatch.setattr(builds, "found_compilers", lambda: {"cc": "cc 1"})
+    monkeypatch.setattr(builds, "TIMEOUT", 0.2)
+    (build,) = builds.builds(Exported(tmp_path, "arm", (), {}))
+    assert build == Build("cc", False, "no result within 0.2 s", None, None)
 
 
 def test_without_a_compiler_it_says_so(

@@ -1,18 +1,14 @@
-"""Compilation shown on a terminal."""
+"""Compilation shown among bars of progress."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from threading import Timer
 from time import perf_counter
 
-from adaptctl.compilation.watch import watching
-
 PATIENCE = 1.0
 """Seconds of compilation in all after which it is shown."""
-TEXT = "adaptctl: compiling to native code, which the next run finds in the cache ..."
 
 
 class Announcement:
@@ -40,15 +36,3 @@ class Announcement:
     def _appear(self) -> None:
         self._shown = True
         self._show()
-
-
-def compilation_shown() -> AbstractContextManager[None]:
-    """Context manager that shows compilation as a line on stderr, where that is a terminal."""
-    if sys.stderr is None or not sys.stderr.isatty():
-        return nullcontext()
-    return watching(Announcement(lambda: _put(TEXT), lambda: _put("\r\x1b[K")))
-
-
-def _put(text: str) -> None:
-    sys.stderr.write(text)
-    sys.stderr.flush()

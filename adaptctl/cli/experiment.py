@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from adaptctl.cli.compiling import Announcement
+from adaptctl.cli.heartbeat import heartbeat
 from adaptctl.cli.interruption import Interruption, interruptible
 from adaptctl.cli.output import Json, WrappedTable, print_json, print_outcome, print_parts
 from adaptctl.compilation.watch import watching
@@ -245,7 +246,7 @@ def _computed(experiment: Experiment, folder: Path, interruption: Interruption, 
 
 @contextmanager
 def shown_progress() -> Iterator[Callable[[str, float], None]]:
-    """Context manager that shows a bar for each stage on stderr, where that is a terminal."""
+    """Context manager that shows a bar for each stage on stderr; lines tell of it where that is no terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
@@ -258,13 +259,14 @@ def shown_progress() -> Iterator[Callable[[str, float], None]]:
             if what not in tasks:
                 tasks[what] = shown.add_task(what, total=1.0)
             shown.update(tasks[what], completed=share)
+            heartbeat.doing(f"{what}, {share:.0%}")
 
         compiling = shown.add_task("Compiling", total=None, visible=False)
         watcher = Announcement(
             lambda: shown.update(compiling, visible=True), lambda: shown.update(compiling, visible=False)
         )
         try:
-            with watching(watcher if console.is_terminal else nullcontext):
+            with watching(watcher) if console.is_terminal else nullcontext():
                 yield progress
         except BaseException:
             shown.live.transient = True  # what went wrong is one line, with no half-filled bars above it

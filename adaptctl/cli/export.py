@@ -115,7 +115,7 @@ def export(
         if check and language == "c" and not made:
             print(f"not built: found none of these compilers: {', '.join(COMPILERS)}")
     if wrong := [build for build in made if not build.passed]:
-        raise VerdictError(f"{out}: the compiled code differs from Python: {wrong[0].compiler}: {wrong[0].message}")
+        raise VerdictError(f"{out}: the compiled code fails its test: {wrong[0].compiler}: {wrong[0].message}")
 
 
 def _print(done: Exported) -> None:

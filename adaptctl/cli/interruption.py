@@ -14,6 +14,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
+from adaptctl.cli.heartbeat import heartbeat
+
 if TYPE_CHECKING:
     from types import FrameType, TracebackType
 
@@ -93,6 +95,7 @@ class _Terminal(io.FileIO):
     """Stream of a terminal; once that is gone, output is dropped, since a signal says so."""
 
     def write(self, data: Any, /) -> int:
+        heartbeat.heard(bytes(data))
         try:
             return super().write(data)
         except OSError as error:

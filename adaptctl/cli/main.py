@@ -13,8 +13,9 @@ from typing import TextIO, get_args
 
 from cyclopts import App, ArgumentCollection, CycloptsError, Parameter, UnknownOptionError
 
-from adaptctl.cli.compiling import compilation_shown
+from adaptctl.cli.heartbeat import heartbeat
 from adaptctl.cli.robot import note_on
+from adaptctl.compilation.watch import watching
 from adaptctl.errors import (
     AdaptctlError,
     InputError,
@@ -113,7 +114,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if argv is None else argv)
     _write_any_character()
-    with _warnings_as_notes(), compilation_shown():
+    with _warnings_as_notes(), watching(heartbeat.compiling):
         try:
             with needed(_called(given[: 3 if given[:1] == ["experiment"] else 1])):
                 if given[:2] == ["experiment", "run"]:

@@ -1,0 +1,101 @@
+"""Commands say what they compute where they print nothing for a second: a line that goes, on terminals."""
+
+from __future__ import annotations
+
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+BEGIN = """
+import sys, time
+from adaptctl.cli import heartbeat as module
+from adaptctl.cli.interruption import keep_without_terminal
+module.PATIENCE, module.REDRAWN = 0.2, 10.0
+keep_without_terminal()
+beat = module.heartbeat
+beat.start()
+"""
+WORK = "beat.doing('gains'); time.sleep(0.4); print('result'); time.sleep(0.1); beat.stop()"
+OPEN_LINE = "print('Start? [y/N] ', end='', flush=True); time.sleep(0.5); print('y'); beat.stop()"
+COMPILED = """
+from adaptctl.compilation.watch import watched, watching
+with watching(beat.compiling), watched():
+    time.sleep(0.5)
+beat.stop()
+"""
+
+
+def seen(program: str) -> str:
+    """What a terminal gets of a program."""
+    ours, theirs = pty.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-c", BEGIN + program], stdout=theirs, stderr=theirs, stdin=theirs
+    ) as process:
+        os.close(theirs)
+        shown = b""
+        while part := _read(ours):
+            shown += part
+        assert process.wait(30) == 0
+    os.close(ours)
+    return shown.decode().replace("\r\n", "\n")
+
+
+def _read(terminal: int) -> bytes:
+    try:
+        return os.read(terminal, 1024)
+    except OSError:  # Linux's end of a terminal
+        return b""
+
+
+@pytest.fixture(autouse=True)
+def _shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ADAPTCTL_PROGRESS")
+
+
+def test_a_line_goes_before_what_is_printed() -> None:
+    assert seen(WORK) == "\r\x1b[Kadaptctl: gains, 0 s\r\x1b[Kresult\n"
+
+
+def test_a_question_stays_as_it_is() -> None:
+    assert seen(OPEN_LINE) == "Start? [y/N] y\n"
+
+
+def test_compilation_is_named_and_no_line_is_longer_than_the_terminal() -> None:
+    shown = seen(COMPILED)
+    assert "compiling to native code" in shown
+    assert max(map(len, shown.replace("\x1b[K", "").split("\r"))) < 80
+    assert shown.endswith("\r\x1b[K")
+
+
+def piped(program: str) -> tuple[str, list[str]]:
+    done = subprocess.run(
+        [sys.executable, "-c", BEGIN + program], capture_output=True, text=True, timeout=60, check=True
+    )
+    return done.stdout, done.stderr.splitlines()
+
+
+def test_elsewhere_lines_follow_ever_more_rarely() -> None:
+    out, lines = piped("beat.doing('gains'); time.sleep(1.0); print('result'); beat.stop()")
+    assert out == "result\n"
+    assert set(lines) <= {"adaptctl: gains, 0 s", "adaptctl: gains, 1 s"}
+    assert 1 <= len(lines) <= 2
+
+
+def test_it_can_be_turned_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ADAPTCTL_PROGRESS", "off")
+    assert piped(WORK) == ("result\n", [])
+    assert seen(WORK) == "result\n"
+
+
+def test_a_command_shows_it(tmp_path: Path) -> None:
+    program = "import sys; from adaptctl.cli import heartbeat as m; m.PATIENCE = 0.1; "
+    program += "from adaptctl.__main__ import run; run()"
+    command = [sys.executable, "-c", program, "basis", "two_link"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "adaptctl: working, 0 s" in done.stderr.splitlines()
+    assert done.stdout.startswith("two_link")
