@@ -208,7 +208,7 @@ def test_a_file_is_read_by_its_suffix_and_its_rank_found(tmp_path: Path) -> None
 
 def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     for text, message in (
-        (mjcf(chain('stiffness="3"')), r"robot\.xml: joint springs are ignored: j1"),
+        (mjcf(chain('stiffness="3 1"')), r"robot\.xml: joint springs that are not linear are ignored: j1"),
         (
             mjcf(chain().replace('name="b"', 'name="b" gravcomp="1"')),
             r"robot\.xml: gravity compensation is ignored: b",

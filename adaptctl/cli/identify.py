@@ -76,7 +76,7 @@ def identify(
     skip_steps : list of str
         Preprocessing steps to skip: resample, unwrap, velocities, limits, standstill.
     friction : str
-        Terms of the friction model, such as viscous,coulomb. Default: cross-validation.
+        Terms of friction and springs, such as viscous,coulomb,stiffness. Default: cross-validation.
     cutoff : float
         Cut-off frequency of the filter, Hz. Default: cross-validation.
     prior_weight : float

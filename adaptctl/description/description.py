@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array, frozen_array, whole_count, whole_number
 from adaptctl.caching import cached_property, sent_as_made
-from adaptctl.description.drive import MAX_DRIVE_TERM, Drive, DriveParameter, Limits
+from adaptctl.description.drive import HARMONICS, MAX_DRIVE_TERM, Drive, DriveParameter, Limits
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
 from adaptctl.description.pose import Pose
 from adaptctl.errors import InputError, validate_kind
@@ -85,7 +85,8 @@ class Joint:
     Raises
     ------
     InputError
-        If `kind` is not a `JointKind`, or the axis has another shape, is not finite or shorter than 1e-9.
+        If `kind` is not a `JointKind`, the axis has another shape, is not finite or shorter than 1e-9, or the drive of
+        a prismatic joint has harmonics of an angle.
 
     Examples
     --------
@@ -108,6 +109,11 @@ class Joint:
         if not 1e-9 <= norm < math.inf:
             what = "other than zero" if norm < 1.0 else f"of finite length, got {axis.tolist()}"
             raise InputError(f"joint {self.name!r}: axis: expected a vector {what}")
+        for kind in () if self.kind.is_revolute else HARMONICS:
+            if self.drive.value(kind) is not None:
+                raise InputError(
+                    f"joint {self.name!r}: {kind.value}: harmonics of the angle are of joints that turn; remove it"
+                )
         # Dividing a unit vector by its own rounded norm would spoil exact entries such as 0 and 1.
         unit = axis if abs(norm - 1.0) <= 1e-15 else axis / norm
         object.__setattr__(self, "axis", frozen_array(unit, (3,), "axis"))
@@ -365,7 +371,7 @@ class Description:
     @property
     def num_energy_parameters(self) -> int:
         """Number of inertial parameters, which enter the energy; friction parameters do not."""
-        rotors = sum(not kind.is_friction for _, kind in self.drive_parameters)
+        rotors = sum(kind.is_rotor for _, kind in self.drive_parameters)
         return 10 * len(self.bodies) + rotors
 
     @cached_property

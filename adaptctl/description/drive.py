@@ -21,14 +21,40 @@ class DriveParameter(Enum):
     SQUARE_ROOT = "square_root"
     STRIBECK = "stribeck"
     OFFSET = "offset"
+    STIFFNESS = "stiffness"
+    SINE = "sine"
+    COSINE = "cosine"
+    SINE_2 = "sine_2"
+    COSINE_2 = "cosine_2"
+
+    @property
+    def is_rotor(self) -> bool:
+        """True for the rotor inertia."""
+        return self is DriveParameter.ROTOR_INERTIA
 
     @property
     def is_friction(self) -> bool:
-        """True for all but the rotor inertia."""
-        return self is not DriveParameter.ROTOR_INERTIA
+        """True for the terms of the speed, and the offset."""
+        return not (self.is_rotor or self.is_spring)
+
+    @property
+    def is_spring(self) -> bool:
+        """True for the terms of the position, which store energy: the spring's and the harmonics of the angle."""
+        return self is DriveParameter.STIFFNESS or self.is_harmonic
+
+    @property
+    def is_harmonic(self) -> bool:
+        """True for the harmonics of the angle, which only a joint that turns has."""
+        return self in HARMONICS
 
 
-MAY_BE_NEGATIVE = frozenset({DriveParameter.SQUARE_ROOT, DriveParameter.STRIBECK, DriveParameter.OFFSET})
+HARMONICS = (DriveParameter.SINE, DriveParameter.COSINE, DriveParameter.SINE_2, DriveParameter.COSINE_2)
+"""Harmonics of the angle, the first two and then those of its double."""
+MAY_BE_NEGATIVE = frozenset(DriveParameter) - {
+    DriveParameter.ROTOR_INERTIA,
+    DriveParameter.VISCOUS,
+    DriveParameter.COULOMB,
+}
 """Terms that only bend a friction curve, or have no direction of their own."""
 MAX_DRIVE_TERM = 1e20
 """Term of a drive that a mechanism may have (SI units): energies and torques of larger ones overflow."""
@@ -37,7 +63,7 @@ MAX_DRIVE_TERM = 1e20
 @dataclass(frozen=True)
 class Drive:
     r"""
-    Rotor inertia and friction of a joint, at the speed s of its motor shaft.
+    Rotor inertia, friction and springs of a joint, at the speed s of its motor shaft and the position q of the joint.
 
     Parameters
     ----------
@@ -53,6 +79,10 @@ class Drive:
         Excess of static friction in N m (N).
     offset : float, optional
         Constant torque in N m (N).
+    stiffness : float, optional
+        Stiffness in N m/rad (N/m) of a spring at the joint, which is at rest at q = -offset/stiffness.
+    sine, cosine, sine_2, cosine_2 : float, optional
+        Torque in N m of the first two harmonics of the joint's angle, as of a counterbalance, cables or cogging.
     turns_with : tuple of (str, float), optional
         Names of other joints that turn the same shaft, with ratios: their velocities times ratio add to s, and the
         drive's torque acts on them in the same ratios.
@@ -65,7 +95,13 @@ class Drive:
 
     Notes
     -----
-    A term of None is not modelled and no parameter. Friction opposes the motion by [1]_
+    A term of None is not modelled and no parameter. What the drive has to give for springs is
+
+    .. math::
+
+        k q + a_1 \sin q + b_1 \cos q + a_2 \sin 2q + b_2 \cos 2q
+
+    at the joint itself, whatever else turns the shaft. Friction opposes the motion by [1]_
 
     .. math::
 
@@ -91,6 +127,11 @@ class Drive:
     square_root: float | None = None
     stribeck: float | None = None
     offset: float | None = None
+    stiffness: float | None = None
+    sine: float | None = None
+    cosine: float | None = None
+    sine_2: float | None = None
+    cosine_2: float | None = None
     turns_with: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:

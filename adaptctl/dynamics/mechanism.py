@@ -673,7 +673,7 @@ class Mechanism:
         Warns
         -----
         SimplificationWarning
-            If friction other than viscous and Coulomb's is left out.
+            If springs, or friction other than viscous and Coulomb's, are left out.
 
         Examples
         --------
@@ -810,7 +810,7 @@ class Mechanism:
         Warns
         -----
         SimplificationWarning
-            If friction other than viscous and Coulomb's is left out.
+            If springs, or friction other than viscous and Coulomb's, are left out.
 
         Examples
         --------
@@ -836,8 +836,8 @@ class Mechanism:
         Raises
         ------
         InputError
-            If there are loops, drives that turn with several joints, inertias of no rigid body, or friction other than
-            viscous and Coulomb's.
+            If there are loops, drives that turn with several joints, inertias of no rigid body, or terms of drives
+            other than a rotor, viscous and Coulomb friction and a linear spring of positive stiffness.
         MissingExtraError
             If MuJoCo is not installed.
 

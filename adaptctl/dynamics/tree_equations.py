@@ -84,7 +84,8 @@ class TreeEquations(Equations):
     def of(cls, description: Description) -> TreeEquations:
         """Equations of motion of a description's tree."""
         drives = tuple(
-            DriveTerm(description.drive_coupling(joint), kind) for joint, kind in description.drive_parameters
+            DriveTerm(((joint, 1.0),) if kind.is_spring else description.drive_coupling(joint), kind)
+            for joint, kind in description.drive_parameters
         )
         layout = ParameterLayout(len(description.links), description.bodies, drives)
         return cls(segments(description), Vec(*description.gravity.tolist()), layout)
@@ -118,21 +119,24 @@ class TreeEquations(Equations):
 
     def energy_regressor(self, p: Column, v: Column) -> Column:
         """Energy regressor (P,)."""
-        return self.energies(energy.energy_regressor(self.segments, p, v, self.gravity), v)
+        moving = self.energies(energy.energy_regressor(self.segments, p, v, self.gravity), v).of
+        stored = (term.potential(p) for term in self.layout.drives)
+        first = self.layout.driven
+        return Column((*moving[:first], *(a + b for a, b in zip(moving[first:], stored, strict=True))))
 
     def energies(self, tens: Column, v: Column) -> Column:
-        """Energy regressor (P,) with drives, from the links' (10 N,)."""
+        """Energy regressor (P,) with rotors, from the links' (10 N,)."""
         return Column((*self.layout.owned(tens), *(term.energy(v) for term in self.layout.drives)))
 
     def potential_regressor(self, p: Column) -> Column:
         """Potential part (P,) of the energy regressor."""
         links = energy.potential_regressor(self.segments, p, self.gravity)
-        return Column((*self.layout.owned(links), *(0.0 for _ in self.layout.drives)))
+        return Column((*self.layout.owned(links), *(term.potential(p) for term in self.layout.drives)))
 
     def motion(self, p: Column, v: Column, v_r: Column, a_r: Column) -> TreeMotion:
         """Motion at one instant."""
         places = self._placements(p)
-        drives = [term.torque(v_r, a_r) for term in self.layout.drives]
+        drives = [term.torque(p, v_r, a_r) for term in self.layout.drives]
         return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
 
     def restored_motion(self, numbers: Column) -> TreeMotion:
@@ -147,7 +151,7 @@ class TreeEquations(Equations):
         """Mass matrix (r, r), as r rows."""
         rows = mass_matrix(self._placements(p), self.layout.tens(parameters))
         for term, value in zip(self.layout.drives, self.layout.of_drives(parameters), strict=True):
-            for joint, share in [] if term.kind.is_friction else term.on_joints(value):
+            for joint, share in term.on_joints(value) if term.kind.is_rotor else []:
                 for other, part in term.on_joints(share):
                     rows[joint][other] = rows[joint][other] + part
         return rows
@@ -172,7 +176,7 @@ class TreeEquations(Equations):
         for term, share, value in zip(self.layout.drives, motion.drives, values, strict=True):
             for joint, part in term.on_joints(value * share):
                 own[joint] = own[joint] - part
-            if not term.kind.is_friction:
+            if term.kind.is_rotor:
                 rotors[term.joint] = rotors[term.joint] + value
         return accelerations(motion.places, motion.links, self.layout.tens(parameters), rotors, Column(own))
 
@@ -186,7 +190,7 @@ class TreeEquations(Equations):
     @cached_property
     def _is_long(self) -> bool:
         deep = depths(link.parent for link in self.segments)
-        coupled = any(len(term.arms) > 1 for term in self.layout.drives if not term.kind.is_friction)
+        coupled = any(len(term.arms) > 1 for term in self.layout.drives if term.kind.is_rotor)
         return sum(deep) >= MIN_ARTICULATED_DEPTH * len(deep) and not coupled
 
     def without_gravity(self) -> TreeEquations:

@@ -16,6 +16,7 @@ from adaptctl.errors import AdaptctlError, InputError
 from adaptctl.identification.fit import Fit, FitSettings, LogEvidence
 from adaptctl.identification.friction_model import ALWAYS, CANDIDATES, FrictionModel
 from adaptctl.identification.least_squares import weighted_least_squares
+from adaptctl.identification.springs import spring_kinds, told_kinds, untold_springs, validate_told
 
 NUM_FOLDS = 5
 NUM_BLOCKS = 20
@@ -64,8 +65,13 @@ def choose(
     search = _Selection(evidence, [])
     widest = replace(settings, friction=friction or FrictionModel((*ALWAYS, DriveParameter.OFFSET)))
     settings = replace(settings, left_out=contradictory(evidence, widest))
+    sprung = friction or widest.friction.also(spring_kinds(evidence.mechanism))
+    settings = replace(settings, untold=untold_springs(evidence, replace(settings, friction=sprung)))
     if friction is None:
         settings = search.best([replace(settings, friction=c) for c in CANDIDATES], "friction", _friction)
+        settings = search.best(_sprung(evidence, settings), "springs", _friction)
+    else:
+        validate_told(friction, evidence.mechanism, settings.untold)
     if cutoff is None:
         tried = sorted(evidence.rows, key=lambda c: c != settings.cutoff)
         settings = search.best([replace(settings, cutoff=c) for c in tried], "cut-off, Hz", _cutoff)
@@ -74,6 +80,13 @@ def choose(
         every = [replace(settings, weight=w) for w in WEIGHT_CANDIDATES]
         settings = search.best(_allowed(evidence, every), "weight of the prior", _weight, MIN_WEIGHT_IMPROVEMENT)
     return Choice(settings, tuple(search.trials))
+
+
+def _sprung(evidence: LogEvidence, settings: FitSettings) -> list[FitSettings]:
+    """Settings as they are, and with the springs that the log tells, if any."""
+    springs = told_kinds(evidence.mechanism, settings.untold)
+    more = settings.friction.also((DriveParameter.OFFSET, *springs))
+    return [settings, replace(settings, friction=more)] if springs else [settings]
 
 
 def judged_at(evidence: LogEvidence) -> float:

@@ -29,13 +29,17 @@ MIN_MEAN_RATIO, MIN_MEAN_SHARE = 8.0, 0.25
 
 @dataclass(frozen=True)
 class FitSettings:
-    """Friction model, prior's weight, cut-off (Hz), share of peak speed that masks slower joints, joints left out."""
+    """
+    Friction model, prior's weight, cut-off (Hz), share of peak speed that masks slower joints, joints left out, and
+    names of parameters that the log does not tell.
+    """
 
     friction: FrictionModel
     weight: float
     cutoff: float
     slow: float = 0.0
     left_out: tuple[int, ...] = ()
+    untold: tuple[str, ...] = ()
 
     def columns(self, mechanism: Mechanism) -> Array:
         """Mask (P,) of the parameters: links', and those of the friction model in the drives of joints that count."""
@@ -43,7 +47,7 @@ class FitSettings:
         first = len(mask) - len(mechanism.description.drive_parameters)
         names = {mechanism.primary_joints[j].name for j in self.left_out}
         for k, name in enumerate(mechanism.parameter_names[first:]):
-            if name.rsplit(".", 1)[0] in names:
+            if name.rsplit(".", 1)[0] in names or name in self.untold:
                 mask[first + k] = 0.0
         return mask
 

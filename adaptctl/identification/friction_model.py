@@ -1,13 +1,14 @@
-"""Friction models of a robot's drives."""
+"""Models of the friction and springs of a robot's drives."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.drive import DriveParameter
+from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.drives_file import Drives
@@ -19,7 +20,7 @@ OFFSETS = ((), (DriveParameter.OFFSET,))
 
 @dataclass(frozen=True)
 class FrictionModel:
-    """Friction terms that are modelled."""
+    """Terms of friction and springs that are modelled."""
 
     kinds: tuple[DriveParameter, ...] = ALWAYS
 
@@ -34,14 +35,19 @@ class FrictionModel:
         if not isinstance(words, str):
             raise InputError(f"friction: expected a text such as viscous,coulomb, got {words!r}")
         names = [name.strip() for name in words.split(",") if name.strip()]
-        known = {kind.value: kind for kind in DriveParameter if kind.is_friction}
+        known = {kind.value: kind for kind in DriveParameter if not kind.is_rotor}
         if unknown := [name for name in names if name not in known]:
             raise InputError(f"friction: expected some of {', '.join(known)}, got {unknown[0]!r}")
         kinds = tuple(kind for name, kind in known.items() if name in names)
         return cls(kinds)
 
+    def also(self, kinds: Iterable[DriveParameter]) -> FrictionModel:
+        """Model with further terms."""
+        every = {*self.kinds, *kinds}
+        return FrictionModel(tuple(kind for kind in DriveParameter if kind in every))
+
     def columns(self, mechanism: Mechanism) -> Array:
-        """Mask (P,) of links' parameters, rotor inertias and the model's friction terms."""
+        """Mask (P,) of links' parameters, rotor inertias and the model's terms."""
         drives = mechanism.description.drive_parameters
         kept = [float(kind in (*self.kinds, DriveParameter.ROTOR_INERTIA)) for _, kind in drives]
         return np.concatenate([np.ones(len(mechanism.parameter_names) - len(drives)), np.array(kept)])
@@ -51,13 +57,19 @@ CANDIDATES = tuple(FrictionModel((*ALWAYS, *curve, *offset)) for curve in CURVES
 
 
 def with_all_friction(mechanism: Mechanism, drives: Drives) -> Mechanism:
-    """Mechanism with a rotor and every kind of friction in each primary drive, zero, coupled by `drives`."""
+    """Mechanism whose primary drives, coupled by `drives`, have rotors, all friction and their own springs, zero."""
     if mechanism.unconstrained is not mechanism:
         raise InputError(
             f"{mechanism.name}: identification does not support constraints on the parameters; give "
             "`mechanism.unconstrained`"
         )
-    terms = dict.fromkeys(DriveParameter, 0.0)
-    own = {name: drive.with_terms(terms) for name, drive in zip(drives.joints, drives.joint_drives(), strict=True)}
-    each = [own.get(link.joint.name, link.joint.drive) for link in mechanism.links]
+    coupled = dict(zip(drives.joints, drives.joint_drives(), strict=True))
+    each = [_with_all(link.joint.drive, coupled.get(link.joint.name)) for link in mechanism.links]
     return mechanism.with_drives(each)
+
+
+def _with_all(own: Drive, coupled: Drive | None) -> Drive:
+    if coupled is None:
+        return own
+    kinds = [kind for kind in DriveParameter if not kind.is_spring or own.value(kind) is not None]
+    return coupled.with_terms(dict.fromkeys(kinds, 0.0))

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import AdaptctlError, InputError
 from adaptctl.identifiability.factorisation import one_thread
@@ -86,13 +87,15 @@ class LogMeaning(NamedTuple):
     slopes: PreparationStep
 
 
-AS_IS = "as is"
+AS_IS, SPRING, COUNTERBALANCE = "as is", "a spring", "a counterbalance"
 
 
 @one_thread()
-def compared_hypotheses(evidence: LogEvidence, others: Sequence[SmoothMotion] = ()) -> LogMeaning:
-    """Hypotheses about the logs of evidence, and of other motions of the same robot."""
-    rows = HypothesisRows.of(evidence, others)
+def compared_hypotheses(
+    evidence: LogEvidence, others: Sequence[SmoothMotion] = (), springs: tuple[DriveParameter, ...] = ()
+) -> LogMeaning:
+    """Hypotheses about the logs of evidence, and of other motions of the same robot, with kinds of springs."""
+    rows = HypothesisRows.of(evidence, others, springs)
     as_is = rows.mixed(np.eye(evidence.mechanism.dof))
     deviations = rows.least(as_is)[1]
     error = relative_error(as_is, rows.consistent(as_is, deviations))
@@ -165,7 +168,7 @@ def hypotheses(rows: HypothesisRows) -> Iterator[Hypothesis]:
     yield from _zeros(rows)
     yield from _gravities(rows)
     yield from _scales(rows)
-    yield from _springs(rows)
+    yield from () if rows.springs else _springs(rows)
     yield from _payloads(rows)
 
 
@@ -343,10 +346,10 @@ def _beside(rows: HypothesisRows, columns: Array) -> NormalEquations:
 
 
 def _springs(rows: HypothesisRows) -> Iterator[Hypothesis]:
-    """Springs and counterbalances of single joints, which the model has not."""
+    """Springs and counterbalances of single joints, which the model may not have."""
     joints, remedy = (
         rows.evidence.mechanism.primary_joints,
-        "the model has no such term: the estimate takes it for mass",
+        "--friction viscous,coulomb,offset,stiffness (or sine,cosine) has such a term; without, it is taken for mass",
     )
     for j, joint in enumerate(joints):
         own = rows.position[:, j, None]
@@ -355,7 +358,7 @@ def _springs(rows: HypothesisRows) -> Iterator[Hypothesis]:
         straight = rows.filtered(own)[:, None, :] * one[:, None]
         spring = partial(_stiffness, len(rows.evidence.mechanism.parameter_names), unit)
         yield Hypothesis(
-            "a spring",
+            SPRING,
             f"a spring is at {joint.name}",
             remedy,
             partial(_beside, rows, straight),
@@ -365,7 +368,7 @@ def _springs(rows: HypothesisRows) -> Iterator[Hypothesis]:
         if joint.kind.is_revolute:
             waves = rows.filtered(np.concatenate([np.sin(own), np.cos(own)], axis=-1))[:, None, :] * one[:, None]
             words = f"a counterbalance is at {joint.name}"
-            yield Hypothesis("a counterbalance", words, remedy, partial(_beside, rows, waves), refuses=False)
+            yield Hypothesis(COUNTERBALANCE, words, remedy, partial(_beside, rows, waves), refuses=False)
 
 
 def _stiffness(place: int, unit: str, x: Array) -> str:

@@ -44,9 +44,15 @@ class HypothesisRows:
     position: Array
     velocity: Array
     acceleration: Array
+    springs: tuple[DriveParameter, ...] = ()
 
     @classmethod
-    def of(cls, evidence: LogEvidence, others: Sequence[SmoothMotion] = ()) -> HypothesisRows:
+    def of(
+        cls,
+        evidence: LogEvidence,
+        others: Sequence[SmoothMotion] = (),
+        springs: tuple[DriveParameter, ...] = (),
+    ) -> HypothesisRows:
         """Instants of evidence and of other motions, about a dozen in a period of the lowest cut-off."""
         thin = [_thinned(motion, evidence.band) for motion in (*evidence.motions, *others)]
         thin = [(m, a) for m, a in thin if len(m.position) >= RowFilter.of(m, evidence.band).taps] or thin[:1]
@@ -54,12 +60,12 @@ class HypothesisRows:
         parts = [window for motion, acceleration in thin for window in _windows(motion, acceleration, most)]
         windows = [replace(motion, number=k) for k, (motion, _) in enumerate(parts)]
         p, v = (np.concatenate([getattr(motion, what) for motion in windows]) for what in ("position", "velocity"))
-        return cls(evidence, windows, p, v, np.concatenate([acceleration for _, acceleration in parts]))
+        return cls(evidence, windows, p, v, np.concatenate([acceleration for _, acceleration in parts]), springs)
 
     @cached_property
     def settings(self) -> FitSettings:
         """Settings of all fits to these rows."""
-        return FitSettings(FRICTION, PRIOR_WEIGHT, self.evidence.band, SLOW)
+        return FitSettings(FRICTION.also(self.springs), PRIOR_WEIGHT, self.evidence.band, SLOW)
 
     @cached_property
     def rows(self) -> Rows:

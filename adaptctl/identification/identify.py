@@ -48,6 +48,7 @@ from adaptctl.identification.log_files import read_log
 from adaptctl.identification.normal_equations import block_edges
 from adaptctl.identification.own_gravity import validate_not_added, with_own_gravity
 from adaptctl.identification.preparation import PreparationStep, PreparedLog, prepare
+from adaptctl.identification.springs import is_answered, known_springs, left_out, with_springs
 from adaptctl.identification.torque_constants import known_drives, torque_constants, with_constants, without_payloads
 from adaptctl.identification.uncertainty import combinations, essential_components, uncertainty
 from adaptctl.identification.validation import alternatives, validate_plausible
@@ -104,8 +105,9 @@ def identify(
     skip_steps : collection of str, optional
         Steps of preparation to leave out: "resample", "unwrap", "velocities", "limits", "standstill". None by default.
     friction : str, optional
-        Friction terms, separated by commas: "viscous", "coulomb", "square_root", "stribeck", "offset". Default:
-        chosen by cross-validation within the logs.
+        Terms of friction and springs, separated by commas: "viscous", "coulomb", "square_root", "stribeck", "offset",
+        "stiffness", "sine", "cosine", "sine_2", "cosine_2". Default: chosen by cross-validation within the logs, which
+        tries a spring at each joint, or the springs that the robot's file has.
     cutoff : float, optional
         Cut-off frequency in Hz of the low-pass filter. Default: chosen by cross-validation within the logs.
     prior_weight : float, optional
@@ -240,6 +242,7 @@ def identified(
     facts = tuple(dict.fromkeys(fact for _, own in checks for fact in own))
     train, test = [log for log, _ in checks[: len(train)]], [log for log, _ in checks[len(train) :]]
     drives, train, test, known = _with_constants(mechanism, drives, train, test, skip_steps)
+    springs, mechanism = known_springs(mechanism, friction), with_springs(mechanism, friction)
     measured, steps, remarks = gathered(mechanism, drives, train, skip_steps, cutoff)
     evidence = freed_of_noise(measured) if instrumental_variables else measured
     late = [] if test else list(range(round((1.0 - HELD_OUT_SHARE) * evidence.blocks), evidence.blocks))
@@ -249,7 +252,7 @@ def identified(
         judged = replace(measured, edges=evidence.edges).part(late)
     else:
         judged = gathered(mechanism, drives, test, skip_steps, cutoffs=cutoffs, band=evidence.band)[0]
-    meaning = compared_hypotheses(measured, () if late else judged.motions)
+    meaning = compared_hypotheses(measured, () if late else judged.motions, springs)
     doubts = validate_meaning(meaning, trust_log)
     validate_plausible(training, train[0].source, judged_at(training))
     choice = choose(training, friction, prior_weight, cutoff)
@@ -260,7 +263,9 @@ def identified(
     read = dict.fromkeys(note for log in (*train, *test) for note in log.notes)
     late_words = [late_torques] if late_torques else []
     geared = [f"{meaning.slopes.name}: {meaning.slopes.outcome}"] if meaning.slopes.outcome.endswith("?") else []
-    notes = (*doubts, *geared, *read, *remarks, *known, *late_words, *contradictions(training, fit))
+    untold = left_out(choice.settings.untold, choice.settings.friction)
+    doubts = () if is_answered(meaning, choice.settings.friction) else doubts
+    notes = (*doubts, *geared, *read, *remarks, *known, *untold, *late_words, *contradictions(training, fit))
     return replace(
         _result(training, fit, held_out, choice, (*facts, meaning.slopes, *steps), notes), hypotheses=meaning.tried
     )

@@ -125,7 +125,8 @@ def simplified(found: Identification) -> Mechanism:
 
 def _simplified(drive: Drive, terms: tuple[float, float] | None) -> Drive:
     viscous, coulomb = (drive.viscous, drive.coulomb) if terms is None else terms
-    return replace(drive, viscous=viscous, coulomb=coulomb, square_root=None, stribeck=None, offset=None, turns_with=())
+    plain = drive.with_terms(dict.fromkeys(MAY_BE_NEGATIVE))
+    return replace(plain, viscous=viscous, coulomb=coulomb, turns_with=())
 
 
 def _two_terms(mechanism: Mechanism, speeds: Array) -> list[tuple[float, float]]:

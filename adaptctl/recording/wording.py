@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from adaptctl.description.drive import HARMONICS
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import either
 from adaptctl.recording.page import INCOMPLETE as INCOMPLETE
@@ -44,9 +45,9 @@ def headline(outcome_words: str, complete: bool) -> str:
     return outcome_words if complete else f"{INCOMPLETE}\n{outcome_words}"
 
 
-TURNING = {"m": "kg", "viscous": "N m s", "square_root": "N m s^1/2"}
-TURNING |= dict.fromkeys(("coulomb", "stribeck", "offset"), "N m")
-SLIDING = {"m": "kg", "viscous": "N s/m", "square_root": "N s^1/2 m^-1/2", "rotor_inertia": "kg"}
+TURNING = {"m": "kg", "viscous": "N m s", "square_root": "N m s^1/2", "stiffness": "N m/rad"}
+TURNING |= dict.fromkeys(("coulomb", "stribeck", "offset", *(kind.value for kind in HARMONICS)), "N m")
+SLIDING = {"m": "kg", "viscous": "N s/m", "square_root": "N s^1/2 m^-1/2", "rotor_inertia": "kg", "stiffness": "N/m"}
 SLIDING |= dict.fromkeys(("coulomb", "stribeck", "offset"), "N")
 """Units of masses, and of the drives of joints that turn and of those that slide."""
 

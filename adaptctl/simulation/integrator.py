@@ -371,8 +371,9 @@ def _slopes(mechanism: Mechanism, p: Array, columns: range) -> Array:
     """Slopes (samples, r, r) of the drives' friction at rest."""
     D, slow = mechanism.inertial_parameters[columns.start :], 1e-6 * COULOMB_SMOOTHING_SPEED
     rest = np.zeros_like(p)
+    still = mechanism.torque_regressor(p, rest, rest, columns) @ D if columns else rest
     slopes = np.zeros((*p.shape, mechanism.dof))
     for j in range(mechanism.dof if columns else 0):
         v = np.broadcast_to(slow * np.eye(mechanism.dof)[j], p.shape)
-        slopes[..., j] = mechanism.torque_regressor(p, v, rest, columns) @ D / slow
+        slopes[..., j] = (mechanism.torque_regressor(p, v, rest, columns) @ D - still) / slow
     return slopes

@@ -13,6 +13,7 @@ from adaptctl.control.adaptation.gradient import checked_gain
 from adaptctl.control.gains.gains import Gains
 from adaptctl.control.gains.sampling_ratio import sampling_ratio
 from adaptctl.control.gains.workspace import Workspace, workspace_of
+from adaptctl.description.drive import HARMONICS
 from adaptctl.errors import GainError, InputError, NotFoundError, suggested_name, validate_kind
 from adaptctl.identifiability import ReducedModel
 
@@ -152,7 +153,7 @@ RANGE_OF_KIND = {
     **dict.fromkeys(("mc_x", "mc_y", "mc_z"), "first_moment"),
     **dict.fromkeys(("I_xx", "I_xy", "I_yy", "I_xz", "I_yz", "I_zz", "rotor_inertia"), "inertia"),
     **dict.fromkeys(("viscous", "square_root"), "viscous"),
-    **dict.fromkeys(("coulomb", "stribeck", "offset"), "coulomb"),
+    **dict.fromkeys(("coulomb", "stribeck", "offset", "stiffness", *(kind.value for kind in HARMONICS)), "coulomb"),
 }
 
 
@@ -172,7 +173,8 @@ class PriorRanges:
     viscous : float, default 5.0
         Range of viscous friction in N m s/rad (N s/m). The default is of the size of a PUMA 560's large joints.
     coulomb : float, default 10.0
-        Range of Coulomb friction in N m (N). The default is of the size of a PUMA 560's large joints.
+        Range of Coulomb friction, and of springs' torques at 1 rad (1 m), in N m (N). The default is of the size of a
+        PUMA 560's large joints.
 
     Raises
     ------

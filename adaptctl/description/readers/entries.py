@@ -12,7 +12,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.description.description import Joint, JointKind, Link, weightless_ends
-from adaptctl.description.drive import Drive, Limits
+from adaptctl.description.drive import Drive, DriveParameter, Limits
 from adaptctl.description.inertia import from_center_of_mass, from_tensor
 from adaptctl.description.pose import Pose, roll_pitch_yaw
 from adaptctl.errors import InputError, SimplificationWarning, printable, suggested_name
@@ -60,7 +60,7 @@ class FrameEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Data of a joint's drive in a TOML file, its rotor inertia and friction."""
+    """Data of a joint's drive in a TOML file: its rotor inertia, friction and springs."""
 
     rotor_inertia: float | None = None
     viscous: float | None = None
@@ -68,12 +68,17 @@ class DriveEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     square_root: float | None = None
     stribeck: float | None = None
     offset: float | None = None
+    stiffness: float | None = None
+    sine: float | None = None
+    cosine: float | None = None
+    sine_2: float | None = None
+    cosine_2: float | None = None
     turns_with: dict[Name, float] = {}
 
     def drive(self) -> Drive:
-        """Rotor inertia and friction of a joint; terms left out are None, not modelled."""
-        terms = (self.rotor_inertia, self.viscous, self.coulomb, self.square_root, self.stribeck, self.offset)
-        return Drive(*terms, turns_with=tuple(self.turns_with.items()))
+        """Rotor inertia, friction and springs of a joint; terms left out are None, not modelled."""
+        terms = {kind: getattr(self, kind.value) for kind in DriveParameter}
+        return Drive(turns_with=tuple(self.turns_with.items())).with_terms(terms)
 
 
 class LinkEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):

@@ -69,13 +69,13 @@ def read_mjcf(path: str | Path, *, root: str | None = None, floating_base: bool 
     Warns
     -----
     SimplificationWarning
-        If a base is held, no actuator drives a joint, springs, tendons or gravity compensation are left out, actuators
-        command no torque, or angles look like degrees.
+        If a base is held, no actuator drives a joint, bent springs, tendons or gravity compensation are left out,
+        actuators command no torque, or angles look like degrees.
 
     Notes
     -----
     Fixed bodies are merged into their parents; a body with several joints becomes as many links, of which only the last
-    has mass. Armature, damping and dry friction become rotor inertia, viscous and Coulomb friction, where not zero. See
+    has mass. Armature, damping, dry friction and a joint's spring become terms of its drive, where not zero. See
     :doc:`/robots`.
 
     Examples

@@ -14,7 +14,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.description.description import GROUND, Joint, JointKind, Link
-from adaptctl.description.drive import Drive, Limits
+from adaptctl.description.drive import Drive, DriveParameter, Limits
 from adaptctl.description.inertia import from_center_of_mass, transformed
 from adaptctl.description.loops import Loops
 from adaptctl.description.pose import Pose, quaternion_rotation, rotation_about
@@ -36,7 +36,7 @@ CONNECT, WELD, OF_JOINTS = range(3)
 """MuJoCo's numbers of kinds of equalities (mjtEq)."""
 SITE = 6
 """MuJoCo's number of sites among objects (mjtObj)."""
-NO_GRAVITY, NO_EQUALITY = "mjDSBL_GRAVITY", "mjDSBL_EQUALITY"
+NO_GRAVITY, NO_EQUALITY, NO_SPRING = "mjDSBL_GRAVITY", "mjDSBL_EQUALITY", "mjDSBL_SPRING"
 WORLD = 0
 NO_LIMIT = 1e9
 """rad or m, of a side of a range that limits nothing"""
@@ -172,11 +172,11 @@ class MujocoArm:
         stacklevel: int = 3,
     ) -> None:
         """Warn (`SimplificationWarning`) of what the arm has and its description has not, and of `more`."""
-        sprung = [link.joint.name for j, link in zip(self.joints, links, strict=True) if _is_sprung(self.model, j)]
+        sprung = [link.joint.name for j, link in zip(self.joints, links, strict=True) if _is_bent(self.model, j)]
         lifted = [self.body_name(i) for i in self.bodies if self.model.body_gravcomp[i]]
         for text, names in (
             ("actuators without torque input (expected <motor>)", self.servos),
-            ("joint springs are ignored", sprung),
+            ("joint springs that are not linear are ignored", sprung),
             ("gravity compensation is ignored", lifted),
             (f"the base is held still, and floats with {FLOATING_FLAG}", self.held),
             ("other bodies that move, but have no actuator, are left out", self.beside),
@@ -336,7 +336,8 @@ def _joint(model: mujoco.MjModel, j: int, name: str) -> Joint:
     armature, damping, friction = (float(value) or None for value in numbers)
     try:
         limits = Limits(*position_limits(*ends), effort=_effort(model, j) or math.inf)
-        kind, drive = kind_within(limits, model.jnt_type[j] == HINGE), Drive(armature, damping, friction)
+        kind = kind_within(limits, model.jnt_type[j] == HINGE)
+        drive = Drive(armature, damping, friction).with_terms(_spring(model, j))
         return Joint(name, kind, np.array(model.jnt_axis[j]), limits, drive)
     except InputError as error:
         where = f"joint {name!r}"
@@ -371,9 +372,18 @@ def model_name(model: mujoco.MjModel) -> str:
     return bytes(model.names).split(b"\0", 1)[0].decode()
 
 
-def _is_sprung(model: mujoco.MjModel, j: int) -> bool:
+def _is_bent(model: mujoco.MjModel, j: int) -> bool:
     polynomial = getattr(model, "jnt_stiffnesspoly", None)
-    return bool(model.jnt_stiffness[j]) or (polynomial is not None and bool(np.any(polynomial[j])))
+    return polynomial is not None and bool(np.any(polynomial[j]))
+
+
+def _spring(model: mujoco.MjModel, j: int) -> dict[DriveParameter, float | None]:
+    """Terms of a drive for the spring of a joint, none without one."""
+    stiffness = float(model.jnt_stiffness[j])
+    if stiffness == 0.0 or _is_bent(model, j) or is_disabled(model, NO_SPRING):
+        return {}
+    rest = float(model.qpos_spring[model.jnt_qposadr[j]])
+    return {DriveParameter.STIFFNESS: stiffness, DriveParameter.OFFSET: -stiffness * rest or None}
 
 
 def position_limits(lower: float, upper: float) -> tuple[float, float]:

@@ -12,7 +12,7 @@ import pinocchio
 
 from adaptctl.arrays import Array
 from adaptctl.description.description import GROUND, Description, Joint, JointKind, Link, depth_first
-from adaptctl.description.drive import Drive, Limits
+from adaptctl.description.drive import MAY_BE_NEGATIVE, Drive, Limits
 from adaptctl.description.inertia import inertia_tensor, transformed
 from adaptctl.description.loops import Closure, ClosureKind
 from adaptctl.description.pose import FrameKind, NamedFrame, Pose
@@ -21,7 +21,7 @@ from adaptctl.errors import InputError, NotFoundError, SimplificationWarning
 _ONE_COORDINATE = re.compile(r"JointModel(R[XYZ]|RUB[XYZ]|P[XYZ]|(Revolute|RevoluteUnbounded|Prismatic)Unaligned)")
 _UNLIMITED = 1e300
 """Pinocchio writes the largest double for a limit that is not there."""
-_LEFT_OUT = "friction other than viscous and Coulomb is ignored"
+_LEFT_OUT = "springs and friction other than viscous and Coulomb are ignored"
 
 
 def to_pinocchio(description: Description) -> pinocchio.Model:
@@ -47,7 +47,7 @@ def to_pinocchio(description: Description) -> pinocchio.Model:
     Warns
     -----
     SimplificationWarning
-        If friction other than viscous and Coulomb's is left out.
+        If springs, or friction other than viscous and Coulomb's, are left out.
 
     Examples
     --------
@@ -83,7 +83,7 @@ def _validate_own_shafts(description: Description) -> None:
 
 def _bent(description: Description) -> list[str]:
     drives = {link.joint.name: link.joint.drive for link in description.links}
-    return [name for name, drive in drives.items() if any((drive.square_root, drive.stribeck, drive.offset))]
+    return [name for name, drive in drives.items() if any(drive.value(kind) for kind in MAY_BE_NEGATIVE)]
 
 
 def from_pinocchio(model: pinocchio.Model, name: str | None = None) -> Description:

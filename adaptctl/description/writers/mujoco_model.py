@@ -9,7 +9,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.description.description import GROUND, Description, Link
-from adaptctl.description.drive import MAY_BE_NEGATIVE
+from adaptctl.description.drive import MAY_BE_NEGATIVE, Drive, DriveParameter
 from adaptctl.description.inertia import inertia_tensor, transformed
 from adaptctl.description.pose import Pose, rotation_quaternions
 from adaptctl.description.readers.mujoco_arm import MujocoArm, body_ten
@@ -75,9 +75,12 @@ def _validate_plain_joints(description: Description) -> None:
     if description.loops is not None or description.drive_couplings:
         raise InputError(f"{description.name}: MuJoCo models of loops and coupled drives are not supported")
     for link in description.links:
-        if any(link.joint.drive.value(kind) for kind in MAY_BE_NEGATIVE):
+        drive = link.joint.drive
+        sprung = {DriveParameter.STIFFNESS, DriveParameter.OFFSET} if (drive.stiffness or 0.0) > 0.0 else set()
+        if any(drive.value(kind) for kind in MAY_BE_NEGATIVE - sprung):
             raise InputError(
-                f"{description.name}: joint {link.joint.name!r}: MuJoCo supports only viscous and Coulomb friction"
+                f"{description.name}: joint {link.joint.name!r}: MuJoCo supports only viscous and Coulomb friction, "
+                "and linear springs"
             )
 
 
@@ -98,10 +101,16 @@ def _body(above: mujoco.MjsBody, link: Link, description: Description) -> mujoco
     made = body.add_joint(name=joint.name, type=kind, axis=joint.axis)
     made.armature, made.frictionloss = drive.rotor_inertia or 0.0, drive.coulomb or 0.0
     made.damping = np.array([drive.viscous or 0.0, *np.zeros(np.size(made.damping) - 1)])
+    made.stiffness = np.array([drive.stiffness or 0.0, *np.zeros(np.size(made.stiffness) - 1)])
+    made.springref = _rest(drive)
     bounds = (joint.limits.lower, joint.limits.upper)
     if bounds != (-math.inf, math.inf):
         made.range, made.limited = np.clip(bounds, -MUJOCO_MAX_VALUE, MUJOCO_MAX_VALUE), 1
     return body
+
+
+def _rest(drive: Drive) -> float:
+    return -(drive.offset or 0.0) / drive.stiffness if drive.stiffness else 0.0
 
 
 def _motor(spec: mujoco.MjSpec, link: Link) -> None:
@@ -131,6 +140,7 @@ def set_parameters(arm: MujocoArm, before: Description, after: Description) -> N
         dof, drive = int(model.jnt_dofadr[j]), new.joint.drive
         model.dof_armature[dof] = drive.rotor_inertia or 0.0
         model.dof_damping[dof], model.dof_frictionloss[dof] = drive.viscous or 0.0, drive.coulomb or 0.0
+        model.jnt_stiffness[j], model.qpos_spring[model.jnt_qposadr[j]] = drive.stiffness or 0.0, _rest(drive)
     for k, axes in bodies.items():
         model.body_mass[k], model.body_ipos[k], model.body_iquat[k], model.body_inertia[k] = axes
     mujoco.mj_setConst(model, mujoco.MjData(model))

@@ -1,0 +1,76 @@
+"""Springs from logs: found where they are, and named without a number where the motion does not tell them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from nightly import at_night
+from synthetic_logs import Known, known
+
+from adaptctl.description.drive import Drive, DriveParameter
+from adaptctl.errors import InputError
+from adaptctl.identification.choice import choose
+from adaptctl.identification.friction_model import FrictionModel
+from adaptctl.identification.identify import gathered, identified
+from adaptctl.identification.springs import known_springs, with_springs
+
+STIFFNESS, REST = 40.0, 0.3
+NAMED = FrictionModel.named("viscous,coulomb,offset,stiffness,sine,cosine")
+
+
+@pytest.fixture(scope="module")
+def case() -> Known:
+    """Three revolute joints across gravity, a spring at the second."""
+    made = known(7, duration=10.0, rate=100.0, noise=0.01)
+    torque = made.log.torque.copy()
+    torque[:, 1] += STIFFNESS * (made.log.position[:, 1] - REST)
+    return replace(made, log=replace(made.log, torque=torque))
+
+
+def test_a_spring_is_found_and_one_that_is_gravity_is_named(case: Known) -> None:
+    """The first joint's mass moments are its sine and cosine; the true ones of all others are 0."""
+    found = identified(case.guess, case.drives, [case.log], [case.log], friction=NAMED, cutoff=8.75, prior_weight=1.0)
+    names, drives = list(found.names), [link.joint.drive for link in found.mechanism.links]
+    assert [drive.sine is None for drive in drives] == [True, False, False]
+    assert [drive.stiffness is None for drive in drives] == [False, False, False]
+    for name, true in (("joint1.stiffness", STIFFNESS), ("joint0.stiffness", 0.0), ("joint2.sine", 0.0)):
+        k = names.index(name)
+        assert abs(found.estimate[k] - true) < 3.0 * found.deviations[k]
+    assert found.deviations[names.index("joint1.stiffness")] < 0.1 * STIFFNESS
+    told = [warning for warning in found.warnings if "does not tell" in warning]
+    assert [warning.split(" from ")[0] for warning in told] == [
+        "joint0: the log does not tell sine",
+        "joint0: the log does not tell cosine",
+    ]
+    assert not any("a spring is at" in warning for warning in found.warnings)
+
+
+@pytest.mark.parametrize("sprung", [at_night(True), False])
+def test_a_spring_is_chosen_only_where_there_is_one(case: Known, sprung: bool) -> None:
+    log = case.log if sprung else known(7, duration=10.0, rate=100.0, noise=0.01).log
+    tried = with_springs(case.guess, None)
+    evidence, _, _ = gathered(tried, case.drives, [log], cutoff=8.75)
+    kinds = choose(evidence, None, 1.0, 8.75).settings.friction.kinds
+    assert (DriveParameter.STIFFNESS in kinds) is sprung
+
+
+def test_a_motion_too_small_for_a_spring_is_refused(case: Known) -> None:
+    """Where the sine of the angle is the angle, a spring is the links' weight."""
+    p = 0.5 + 0.03 * case.log.position
+    v = np.gradient(p, 0.01, axis=0)
+    torque = case.truth.inverse_dynamics(p, v, np.gradient(v, 0.01, axis=0))
+    noise = 0.01 * np.sqrt(np.mean(torque**2, axis=0)) * np.random.default_rng(1).normal(size=p.shape)
+    small = replace(case.log, position=p, torque=torque + noise)
+    evidence, _, _ = gathered(with_springs(case.guess, NAMED), case.drives, [small], cutoff=8.75)
+    with pytest.raises(InputError, match="friction: the log does not tell stiffness from the gravity of links"):
+        choose(evidence, NAMED, 1.0, 8.75)
+
+
+def test_springs_of_the_file_are_tried_as_they_are(case: Known) -> None:
+    filed = case.guess.with_drives([Drive(), Drive(cosine=1.0), Drive()])
+    assert known_springs(filed, None) == (DriveParameter.COSINE,)
+    assert with_springs(filed, None) is filed
+    asked = with_springs(filed, FrictionModel.named("viscous,stiffness"))
+    assert [name for name in asked.parameter_names if "joint" in name] == [f"joint{j}.stiffness" for j in range(3)]
