@@ -39,18 +39,16 @@ def run() -> NoReturn:
         code = main()
     _on_signals(signal.SIG_IGN)  # all is done; packages close
     heartbeat.stop()
-    if code == INTERRUPTED:
-        _exit_at_once()
-    sys.exit(code)
+    _exit_at_once(code)
 
 
-def _exit_at_once() -> NoReturn:
-    """Exit with the code of an interruption."""
+def _exit_at_once(code: int) -> NoReturn:
+    """Exit without taking apart what was computed, which is done object by object and takes up to seconds."""
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()
-    os._exit(INTERRUPTED)
+    os._exit(code)
 
 
 def _main() -> Callable[[], int]:

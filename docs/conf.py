@@ -21,6 +21,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "numpydoc",
     "card",
+    "error_table",
     "live_arm",
     "mathml",
     "offered",

@@ -128,7 +128,8 @@ def test_make_targets_that_are_named_exist() -> None:
 
 
 def test_continuous_integration_makes_targets_that_exist() -> None:
-    named = re.findall(r"^make (\w+)$", (ROOT / ".ci" / "run").read_text(encoding="utf-8"), re.MULTILINE)
+    lines = re.findall(r"^make (.*)$", (ROOT / ".ci" / "run").read_text(encoding="utf-8"), re.MULTILINE)
+    named = [word for line in lines for word in line.split() if not word.startswith("--")]
     assert {"test", "lint", "types", "docs"} == set(named) <= targets()
 
 

@@ -157,7 +157,8 @@ def _part(entry: Shown, folder: Path) -> str:
     outcome = outcome_of(folder / "report.html")
     shown = PICTURES / f"{entry.name}.webp"
     picture = f"![What {entry.name} shows](images/gallery/{entry.name}.webp)\n\n" if shown.is_file() else ""
-    command = f"```console\nadaptctl experiment run {entry.arguments}\n```\n"
+    own = "" if entry.arguments == entry.name else f" --out results/{entry.name}"
+    command = f"```console\nadaptctl experiment run {entry.arguments}{own}\n```\n"
     return f"## {entry.name}\n\n{picture}{entry.summary}.\n\n{outcome}\n\n{command}"
 
 
