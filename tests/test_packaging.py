@@ -83,6 +83,14 @@ def test_the_citation_names_the_paper() -> None:
     assert citation["license"] == project()["project"]["license"]
 
 
+def test_the_paper_cites_what_its_bibliography_has() -> None:
+    paper, entries = ((ROOT / name).read_text(encoding="utf-8") for name in ("paper.md", "paper.bib"))
+    cited = set(re.findall(r"(?<!\w)@(\w+\d{4})", paper))
+    assert cited == set(re.findall(r"^@\w+\{(\w+),$", entries, re.MULTILINE))
+    assert all((ROOT / picture).is_file() for picture in re.findall(r"\]\((docs/\S+)\)", paper))
+    assert 750 < len(paper.split()) < 1250
+
+
 def test_the_lock_names_no_place_to_fetch_from() -> None:
     text = (ROOT / "requirements.lock").read_text(encoding="utf-8")
     assert "://" not in text
