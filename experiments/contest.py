@@ -195,6 +195,7 @@ class Learning(ClosedLoopExperiment):
             task_error=told.task_error,
             expected=self.expected,
             live=live_contender(env, contenders, self.seed, self.options) if outcome.complete else "",
+            error_bound=getattr(env.unwrapped, "error_bound", None),
         )
 
 

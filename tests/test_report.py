@@ -100,6 +100,17 @@ def test_report_follows_the_reader(folder: Path) -> None:
         assert all("data-of=" in cell for cell in cells[1:])
 
 
+def test_a_failure_is_marked_and_phones_get_figures_of_their_own(shown: Comparison, tmp_path: Path) -> None:
+    failed = replace(report(shown), outcome="Failed: <it> fell.")
+    failed.write(tmp_path / "run", figures=False)
+    html = (tmp_path / "run" / "report.html").read_text()
+    assert '<b class="failed">Failed:</b> &lt;it&gt; fell.' in html
+    narrow = re.findall(r'<source media="[^"]*" srcset="data:image/svg\+xml;base64,([^"]*)">', html)
+    assert len(narrow) == len([one for one in failed.drawings if one.plain]) > 3
+    widths = {re.search(rb'viewBox="0 0 (\S+) ', base64.b64decode(one))[1] for one in narrow}  # type: ignore[index]
+    assert widths == {b"248.4"}  # points, of 3.45 inches
+
+
 def test_text_of_a_report_stands_out_from_its_ground() -> None:
     """Ratios of contrast are at least 4.5 (WCAG 2.2, 1.4.3), light and dark."""
     page = Path("adaptctl/recording/page.html").read_text()

@@ -60,6 +60,8 @@ def test_a_run_that_stopped_says_so_first_and_has_no_last_two_seconds() -> None:
     stopped = changed(SHOWN, samples=210, terminated=True)
     assert failures(stopped) == [Failure.STOPPED]
     assert outcome_words(stopped).startswith("Failed: Slotine-Li, <learning> was stopped by the environment at 0.42 s")
+    bounded = replace(stopped, error_bound=np.array([0.5, 0.5]))
+    assert re.search(r" of \S+ rad in joint \w+ \(the bound is 0\.5 rad\)\.", outcome_words(bounded))
     assert summary_markdown(stopped).startswith("Failed: ")
     said = summary(stopped)
     assert said["verdict"]["passed"] is False

@@ -441,6 +441,9 @@ class Comparison:
         Reasons why the experiment expects a failure of the subject. Default: none, every failure counts.
     live : InPage or str, default ""
         Closed loop that the report's page runs, or the reason why there is none.
+    error_bound : numpy.ndarray, optional
+        Tracking errors (r,) in rad (m) beyond which the environment ends a run, as the verdict states. Default: not
+        stated.
 
     Raises
     ------
@@ -478,6 +481,7 @@ class Comparison:
     task_error: TaskError | None = None
     expected: Mapping[Failure, str] = field(default_factory=dict)
     live: InPage | str = ""
+    error_bound: Array | None = None
 
     def __post_init__(self) -> None:
         if not self.runs or len(self.runs[0].rollout.time) == 0:

@@ -136,22 +136,27 @@ class Drawing:
     plain: bool = False
     kind: ClassVar[str] = "drawing"
 
-    def svg(self) -> str:
-        """Figure as SVG, of a plain drawing."""
-        token = _AS_SVG.set(True)
+    def svg(self, width: float = FIGURE_WIDTH) -> str:
+        """Figure as SVG, of a plain drawing, its width in inches."""
+        token = _SVG_WIDTH.set(width)
         try:
             return cast("Sheet", self.draw()).svg()
         finally:
-            _AS_SVG.reset(token)
+            _SVG_WIDTH.reset(token)
 
 
-_AS_SVG = ContextVar("_AS_SVG", default=False)
+_SVG_WIDTH = ContextVar("_SVG_WIDTH", default=0.0)
+
+
+def is_narrow() -> bool:
+    """True while a figure for a phone is drawn: panels stand below each other."""
+    return 0.0 < _SVG_WIDTH.get() < FIGURE_WIDTH
 
 
 def sheet(height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
-    """Empty figure for a report, 9.2 inches wide."""
-    if _AS_SVG.get():
-        return cast("Figure", Sheet(FIGURE_WIDTH, height))
+    """Empty figure for a report, 9.2 inches wide, or as narrow as a phone."""
+    if width := _SVG_WIDTH.get():
+        return cast("Figure", Sheet(width, height))
     from matplotlib.figure import Figure
 
     return Figure(figsize=(FIGURE_WIDTH, height), dpi=DOTS_PER_INCH, layout=layout)
@@ -209,6 +214,15 @@ def data_urls(drawings: Iterable[Drawing]) -> dict[str, str]:
             else:
                 found |= png_urls(write_drawings(folder, [drawing]))
     return found
+
+
+def narrow_urls(drawings: Iterable[Drawing]) -> dict[str, str]:
+    """URLs by name that contain plain drawings as wide as a phone, in SVG."""
+    return {
+        drawing.name: data_url("image/svg+xml", drawing.svg(COLUMN_WIDTH).encode())
+        for drawing in drawings
+        if drawing.plain
+    }
 
 
 def png_urls(figures: Mapping[str, Path]) -> dict[str, str]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.identifiability import EssentialSpace
-from adaptctl.recording.comparison import Comparison
+from adaptctl.recording.comparison import FINAL_ERROR_TIME, Comparison, ControllerRun
 from adaptctl.recording.drawing import (
     FIGURE_WIDTH,
     INK,
@@ -19,6 +19,7 @@ from adaptctl.recording.drawing import (
     PAPER,
     TRUTH,
     Drawing,
+    is_narrow,
     joint_color,
     run_color,
     run_style,
@@ -47,8 +48,8 @@ def drawings(comparison: Comparison) -> dict[str, Drawing]:
             tracking_error,
         ),
         "joint-errors": (
-            f"Tracking errors of all joints, {comparison.error_unit}: adaptive controller above, the same without "
-            "adaptation below.",
+            f"Tracking errors of all joints, {comparison.error_unit}: {_labels(comparison)}; and the last "
+            f"{FINAL_ERROR_TIME:g} s on a scale of their own.",
             joint_errors,
         ),
         "lyapunov": (
@@ -76,6 +77,12 @@ def drawings(comparison: Comparison) -> dict[str, Drawing]:
     }
 
 
+def _labels(comparison: Comparison) -> str:
+    """Names of the runs whose joint errors are drawn."""
+    above, below = comparison.subject, comparison.baseline
+    return above.label if below is None else f"{above.label} above, {below.label} below"
+
+
 def tracking_error(comparison: Comparison) -> Figure:
     """Figure of the root mean square errors of all runs over a moving window of 0.25 s."""
     figure = sheet(4.2)
@@ -100,22 +107,32 @@ def tracking_error(comparison: Comparison) -> Figure:
 
 
 def joint_errors(comparison: Comparison) -> Figure:
-    """Figure of every joint's tracking error, with and without adaptation."""
+    """Figure of every joint's tracking error, with and without adaptation: whole, and its end on a scale of its own."""
     runs = [run for run in (comparison.subject, comparison.baseline) if run is not None]
-    figure = sheet(2.3 * len(runs) + 0.4)
-    for axes, run in zip(
-        figure.subplots(len(runs), 1, sharex=True, sharey=True, squeeze=False)[:, 0], runs, strict=True
-    ):
-        every = thinned(len(run.rollout.time), MAX_DRAWN_SAMPLES)
-        for j, name in enumerate(comparison.joint_names):
-            values = 1e3 * run.rollout.error[every, j]
-            axes.plot(run.rollout.time[every], values, color=joint_color(j).hex, label=name, linewidth=1.3)
-        axes.set_title(run.label)
-        axes.set_ylabel(f"error [{comparison.error_unit}]")
-        axes.set_xlim(0.0, comparison.subject.duration)
-    axes.set_xlabel("time [s]")
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=8)
+    panels = 2 * len(runs) if is_narrow() else len(runs)
+    figure = sheet(2.3 * panels + 0.4)
+    grid = figure.subplots(panels, 1 if is_narrow() else 2, squeeze=False).reshape(len(runs), 2)
+    for (whole, end), run in zip(grid, runs, strict=True):
+        _errors_from(whole, comparison, run, 0.0)
+        _errors_from(end, comparison, run, max(0.0, run.duration - FINAL_ERROR_TIME))
+        whole.set_title(run.label)
+        end.set_title(f"the last {FINAL_ERROR_TIME:g} s")
+        whole.set_ylabel(f"error [{comparison.error_unit}]")
+    for axes in grid[-1]:
+        axes.set_xlabel("time [s]")
+    figure.legend(*whole.get_legend_handles_labels(), loc="outside upper right", ncols=8)
     return figure
+
+
+def _errors_from(axes: Axes, comparison: Comparison, run: ControllerRun, start: float) -> None:
+    """Draw a run's joint errors from a time on."""
+    time = run.rollout.time
+    shown = time >= start
+    every = thinned(int(shown.sum()), MAX_DRAWN_SAMPLES)
+    for j, name in enumerate(comparison.joint_names):
+        values = 1e3 * run.rollout.error[shown, j][every]
+        axes.plot(time[shown][every], values, color=joint_color(j).hex, label=name, linewidth=1.3)
+    axes.set_xlim(start, run.duration if start else comparison.subject.duration)
 
 
 def lyapunov(comparison: Comparison) -> Figure:
@@ -123,8 +140,8 @@ def lyapunov(comparison: Comparison) -> Figure:
     values, time = comparison.subject.lyapunov, comparison.subject.rollout.time
     if values is None:
         raise ValueError("the run has no Lyapunov function")
-    figure = sheet(2.9)
-    whole, steps = figure.subplots(1, 2)
+    figure = sheet(5.8 if is_narrow() else 2.9)
+    whole, steps = figure.subplots(*((2, 1) if is_narrow() else (1, 2)))
     every = thinned(len(time), MAX_DRAWN_SAMPLES)
     whole.plot(time[every], values[every], color=run_color(0).hex, linewidth=2.2)
     whole.fill_between(time[every], values[every], color=run_color(0).hex, alpha=0.08, linewidth=0)
@@ -210,7 +227,8 @@ def spectrum(comparison: Comparison) -> Figure:
 
 
 def _small_multiples(count: int, columns: int, height: float, bottom: float) -> tuple[Figure, list[tuple[int, Axes]]]:
-    """Panels in rows, the last row as long as it needs to be."""
+    """Panels in rows, the last row as long as it needs to be; half as many columns on a phone."""
+    columns = -(-columns // 2) if is_narrow() else columns
     rows = -(-count // columns)
     tall = height * rows + 0.3
     figure = sheet(tall, layout=None)

@@ -63,11 +63,12 @@ def _failures(comparison: Comparison) -> Iterator[tuple[Failure, str]]:
 
 
 def _largest(comparison: Comparison, sample: int) -> str:
-    """Largest error of the subject at a sample, with its unit and joint."""
+    """Largest error of the subject at a sample, with its unit, joint and bound."""
     error = np.abs(comparison.subject.rollout.error[sample])
     j = int(error.argmax())
     unit = next(unit for unit, joints in comparison.joints_by_unit.items() if j in joints)
-    return f"{error[j]:.3g} {unit} in joint {comparison.joint_names[j]}"
+    bound = "" if comparison.error_bound is None else f" (the bound is {comparison.error_bound[j]:.3g} {unit})"
+    return f"{error[j]:.3g} {unit} in joint {comparison.joint_names[j]}{bound}"
 
 
 def _last_error(comparison: Comparison) -> float:

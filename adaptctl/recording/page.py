@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 from adaptctl.files import write_json, write_text
 from adaptctl.folders import made_folder
 from adaptctl.optional_packages import needed
-from adaptctl.recording.drawing import Drawing, data_urls, png_urls, write_drawings
+from adaptctl.recording.drawing import Drawing, data_urls, narrow_urls, png_urls, write_drawings
 from adaptctl.recording.result import FIGURES, RECORDING, REPORT, SUMMARY, Fact, Progress, all_or_none, silent
 
 if TYPE_CHECKING:
@@ -181,7 +181,7 @@ class Report:
 
     def html(self, figures: Mapping[str, Path]) -> str:
         """Page that needs no other file, with the figures' PNG files in it."""
-        return rendered("page.html", HOME, report=self, figures=png_urls(figures))
+        return rendered("page.html", HOME, report=self, figures=png_urls(figures), narrow={})
 
     def markdown(self, *parts: Part) -> str:
         """Text in Markdown for a recording: the outcome, and parts, or facts and all sections."""
@@ -220,7 +220,8 @@ class Report:
             (record or self.record)(beside / RECORDING, files)
             progress("report", 0.95)
             urls = png_urls(files) if figures else data_urls(self.drawings)
-            write_text(beside / REPORT, rendered("page.html", HOME, report=self, figures=urls))
+            narrow = {} if figures else narrow_urls(self.drawings)
+            write_text(beside / REPORT, rendered("page.html", HOME, report=self, figures=urls, narrow=narrow))
             progress("report", 1.0)
         return Path(folder)
 

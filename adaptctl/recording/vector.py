@@ -240,6 +240,7 @@ class Sheet:
     def svg(self) -> str:
         """Figure as SVG."""
         wide, high = POINTS * self.width, POINTS * self.height
+        self.legend_columns = self._fitting_columns(wide)
         parts = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide:.1f} {high:.1f}"><style>{STYLE}</style>']
         rows = -(-len(self.marks) // self.legend_columns)
         parts += self._legend(rows, wide)
@@ -247,6 +248,11 @@ class Sheet:
         if self.name_below:
             parts.append(written(0.5 * wide, high - 4.0, self.name_below, TEXT_SIZE, "middle"))
         return "\n".join([*filter(None, parts), "</svg>"])
+
+    def _fitting_columns(self, wide: float) -> int:
+        """Columns of the legend, as many as there is room for."""
+        widest = 38.0 + LETTER * TICK_SIZE * max((len(mark.label) for mark in self.marks), default=0)
+        return max(1, min(self.legend_columns, int(wide / widest)))
 
     def _legend(self, rows: int, wide: float) -> Iterable[str]:
         left = 6.0

@@ -14,6 +14,15 @@ document.addEventListener("DOMContentLoaded", () => {
     });
     block.parentElement.append(button);
   }
+  // A picture opens in its full size.
+  for (const picture of document.querySelectorAll("article img")) {
+    if (picture.closest("a")) continue;
+    const link = document.createElement("a");
+    link.className = "whole";
+    link.href = picture.src;
+    picture.replaceWith(link);
+    link.append(picture);
+  }
   // What scrolls can be scrolled by keys.
   for (const box of document.querySelectorAll("article pre, article div"))
     if (box.scrollWidth > box.clientWidth && getComputedStyle(box).overflowX !== "visible") box.tabIndex = 0;
