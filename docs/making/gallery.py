@@ -11,7 +11,7 @@ from contextlib import suppress
 from html import unescape
 from pathlib import Path
 from subprocess import run
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from PIL import Image
 
@@ -92,7 +92,18 @@ SHOWN = [
 HEAD = """# Gallery
 
 All experiments, each with a picture, its command and its result. `make gallery` updates this page.
+
+Most pictures are of a recording. Left: the learning arm; the green ghost is the reference, the orange one the arm
+without adaptation. Right: the joint errors with adaptation and without, the Lyapunov function or the energy, and the
+torques over their limits. A click opens a picture in full size.
 """
+Box: TypeAlias = tuple[float, float, float, float]
+WHOLE = (0.0, 0.0, 1.0, 1.0)
+ARM, FIGURES = (0.0, 0.064, 1.0, 0.672), (0.403, 0.064, 1.0, 0.963)
+"""Shares of a viewer's window, left, upper, right and lower: the arm with its curves, and the figures of a recording
+without an arm."""
+TEXT_BELOW_ARM = (0.0, 0.562, 0.4165, 0.672)
+BACKGROUND = (13, 13, 13)
 
 
 def make(results: Path) -> list[str]:
@@ -124,11 +135,20 @@ def _picture(name: str, folder: Path) -> Iterator[str]:
         _shrink(chosen if chosen.is_file() else figures[0], target)
 
 
-def _shrink(source: Path, target: Path) -> None:
+def _shrink(source: Path, target: Path, part: Box = WHOLE) -> None:
     with Image.open(source) as picture:
-        small = picture.convert("RGB")
+        whole = picture.convert("RGB")
+    if part == ARM:
+        whole.paste(BACKGROUND, _pixels(TEXT_BELOW_ARM, whole.size))
+    small = whole.crop(_pixels(part, whole.size))
     small.thumbnail((WIDTH, WIDTH), Image.Resampling.LANCZOS)
     small.save(target, "WEBP", quality=72, method=6)
+
+
+def _pixels(part: Box, size: tuple[int, int]) -> tuple[int, int, int, int]:
+    wide, high = size
+    left, upper, right, lower = part
+    return round(left * wide), round(upper * high), round(right * wide), round(lower * high)
 
 
 def _screenshot(recording: Path, target: Path, seconds: float = 8.0) -> bool:
@@ -148,7 +168,7 @@ def _screenshot(recording: Path, target: Path, seconds: float = 8.0) -> bool:
             target.write_bytes(shown)
     except (RuntimeError, ConnectionError, TimeoutError, OSError):
         return False
-    _shrink(target, target)
+    _shrink(target, target, FIGURES if target.stem.startswith("sheu-walker") else ARM)
     return True
 
 
