@@ -20,7 +20,19 @@ from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
 
-KEYS = ["schema", "robot", "dof", "links", "parameters", "rank", "singular_values", "gap", "independent", "columns"]
+KEYS = [
+    "schema",
+    "robot",
+    "dof",
+    "links",
+    "parameters",
+    "rank",
+    "singular_values",
+    "gap",
+    "names",
+    "independent",
+    "columns",
+]
 KEYS += ["regrouping", "certificate"]
 
 

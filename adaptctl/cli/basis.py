@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import log10
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -53,6 +53,9 @@ def basis(
     *,
     priority: Annotated[Path | None, Parameter(metavar="FILE")] = None,
     energy_error: Annotated[float | None, Parameter(metavar="PERCENT")] = None,
+    tool: Annotated[
+        Literal["pinocchio", "figaroh", "mujoco", "drake"] | None, Parameter(name="--for", show_choices=False)
+    ] = None,
     reading: RobotFlags = AS_USUAL,
     json: Json = False,
     out: Annotated[Path | None, Parameter(metavar="FILE")] = None,
@@ -70,6 +73,8 @@ def basis(
         TOML file with the order in which parameters are removed. Default: Sheu and Walker's Table 4.
     energy_error : float
         Also print how many essential components keep the energy error, %, below this within the joint limits.
+    tool : str
+        Order of the parameters, and frames, of pinocchio, figaroh, mujoco (mujoco.sysid) or drake.
     out : Path
         Also save the basis, as JSON for `FundamentalBasis.load`.
     overwrite : bool
@@ -93,10 +98,11 @@ def basis(
 
     if out is not None:
         validate_output(out, overwrite)
-    mechanism = reading.load(robot)
+    mechanism = reading.load(robot) if tool is None else _in_frames_of(tool, reading.load(robot), robot)
     order = Priority.default(mechanism) if priority is None else Priority.read(priority, mechanism)
     space = essential_space(mechanism, prove=True)
     found = fundamental_basis(space, order, prove=True)
+    found = found if tool is None else found.in_order(tool)
     reduction = None if energy_error is None else _reduction(mechanism, energy_error)
     if out is not None:
         found.save(out)
@@ -121,6 +127,7 @@ def as_builtins(
         "rank": space.rank,
         "singular_values": space.singular_values.tolist(),
         "gap": space.certificate.gap,
+        "names": list(basis.parameter_names),
         "independent": list(basis.names),
         "columns": list(basis.columns),
         "regrouping": basis.regrouping.tolist(),
@@ -134,6 +141,18 @@ def as_builtins(
             "percent_errors": reduction.percent_errors.tolist(),
         }
     return content
+
+
+def _in_frames_of(tool: str, mechanism: Mechanism, robot: str) -> Mechanism:
+    """The mechanism with frames at its joints, or at MuJoCo's bodies, where MJCF has them."""
+    from adaptctl.description import builtin_file, builtin_names
+    from adaptctl.description.transforms import with_joint_frames
+    from adaptctl.dynamics import Mechanism
+
+    file = builtin_file(robot) if robot in builtin_names() else Path(robot)
+    return (
+        mechanism if tool == "mujoco" and file.suffix == ".xml" else Mechanism(with_joint_frames(mechanism.description))
+    )
 
 
 def _reduction(mechanism: Mechanism, energy_error: float) -> Reduction:

@@ -16,6 +16,7 @@ from adaptctl.caching import cached_property
 from adaptctl.compilation import object_cache
 from adaptctl.errors import FileError, InputError, RankError, printable, validate_kind
 from adaptctl.files import read_json, write_json
+from adaptctl.identifiability.column_orders import column_order
 from adaptctl.identifiability.essential_space import EssentialSpace
 from adaptctl.identifiability.priority import Priority, or_default
 from adaptctl.identifiability.regrouping import (
@@ -243,6 +244,44 @@ class FundamentalBasis:
         ('lower.mc_x* = lower.mc_x + 0.3 lower.m', 'lower.mc_y* = lower.mc_y')
         """
         return regrouping_equations(self.regrouping, self.columns, self.parameter_names)
+
+    def in_order(self, tool: str, links: Sequence[str] = ()) -> FundamentalBasis:
+        """
+        Return the same basis with parameters in the order of another tool.
+
+        Parameters
+        ----------
+        tool : str
+            "pinocchio", "figaroh", "mujoco" (that of `mujoco.sysid`) or "drake".
+        links : sequence of str, optional
+            Names of all links in the tool's order. Default: as they are.
+
+        Returns
+        -------
+        FundamentalBasis
+            Basis of which `columns` and `regrouping` are for the tool's regressor, or vector of parameters. Link frames
+            must be the tool's: at the joints, as URDF has them, or at the bodies, as MJCF has them.
+
+        Raises
+        ------
+        InputError
+            If `links` are not each link once (`NotFoundError` for a link or a tool that is unknown).
+
+        Examples
+        --------
+        >>> [name for name in basis.in_order("mujoco").parameter_names[:7]]
+        ['upper.m', 'upper.mc_x', 'upper.mc_y', 'upper.mc_z', 'upper.I_xx', 'upper.I_yy', 'upper.I_zz']
+        """
+        order = column_order(self.parameter_names, tool, links)
+        kept = [order.index(column) for column in self.columns]
+        rows = np.argsort(kept)
+        return replace(
+            self,
+            parameter_names=tuple(self.parameter_names[j] for j in order),
+            columns=tuple(sorted(kept)),
+            regrouping=self.regrouping[rows][:, order],
+            scales=self.scales[order],
+        )
 
     def _repr_html_(self) -> str:
         text = f"{len(self.names)} base parameters; a star marks those into which others are regrouped"
