@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import nightly
 from synthetic_logs import joint_drives, known, motion
 
 from adaptctl.arrays import Array
@@ -87,6 +88,7 @@ def test_without_either_they_are_known_up_to_one_scale_which_is_said() -> None:
     assert any("up to a common scale" in remark for remark in result.warnings)
 
 
+@nightly
 def test_a_payloads_torques_are_not_the_robots() -> None:
     """With all constants known, a loaded and an empty log are of one robot."""
     result = found(3, CONSTANTS.tolist(), (PAYLOAD,))

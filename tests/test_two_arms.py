@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from nightly import nightly
 
 from adaptctl.control import Gradient, SlotineLi, lyapunov
 from adaptctl.dynamics import Mechanism
@@ -39,6 +40,7 @@ def test_virtual_power_of_both_arms_is_that_of_the_left_joints(mechanism: Mechan
     np.testing.assert_allclose(EXPERIMENT.torque_limits(mechanism), np.abs(slopes) @ limits, rtol=1e-4)
 
 
+@nightly
 def test_the_pair_learns_and_the_lyapunov_function_never_rises(mechanism: Mechanism) -> None:
     model, gains = ReducedModel.full(mechanism), EXPERIMENT.gains(mechanism)
     env = EXPERIMENT.environment(mechanism)

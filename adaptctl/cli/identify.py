@@ -112,6 +112,8 @@ def identify(
 
     validate_for_results()
     with replacing_folder(out, overwrite) as folder, _files(logs, robot, drives) as (logs, robot, drives):
+        if energy_differences is not None:
+            _validate_comparison(logs, drives, energy_differences)
         mechanism = reading.load(robot)
         found = identified(
             logs,
@@ -176,16 +178,22 @@ def _files(
         yield logs, robot, drives
 
 
+def _validate_comparison(logs: tuple[Path, ...], drives: Path | None, window: float) -> None:
+    from adaptctl.errors import InputError
+    from adaptctl.identification.estimator_comparison import validate_window
+
+    if len(logs) != 1 or drives is None:
+        raise InputError("--energy-differences needs exactly one log, with columns and units from a --drives file")
+    validate_window(window)
+
+
 def _compared(
     logs: tuple[Path, ...], robot: Mechanism, drives: Path | None, window: float, folder: Path
 ) -> Amplification:
     """Comparison of what two estimators make of torques that are off, written into a folder of its own."""
-    from adaptctl.errors import InputError
     from adaptctl.folders import made_folder
     from adaptctl.identification.estimator_comparison import compared_estimators
 
-    if len(logs) != 1 or drives is None:
-        raise InputError("--energy-differences needs exactly one log, with columns and units from a --drives file")
     found = compared_estimators(logs[0], robot, drives, window)
     made_folder(folder)
     found.write(folder)

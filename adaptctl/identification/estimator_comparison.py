@@ -84,12 +84,17 @@ class Amplification:
         self.report().write(folder, content, progress=progress)
 
 
+def validate_window(window: float) -> None:
+    """Raise `InputError` for windows that energies are not compared over."""
+    if not 0.01 <= window <= 2.0:
+        raise InputError(f"energy differences: expected windows of 0.01 to 2 s, got {window:g}")
+
+
 def compared_estimators(
     log: str | Path, robot: str | Path | Mechanism, drives: str | Path, window: float = 0.1, seed: int = 0
 ) -> Amplification:
     """Errors of two estimators on a log, with a model of the whole log taken as the truth."""
-    if not 0.01 <= window <= 2.0:
-        raise InputError(f"energy differences: expected windows of 0.01 to 2 s, got {window:g}")
+    validate_window(window)
     mechanism = robot if isinstance(robot, Mechanism) else load(robot)
     own = read_drives(drives).ordered_like(mechanism)
     read = joint_log(read_log(log), own)
