@@ -134,7 +134,7 @@ def identify(
         )
         notes = _write(folder, found, robot, mechanism)
         compared = None
-        if energy_differences is not None:
+        if energy_differences is not None and drives is not None:
             compared = _compared(logs, mechanism, drives, energy_differences, folder / ENERGIES)
     print("".join(f"adaptctl: note: {note}\n" for note in notes), end="", file=sys.stderr)
     if json:
@@ -187,9 +187,7 @@ def _validate_comparison(logs: tuple[Path, ...], drives: Path | None, window: fl
     validate_window(window)
 
 
-def _compared(
-    logs: tuple[Path, ...], robot: Mechanism, drives: Path | None, window: float, folder: Path
-) -> Amplification:
+def _compared(logs: tuple[Path, ...], robot: Mechanism, drives: Path, window: float, folder: Path) -> Amplification:
     """Comparison of what two estimators make of torques that are off, written into a folder of its own."""
     from adaptctl.folders import made_folder
     from adaptctl.identification.estimator_comparison import compared_estimators
