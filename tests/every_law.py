@@ -34,6 +34,7 @@ from adaptctl.control import (
     SigmaModification,
     SlotineLi,
     Subspace,
+    TaskImpedance,
     TaskSpaceSlotineLi,
 )
 from adaptctl.dynamics import Mechanism
@@ -53,7 +54,7 @@ def slotine_li(adaptation: Any = None, kind: type[SlotineLi] = SlotineLi, **more
     return on(MODEL, adaptation, kind, **more)
 
 
-def on(model: ReducedModel, adaptation: Any, kind: type[SlotineLi] = SlotineLi, **more: Any) -> SlotineLi:
+def on(model: ReducedModel, adaptation: Any, kind: type[Any] = SlotineLi, **more: Any) -> Any:
     """A law that begins nine tenths of the way to the truth."""
     damping = [3.0, 4.0, 2.0][: model.mechanism.dof]
     return kind(model, 6.0, damping, adaptation, 0.9 * true_of(model), **more)  # type: ignore[arg-type]
@@ -74,6 +75,10 @@ def guarded(law: Controller[Any], torque: float = 50.0, rates: float = 1e4, **mo
     return SafetyFilter(
         law, np.full(r, torque), np.full(r, rates), position_limits=wide, velocity_limits=np.full(r, 30.0), **more
     )
+
+
+def tool_impedance() -> dict[str, Any]:
+    return {"tool_stiffness": [50.0, 40.0, 0, 0, 0, 2.0], "tool_damping": [2.0, 1.0, 0, 0, 0, 0.1]}
 
 
 def linear(arm: Mechanism = ARM) -> LinearController:
@@ -118,6 +123,7 @@ def laws_on(model: ReducedModel, pair: ReducedModel) -> dict[str, Controller[Any
         "integral": on(model, gain, PassivityIntegral),
         "tool": on(model, gain, TaskSpaceSlotineLi, singularity=0.1, axes=axes, reference_in_joints=True),
         "tool in the world": on(model, gain, TaskSpaceSlotineLi, singularity=0.1, axes=(0, 1)),
+        "impedance": on(pair, few, TaskImpedance, tank=3.0, most_force=5.0, delay=1, **tool_impedance()),
         "adaptive computed torque": AdaptiveComputedTorque(model, 6.0, 0.9 * true, gain),  # type: ignore[arg-type]
         "computed torque": ComputedTorque(arm, 6.0 * each, 0.8),
         "gravity": PDGravity(arm, 200.0 * each, 30.0 * each),

@@ -26,8 +26,10 @@ from adaptctl.control.gains.gains import typical_inertia as typical_inertia
 from adaptctl.control.gains.sampling_ratio import SamplingRatio as SamplingRatio
 from adaptctl.control.gains.sampling_ratio import sampling_ratio as sampling_ratio
 from adaptctl.control.gains.sampling_ratio import worst_conditioned_configuration as worst_conditioned_configuration
+from adaptctl.control.gains.stiffness import largest_stiffness as largest_stiffness
 from adaptctl.control.gains.workspace import Workspace as Workspace
 from adaptctl.control.held_state import HeldState as HeldState
+from adaptctl.control.impedance import JointImpedance as JointImpedance
 from adaptctl.control.learned import save_learned as save_learned
 from adaptctl.control.learned import warm_start as warm_start
 from adaptctl.control.linear import LinearController as LinearController
@@ -42,6 +44,7 @@ from adaptctl.control.safety_filter import SafetyFilterState as SafetyFilterStat
 from adaptctl.control.slotine_li import PassivityIntegral as PassivityIntegral
 from adaptctl.control.slotine_li import SlotineLi as SlotineLi
 from adaptctl.control.spline import Spline as Spline
+from adaptctl.control.task_impedance import TaskImpedance as TaskImpedance
 from adaptctl.control.task_space import TaskSpaceSlotineLi as TaskSpaceSlotineLi
 from adaptctl.control.touch import ToolWrench as ToolWrench
 from adaptctl.control.touch import tool_wrench as tool_wrench

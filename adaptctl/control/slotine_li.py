@@ -11,27 +11,20 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, positive_per_joint
 from adaptctl.control.adaptation.gradient import Descent
-from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
+from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory
 from adaptctl.control.adaptation.prior_ranges import estimate_sampling_ratio
-from adaptctl.control.adaptive import AdaptiveController, AdaptiveState
+from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.gains.sampling_ratio import sampling_ratio, validate_sampling_ratio
 from adaptctl.control.gains.workspace import Workspace
+from adaptctl.control.passivity_based import PassivityBased, ReferenceVelocity
 from adaptctl.errors import StabilityWarning
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, column
 
 
-class ReferenceVelocity(NamedTuple):
-    """Reference velocity (r,), its derivative, and further state."""
-
-    v_r: Column
-    a_r: Column
-    controller_state: Any
-
-
 @dataclass(frozen=True, eq=False)
-class SlotineLi(AdaptiveController):
+class SlotineLi(PassivityBased):
     r"""
     Passivity-based adaptive controller of Slotine and Li.
 
@@ -108,48 +101,6 @@ class SlotineLi(AdaptiveController):
         if self.prior is not None:
             self._warn_if_ringing(frozen_array(self.prior, (len(self.model.columns),), "prior"))
 
-    def law(
-        self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
-    ) -> tuple[Column, AdaptiveState]:
-        """
-        Compute the torque and the next state.
-
-        Parameters
-        ----------
-        p, v : Column
-            Measured positions (r,) in rad (m) and velocities (r,) in rad/s (m/s).
-        reference : ReferencePoint
-            Desired positions, velocities and accelerations (r,) in rad, rad/s and rad/s^2 (m, m/s, m/s^2).
-        memory : AdaptiveState
-            Internal state of the last control period.
-
-        Returns
-        -------
-        tuple of Column and AdaptiveState
-            Torque (r,) in N m (N) and internal state after the period.
-
-        Examples
-        --------
-        >>> torque, state = law.step(law.init(p, v), p, v, reference(0.0))  # evaluates the compiled law
-        >>> torque.shape
-        (2,)
-        """
-        equations, damping = self.model.mechanism.equations, column(self.damping)
-        q = equations.closed(p, memory.q)
-        v_r, a_r, more = self.reference_velocity(q, p, v, reference, memory)
-        s = v - v_r
-
-        def gradient(sliding: Column) -> Column:  # Y_r's, of the regressor at the last tick
-            before = equations.motion_memory.numbers(memory.regressor_state)
-            return equations.restored_motion(before).regressor_transpose_product(sliding, self.model.columns)
-
-        passed = Period(gradient, memory.s, s, memory.torque, q, v, self.control_period, memory.dt[0], damping)
-        estimate, learning = self._adapted(memory, passed)
-        motion = equations.motion(q, v, v_r, a_r)
-        torque = motion.torque(self._parameters(estimate)) - damping * s
-        kept = equations.motion_memory.chosen(motion.numbers) if self._motion_size else Column(())
-        return torque, AdaptiveState(estimate, q, kept, s, *self._limited(torque), learning, more)
-
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
     ) -> ReferenceVelocity:
@@ -205,10 +156,6 @@ class SlotineLi(AdaptiveController):
     def _velocity_feedback(self) -> Array:
         """Gain (r,), 1/s, of velocities in the reference acceleration."""
         return self.bandwidth
-
-    @property
-    def _motion_size(self) -> int:
-        return 0 if self.adaptation_law is None else len(self.model.mechanism.equations.motion_memory.kept)
 
     @property
     def _coordinates(self) -> int:

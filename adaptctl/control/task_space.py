@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from adaptctl.arrays import Array, frozen_array, stacked_rows
-from adaptctl.caching import cached_property
 from adaptctl.control.adaptation.law import NoMemory
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.gains.workspace import sampled_configurations
-from adaptctl.control.slotine_li import ReferenceVelocity, SlotineLi
-from adaptctl.description.places import place_on_link
+from adaptctl.control.passivity_based import ReferenceVelocity
+from adaptctl.control.slotine_li import SlotineLi
+from adaptctl.description.places import tool_point
 from adaptctl.dynamics.recursion.kinematics import moving_point
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
@@ -118,6 +118,7 @@ class TaskSpaceSlotineLi(SlotineLi):
     posture: Array | None = None
     posture_rate: float = 1.0
     reference_in_joints: bool = False
+    _link: ClassVar[int]
 
     def __post_init__(self) -> None:
         axes = tuple(self.axes)
@@ -136,7 +137,11 @@ class TaskSpaceSlotineLi(SlotineLi):
         for name in ("singularity", "posture_rate"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InputError(f"task space: {name}: expected at least 0, got {getattr(self, name)}")
-        self._place_link()
+        index, link, point = tool_point(
+            self.model.mechanism.description, self.link, np.asarray(self.tool), "task space"
+        )
+        for name, value in (("_link", index), ("link", link), ("tool", frozen_array(point, (3,), "tool"))):
+            object.__setattr__(self, name, value)
         self._validate_reach()
         super().__post_init__()
 
@@ -225,16 +230,6 @@ class TaskSpaceSlotineLi(SlotineLi):
             gram[i][i] = gram[i][i] + square
         return free + combined(rows, solve_symmetric(gram, task))
 
-    def _place_link(self) -> None:
-        """Take a named frame, such as `tool0`, as its place on the link that carries it."""
-        if self.link is None:
-            return
-        link, pose = place_on_link(self.model.mechanism.description, self.link, "task space")
-        if link != self.link:
-            tool = pose.rotation @ np.asarray(self.tool) + pose.translation
-            object.__setattr__(self, "tool", frozen_array(tool, (3,), "tool"))
-            object.__setattr__(self, "link", link)
-
     def _validate_reach(self) -> None:
         """Raise `InputError` if the point cannot move along every axis."""
         mechanism = self.model.mechanism
@@ -246,11 +241,6 @@ class TaskSpaceSlotineLi(SlotineLi):
                 f"task space: the joints move the point of {mechanism.links[self._link].name} along fewer than "
                 f"{len(self.axes)} axes: give fewer axes, or a link farther from the base"
             )
-
-    @cached_property
-    def _link(self) -> int:
-        names = [link.name for link in self.model.mechanism.links]
-        return len(names) - 1 if self.link is None else names.index(self.link)
 
     @property
     def _velocity_feedback(self) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import NamedTuple
 
+from adaptctl.arrays import Array
 from adaptctl.description.description import GROUND, Description
 from adaptctl.description.pose import Pose
 from adaptctl.errors import NotFoundError
@@ -15,6 +16,24 @@ class PlaceOnLink(NamedTuple):
 
     link: str
     pose: Pose
+
+
+class ToolPoint(NamedTuple):
+    """Link's place in the list and name, and a point (3,) in its frame in m."""
+
+    place: int
+    link: str
+    point: Array
+
+
+def tool_point(description: Description, link: str | None, point: Array, what: str) -> ToolPoint:
+    """Point of a link, of the last one, or of a frame such as `tool0` on the link that carries it."""
+    names = [one.name for one in description.links]
+    if link is None:
+        return ToolPoint(len(names) - 1, names[-1], point)
+    carrier, pose = place_on_link(description, link, what)
+    moved = point if carrier == link else pose.rotation @ point + pose.translation
+    return ToolPoint(names.index(carrier), carrier, moved)
 
 
 def place_on_link(description: Description, name: str, what: str, links: Collection[str] | None = None) -> PlaceOnLink:

@@ -95,6 +95,9 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         Time in s of an undecided change, after which the trial estimate is taken and the memory cleared.
     external_torque : ExternalTorque, optional
         Observer of external torques, which raises a doubt within some hundredths of a second. Default: none.
+    trial : bool, default True
+        True to follow missed torques with a trial estimate while it doubts, which keeps the arm on its path. False
+        holds the trusted estimate, so that a push is not compensated: an impedance always does.
 
     Raises
     ------
@@ -138,11 +141,14 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
     min_speed: ArrayLike = 0.05
     time_limit: float = 10.0
     external_torque: ExternalTorque | None = None
+    trial: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.external_torque is not None:
             validate_kind(self.external_torque, ExternalTorque, "external_torque", "as ExternalTorque() is one")
+        if not isinstance(self.trial, bool):
+            raise InputError(f"{self.called}: trial: expected True or False, got {self.trial!r}")
         self._validate_not_negative({"recall": "1/s", "time_limit": "s"})
         speeds = np.asarray(self.min_speed, dtype=np.float64)
         if not (np.all(np.isfinite(speeds)) and np.all(speeds >= 0.0)):
@@ -254,9 +260,9 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         fast = None if observer is None else external_torque.predicted(observer, model, period, memory.touch)
         stored, step, unsure = self._stepped(memory.stored, sample, period, watch, (x, slope), fast)
         touch = self._felt(fast, sample, Column(unsure.of[len(sample.rows) :]), period, memory)
-        trial = (trial_share(sample, watch) * self._scale) * slope + self._returning(watch, period) * (
-            estimate - watch.trusted
-        )
+        trial = self._returning(watch, period) * (estimate - watch.trusted)
+        if self.trial:
+            trial = (trial_share(sample, watch) * self._scale) * slope + trial
         after = estimate - either(watch.alarm[0] > 0.0, trial, self._scale * step)
         unsure = Column(unsure.of[: len(sample.rows)])
         return self._decided(model, after, stored, sample, unsure, period, memory, prediction.after, touch)
@@ -309,6 +315,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
 
     def _returning(self, watch: Watch, period: Period) -> Scalar:
         """Share of the way from the trial estimate back to the trusted one."""
+        if not self.trial:
+            return min(period.period / RETURN, 1.0)
         calm = reduce(maximum, watch.doubt) < CLEAR - RETURN_AFTER
         return where(calm, min(period.period / RETURN, 1.0), LEAK * period.period)
 
