@@ -235,10 +235,10 @@ LISTED: tuple[Listed, ...] = (
     ),
     Listed(
         "torque constants weighted once",
-        "adaptctl/identification/torque_constants.py",
-        "WEIGHTING_ROUNDS = 3",
-        "WEIGHTING_ROUNDS = 1",
-        ("tests/test_identification_by_hand.py::test_joints_with_little_noise_count_for_more_in_torque_constants",),
+        "adaptctl/identification/loaded_fit.py",
+        "MAX_STEPS = 0.1, 4, 60",
+        "MAX_STEPS = 0.1, 1, 60",
+        ("tests/test_identification_by_hand.py::test_motors_with_little_noise_count_for_more_in_torque_constants",),
     ),
     Listed(
         "autocorrelation not centred",

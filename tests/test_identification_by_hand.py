@@ -15,15 +15,18 @@ from synthetic_logs import known
 
 from adaptctl.arrays import Array
 from adaptctl.description import JointKind, Limits
+from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError
 from adaptctl.identification import Validation
 from adaptctl.identification.columns import JointLog, joint_log
 from adaptctl.identification.drives_file import Drives, MotorEntry, Units
+from adaptctl.identification.entropic import EntropicPrior
 from adaptctl.identification.least_squares import halves
+from adaptctl.identification.loaded_fit import LoadedEquations, loaded_fit
 from adaptctl.identification.log_files import table
+from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.preparation import PreparedLog, prepare
-from adaptctl.identification.torque_constants import _solved
 from adaptctl.identification.uncertainty import uncertainty
 
 RATE = 100.0
@@ -325,22 +328,26 @@ def test_the_bias_of_a_firm_prior_is_in_the_deviation() -> None:
     assert uncertainty(evidence, fit).of(np.eye(1))[0] == pytest.approx(off, rel=0.1)
 
 
-def test_joints_with_little_noise_count_for_more_in_torque_constants() -> None:
+def test_motors_with_little_noise_count_for_more_in_torque_constants() -> None:
     """As weights by the true deviations have it (Gauss and Markov), which nobody gives: residuals tell, in rounds."""
-    rng, n, constant, beta = np.random.default_rng(2), 300, 1.7, 0.6
-    Y, W = rng.normal(size=(n, 2, 1)), rng.normal(size=(n, 2, 1))
-    deviations = np.array([0.002, 0.5])
-    wanted = Y[..., 0] * beta - W[..., 0] * constant + deviations * rng.normal(size=(n, 2))
-
-    def fitted(weights: Array) -> float:
-        rows = (np.concatenate([Y, -W], axis=-1) * weights[:, None]).reshape(-1, 2)
-        return float(np.linalg.lstsq(rows, (wanted * weights).ravel())[0][1])
-
-    best, alike = fitted(1.0 / deviations), fitted(np.ones(2))
-    found = float(_solved(Y, W, wanted)[0])
-    assert abs(best - constant) < 4 * 0.002 / math.sqrt(n)
-    assert abs(alike - best) > 0.005
-    assert abs(found - best) < 1e-3 * abs(alike - best)
+    rng, n, c = np.random.default_rng(2), 300, np.array([1.0, -0.4])
+    Y, v = rng.normal(size=(n, 2, 14)), rng.normal(size=(n, 2))
+    Y[..., 10:] = 0.0
+    for k in range(2):
+        Y[:, k, 10 + k], Y[:, k, 12 + k] = v[:, k], np.sign(v[:, k])
+    x = np.concatenate([from_center_of_mass(2.0, [0.1, 0.0, 0.2], 0.1 * np.eye(3)), [0.5, 0.5, 0.2, 0.2]])
+    column = (Y @ x) * c + np.array([0.002, 0.5]) * rng.normal(size=(n, 2))
+    parts = [(Y[:, k].T @ Y[:, k], Y[:, k].T @ column[:, k], column[:, k] @ column[:, k], float(n)) for k in range(2)]
+    sums = NormalEquations(*(np.stack(part)[None] for part in zip(*parts, strict=True)))
+    guess = from_center_of_mass(3.0, [0.0, 0.1, 0.1], 0.2 * np.eye(3))
+    prior = EntropicPrior(guess[None], np.arange(10, 14), np.ones(4))
+    friction = np.array([[10, 12], [11, 13]])
+    found = loaded_fit(LoadedEquations(sums, prior, (), np.array([1]), np.arange(14), friction))
+    rows = np.concatenate([Y[:, 0], c[1] * Y[:, 1]])
+    alike = np.linalg.lstsq(rows, np.concatenate(list(column.T)))[0]
+    best = np.linalg.lstsq(Y[:, 0], column[:, 0])[0]
+    assert np.abs(found.x - x)[:10].max() < 0.02 * np.abs(alike - best)[:10].max()
+    assert found.c == pytest.approx(c, rel=0.1)
 
 
 def test_errors_are_compared_with_themselves_about_their_mean() -> None:

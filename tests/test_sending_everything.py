@@ -30,6 +30,7 @@ from adaptctl.description import Coupling
 from adaptctl.dynamics import equation_costs, load
 from adaptctl.experiments import EXPERIMENTS
 from adaptctl.hardware import MuJoCoRobot, TouchEvent, drive
+from adaptctl.identification import IdentifiedPayload
 from adaptctl.identification.identify import identified
 from adaptctl.simulation import effects
 from adaptctl.tuning import tune
@@ -208,7 +209,11 @@ def of_recording() -> Any:
 
 def of_identification() -> Any:
     case = known(0, duration=4.0)
-    return identified(case.guess, case.drives, [case.log], [case.log]), case
+    return (
+        identified(case.guess, case.drives, [case.log], [case.log]),
+        case,
+        IdentifiedPayload("log", "tool0", np.ones(10), np.eye(10)),
+    )
 
 
 def of_hardware() -> Any:

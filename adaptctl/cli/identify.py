@@ -40,6 +40,9 @@ def identify(
     cutoff: Annotated[float | None, Parameter(metavar="HZ")] = None,
     prior_weight: float | None = None,
     instrumental_variables: bool = False,
+    payload: Annotated[Pairs, Parameter(metavar="LOG=LINK")] = (),
+    payload_mass: Annotated[float | None, Parameter(metavar="KG")] = None,
+    payload_after: Annotated[float | None, Parameter(metavar="S")] = None,
     compensated: bool = False,
     trust_log: bool = False,
     energy_differences: Annotated[float | None, Parameter(metavar="S")] = None,
@@ -83,6 +86,12 @@ def identify(
         Weight of the prior link parameters. Default: cross-validation.
     instrumental_variables : bool
         Use instrumental variables, for coarse or noisy encoders.
+    payload : list of str
+        Links or frames at which an unknown body is carried, by log, such as loaded.csv=tool0; it is identified too.
+    payload_mass : float
+        Mass of that body, kg. Default: identified.
+    payload_after : float
+        Time in the log at which it is taken, s. Default: carried from the start.
     compensated : bool
         Add the gravity torques of the robot file, for a robot that compensates its own and logs the rest.
     trust_log : bool
@@ -129,6 +138,9 @@ def identify(
             cutoff=cutoff,
             prior_weight=prior_weight,
             instrumental_variables=instrumental_variables,
+            payloads=_pairs("--payload", payload),
+            payload_mass=payload_mass,
+            payload_after=payload_after,
             compensated=compensated,
             trust_log=trust_log,
         )

@@ -99,13 +99,23 @@ class UnitsEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 class PayloadEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Known body in a drives file, fixed to a link throughout one log: kg, m and kg m^2 in the link's frame."""
+    """
+    Body in a drives file, fixed to a link in one log from `after` s on: kg, m and kg m^2 in the link's frame.
+
+    What is left out of mass, centre and inertia is identified.
+    """
 
     log: Name
     link: Name
-    mass: float
-    center_of_mass: Triple
-    inertia_at_center: Tensor
+    mass: float | None = None
+    center_of_mass: Triple | None = None
+    inertia_at_center: Tensor | None = None
+    after: float = -math.inf
+
+    @property
+    def is_known(self) -> bool:
+        """True if mass, centre and inertia are given."""
+        return None not in (self.mass, self.center_of_mass, self.inertia_at_center)
 
 
 class DrivesFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
@@ -143,7 +153,7 @@ class Drives:
     units : Units
         Factors that convert the columns to SI units.
     payloads : tuple of PayloadEntry, optional
-        Known bodies that are fixed to a link throughout one log. None by default.
+        Bodies that are fixed to a link in one log. None by default.
     source : str, default ""
         Source of the numbers in words, such as a data sheet. Empty by default, where it is not known.
 

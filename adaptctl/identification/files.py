@@ -16,7 +16,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import AdaptctlError
-from adaptctl.files import hashed, write_json
+from adaptctl.files import hashed, write_json, write_text
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.report import best_hypotheses, components, consistency, joint_verdicts, report
 from adaptctl.identification.validation import Validation
@@ -50,6 +50,7 @@ def write_identification(
         files: dict[str, Callable[[Path], object]] = {
             **{one.name: partial(copyfile, Path(aside) / one.name) for one in written},
             ESTIMATES: lambda path: write_json(path, estimates(found)),
+            **{name: partial(write_text, data=text) for name, text in _payloads(found)},
             VALIDATION: partial(write_validation, found=found),
         }
         shown.write(folder, summary(found, written), tables=files, record=partial(_record, found, shown))
@@ -85,8 +86,16 @@ def summary(found: Identification, written: Sequence[WrittenRobot] = ()) -> dict
         "trials": [trial._asdict() for trial in found.choice.trials],
         "steps": {step.name: step.outcome for step in found.steps},
         "hypotheses": [trial._asdict() for trial in best_hypotheses(found)],
+        "payloads": [payload.as_builtins() for payload in found.payloads],
         "warnings": list(found.warnings),
     }
+
+
+def _payloads(found: Identification) -> Iterator[tuple[str, str]]:
+    """Names and contents of the payloads' files."""
+    for k, payload in enumerate(found.payloads):
+        name = "payload" if len(found.payloads) == 1 else f"payload_{k + 1}"
+        yield f"{name}.urdf", payload.urdf(name)
 
 
 def _logs(sources: Iterable[str]) -> dict[str, str | None]:

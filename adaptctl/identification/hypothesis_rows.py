@@ -19,8 +19,8 @@ from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import ALWAYS, FrictionModel
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations
+from adaptctl.identification.payloads import without_payloads
 from adaptctl.identification.preparation import PreparationStep, derivative, filtered
-from adaptctl.identification.torque_constants import without_payloads
 
 # Rows are w*tau = (w*Y) D with the kernel w of the other fits, but with accelerations from differences of the smoothed
 # positions, so that one regressor for each sample serves; the differences are as smooth as the filter w makes them.

@@ -15,6 +15,7 @@ from adaptctl.identification.drives_file import Drives
 from adaptctl.identification.filtered_dynamics import SmoothMotion
 from adaptctl.identification.held_out import HeldOut
 from adaptctl.identification.hypotheses import TriedHypothesis
+from adaptctl.identification.identified_payload import IdentifiedPayload
 from adaptctl.identification.preparation import PreparationStep
 from adaptctl.identification.uncertainty import Combination, unexcited
 from adaptctl.identification.validation import Validation
@@ -68,6 +69,8 @@ class Identification:
         Transmission, with the torque constants that were used.
     hypotheses : tuple of TriedHypothesis, optional
         Hypotheses about what the logs' columns mean, the log as it is first, with their errors. None by default.
+    payloads : tuple of IdentifiedPayload, optional
+        Bodies carried in a log of which mass, centre or inertia was identified. None by default.
 
     Examples
     --------
@@ -101,6 +104,7 @@ class Identification:
     motions: tuple[SmoothMotion, ...]
     drives: Drives
     hypotheses: tuple[TriedHypothesis, ...] = ()
+    payloads: tuple[IdentifiedPayload, ...] = ()
 
     def __repr__(self) -> str:
         error = f"torque error {self.validation.relative_error:.2%}"

@@ -47,9 +47,10 @@ from adaptctl.identification.log_checks import checked_log
 from adaptctl.identification.log_files import read_log
 from adaptctl.identification.normal_equations import block_edges
 from adaptctl.identification.own_gravity import validate_not_added, with_own_gravity
+from adaptctl.identification.payloads import with_unknown_payloads, without_payloads
 from adaptctl.identification.preparation import PreparationStep, PreparedLog, prepare
 from adaptctl.identification.springs import is_answered, known_springs, left_out, with_springs
-from adaptctl.identification.torque_constants import known_drives, torque_constants, with_constants, without_payloads
+from adaptctl.identification.torque_constants import Completion, completed, is_complete, with_constants
 from adaptctl.identification.uncertainty import combinations, essential_components, uncertainty
 from adaptctl.identification.validation import alternatives, validate_plausible
 
@@ -77,6 +78,9 @@ def identify(
     cutoff: float | None = None,
     prior_weight: float | None = None,
     instrumental_variables: bool = False,
+    payloads: Mapping[str, str] | None = None,
+    payload_mass: float | None = None,
+    payload_after: float | None = None,
     compensated: bool = False,
     trust_log: bool = False,
 ) -> Identification:
@@ -115,6 +119,13 @@ def identify(
     instrumental_variables : bool, default False
         If true, instrumental variables remove the bias due to noise in measured positions, for coarse or noisy
         encoders. By default regressors are taken as measured.
+    payloads : mapping of str to str, optional
+        Links or frames at which an unknown body is carried, by the logs in which it is; it is identified too. By
+        default those of the drives file.
+    payload_mass : float, optional
+        Mass in kg of these bodies. Default: identified.
+    payload_after : float, optional
+        Time in s, of the log's own stamps, at which they are taken. Default: carried from the start.
     compensated : bool, default False
         If true, the logged torques lack the gravity torques that the robot adds by itself, and those of the robot
         file's links are added. By default torques are whole, as in the logs of `drive`.
@@ -175,7 +186,7 @@ def identify(
     tables = [[read_log(path, topic) for path in paths] for paths in (given, _paths(validate))]
     if known is None:
         known = joint_columns(mechanism, tables[0][0], columns, units, sample_rate is None)
-    turned = known.ordered_like(mechanism)
+    turned = with_unknown_payloads(known.ordered_like(mechanism), given, payloads, payload_mass, payload_after)
     train, test = ([joint_log(log, turned, sample_rate) for log in logs] for logs in tables)
     if compensated:
         for log in (*tables[0], *tables[1]):
@@ -241,7 +252,9 @@ def identified(
     checks = [checked_log(log, mechanism) for log in (*train, *test)]
     facts = tuple(dict.fromkeys(fact for _, own in checks for fact in own))
     train, test = [log for log, _ in checks[: len(train)]], [log for log, _ in checks[len(train) :]]
-    drives, train, test, known = _with_constants(mechanism, drives, train, test, skip_steps)
+    whole = _completed(mechanism, drives, train, skip_steps)
+    train, test = ([with_constants(log, drives, whole.drives.constants) for log in logs] for logs in (train, test))
+    drives = whole.drives
     springs, mechanism = known_springs(mechanism, friction), with_springs(mechanism, friction)
     measured, steps, remarks = gathered(mechanism, drives, train, skip_steps, cutoff)
     evidence = freed_of_noise(measured) if instrumental_variables else measured
@@ -265,21 +278,16 @@ def identified(
     geared = [f"{meaning.slopes.name}: {meaning.slopes.outcome}"] if meaning.slopes.outcome.endswith("?") else []
     untold = left_out(choice.settings.untold, choice.settings.friction)
     doubts = () if is_answered(meaning, choice.settings.friction) else doubts
-    notes = (*doubts, *geared, *read, *remarks, *known, *untold, *late_words, *contradictions(training, fit))
-    return replace(
-        _result(training, fit, held_out, choice, (*facts, meaning.slopes, *steps), notes), hypotheses=meaning.tried
-    )
+    notes = (*doubts, *geared, *read, *remarks, *whole.words, *untold, *late_words, *contradictions(training, fit))
+    result = _result(training, fit, held_out, choice, (*facts, meaning.slopes, *steps), notes)
+    return replace(result, hypotheses=meaning.tried, payloads=whole.payloads)
 
 
-def _with_constants(
-    mechanism: Mechanism, drives: Drives, train: Sequence[JointLog], test: Sequence[JointLog], skip: Collection[str]
-) -> tuple[Drives, Sequence[JointLog], Sequence[JointLog], tuple[str, ...]]:
-    if not np.isnan(drives.constants).any():
-        return drives, train, test, ()
+def _completed(mechanism: Mechanism, drives: Drives, train: Sequence[JointLog], skip: Collection[str]) -> Completion:
+    if is_complete(drives):
+        return Completion(drives, (), ())
     evidence, _, _ = gathered(mechanism, drives, train, (*skip, "limits") if "limits" not in skip else skip)
-    constants, words = torque_constants(evidence, judged_at(evidence))
-    train, test = ([with_constants(log, drives, constants) for log in logs] for logs in (train, test))
-    return known_drives(drives, constants), train, test, (words,)
+    return completed(evidence, judged_at(evidence))
 
 
 def gathered(
@@ -315,10 +323,7 @@ def gathered(
 def _rows_without_payloads(
     motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives, cutoffs: Sequence[float]
 ) -> list[Rows]:
-    rows = rows_of(motions, mechanism, cutoffs)
-    if np.isnan(drives.constants).any():
-        return rows
-    return [without_payloads(own, motions, mechanism, drives) for own in rows]
+    return [without_payloads(own, motions, mechanism, drives) for own in rows_of(motions, mechanism, cutoffs)]
 
 
 def freed_of_noise(evidence: LogEvidence) -> LogEvidence:

@@ -1,85 +1,160 @@
-"""Torque constants of motors from logs (Gautier and Briot 2014)."""
+"""Torque constants of motors, and payloads, from logs (Gautier and Briot 2014)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import structs
 
 from adaptctl.arrays import Array
-from adaptctl.description.inertia import from_center_of_mass, is_physically_consistent, transformed
-from adaptctl.description.places import place_on_link
-from adaptctl.dynamics import Mechanism
+from adaptctl.description.inertia import transformed
+from adaptctl.description.readers.entries import Tensor
 from adaptctl.errors import InputError
-from adaptctl.identification.columns import JointLog, same_place
+from adaptctl.identification.columns import JointLog
 from adaptctl.identification.drives_file import Drives, PayloadEntry
-from adaptctl.identification.filtered_dynamics import Rows, SmoothMotion
-from adaptctl.identification.fit import FitSettings, LogEvidence
-from adaptctl.identification.friction_model import FrictionModel
+from adaptctl.identification.fit import LogEvidence
+from adaptctl.identification.identified_payload import ENTRIES, PLACES, IdentifiedPayload
+from adaptctl.identification.least_squares import least_squares
+from adaptctl.identification.loaded_equations import loaded_equations
+from adaptctl.identification.loaded_fit import LoadedEquations, LoadedFit, loaded_fit
+from adaptctl.identification.payloads import payload_place
 
-# With W the joint torques of a unit of every motor's torque column, Y beta - W K = 0 is homogeneous in the constants K
-# and parameters beta. A known payload or constant fixes their scale; without either, K is the direction that Y explains
-# best, and the scale that at which the links are nearest to the robot's file.
-
-
-def payload_torques(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives) -> Array:
-    """Torques (n, r) of known payloads in rows of filtered equations."""
-    out = np.zeros_like(rows.torque)
-    for payload in drives.payloads:
-        names, what = mechanism.description.body_names, f"payload in {payload.log}"
-        link, pose = place_on_link(mechanism.description, payload.link, what, names)
-        first, ten = 10 * names.index(link), transformed(_ten(payload), pose)
-        for motion in motions:
-            if same_place(payload.log, motion.log.source):
-                here = rows.log == motion.number
-                out[here] += rows.regressor[here][:, :, first : first + 10] @ ten
-    return out
+# Relative deviation of a torque constant or a payload's mass from which on it has no number.
+MAX_DEVIATION = 0.25
+# Deviation (m) of a payload's centre from which on it has no number.
+MAX_CENTER_DEVIATION = 0.05
+# Error of logs by one robot over that by a robot for each, from which on they are not of one.
+MAX_ERROR_RATIO = 2.0
 
 
-def without_payloads(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives) -> Rows:
-    """Rows with the torques that the robot alone takes, known payloads subtracted."""
-    return replace(rows, torque=rows.torque - payload_torques(rows, motions, mechanism, drives))
+class Completion(NamedTuple):
+    """Drives with torque constants and payloads that were unknown, how these were found, and the payloads."""
+
+    drives: Drives
+    words: tuple[str, ...]
+    payloads: tuple[IdentifiedPayload, ...]
 
 
-def _ten(payload: PayloadEntry) -> Array:
-    ten = from_center_of_mass(payload.mass, payload.center_of_mass, payload.inertia_at_center.matrix())
-    if not is_physically_consistent(ten):
-        raise InputError(f"payload in {payload.log}: this mass, centre and inertia are not physically consistent")
-    return ten
+def is_complete(drives: Drives) -> bool:
+    """True if all torque constants and payloads are known."""
+    return not np.isnan(drives.constants).any() and all(payload.is_known for payload in drives.payloads)
 
 
-WEIGHTING_ROUNDS = 3
-# Least ratio of the two smallest shares that are left, so that one direction is told from the next.
-MIN_SHARE_RATIO = 1.5
+def completed(evidence: LogEvidence, cutoff: float) -> Completion:
+    """Drives whose torque constants and payloads are known, by a consistent fit to both and to the links."""
+    drives, unknown = evidence.drives, bool(np.isnan(evidence.drives.constants).any())
+    fitted = tuple(payload for payload in drives.payloads if unknown or not payload.is_known)
+    problem = loaded_equations(evidence, cutoff, fitted)
+    found = loaded_fit(problem)
+    if any(not payload.is_known for payload in fitted):
+        validate_one_robot(problem, found, evidence)
+    for k, payload in enumerate(fitted):
+        validate_payload(problem, found, k, payload, evidence)
+    words, constants = _constants(drives, problem, found) if unknown else ((), drives.constants)
+    bodies = {id(one): _identified(evidence, found, k, one) for k, one in enumerate(fitted) if not one.is_known}
+    payloads = tuple(_stated(one, bodies.get(id(one))) for one in drives.payloads)
+    whole = replace(known_drives(drives, constants) if unknown else drives, payloads=payloads)
+    return Completion(whole, (*words, *(body.words for body in bodies.values())), tuple(bodies.values()))
 
 
-def torque_constants(evidence: LogEvidence, cutoff: float) -> tuple[Array, str]:
-    """Torque constants (r,) for a unit of the torque columns, and how the unknown ones were found."""
-    drives, rows = evidence.drives, evidence.rows[cutoff].moved
-    unknown = np.flatnonzero(np.isnan(drives.constants))
-    names = ", ".join(drives.motors[i].name for i in unknown.tolist())
-    of_motors = _of_motors(rows, drives)
-    carried = payload_torques(rows, evidence.motions, evidence.mechanism, drives)
-    columns = evidence.independent(FitSettings(FrictionModel(), 1.0, cutoff))
-    known = of_motors[..., [i for i in range(len(drives.motors)) if i not in unknown]].sum(axis=-1)
-    wanted = known - carried
-    if np.any(wanted):
-        found = _solved(rows.regressor[..., columns], of_motors[..., unknown], wanted)
-        words = f"torque constants of {names} are identified from the known constants and payloads"
-    else:
-        direction = _direction(rows.regressor[..., columns], of_motors[..., unknown], names)
-        found = _scale(evidence, rows, of_motors[..., unknown] @ direction) * direction
-        words = (
-            f"torque constants of {names} are identified up to a common scale, with the link masses of the robot "
-            "file; a known payload or one known constant determines the scale"
+def _constants(drives: Drives, problem: LoadedEquations, found: LoadedFit) -> tuple[tuple[str, ...], Array]:
+    """Sentence on the torque constants that were unknown, and all constants (r,)."""
+    names = [drives.motors[i].name for i in problem.unknown.tolist()]
+    relative = _relative_deviations(found, problem, _is_scaled(drives))
+    worst = int(np.argmax(relative))
+    if not relative[worst] < MAX_DEVIATION:
+        raise InputError(
+            f"torque constants of {', '.join(names)}: the log does not distinguish them ({names[worst]} is known to "
+            f"{relative[worst]:.0%}); record a motion of more joints at once, or one with a known payload"
         )
-    if not np.all(found > 0.0):
-        raise InputError(f"torque constants of {names}: the estimates {found.round(4).tolist()} are not all positive")
     constants = drives.constants.copy()
-    constants[unknown] = found
-    return constants, words
+    constants[problem.unknown] = 1.0 / found.c[problem.unknown]
+    each = zip(names, constants[problem.unknown].tolist(), relative.tolist(), strict=True)
+    told = ", ".join(f"{name} {k:.4g} (deviation {abs(k) * off:.1g})" for name, k, off in each)
+    return (f"torque constants {told} are identified {_by(drives)}",), constants
+
+
+def _identified(evidence: LogEvidence, found: LoadedFit, number: int, payload: PayloadEntry) -> IdentifiedPayload:
+    """Body in the frame of its entry, with its covariance."""
+    own = slice(first := evidence.prior.tens.size + 10 * number, first + 10)
+    back = payload_place(payload, evidence.mechanism).pose.inverse
+    turn = np.stack([transformed(e, back) for e in np.eye(10)], axis=-1)
+    covariance = found.student.quantile_ratio**2 * turn @ found.covariance[own, own] @ turn.T
+    return IdentifiedPayload(payload.log, payload.link, turn @ found.x[own], covariance)
+
+
+def _stated(payload: PayloadEntry, found: IdentifiedPayload | None) -> PayloadEntry:
+    """Entry of a payload with what was found of it."""
+    if found is None:
+        return payload
+    x, y, z = found.center_of_mass.tolist()
+    inertia = found.inertia_at_center
+    tensor = Tensor(**{name: float(inertia[place]) for name, place in zip(ENTRIES, PLACES, strict=True)})
+    return structs.replace(payload, mass=found.mass, center_of_mass=(x, y, z), inertia_at_center=tensor)
+
+
+def validate_one_robot(problem: LoadedEquations, found: LoadedFit, evidence: LogEvidence) -> None:
+    """Raise `InputError` for logs that differ by more than the bodies carried: of other robots, or friction."""
+    numbers = {motion.number: motion.log.source for motion in evidence.motions}
+    sources = [numbers[log] for log, _ in evidence.edges]
+    groups = [[b for b, own in enumerate(sources) if own == source] for source in dict.fromkeys(sources)]
+    apart = sum(_least(problem, group) for group in groups)
+    together = problem.squares(found.x, found.c)
+    worst = float(np.sqrt(np.mean(together / np.maximum(apart, 1e-300))))
+    if len(groups) > 1 and worst > MAX_ERROR_RATIO:
+        raise InputError(
+            f"{', '.join(dict.fromkeys(sources))}: one robot with the payloads given fits them {worst:.1f} times worse "
+            "than a robot for each; check that all are of this robot, one tool and mounting, and which has the payload"
+        )
+
+
+def _least(problem: LoadedEquations, blocks: Sequence[int]) -> Array:
+    """Sums (r,) of squared residuals of each motor's own least squares in some blocks."""
+    own = problem.equations.over(blocks)
+    N, m = own.normal[0], own.moment[0]
+    x = np.stack([least_squares(N[k], m[k], problem.columns) for k in range(len(m))])
+    fitted = 2.0 * np.einsum("kp,kp->k", m, x) - np.einsum("kp,kpq,kq->k", x, N, x)
+    return np.maximum(own.square[0] - fitted, 1e-12 * own.square[0])
+
+
+def validate_payload(
+    problem: LoadedEquations, found: LoadedFit, number: int, payload: PayloadEntry, evidence: LogEvidence
+) -> None:
+    """Raise `InputError` for a payload whose weight the log hardly shows."""
+    first = evidence.prior.tens.size + 10 * number
+    one = np.zeros((4, len(found.covariance)))
+    one[:, first : first + 4] = np.eye(4)
+    off, mass = found.deviations(one), float(found.x[first])
+    if not (off[0] < MAX_DEVIATION * mass and off[1:].max() < MAX_CENTER_DEVIATION * mass):
+        raise InputError(
+            f"payload in {payload.log}: the log hardly shows it (mass {mass:.2g} kg with a deviation of {off[0]:.1g} "
+            f"kg, centre with {off[1:].max() / mass:.1g} m); record a motion that turns it across gravity and further"
+        )
+
+
+def _is_scaled(drives: Drives) -> bool:
+    """True if a known constant or the mass of a payload gives the constants a common scale."""
+    return not np.isnan(drives.constants).all() or any(payload.mass is not None for payload in drives.payloads)
+
+
+def _by(drives: Drives) -> str:
+    if _is_scaled(drives):
+        return "from the known constants and payloads"
+    return (
+        "up to a common scale, with the link masses of the robot file; a payload of known mass or one known constant "
+        "determines the scale"
+    )
+
+
+def _relative_deviations(found: LoadedFit, problem: LoadedEquations, scaled: bool) -> Array:
+    """Deviations of the unknown constants relative to them, of their ratios where nothing gives them a scale."""
+    u = len(problem.unknown)
+    own = np.zeros((u, len(found.covariance)))
+    own[:, -u:] = np.diag(1.0 / found.c[problem.unknown])
+    return found.deviations(own if scaled else own - own.mean(axis=0))
 
 
 def with_constants(log: JointLog, drives: Drives, constants: Array) -> JointLog:
@@ -93,52 +168,3 @@ def known_drives(drives: Drives, constants: Array) -> Drives:
     """Drives with given torque constants (r,)."""
     pairs = zip(drives.motors, constants.tolist(), strict=True)
     return replace(drives, motors=tuple(structs.replace(motor, torque_constant=k) for motor, k in pairs))
-
-
-def _of_motors(rows: Rows, drives: Drives) -> Array:
-    """Joint torques (n, r, r) of each motor's part of the rows' torques."""
-    motors = rows.torque @ np.linalg.inv(drives.transmission)
-    return np.asarray(motors[:, None, :] * drives.transmission.T)
-
-
-def _solved(Y: Array, W: Array, wanted: Array) -> Array:
-    """K of Y beta - W K = wanted, joints weighted by their residuals."""
-    whole = np.concatenate([Y, -W], axis=-1)
-    deviations = np.sqrt(np.mean(wanted**2, axis=0)) + 1e-9
-    x = np.zeros(whole.shape[-1])
-    for _ in range(WEIGHTING_ROUNDS):
-        rows = (whole / deviations[:, None]).reshape(-1, whole.shape[-1])
-        size = np.linalg.norm(rows, axis=0)
-        size[size == 0.0] = 1.0
-        x = np.linalg.lstsq(rows / size, (wanted / deviations).ravel())[0] / size
-        deviations = np.sqrt(np.mean((whole @ x - wanted) ** 2, axis=0)) + 1e-9
-    return x[Y.shape[-1] :]
-
-
-def _direction(Y: Array, W: Array, names: str) -> Array:
-    """K, up to its length, of which Y leaves the smallest part."""
-    size = np.sqrt(np.mean(W**2, axis=(0, 2)))
-    rows, wide = (part / size[:, None] for part in (Y, W))
-    flat, torques = rows.reshape(-1, Y.shape[-1]), wide.reshape(-1, W.shape[-1])
-    length = np.linalg.norm(torques, axis=0)
-    norms = np.linalg.norm(flat, axis=0)
-    explained = np.linalg.lstsq(flat / np.where(norms > 0.0, norms, 1.0), torques / length)[0]
-    left = torques / length - flat / np.where(norms > 0.0, norms, 1.0) @ explained
-    _, values, vectors = np.linalg.svd(left, full_matrices=False)
-    if len(values) > 1 and values[-2] < MIN_SHARE_RATIO * values[-1]:
-        raise InputError(
-            f"torque constants of {names}: the log does not distinguish them; record a motion of more joints at "
-            "once, or one with a known payload"
-        )
-    direction = vectors[-1] / length
-    return np.asarray(direction * np.sign(direction.sum()))
-
-
-def _scale(evidence: LogEvidence, rows: Rows, torque: Array) -> float:
-    """Factor that turns the torques into those of the prior's links."""
-    tens = evidence.prior.tens.ravel()
-    drives = FrictionModel().columns(evidence.mechanism)
-    drives[: tens.size] = 0.0
-    own = rows.regressor[..., np.flatnonzero(drives)]
-    weight = rows.regressor[..., : tens.size] @ tens
-    return float(_solved(own, torque[..., None], -weight)[0])

@@ -71,7 +71,7 @@ def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
     inverse, kept = inverse_curvature(evidence, fit)
     pull = _pull(evidence, fit)
     H = fit.curvature + pull
-    steps = [_inverse(H - A, kept) @ score for A, score in _blocks(evidence, fit)]
+    steps = [scaled_inverse(H - A, kept) @ score for A, score in _blocks(evidence, fit)]
     spread = np.array(steps) - np.mean(steps, axis=0)
     sampling = (len(steps) - 1) / len(steps) * spread.T @ spread
     determined = float(np.trace((inverse @ fit.curvature)[:links, :links]))
@@ -82,7 +82,7 @@ def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
 def inverse_curvature(evidence: LogEvidence, fit: Fit) -> tuple[Array, NDArray[np.int64]]:
     """Inverse (P, P) of the squares' and the prior's curvature, and the indices of the parameters that are fitted."""
     kept = np.flatnonzero(fit.settings.columns(evidence.mechanism))
-    return _inverse(fit.curvature + _pull(evidence, fit), kept), kept
+    return scaled_inverse(fit.curvature + _pull(evidence, fit), kept), kept
 
 
 def _pull(evidence: LogEvidence, fit: Fit) -> Array:
@@ -101,7 +101,8 @@ def _blocks(evidence: LogEvidence, fit: Fit) -> Iterator[tuple[Array, Array]]:
         yield A, A @ fit.x - moment * mask
 
 
-def _inverse(matrix: Array, kept: NDArray[np.int64]) -> Array:
+def scaled_inverse(matrix: Array, kept: NDArray[np.int64]) -> Array:
+    """Inverse (P, P) of a matrix in some of its rows and columns, scaled to a diagonal of ones before."""
     own = matrix[np.ix_(kept, kept)]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(own), 1e-300))
     out = np.zeros_like(matrix)

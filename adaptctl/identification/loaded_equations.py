@@ -1,0 +1,93 @@
+"""Equations of motors' torque columns with links, payloads and drives as parameters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptctl.arrays import Array, positive_number
+from adaptctl.description.drive import DriveParameter
+from adaptctl.description.inertia import from_center_of_mass, is_physically_consistent, transformed
+from adaptctl.description.readers.entries import Tensor
+from adaptctl.identification.drives_file import PayloadEntry
+from adaptctl.identification.entropic import EntropicPrior
+from adaptctl.identification.filtered_dynamics import Rows
+from adaptctl.identification.fit import FitSettings, LogEvidence
+from adaptctl.identification.friction_model import ALWAYS, FrictionModel
+from adaptctl.identification.loaded_fit import KnownValue, LoadedEquations
+from adaptctl.identification.normal_equations import NormalEquations, blocks_of
+from adaptctl.identification.payloads import known_ten, payload_columns, payload_place
+
+FRICTION = FrictionModel((*ALWAYS, DriveParameter.OFFSET))
+# Share of peak speed below which a motor's rows do not count.
+SLOW = 0.02
+# Mass in kg of a payload that nothing is known of, and radius in m of the ball that it is taken for.
+UNKNOWN_MASS, BALL = 1.0, 0.1
+
+
+def loaded_equations(evidence: LogEvidence, cutoff: float, payloads: tuple[PayloadEntry, ...]) -> LoadedEquations:
+    """Equations of the motors' torque columns, with payloads after the links."""
+    mechanism, rows = evidence.mechanism, evidence.rows[cutoff]
+    settings = FitSettings(FRICTION, 1.0, cutoff, SLOW)
+    links, mask = 10 * len(mechanism.description.bodies), settings.columns(mechanism)
+    drives = np.flatnonzero(mask[links:]) + links
+    parts = [payload_columns(payload, rows, evidence.motions, mechanism) for payload in payloads]
+    Y = np.concatenate([rows.regressor[..., :links], *parts, rows.regressor[..., drives]], axis=-1)
+    moved = links + 10 * len(payloads)
+    place = {c: c if c < links else moved + int(np.searchsorted(drives, c)) for c in [*range(links), *drives.tolist()]}
+    return LoadedEquations(
+        _of_motors(rows, Y, evidence, cutoff),
+        _prior(evidence, payloads, place),
+        [known for q, payload in enumerate(payloads) for known in _known(payload, evidence, links + 10 * q)],
+        np.flatnonzero(np.isnan(evidence.drives.constants)),
+        np.array([*(place[c] for c in evidence.independent(settings).tolist()), *range(links, moved)]),
+        _friction(evidence, place),
+    )
+
+
+def _of_motors(rows: Rows, Y: Array, evidence: LogEvidence, cutoff: float) -> NormalEquations:
+    """Normal equations of the motors' torque columns."""
+    inverse = np.linalg.inv(evidence.drives.transmission)
+    own = replace(rows, regressor=np.einsum("jk,njp->nkp", inverse, Y), torque=rows.torque @ inverse)
+    block = blocks_of(rows, evidence.edges)
+    return NormalEquations.of(own, block, evidence.blocks, evidence.used(cutoff, SLOW))
+
+
+def _prior(evidence: LogEvidence, payloads: tuple[PayloadEntry, ...], place: dict[int, int]) -> EntropicPrior:
+    old = evidence.prior
+    tens = [transformed(_first_ten(payload), payload_place(payload, evidence.mechanism).pose) for payload in payloads]
+    kept = [k for k, c in enumerate(old.positive.tolist()) if c in place]
+    positive = np.array([place[int(old.positive[k])] for k in kept], dtype=np.int64)
+    return EntropicPrior(np.vstack([old.tens, *tens]), positive, old.scales[kept])
+
+
+def _first_ten(payload: PayloadEntry) -> Array:
+    """Ten parameters of a payload in its own frame, what is unknown of them those of a ball."""
+    if payload.is_known:
+        return known_ten(payload)
+    mass = UNKNOWN_MASS if payload.mass is None else payload.mass
+    positive_number(mass, f"payload in {payload.log}: mass: expected a positive number of kg")
+    ball = Tensor(xx=0.4 * mass * BALL**2, yy=0.4 * mass * BALL**2, zz=0.4 * mass * BALL**2)
+    inertia = payload.inertia_at_center or ball
+    ten = from_center_of_mass(mass, payload.center_of_mass or (0.0, 0.0, 0.0), inertia.matrix())
+    return known_ten(payload) if not is_physically_consistent(ten) else ten
+
+
+def _known(payload: PayloadEntry, evidence: LogEvidence, first: int) -> list[KnownValue]:
+    """Known values among a payload's ten parameters, in the frame of its link."""
+    if payload.mass is None:
+        return []
+    ten = transformed(_first_ten(payload), payload_place(payload, evidence.mechanism).pose)
+    count = 10 if payload.is_known else 4 if payload.center_of_mass is not None else 1
+    sizes = payload.mass * np.array([1.0, *(3 * [BALL]), *(6 * [BALL**2])])
+    return [KnownValue(first + k, float(ten[k]), float(sizes[k])) for k in range(count)]
+
+
+def _friction(evidence: LogEvidence, place: dict[int, int]) -> NDArray[np.int64]:
+    names = list(evidence.mechanism.parameter_names)
+    joints = [joint.name for joint in evidence.mechanism.primary_joints]
+    return np.array(
+        [[place[names.index(f"{joint}.{kind.value}")] for kind in ALWAYS] for joint in joints], dtype=np.int64
+    )
