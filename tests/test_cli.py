@@ -86,7 +86,7 @@ print("loaded", [name for name in {HEAVY!r} if name in sys.modules])
         ),
         (("experiment",), "a command is missing: run, list, compare; see adaptctl experiment --help"),
         (("experiment", "lst"), 'Unknown command "lst". Did you mean "list"?'),
-        (("experiment", "list", "x"), "Unused Tokens: ['x']. See adaptctl experiment list --help"),
+        (("experiment", "list", "x"), "'x': no argument of this command. See adaptctl experiment list --help"),
         (("experiment", "run"), "a command is missing: puma560-adaptive, semi-direct-drive-adaptive, "),
         (
             ("experiment", "run", "puma-adaptive"),
@@ -111,7 +111,8 @@ print("loaded", [name for name in {HEAVY!r} if name in sys.modules])
             "damping: expected numbers from 0.001 to 10000, got 0",
         ),
         ((*RUN, "--frequency", "nan", "0", "0", "0", "0", "0"), "frequency: expected numbers from 0 to 5, got nan"),
-        ((*RUN, "5"), "Unused Tokens: ['5']"),
+        ((*RUN, "5"), "'5': no argument of this command."),
+        (("experiment", "run", "adaptive", "my_arm.toml"), "Did you mean --robot my_arm.toml? See"),
         ((*RUN, "--no-overwrite"), "Unknown option: --no-overwrite."),
         (("basis",), 'Command "basis" parameter ROBOT requires an argument. See adaptctl basis --help'),
         ((*RUN, "--gain-scale", "-1"), "gain_scale: expected a number from 1e-06 to 1000, got -1"),

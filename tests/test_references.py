@@ -130,6 +130,7 @@ def test_a_spline_rests_before_its_first_time_and_after_its_last() -> None:
         (lambda: Sinusoids((0.0,), (1.0,), (1.0,), RAGGED), "phase: expected numbers, got "),
         (lambda: Sinusoids((0.0,), (1.0,), (1.0,), start_time=TEXT), "start_time: expected a number, got 'a'"),
         (lambda: Spline(TEXT, (0.0,)), "positions: expected numbers, got 'a'"),
+        (lambda: Spline([0.0, 1.0], np.zeros((2, 2))), r"Spline\(positions, times\), in this order"),
         (lambda: MinimumJerk(TEXT, (0.0,)), "waypoints: expected numbers, got 'a'"),
         (lambda: MinimumJerk(RAGGED, (0.0, 1.0)), "waypoints: expected numbers, got "),
         (

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from io import TextIOWrapper
 from typing import TextIO, get_args
 
-from cyclopts import App, ArgumentCollection, CycloptsError, Parameter, UnknownOptionError
+from cyclopts import App, ArgumentCollection, CycloptsError, Parameter, UnknownOptionError, UnusedCliTokensError
 
 from adaptctl.cli.heartbeat import heartbeat
 from adaptctl.cli.robot import note_on
@@ -29,6 +29,7 @@ from adaptctl.optional_packages import needed
 from adaptctl.renamed import NOW_DEFAULT, new_name
 
 DONE, FAILED, WRONG_INPUT, VERDICT, INTERRUPTED = 0, 1, 2, 3, 130
+ROBOT_SUFFIXES = (".toml", ".urdf", ".xml", ".mjcf")
 
 
 def version() -> str:
@@ -155,7 +156,17 @@ def _reason(error: CycloptsError) -> object:
     """Message of what was wrong with the command line, in our words where we refused it."""
     if isinstance(error.__cause__, InputError):
         return error.__cause__
-    return f"{_renamed_option(error) or error} See {_called(error.command_chain or ())} --help"
+    return f"{_renamed_option(error) or _left_over(error) or error} See {_called(error.command_chain or ())} --help"
+
+
+def _left_over(error: CycloptsError) -> str:
+    """Message of words that no flag takes, which offers `--robot` to a robot file; empty for other errors."""
+    if not isinstance(error, UnusedCliTokensError) or not error.unused_tokens:
+        return ""
+    words = error.unused_tokens
+    robots = [word for word in words if word.endswith(ROBOT_SUFFIXES)]
+    hint = f" Did you mean --robot {robots[0]}?" if robots and "experiment" in (error.command_chain or ()) else ""
+    return f"{' '.join(map(repr, words))}: no argument of this command.{hint}"
 
 
 def _renamed_option(error: CycloptsError) -> str:

@@ -78,6 +78,10 @@ class Spline:
 
     def __post_init__(self) -> None:
         positions = np.atleast_2d(numbers(self.positions, "positions"))
+        if len(positions) == 1 < np.ndim(self.times):
+            raise InputError(
+                "spline: expected positions (w, r) and times (w,); Spline(positions, times), in this order"
+            )
         object.__setattr__(self, "positions", frozen_array(positions, positions.shape, "positions"))
         object.__setattr__(self, "times", frozen_array(self.times, (len(positions),), "times"))
         if len(positions) <= SPLINE_DEGREE or np.any(np.diff(self.times) <= 0.0):

@@ -32,7 +32,8 @@ def _read(path: str | Path, topic: str | None) -> LogTable:
     place = Path(path)
     suffix = place.suffix.lower()
     if not place.exists():
-        raise FileError(f"{path}: does not exist")
+        hint = "; the example brings its robot: give it without --robot" if str(path) == "tx40" else ""
+        raise FileError(f"{path}: does not exist{hint}")
     if place.is_file() and place.stat().st_size > MAX_BYTES:
         raise FileError(f"{path}: larger than the limit of {MAX_BYTES} bytes; split it into several logs")
     if place.is_dir() and (place / INFO).is_file():
