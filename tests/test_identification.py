@@ -19,7 +19,8 @@ from adaptctl.description.inertia import is_physically_consistent, pseudo_inerti
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError
 from adaptctl.identification import Identification, identify
-from adaptctl.identification.entropic import EntropicPrior, consistent_estimate
+from adaptctl.identification.consistent_estimate import consistent_estimate
+from adaptctl.identification.entropic import EntropicPrior
 from adaptctl.identification.examples import example
 from adaptctl.identification.filtered_dynamics import SmoothMotion
 from adaptctl.identification.fit import FitSettings

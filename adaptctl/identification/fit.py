@@ -13,8 +13,9 @@ from adaptctl.caching import cached_property
 from adaptctl.description.drive import MAY_BE_NEGATIVE, DriveParameter
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import FundamentalBasis
+from adaptctl.identification.consistent_estimate import consistent_estimate, optimality_residual
 from adaptctl.identification.drives_file import Drives
-from adaptctl.identification.entropic import EntropicPrior, consistent_estimate, kkt_residual
+from adaptctl.identification.entropic import EntropicPrior
 from adaptctl.identification.filtered_dynamics import Rows, SmoothMotion
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.least_squares import weighted_least_squares
@@ -54,7 +55,7 @@ class FitSettings:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Fit of parameters (P,) in SI units, with residual deviations (r,), and what is left of the minimum's slope."""
+    """Fit of parameters (P,) in SI units, with residual deviations (r,), and their optimality residual."""
 
     x: Array
     deviations: Array
@@ -176,7 +177,7 @@ class LogEvidence:
         prior = self.prior_of(settings)
         begun = None if start is None else _started(start, prior, mask)
         x = consistent_estimate(A, b, prior, settings.weight, begun)
-        return Fit(x, deviations, A, settings, kkt_residual(A, b, prior, settings.weight, x))
+        return Fit(x, deviations, A, settings, optimality_residual(A, b, prior, settings.weight, x))
 
     def prior_of(self, settings: FitSettings) -> EntropicPrior:
         """Prior of the parameters that settings have."""

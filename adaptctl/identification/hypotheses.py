@@ -100,10 +100,6 @@ def compared_hypotheses(
     deviations = rows.least(as_is)[1]
     error = relative_error(as_is, rows.consistent(as_is, deviations))
     found, best = _tried(rows, error / MARGIN)
-    if best is not None:  # the search may have stopped early from the file's links, and not from these
-        nearer = rows.consistent(as_is, deviations, found[best].x[: as_is.moment.shape[-1]])
-        error = min(error, relative_error(as_is, nearer))
-        best = best if found[best].trial.error <= error / MARGIN else None
     tried = [TriedHypothesis(AS_IS, "the log is as its columns, units and the robot file say", error)]
     tried.extend(own.trial._replace(named=i == best) for i, own in enumerate(found))
     if best is None:

@@ -13,7 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
-from adaptctl.identification.entropic import consistent_estimate
+from adaptctl.identification.consistent_estimate import consistent_estimate
 from adaptctl.identification.filtered_dynamics import MIN_ROWS, ROWS_PER_PERIOD, RowFilter, Rows, SmoothMotion
 from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import ALWAYS, FrictionModel
@@ -131,14 +131,14 @@ class HypothesisRows:
         more = np.arange(len(self.evidence.mechanism.parameter_names), equations.moment.shape[-1])
         return weighted_least_squares(equations, np.concatenate([own, more]))
 
-    def consistent(self, equations: NormalEquations, deviations: Array, start: Array | None = None) -> Array:
-        """Consistent parameters (P,), the joints weighted by their deviations (r,), searched from a start."""
+    def consistent(self, equations: NormalEquations, deviations: Array) -> Array:
+        """Consistent parameters (P,), the joints weighted by their deviations (r,)."""
         mask, evidence = np.ones(equations.moment.shape[-1]), self.evidence
         own = self.settings.columns(evidence.mechanism)
         mask[: len(own)] = own
         A, b = equations.whitened(deviations)
         prior = evidence.prior_of(self.settings)
-        return consistent_estimate(A * np.outer(mask, mask), b * mask, prior, PRIOR_WEIGHT, start)
+        return consistent_estimate(A * np.outer(mask, mask), b * mask, prior, PRIOR_WEIGHT)
 
     def file_slopes(self) -> PreparationStep:
         """Line on torques over those of the file's links; it refuses nothing, as many are placeholders."""

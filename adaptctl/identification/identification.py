@@ -56,7 +56,7 @@ class Identification:
     misfit_ratio : float
         Ratio, without unit, of the root mean square of weighted residuals to that of unconstrained least squares.
     residual : float
-        Residual of the fit's optimality conditions, relative to their terms; round-off alone leaves some 1e-9.
+        Height of the fit's objective over its minimum, relative to the squares it explains; round-off leaves 1e-12.
     space : EssentialSpace
         Essential space, with the logs' motion as its states.
     components : int

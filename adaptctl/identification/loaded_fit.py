@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
-from adaptctl.identification.entropic import EntropicPrior, consistent_estimate
+from adaptctl.identification.consistent_estimate import consistent_estimate
+from adaptctl.identification.entropic import EntropicPrior
 from adaptctl.identification.least_squares import least_squares
 from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.uncertainty import Student, scaled_inverse

@@ -1,0 +1,312 @@
+"""Consistent estimates: the minimum of squares and an entropic divergence, by a primal-dual interior-point method."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
+from adaptctl.description.inertia import UNIT_PSEUDO_INERTIAS
+from adaptctl.errors import AdaptctlError
+from adaptctl.identification.entropic import POSITIVE_WEIGHT, EntropicPrior
+
+# The divergence is its own barrier: x^T A x/2 - b^T x + sum_i w_i (tr(P0_i^-1 P_i) - log det P_i) is least where
+# A x - b + w_i P0_i^-1 - Z_i = 0 and P_i Z_i = w_i I, with a multiplier Z_i for each pseudo-inertia P_i. Positive
+# parameters are matrices of one entry. Steps of P alone crawl along the cone's edge where data push against it; those
+# of P and Z together do not (Nesterov and Todd 1997; corrector of Mehrotra 1992). They are symmetric S and T in
+# P = G (V + S) G^T and Z = G^-T (V + T) G^-1, where G makes both the same diagonal V.
+
+# (10, 4, 4): an orthonormal basis of symmetric matrices, and (10, 10) what turns its coordinates into parameters.
+PAIRS = [(i, j) for i in range(4) for j in range(i, 4)]
+DIRECTIONS = np.zeros((10, 4, 4))
+for k, (i, j) in enumerate(PAIRS):
+    DIRECTIONS[k, i, j] = DIRECTIONS[k, j, i] = 1.0 if i == j else np.sqrt(0.5)
+FROM_DIRECTIONS = np.linalg.inv(np.einsum("aij,kij->ak", DIRECTIONS, UNIT_PSEUDO_INERTIAS))
+EYE, FLAT = np.eye(4), DIRECTIONS.reshape(10, 16)
+# Steps at most of a search from a start; share of the way to the cone's edge that one takes; power of the predictor's
+# success that sets the next target; and share of the multipliers at the start of those that balance the data there.
+MAX_WARM_STEPS, EDGE_SHARE, TARGET_POWER, FIRST_SHARE = 15, 0.98, 2.0, 0.1
+# Relative error of P Z and of the slope at which the search ends, that from which on it is near its end, and steps
+# there without half as large an error after which round-off is all that is left.
+ERROR, NEAR_END, IDLE_STEPS = 1e-8, 0.1, 4
+# Powers of the predictor's share by which the corrector is weighed, and steps at most of each such search: some
+# problems end quickly with the one only, some with the other.
+CORRECTORS = ((0.0, 30), (2.0, 60))
+# Sum of the divergence's weights relative to the squares below which it is lost in round-off, and taken to be so large.
+LEAST_WEIGHT = 1e-13
+# Share of each column's square that is added, since data may not tell columns without a prior apart.
+RIDGE_RATIO = 1e-11
+# Least eigenvalue of a pseudo-inertia over its largest, clear of round-off.
+CONE_MARGIN = 1e-14
+
+
+def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float, start: Array | None = None) -> Array:
+    """Consistent parameters (P,) that minimise x^T A x/2 - b^T x plus the divergence, searched from a start."""
+    if not (np.all(np.isfinite(A)) and np.all(np.isfinite(b))):
+        raise AdaptctlError("the sums of the rows' squares are not finite; check the units of the columns")
+    problem, found = _Problem(A, b, prior, weight), list[_Point]()
+    origin = prior.start(len(b))
+    searches = [(origin, power, steps) for power, steps in CORRECTORS]
+    first = [] if start is None else [(start, 0.0, MAX_WARM_STEPS)]
+    for begun, power, steps in (*first, *searches):
+        with suppress(np.linalg.LinAlgError):
+            point, converged = _searched(problem, problem.start(begun), steps, power)
+            found.append(point)
+            if converged:
+                return _inside(point.x, prior)
+    return _inside(min((point.x for point in found), key=problem.height, default=origin), prior)
+
+
+def _searched(problem: _Problem, point: _Point, steps: int, power: float) -> tuple[_Point, bool]:
+    """Point at which a search ends, and whether its error is that of round-off."""
+    best, idle = np.inf, 0
+    for _ in range(steps):
+        newton = _Newton(problem, point)
+        error = newton.error
+        idle = idle + 1 if 0.5 * best < error < NEAR_END else 0
+        best = min(best, error)
+        if error < ERROR or idle == IDLE_STEPS:
+            return point, True
+        try:
+            point = newton.next_point(power)
+        except np.linalg.LinAlgError:
+            break
+    return point, False
+
+
+def optimality_residual(A: Array, b: Array, prior: EntropicPrior, weight: float, x: Array) -> float:
+    """Height of the objective at parameters (P,) over its minimum, by Newton's decrement, relative to the squares."""
+    problem = _Problem(A, b, prior, weight)
+    with suppress(np.linalg.LinAlgError):
+        if np.all(x[prior.positive] > 0.0):
+            roots, times = np.asarray(np.linalg.cholesky(prior.matrices(x)), dtype=np.float64), problem.times(x)
+            move = _map(roots, x[prior.positive], prior.positive, len(x))
+            slope = move.T @ (A @ x - b + times * np.where(problem.penalised, prior.gradient(x, weight), 0.0))
+            curved = move.T @ A @ move + np.diag(times * problem.unit + problem.ridge)
+            return float(0.5 * slope @ _solver(curved)(slope) / (abs(float(b @ x)) + weight))
+    return np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Parameters (P,), with G (N, 4, 4) and V (N, 4) of the links, g and v (c,) of positive parameters."""
+
+    x: Array
+    scaling: Array
+    values: Array
+    sizes: Array
+    own: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Squares x^T A x/2 - b^T x and the divergence from a prior at a weight."""
+
+    A: Array
+    b: Array
+    prior: EntropicPrior
+    weight: float
+
+    @cached_property
+    def unit(self) -> Array:
+        """Weights (P,) of the divergence for each parameter."""
+        out = np.zeros(len(self.b))
+        out[: self.prior.tens.size], out[self.prior.positive] = self.weight, POSITIVE_WEIGHT
+        return out
+
+    @cached_property
+    def penalised(self) -> NDArray[np.bool_]:
+        """Mask (P,) of the parameters that have a divergence."""
+        return np.asarray(self.unit > 0.0)
+
+    @cached_property
+    def ridge(self) -> Array:
+        """Curvatures (P,) added for parameters without a divergence."""
+        own = np.diag(self.A)
+        return np.where(self.penalised, 0.0, np.where(own > 0.0, RIDGE_RATIO * own, 1.0))
+
+    @cached_property
+    def degrees(self) -> Array:
+        """Weights (4 N + c,) of the eigenvalues."""
+        c = len(self.prior.positive)
+        return np.concatenate([np.full(4 * len(self.prior.tens), self.weight), np.full(c, POSITIVE_WEIGHT)])
+
+    def height(self, x: Array) -> float:
+        """Objective at parameters (P,)."""
+        return 0.5 * float(x @ (self.A @ x)) - float(self.b @ x) + self.prior.divergence(x, self.weight)
+
+    def times(self, x: Array) -> float:
+        """Factor on the weights: 1, unless the divergence is lost in the squares' round-off."""
+        return max(1.0, LEAST_WEIGHT * abs(float(self.b @ x)) / float(self.degrees.sum()))
+
+    def start(self, x: Array) -> _Point:
+        """Point at parameters, those of any sign at their minimum, with multipliers that go with how the data push."""
+        prior, free, c = self.prior, ~self.penalised, len(self.prior.positive)
+        x = x.copy()
+        if free.any():
+            x[free] = 0.0
+            solved = _solver((self.A + np.diag(self.ridge))[np.ix_(free, free)])
+            x[free] = solved((self.b - self.A @ x)[free])
+        roots, own = np.asarray(np.linalg.cholesky(prior.matrices(x)), dtype=np.float64), x[prior.positive]
+        slope = self.A @ x - self.b + np.where(free, 0.0, prior.gradient(x, self.weight))
+        pushed = np.abs(_map(roots, own, prior.positive, len(x)).T @ slope)
+        times = max(1.0, FIRST_SHARE * float(np.max(pushed[~free] / self.unit[~free], initial=1.0)))
+        values, sizes = np.sqrt(times * self.weight), np.sqrt(times * POSITIVE_WEIGHT)
+        return _Point(x, roots / np.sqrt(values), np.full((len(roots), 4), values), own / sizes, np.full(c, sizes))
+
+
+@dataclass(frozen=True, eq=False)
+class _Newton:
+    """Newton's equations at a point, scaled by G."""
+
+    problem: _Problem
+    point: _Point
+
+    @cached_property
+    def times(self) -> float:
+        """Factor on the weights at the end."""
+        return self.problem.times(self.point.x)
+
+    @cached_property
+    def map(self) -> Array:
+        """Changes (P, P) of the parameters by unit steps."""
+        return _map(self.point.scaling, self.point.sizes, self.problem.prior.positive, len(self.point.x))
+
+    @cached_property
+    def ratios(self) -> Array:
+        """Eigenvalues (4 N + c,) of P Z over those at the end."""
+        squares = np.concatenate([self.point.values.ravel(), self.point.own]) ** 2
+        return np.asarray(squares / (self.times * self.problem.degrees))
+
+    @cached_property
+    def spread(self) -> float:
+        """Mean of the ratios."""
+        return float(self.ratios.mean())
+
+    @cached_property
+    def slope(self) -> Array:
+        """Slope (P,) of the Lagrangian by unit steps."""
+        problem, point, G = self.problem, self.point, self.point.scaling
+        out = self.map.T @ (problem.A @ point.x - problem.b)
+        pull = self.times * problem.weight * G.mT @ problem.prior.inverses @ G
+        own = self.times * POSITIVE_WEIGHT * point.sizes / problem.prior.scales
+        return np.asarray(out + self.joined(pull - _diagonal(point.values), own - point.own))
+
+    @cached_property
+    def error(self) -> float:
+        """Largest relative error of P Z and of the slope."""
+        kept = self.problem.penalised
+        slopes = np.abs(self.slope[kept]) / np.sqrt(self.times * self.problem.unit[kept])
+        return float(max(np.abs(self.ratios - 1.0).max(initial=0.0), slopes.max(initial=0.0)))
+
+    @cached_property
+    def solver(self) -> Callable[[Array], Array]:
+        """Solver of Newton's equations."""
+        problem = self.problem
+        return _solver(self.map.T @ problem.A @ self.map + np.diag(problem.penalised + problem.ridge))
+
+    def joined(self, matrices: Array, own: Array) -> Array:
+        """Step (P,) of symmetric matrices (N, 4, 4) and positive parameters (c,)."""
+        out = np.zeros(len(self.point.x))
+        out[: self.problem.prior.tens.size] = _coordinates(matrices).ravel()
+        out[self.problem.prior.positive] = own
+        return out
+
+    def parted(self, step: Array) -> tuple[Array, Array]:
+        """Symmetric matrices (N, 4, 4) and positive parameters (c,) of a step (P,)."""
+        links = step[: self.problem.prior.tens.size].reshape(-1, 10)
+        return (links @ FLAT).reshape(-1, 4, 4), step[self.problem.prior.positive]
+
+    def step(self, target: float, bent: Array | float = 0.0, own: Array | float = 0.0) -> tuple[Array, Array]:
+        """Steps (P,) of parameters and of multipliers to eigenvalues of P Z a target times those at the end."""
+        V, v, times = self.point.values, self.point.own, target * self.times
+        wanted = _diagonal(times * self.problem.weight - V**2) - bent
+        sums = self.joined(2.0 * wanted / (V[:, :, None] + V[:, None, :]), (times * POSITIVE_WEIGHT - v**2 - own) / v)
+        step = self.solver(sums - self.slope)
+        return step, np.where(self.problem.penalised, sums - step, 0.0)
+
+    def share(self, steps: tuple[Array, Array], most: float) -> float:
+        """Share of steps that is within some share of the way to the cone's edge, at most 1."""
+        root = 1.0 / np.sqrt(self.point.values)
+        scale = root[:, :, None] * root[:, None, :]
+        (S, s), (T, t) = map(self.parted, steps)
+        values = np.linalg.eigvalsh(np.stack([S * scale, T * scale]))[..., 0]
+        least = min(values.min(initial=0.0), (np.minimum(s, t) / self.point.own).min(initial=0.0))
+        return min(1.0, most / max(-least, 1e-12))
+
+    def next_point(self, power: float) -> _Point:
+        """Point after a step with Mehrotra's corrector times a power of the predictor's share."""
+        (S, s), (T, t) = map(self.parted, predicted := self.step(1.0))
+        share = self.share(predicted, 1.0)
+        V, v = _diagonal(self.point.values), self.point.own
+        after = float(np.sum((V + share * S) * (V + share * T))) / self.problem.weight
+        after += float(np.sum((v + share * s) * (v + share * t))) / POSITIVE_WEIGHT
+        mean = after / (self.times * len(self.ratios))
+        left = min(max((mean - 1.0) / (self.spread - 1.0), 0.0), 1.0) if self.spread > 1.0 + 1e-12 else 0.0
+        target = 1.0 + left**TARGET_POWER * max(self.spread - 1.0, 0.0)
+        bent = share**power
+        steps = self.step(target, 0.5 * bent * (S @ T + T @ S), bent * s * t)
+        return self.moved(*steps, self.share(steps, EDGE_SHARE))
+
+    def moved(self, step: Array, other: Array, share: float) -> _Point:
+        """Point after a share of the steps of parameters and of multipliers."""
+        (S, s), (T, t) = self.parted(share * step), self.parted(share * other)
+        V = _diagonal(self.point.values)
+        root, other_root = np.linalg.cholesky(V + S), np.linalg.cholesky(V + T)
+        _, values, turn = np.linalg.svd(other_root.mT @ root)
+        scaling = self.point.scaling @ root @ turn.mT / np.sqrt(values)[:, None, :]
+        p, z = self.point.own + s, self.point.own + t
+        x = self.point.x + self.map @ (share * step)
+        matrices = scaling * values[:, None, :] @ scaling.mT
+        x[: self.problem.prior.tens.size] = (_coordinates(matrices) @ FROM_DIRECTIONS.T).ravel()
+        x[self.problem.prior.positive] = self.point.sizes * p
+        return _Point(x, scaling, values, self.point.sizes * np.sqrt(p / z), np.sqrt(p * z))
+
+
+def _map(scaling: Array, sizes: Array, positive: NDArray[np.int64], count: int) -> Array:
+    """Changes (P, P) of the parameters by unit steps of G S G^T and of positive parameters' own sizes."""
+    out = np.eye(count)
+    out[positive, positive] = sizes
+    G = scaling[:, None]
+    moved = _coordinates(G @ DIRECTIONS @ G.mT)
+    for i, block in enumerate(FROM_DIRECTIONS @ moved.mT):
+        out[10 * i : 10 * i + 10, 10 * i : 10 * i + 10] = block
+    return out
+
+
+def _coordinates(matrices: Array) -> Array:
+    return np.asarray(matrices.reshape(*matrices.shape[:-2], 16) @ FLAT.T)
+
+
+def _diagonal(values: Array) -> Array:
+    return np.asarray(values[:, :, None] * EYE)
+
+
+def _solver(matrix: Array) -> Callable[[Array], Array]:
+    """Solver of positive definite equations, with a little more on the diagonal where round-off asks for it."""
+    scale = 1.0 / np.sqrt(np.diag(matrix))
+    scaled = matrix * np.outer(scale, scale)
+    for more in (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-9, 1e-7):
+        with suppress(LinAlgError):
+            factor = cho_factor(scaled + more * np.eye(len(scaled)) if more else scaled, check_finite=False)
+            return lambda wanted: np.asarray(scale * cho_solve(factor, scale * wanted, check_finite=False))
+    values, vectors = np.linalg.eigh(scaled)
+    inverse = vectors / np.maximum(values, 1e-7 * values[-1]) @ vectors.T
+    return lambda wanted: np.asarray(scale * (inverse @ (scale * wanted)))
+
+
+def _inside(x: Array, prior: EntropicPrior) -> Array:
+    """Parameters (P,) of which round-off has left none outside the cone: a little nearer to the prior, if need be."""
+    links = np.arange(len(x)) < prior.tens.size
+    for share in (0.0, *np.geomspace(1e-13, 1.0, 27).tolist()):
+        near = np.where(links, x + share * (prior.start(len(x)) - x), x)
+        values = np.linalg.eigvalsh(prior.matrices(near))
+        if np.all(values[:, 0] > CONE_MARGIN * values[:, -1]):
+            return near
+    return prior.start(len(x))
