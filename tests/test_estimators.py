@@ -21,7 +21,8 @@ from adaptctl.identification.estimator_comparison import compared_estimators
 from adaptctl.identification.examples import example
 from adaptctl.identification.filtered_dynamics import Rows
 from adaptctl.identification.friction_model import FrictionModel
-from adaptctl.identification.identify import freed_of_noise, gathered, identified
+from adaptctl.identification.gathering import freed_of_noise, gathered
+from adaptctl.identification.identify import identified
 from adaptctl.identification.least_squares import first_stage, halves, weighted_least_squares
 from adaptctl.identification.preparation import prepare
 

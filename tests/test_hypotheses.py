@@ -13,8 +13,8 @@ from synthetic_logs import Known, known
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
+from adaptctl.identification.gathering import gathered
 from adaptctl.identification.hypotheses import AS_IS, LogMeaning, compared_hypotheses, validate_meaning
-from adaptctl.identification.identify import gathered
 
 Fault = Callable[[JointLog, Known], JointLog]
 SIGNS, ORDER = np.array([1.0, -1.0, 1.0]), [0, 2, 1]
@@ -127,6 +127,7 @@ def test_torques_over_those_of_the_file_are_told_and_those_of_another_gear_side_
     right, geared = (judged(case, replace(case.log, torque=scale * case.log.torque)) for scale in (1.0, 0.02))
     told = [[float(x) for x in re.findall(r"(\S+) \(", verdict.slopes.outcome)] for verdict in (right, geared)]
     np.testing.assert_allclose(told[1], 0.02 * np.array(told[0]), rtol=0.06)
-    assert not right.slopes.outcome.endswith("?")
+    assert not right.other_side
+    assert geared.other_side
     assert geared.slopes.outcome.endswith("are they on the other side of gears?")
     assert geared.sentence is None

@@ -25,7 +25,8 @@ from adaptctl.identification.examples import example
 from adaptctl.identification.filtered_dynamics import SmoothMotion
 from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.friction_model import FrictionModel, with_all_friction
-from adaptctl.identification.identify import gathered, identified
+from adaptctl.identification.gathering import gathered
+from adaptctl.identification.identify import identified
 from adaptctl.identification.least_squares import least_squares
 from adaptctl.identification.preparation import DIFFERENCE_MARGIN, derivative, filtered, low_pass, padded, prepare
 

@@ -13,7 +13,8 @@ from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.errors import InputError
 from adaptctl.identification.choice import choose
 from adaptctl.identification.friction_model import FrictionModel
-from adaptctl.identification.identify import gathered, identified
+from adaptctl.identification.gathering import gathered
+from adaptctl.identification.identify import identified
 from adaptctl.identification.springs import known_springs, with_springs
 
 STIFFNESS, REST = 40.0, 0.3

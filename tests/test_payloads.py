@@ -20,7 +20,8 @@ from adaptctl.identification import IdentifiedPayload, identify
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.drives_file import Drives, MotorEntry, PayloadEntry
 from adaptctl.identification.friction_model import FrictionModel
-from adaptctl.identification.identify import gathered, identified
+from adaptctl.identification.gathering import gathered
+from adaptctl.identification.identify import identified
 from adaptctl.identification.torque_constants import Completion, completed
 
 CASE = known(7, duration=2.0, rate=50.0)

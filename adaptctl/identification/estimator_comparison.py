@@ -18,7 +18,7 @@ from adaptctl.identification.energy_differences import by_energy
 from adaptctl.identification.filtered_dynamics import SmoothMotion, rows_of
 from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import FrictionModel
-from adaptctl.identification.identify import gathered
+from adaptctl.identification.gathering import gathered
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.log_files import read_log
 from adaptctl.recording.page import SHEU_WALKER, Report, Section, Table

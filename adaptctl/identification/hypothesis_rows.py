@@ -140,17 +140,17 @@ class HypothesisRows:
         prior = evidence.prior_of(self.settings)
         return consistent_estimate(A * np.outer(mask, mask), b * mask, prior, PRIOR_WEIGHT)
 
-    def file_slopes(self) -> PreparationStep:
-        """Line on torques over those of the file's links; it refuses nothing, as many are placeholders."""
+    def file_slopes(self) -> tuple[PreparationStep, bool]:
+        """Line on torques over those of the file's links, often placeholders, and if all seem on gears' other side."""
         rows, tens = self.rows, self.evidence.prior.tens.ravel()
         slopes, shares = _each_joint(rows, rows.regressor[..., : tens.size] @ tens, self.used)
         names = [joint.name for joint in self.evidence.mechanism.primary_joints]
         each = [f"{n} {slope:.2g} ({share:.0%})" for n, slope, share in zip(names, slopes, shares, strict=True)]
         told = f"{', '.join(each)} of their variation beside friction explained"
         least, most = np.abs(slopes).min(), np.abs(slopes).max()
-        geared = shares.min() > EXPLAINED and most < ALIKE * least and not 1 / OTHER_SIDE < most < OTHER_SIDE
+        geared = bool(shares.min() > EXPLAINED and most < ALIKE * least and not 1 / OTHER_SIDE < most < OTHER_SIDE)
         side = f"; all about {np.median(slopes):.2g}: are they on the other side of gears?" if geared else ""
-        return PreparationStep("torques over the file's", told + side)
+        return PreparationStep("torques over the file's", told + side), geared
 
 
 def relative_error(equations: NormalEquations, x: Array) -> float:

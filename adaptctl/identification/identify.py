@@ -12,43 +12,29 @@ from adaptctl.arrays import Array, positive_number
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
-from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.identifiability import ReducedModel
 from adaptctl.identifiability.factorisation import one_thread
 from adaptctl.identification.choice import (
-    COMPARISON_CUTOFF,
-    MIN_CUTOFF,
-    NUM_BLOCKS,
     Choice,
     choose,
-    cutoffs_for,
     judged_at,
     misfit_ratio,
 )
 from adaptctl.identification.columns import JointLog, joint_columns, joint_log
 from adaptctl.identification.contradictions import contradictions
 from adaptctl.identification.drives_file import Drives, read_drives
-from adaptctl.identification.entropic import EntropicPrior, prior_links
-from adaptctl.identification.filtered_dynamics import (
-    MOTION_CUTOFF,
-    Rows,
-    SmoothMotion,
-    motion_band,
-    motions_of,
-    rows_of,
-)
-from adaptctl.identification.fit import Fit, LogEvidence, positive_columns
-from adaptctl.identification.friction_model import FrictionModel, with_all_friction
+from adaptctl.identification.fit import Fit, LogEvidence
+from adaptctl.identification.friction_model import FrictionModel
+from adaptctl.identification.gathering import freed_of_noise, gathered
 from adaptctl.identification.held_out import HeldOut
 from adaptctl.identification.hypotheses import compared_hypotheses, validate_meaning
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.lasting_errors import with_lasting_errors, without_delay
-from adaptctl.identification.least_squares import halves, joined_first_stage
 from adaptctl.identification.log_checks import checked_log
 from adaptctl.identification.log_files import read_log
-from adaptctl.identification.normal_equations import block_edges
 from adaptctl.identification.own_gravity import validate_not_added, with_own_gravity
-from adaptctl.identification.payloads import with_unknown_payloads, without_payloads
-from adaptctl.identification.preparation import PreparationStep, PreparedLog, prepare
+from adaptctl.identification.payloads import with_unknown_payloads
+from adaptctl.identification.preparation import PreparationStep
 from adaptctl.identification.springs import is_answered, known_springs, left_out, with_springs
 from adaptctl.identification.torque_constants import Completion, completed, is_complete, with_constants
 from adaptctl.identification.uncertainty import combinations, essential_components, uncertainty
@@ -56,10 +42,6 @@ from adaptctl.identification.validation import alternatives, validate_plausible
 
 # Share of the blocks, from the end, that is held out where no log for validation is given.
 HELD_OUT_SHARE = 0.4
-# Cut-offs of rows and of positions over the frequency below which the motion is, and the least of the latter in Hz.
-BAND_CUTOFF_RATIO, MOTION_CUTOFF_RATIO, MIN_MOTION_CUTOFF = 5.0, 16.0, 20.0
-# s of motion below which nothing is learnt.
-MIN_DURATION = 1.5
 
 
 @one_thread()
@@ -275,7 +257,7 @@ def identified(
     held_out = HeldOut(judged, origin, *cutoffs, choice.settings.left_out)
     read = dict.fromkeys(note for log in (*train, *test) for note in log.notes)
     late_words = [late_torques] if late_torques else []
-    geared = [f"{meaning.slopes.name}: {meaning.slopes.outcome}"] if meaning.slopes.outcome.endswith("?") else []
+    geared = [f"{meaning.slopes.name}: {meaning.slopes.outcome}"] if meaning.other_side else []
     untold = left_out(choice.settings.untold, choice.settings.friction)
     doubts = () if is_answered(meaning, choice.settings.friction) else doubts
     notes = (*doubts, *geared, *read, *remarks, *whole.words, *untold, *late_words, *contradictions(training, fit))
@@ -288,74 +270,6 @@ def _completed(mechanism: Mechanism, drives: Drives, train: Sequence[JointLog], 
         return Completion(drives, (), ())
     evidence, _, _ = gathered(mechanism, drives, train, (*skip, "limits") if "limits" not in skip else skip)
     return completed(evidence, judged_at(evidence))
-
-
-def gathered(
-    mechanism: Mechanism,
-    drives: Drives,
-    logs: Sequence[JointLog],
-    skip: Collection[str] = (),
-    cutoff: float | None = None,
-    cutoffs: Sequence[float] = (),
-    band: float | None = None,
-) -> tuple[LogEvidence, tuple[PreparationStep, ...], tuple[str, ...]]:
-    """Evidence of logs, the steps of their preparation, and remarks on links that were not consistent."""
-    prepared = [prepare(log, mechanism, skip) for log in logs]
-    pieces = [piece for found, _ in prepared for piece in found]
-    steps = tuple(dict.fromkeys(step for _, own in prepared for step in own))
-    full, (tens, remarks) = with_all_friction(mechanism, drives), prior_links(mechanism)
-    remarks = [*(step.outcome for step in steps if step.name == "unwrap" and step.outcome[0] != "0"), *remarks]
-    fastest = motion_band(pieces) if band is None else band / BAND_CUTOFF_RATIO
-    least = min(max(MIN_CUTOFF, BAND_CUTOFF_RATIO * fastest), COMPARISON_CUTOFF)
-    motions = list(motions_of(pieces, min(max(MIN_MOTION_CUTOFF, MOTION_CUTOFF_RATIO * fastest), MOTION_CUTOFF)))
-    if cutoff is not None:
-        _validate_between(cutoff, motions)
-    tried = {*(cutoffs or cutoffs_for(min(piece.rate for piece in pieces), least)), *([cutoff] if cutoff else [])}
-    rows = dict(zip(sorted(tried), _rows_without_payloads(motions, full, drives, sorted(tried)), strict=True))
-    _validate_enough(pieces, full)
-    positive, scales = positive_columns(full, tens)
-    basis = fundamental_basis(essential_space(full))
-    edges = block_edges(rows[min(rows)].moved, NUM_BLOCKS)
-    prior = EntropicPrior(tens, positive, scales)
-    return LogEvidence(full, basis, drives, prior, motions, rows, edges, min(rows)), steps, tuple(remarks)
-
-
-def _rows_without_payloads(
-    motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives, cutoffs: Sequence[float]
-) -> list[Rows]:
-    return [without_payloads(own, motions, mechanism, drives) for own in rows_of(motions, mechanism, cutoffs)]
-
-
-def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
-    """Evidence whose regressors are freed of encoder noise by instrumental variables (even against odd samples)."""
-    pairs = [halves(motion.log) for motion in evidence.motions]
-    cutoffs = [cutoff for cutoff in evidence.rows if cutoff <= 0.1 * min(log.rate for log, _ in pairs)]
-    if not cutoffs:
-        raise InputError(
-            "instrumental_variables: the sampling rate is too low to split the log into even and odd samples"
-        )
-    smooth = evidence.motions[0].cutoff
-    motions, others = (list(motions_of(side, smooth)) for side in zip(*pairs, strict=True))
-    own = _rows_without_payloads(motions, evidence.mechanism, evidence.drives, cutoffs)
-    instruments = rows_of(others, evidence.mechanism, cutoffs)
-    rows = dict(zip(cutoffs, joined_first_stage(own, instruments), strict=True))
-    return replace(evidence, motions=motions, rows=rows, edges=block_edges(rows[min(cutoffs)].moved, NUM_BLOCKS))
-
-
-def _validate_between(cutoff: float, motions: Sequence[SmoothMotion]) -> None:
-    """Raise `InputError` for a cut-off (Hz) that filters no motion: longer than one, or not below half its rate."""
-    least, most = max(2.0 * m.rate / len(m.position) for m in motions), 0.5 * min(m.rate for m in motions)
-    if not least < cutoff < most:
-        raise InputError(f"cutoff: expected between {least:.3g} and {most:.3g} Hz for these logs, got {cutoff:g}")
-
-
-def _validate_enough(pieces: Sequence[PreparedLog], mechanism: Mechanism) -> None:
-    lasts = float(sum(np.sum(piece.moving) / piece.rate for piece in pieces))
-    if lasts < MIN_DURATION:
-        raise InputError(
-            f"{pieces[0].source}: the log has only {lasts:.2g} s of motion; at least {MIN_DURATION:g} s are needed, "
-            "and ten times as much for good estimates"
-        )
 
 
 def _result(

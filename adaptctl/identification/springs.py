@@ -13,8 +13,9 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import FrictionModel
-from adaptctl.identification.hypotheses import COUNTERBALANCE, SPRING, LogMeaning
+from adaptctl.identification.hypotheses import LogMeaning
 from adaptctl.identification.least_squares import weighted_least_squares
+from adaptctl.identification.listed_hypotheses import COUNTERBALANCE, SPRING
 
 # Share of a column's squares that other columns leave, below which it is one of them; nominal deviations that a term
 # must be below (those of rows are too small by about three, as errors last), as a share of the joint's torque.

@@ -1,0 +1,108 @@
+"""Evidence gathered from logs: filtered equations of motion, in blocks of time."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identifiability import essential_space, fundamental_basis
+from adaptctl.identification.choice import (
+    COMPARISON_CUTOFF,
+    MIN_CUTOFF,
+    NUM_BLOCKS,
+    cutoffs_for,
+)
+from adaptctl.identification.columns import JointLog
+from adaptctl.identification.drives_file import Drives
+from adaptctl.identification.entropic import EntropicPrior, prior_links
+from adaptctl.identification.filtered_dynamics import (
+    MOTION_CUTOFF,
+    Rows,
+    SmoothMotion,
+    motion_band,
+    motions_of,
+    rows_of,
+)
+from adaptctl.identification.fit import LogEvidence, positive_columns
+from adaptctl.identification.friction_model import with_all_friction
+from adaptctl.identification.least_squares import halves, joined_first_stage
+from adaptctl.identification.normal_equations import block_edges
+from adaptctl.identification.payloads import without_payloads
+from adaptctl.identification.preparation import PreparationStep, PreparedLog, prepare
+
+# Cut-offs of rows and of positions over the frequency below which the motion is, and the least of the latter in Hz.
+BAND_CUTOFF_RATIO, MOTION_CUTOFF_RATIO, MIN_MOTION_CUTOFF = 5.0, 16.0, 20.0
+# s of motion below which nothing is learnt.
+MIN_DURATION = 1.5
+
+
+def gathered(
+    mechanism: Mechanism,
+    drives: Drives,
+    logs: Sequence[JointLog],
+    skip: Collection[str] = (),
+    cutoff: float | None = None,
+    cutoffs: Sequence[float] = (),
+    band: float | None = None,
+) -> tuple[LogEvidence, tuple[PreparationStep, ...], tuple[str, ...]]:
+    """Evidence of logs, the steps of their preparation, and remarks on links that were not consistent."""
+    prepared = [prepare(log, mechanism, skip) for log in logs]
+    pieces = [piece for found, _ in prepared for piece in found]
+    steps = tuple(dict.fromkeys(step for _, own in prepared for step in own))
+    full, (tens, remarks) = with_all_friction(mechanism, drives), prior_links(mechanism)
+    remarks = [*(step.outcome for step in steps if step.name == "unwrap" and step.outcome[0] != "0"), *remarks]
+    fastest = motion_band(pieces) if band is None else band / BAND_CUTOFF_RATIO
+    least = min(max(MIN_CUTOFF, BAND_CUTOFF_RATIO * fastest), COMPARISON_CUTOFF)
+    motions = list(motions_of(pieces, min(max(MIN_MOTION_CUTOFF, MOTION_CUTOFF_RATIO * fastest), MOTION_CUTOFF)))
+    if cutoff is not None:
+        _validate_between(cutoff, motions)
+    tried = {*(cutoffs or cutoffs_for(min(piece.rate for piece in pieces), least)), *([cutoff] if cutoff else [])}
+    rows = dict(zip(sorted(tried), _rows_without_payloads(motions, full, drives, sorted(tried)), strict=True))
+    _validate_enough(pieces, full)
+    positive, scales = positive_columns(full, tens)
+    basis = fundamental_basis(essential_space(full))
+    edges = block_edges(rows[min(rows)].moved, NUM_BLOCKS)
+    prior = EntropicPrior(tens, positive, scales)
+    return LogEvidence(full, basis, drives, prior, motions, rows, edges, min(rows)), steps, tuple(remarks)
+
+
+def _rows_without_payloads(
+    motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives, cutoffs: Sequence[float]
+) -> list[Rows]:
+    return [without_payloads(own, motions, mechanism, drives) for own in rows_of(motions, mechanism, cutoffs)]
+
+
+def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
+    """Evidence whose regressors are freed of encoder noise by instrumental variables (even against odd samples)."""
+    pairs = [halves(motion.log) for motion in evidence.motions]
+    cutoffs = [cutoff for cutoff in evidence.rows if cutoff <= 0.1 * min(log.rate for log, _ in pairs)]
+    if not cutoffs:
+        raise InputError(
+            "instrumental_variables: the sampling rate is too low to split the log into even and odd samples"
+        )
+    smooth = evidence.motions[0].cutoff
+    motions, others = (list(motions_of(side, smooth)) for side in zip(*pairs, strict=True))
+    own = _rows_without_payloads(motions, evidence.mechanism, evidence.drives, cutoffs)
+    instruments = rows_of(others, evidence.mechanism, cutoffs)
+    rows = dict(zip(cutoffs, joined_first_stage(own, instruments), strict=True))
+    return replace(evidence, motions=motions, rows=rows, edges=block_edges(rows[min(cutoffs)].moved, NUM_BLOCKS))
+
+
+def _validate_between(cutoff: float, motions: Sequence[SmoothMotion]) -> None:
+    """Raise `InputError` for a cut-off (Hz) that filters no motion: longer than one, or not below half its rate."""
+    least, most = max(2.0 * m.rate / len(m.position) for m in motions), 0.5 * min(m.rate for m in motions)
+    if not least < cutoff < most:
+        raise InputError(f"cutoff: expected between {least:.3g} and {most:.3g} Hz for these logs, got {cutoff:g}")
+
+
+def _validate_enough(pieces: Sequence[PreparedLog], mechanism: Mechanism) -> None:
+    lasts = float(sum(np.sum(piece.moving) / piece.rate for piece in pieces))
+    if lasts < MIN_DURATION:
+        raise InputError(
+            f"{pieces[0].source}: the log has only {lasts:.2g} s of motion; at least {MIN_DURATION:g} s are needed, "
+            "and ten times as much for good estimates"
+        )

@@ -1,0 +1,280 @@
+"""Hypotheses about what a log's columns mean: signs, order, zeros, gravity, scales, springs and payloads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import combinations
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.dynamics import Mechanism
+from adaptctl.identification.hypothesis_rows import HypothesisRows, relative_error
+from adaptctl.identification.normal_equations import NormalEquations
+
+# Factor of one torque from which on it is no calibration; octaves that are tried, and steps of the search in one.
+LEAST_SCALE, OCTAVES, SCALE_STEPS = 2.0, 10, 8
+# m/s^2, for a file without gravity; rounds of the search for a tilt.
+GRAVITY, TILT_ROUNDS = 9.81, 6
+# Rounds and step (rad) of the search for a joint's zero, and angle (rad) of a zero or a tilt that is no refusal.
+ZERO_ROUNDS, ANGLE_STEP, SMALL_ANGLE = 3, 1e-3, 0.2
+SPRING, COUNTERBALANCE = "a spring", "a counterbalance"
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """Hypothesis: its kind and words, what to do if it is so, its equations, and if a log is refused for it."""
+
+    kind: str
+    words: str
+    remedy: str
+    equations: Callable[[], NormalEquations]
+    refuses: bool = True
+    holds: Callable[[Array], bool] = lambda x: True
+    told: Callable[[Array], str] = lambda x: ""
+
+
+def listed_hypotheses(rows: HypothesisRows) -> Iterator[Hypothesis]:
+    """Hypotheses that are compared, without that the log is right as it is."""
+    yield from _signs(rows)
+    yield from _swaps(rows)
+    yield from _zeros(rows)
+    yield from _gravities(rows)
+    yield from _scales(rows)
+    yield from () if rows.springs else _springs(rows)
+    yield from _payloads(rows)
+
+
+def _mixing(rows: HypothesisRows, change: Array) -> Array:
+    """Matrix (r, r) of joint torques whose motors' torque columns are changed by a matrix."""
+    drives = rows.evidence.drives
+    T, k = drives.transmission, drives.constants
+    return np.asarray(T.T @ (change * np.outer(k, 1.0 / k)) @ np.linalg.inv(T.T))
+
+
+def _moved(rows: HypothesisRows, change: Array, shift: Array | float = 0.0) -> Array:
+    """Regressor of the motion whose motors' positions are changed by a matrix, and joints' by a shift (r,)."""
+    drives = rows.evidence.drives
+    D = np.linalg.inv(drives.transmission) @ change @ drives.transmission
+    position = (rows.position - drives.offsets) @ D.T + drives.offsets + shift
+    return rows.regressor(rows.evidence.mechanism, position, rows.velocity @ D.T, rows.acceleration @ D.T)
+
+
+def _both(rows: HypothesisRows, moved: Array, mixed: Array) -> NormalEquations:
+    return rows.sums(_moved(rows, moved), rows.rows.torque @ _mixing(rows, mixed).T)
+
+
+def _signs(rows: HypothesisRows) -> Iterator[Hypothesis]:
+    """Signs of one torque column, of one position column, of both, and of all torques."""
+    motors, one = rows.evidence.drives.motors, np.eye(rows.evidence.mechanism.dof)
+    for j, motor in enumerate(motors):
+        other = one - 2.0 * np.diag(one[j])
+        torque, position = f"column {motor.torque!r}", f"column {motor.position!r}"
+        mixed = partial(rows.mixed, _mixing(rows, other))
+        yield Hypothesis("sign of a torque", f"{torque} has the other sign", "negate it", mixed)
+        turned = partial(_both, rows, other, one)
+        yield Hypothesis("sign of a position", f"{position} has the other sign", "negate it", turned)
+        words = f"columns {motor.position!r} and {motor.torque!r} both have the other sign: {motor.name} is mirrored"
+        remedy = "negate both (and the velocity), or turn the axis of the joint in the robot file"
+        yield Hypothesis("a mirrored joint", words, remedy, partial(_both, rows, other, other))
+    if len(motors) > 1:
+        yield Hypothesis(
+            "sign of all torques", "all torques have the other sign", "negate them", partial(rows.mixed, -one)
+        )
+
+
+def _swaps(rows: HypothesisRows) -> Iterator[Hypothesis]:
+    """Two torque columns, two position columns, or two joints, that stand for each other."""
+    motors, one = rows.evidence.drives.motors, np.eye(rows.evidence.mechanism.dof)
+    for i, j in combinations(range(len(motors)), 2):
+        order = np.arange(len(motors))
+        order[[i, j]] = j, i
+        swap, first, second = one[order], motors[i], motors[j]
+        named = "exchange their names, in the log or by columns"
+        words = f"columns {first.torque!r} and {second.torque!r} are exchanged"
+        yield Hypothesis("two torques exchanged", words, named, partial(rows.mixed, _mixing(rows, swap)))
+        words = f"columns {first.position!r} and {second.position!r} are exchanged"
+        yield Hypothesis("two positions exchanged", words, named, partial(_both, rows, swap, one))
+        words = f"all columns of {first.name} and {second.name} are exchanged"
+        yield Hypothesis("two joints exchanged", words, named, partial(_both, rows, swap, swap))
+
+
+def _zeros(rows: HypothesisRows) -> Iterator[Hypothesis]:
+    """Positions of a joint that are off, by quarter turns or by the angle at which least squares fits best."""
+    joints = rows.evidence.mechanism.primary_joints
+    for j, joint in enumerate(joints):
+        one = np.eye(len(joints))[j]
+        for angle in (0.5 * np.pi, np.pi, -0.5 * np.pi, _zero(rows, one)) if joint.kind.is_revolute else ():
+            degrees = f"{np.degrees(angle):.3g} deg"
+            yield Hypothesis(
+                "zero of a joint",
+                f"{joint.name} is at {degrees} where its column has 0",
+                f"add {angle:.4g} rad ({degrees}) to its positions, or give joint_offsets_deg in a drives file",
+                partial(_shifted, rows, angle * one),
+                refuses=abs(angle) > SMALL_ANGLE,
+            )
+
+
+def _zero(rows: HypothesisRows, joint: Array) -> float:
+    """Angle (rad) that a joint is off by, near 0, by Gauss-Newton steps of least squares."""
+    angle = 0.0
+    for _ in range(ZERO_ROUNDS):
+        Y, near = (_moved(rows, np.eye(len(joint)), a * joint) for a in (angle, angle + ANGLE_STEP))
+        x, _ = rows.least(rows.sums(Y, rows.rows.torque))
+        column = ((near - Y) @ x)[..., None] / ANGLE_STEP
+        equations = rows.sums(np.concatenate([Y, column], axis=-1), rows.rows.torque)
+        angle += float(np.clip(rows.least(equations)[0][-1], -0.5, 0.5))
+    return angle
+
+
+def _shifted(rows: HypothesisRows, shift: Array) -> NormalEquations:
+    return rows.sums(_moved(rows, np.eye(len(shift)), shift), rows.rows.torque)
+
+
+def _under(mechanism: Mechanism, gravity: Array) -> Mechanism:
+    return type(mechanism)(replace(mechanism.description, gravity=gravity))
+
+
+def _gravities(rows: HypothesisRows) -> Iterator[Hypothesis]:
+    """Gravity along the axes of the base, at a tilt, and none."""
+    mechanism, still = rows.evidence.mechanism, np.zeros_like(rows.position)
+    file = mechanism.description.gravity
+    size = float(np.linalg.norm(file)) or GRAVITY
+    none = rows.regressor(_under(mechanism, np.zeros(3)), rows.position, rows.velocity, rows.acceleration)
+    along = np.stack([rows.regressor(_under(mechanism, e), rows.position, still, still) for e in np.eye(3)])
+    for axis in range(3):  # friction at rest is no gravity
+        along[axis, ..., mechanism.num_energy_parameters :] = 0.0
+    directions = [size * sign * e for e in np.eye(3) for sign in (1.0, -1.0)]
+    turned = [g for g in directions if not np.allclose(g, file, atol=0.1 * size)]
+    tilted = _tilted(rows, none, along, [file if file.any() else directions[-1], *turned])
+    for gravity in (*turned, tilted):
+        yield Hypothesis(
+            "gravity turned",
+            f"gravity is along {_listed(gravity)} m/s^2 in the base frame, not {_listed(file)}",
+            "turn the base in the robot file as the robot is mounted",
+            partial(_pulled, rows, none, along, gravity),
+            refuses=not gravity @ file > np.cos(SMALL_ANGLE) * size**2,
+        )
+    if file.any():
+        yield Hypothesis(
+            "gravity absent",
+            "the torques are without gravity's: the log is of a gravity-compensated torque, or of no gravity",
+            "add the torque that compensates gravity, or give the robot file a gravity of 0",
+            partial(rows.sums, none, rows.rows.torque),
+        )
+
+
+def _listed(vector: Array) -> str:
+    return f"({', '.join(f'{x + 0.0:.3g}' for x in vector.round(3))})"
+
+
+def _pulled(rows: HypothesisRows, none: Array, along: Array, gravity: Array) -> NormalEquations:
+    return rows.sums(none + np.tensordot(gravity, along, axes=1), rows.rows.torque)
+
+
+def _tilted(rows: HypothesisRows, none: Array, along: Array, starts: Sequence[Array]) -> Array:
+    """Gravity (3,) at which least squares fits best, by Gauss-Newton steps from the best of some of the same size."""
+    sums = partial(_pulled, rows, none, along)
+    gravity = min(starts, key=lambda g: relative_error(sums(g), rows.least(sums(g))[0]))
+    for _ in range(TILT_ROUNDS):
+        x, _ = rows.least(sums(gravity))
+        across = np.linalg.svd(gravity[None])[2][1:]
+        columns = np.moveaxis(np.tensordot(across, along @ x, axes=1), 0, -1)
+        pulled = none + np.tensordot(gravity, along, axes=1)
+        equations = rows.sums(np.concatenate([pulled, columns], axis=-1), rows.rows.torque)
+        moved = gravity + rows.least(equations)[0][-2:] @ across
+        gravity = moved * np.linalg.norm(gravity) / np.linalg.norm(moved)
+    return np.asarray(gravity)
+
+
+def _scales(rows: HypothesisRows) -> Iterator[Hypothesis]:
+    """Factors on one torque column that are no calibration: another unit, or the other side of a gear."""
+    motors = rows.evidence.drives.motors
+    for j, motor in enumerate(motors if len(motors) > 1 else ()):
+        tried = [2.0**k for k in range(1, OCTAVES + 1)]
+        factors = [*tried, *(1.0 / factor for factor in tried)]
+        best = min(factors, key=partial(_scaled_error, rows, j))
+        near = best * 2.0 ** np.linspace(-1.0, 1.0, SCALE_STEPS + 1)
+        best = min((float(f) for f in near if max(f, 1.0 / f) >= LEAST_SCALE), key=partial(_scaled_error, rows, j))
+        yield Hypothesis(
+            "scale of a torque",
+            f"column {motor.torque!r} is about {1.0 / best:.2g} times the torque, beside the others",
+            "check its unit, torque constant and gear ratio",
+            partial(rows.mixed, _mixing(rows, _scale(rows, j, best))),
+        )
+
+
+def _scale(rows: HypothesisRows, j: int, factor: float) -> Array:
+    return np.diag(np.where(np.arange(rows.evidence.mechanism.dof) == j, factor, 1.0))
+
+
+def _scaled_error(rows: HypothesisRows, j: int, factor: float) -> float:
+    equations = rows.mixed(_mixing(rows, _scale(rows, j, factor)))
+    return relative_error(equations, rows.least(equations)[0])
+
+
+def _beside(rows: HypothesisRows, columns: Array) -> NormalEquations:
+    """Equations with further columns (n, r, k)."""
+    return rows.sums(np.concatenate([rows.rows.regressor, columns], axis=-1), rows.rows.torque)
+
+
+def _springs(rows: HypothesisRows) -> Iterator[Hypothesis]:
+    """Springs and counterbalances of single joints, which the model may not have."""
+    joints, remedy = (
+        rows.evidence.mechanism.primary_joints,
+        "--friction viscous,coulomb,offset,stiffness (or sine,cosine) has such a term; without, it is taken for mass",
+    )
+    for j, joint in enumerate(joints):
+        own = rows.position[:, j, None]
+        one = np.eye(len(joints))[j]
+        unit = "N m/rad" if joint.kind.is_revolute else "N/m"
+        straight = rows.filtered(own)[:, None, :] * one[:, None]
+        spring = partial(_stiffness, len(rows.evidence.mechanism.parameter_names), unit)
+        yield Hypothesis(
+            SPRING,
+            f"a spring is at {joint.name}",
+            remedy,
+            partial(_beside, rows, straight),
+            refuses=False,
+            told=spring,
+        )
+        if joint.kind.is_revolute:
+            waves = rows.filtered(np.concatenate([np.sin(own), np.cos(own)], axis=-1))[:, None, :] * one[:, None]
+            words = f"a counterbalance is at {joint.name}"
+            yield Hypothesis(COUNTERBALANCE, words, remedy, partial(_beside, rows, waves), refuses=False)
+
+
+def _stiffness(place: int, unit: str, x: Array) -> str:
+    return f", of {x[place]:.3g} {unit}"
+
+
+def _payloads(rows: HypothesisRows) -> Iterator[Hypothesis]:
+    """A body at a last link in one of several logs."""
+    description = rows.evidence.mechanism.description
+    size = len(rows.evidence.mechanism.parameter_names)
+    inner = {description.links[i].parent for i in description.bodies}
+    last = [(k, i) for k, i in enumerate(description.bodies) if i not in inner]
+    for source in rows.sources if len(rows.sources) > 1 else ():
+        here = rows.of_source(source)[:, None, None]
+        for k, i in last:
+            columns = rows.rows.regressor[..., 10 * k : 10 * k + 10] * here
+            link = description.links[i].name
+            yield Hypothesis(
+                "a payload in one log",
+                f"{link} carries a body in {source} that it has not in the other logs",
+                "state it under payloads in a drives file, or leave this log out",
+                partial(_beside, rows, columns),
+                refuses=False,
+                holds=partial(_weighs, size),
+                told=partial(_mass, size),
+            )
+
+
+def _weighs(place: int, x: Array) -> bool:
+    return bool(x[place] > 0.0)
+
+
+def _mass(place: int, x: Array) -> str:
+    return f", of {x[place]:.2g} kg"
