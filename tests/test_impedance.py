@@ -6,16 +6,20 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
+from nightly import nightly
 from scipy.spatial.transform import Rotation
 
 import adaptctl
+import adaptctl.hardware
 from adaptctl.arrays import Array
 from adaptctl.compilation import compile_function
-from adaptctl.control import GuardedLearning, JointImpedance, TaskImpedance, largest_stiffness
+from adaptctl.control import GuardedLearning, JointImpedance, TaskImpedance, Workspace, largest_stiffness
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.task_impedance import _pull, _turning
+from adaptctl.description.writers.mujoco_model import mjcf_text
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.errors import GainError, InputError
@@ -115,6 +119,55 @@ def test_a_force_beyond_the_most_carries_the_tool_away() -> None:
     before = place(pushed.hold(1.0, force=[0.0, 0.0, -12.0]))
     after = place(pushed.hold(0.3, force=[0.0, 0.0, -12.0]))
     assert (after - before)[2] / 0.3 == pytest.approx(-4.0 / 60.0, rel=0.1)
+
+
+def over_a_table(height: float, stiffness: float) -> MuJoCoPlant:
+    """The two-link arm with a ball of 2 cm as its tool, over a table that gives way as a spring."""
+    spec = mujoco.MjSpec.from_string(mjcf_text(model().mechanism.description))
+    spec.option.timestep = 2.5e-4
+    ball, box = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX
+    spec.body("lower").add_geom(type=ball, size=[0.02, 0, 0], pos=[0.6, 0.0, 0.0], mass=0)
+    top = spec.worldbody.add_body(name="table", pos=[0.6, 0.0, height - 0.07], gravcomp=1)
+    give = {"axis": [0, 0, 1], "stiffness": stiffness, "damping": 0.2 * np.sqrt(0.3 * stiffness)}
+    top.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, **give)
+    top.add_geom(type=box, size=[0.2, 0.2, 0.05], mass=0.3, solref=[0.001, 1.0])
+    return MuJoCoPlant.of(spec.compile(), PERIOD, "upper")
+
+
+def reaching(x: float, z: float) -> Array:
+    """Joints that bring the tool to a point, by the law of cosines."""
+    elbow = np.arccos((x * x + z * z - 0.4**2 - 0.6**2) / (2.0 * 0.4 * 0.6))
+    return np.array([np.arctan2(z, x) - np.arctan2(0.6 * np.sin(elbow), 0.4 + 0.6 * np.cos(elbow)), elbow])
+
+
+def test_a_reference_behind_a_surface_presses_with_the_most_force() -> None:
+    """MuJoCo's contact force of a table of 10 kN/m, after an approach at no more than 8 N over 160 N s/m."""
+    x, _, z = place(HOME)
+    goal = reaching(x, z - 0.08)
+    law = tool(
+        most_force=[1e3, 1e3, 8.0],
+        tool_damping=[60.0, 0, 160.0, 0, 0, 0],
+        tool_stiffness=[400.0, 0, 2000.0, 0, 0, 0],
+        workspace=Workspace.along(model().mechanism, [HOME, goal], margin=0.2),
+    )
+    plant, behind = over_a_table(z - 0.03, 1e4), ReferencePoint(goal, REST, REST)
+    body, state, speeds, felt, wrench = plant.init(HOME, REST), law.init(HOME, REST), [], [], np.zeros(6)
+    for _ in range(1800):
+        torque, state = law.step(state, body.p, body.v, behind)
+        before, body = place(body.p)[2], plant.step(body, torque)
+        speeds.append((before - place(body.p)[2]) / PERIOD)
+        data = plant._scene._data
+        if data.ncon:
+            mujoco.mj_contactForce(plant._scene._model, data, 0, wrench)
+        felt.append(float(wrench[0]) if data.ncon else 0.0)
+    assert 0.045 < max(speeds) < 0.051
+    assert np.array(felt[1500:]) == pytest.approx(8.0, abs=0.1)
+
+
+def test_drive_takes_no_tank() -> None:
+    robot = adaptctl.hardware.MuJoCoRobot(model().mechanism, PERIOD, start=HOME)
+    with pytest.raises(InputError, match=r"tank: drive .* replace\(controller, tank=None\)"):
+        adaptctl.drive(robot, joints(tank=3.0), lambda t: ReferencePoint(HOME, REST, REST), duration=0.1)
 
 
 def test_a_spring_that_stops_growing_is_the_slope_of_its_energy() -> None:
@@ -273,6 +326,7 @@ def test_with_a_tank_the_surroundings_never_get_more_than_it_held(law: Any) -> N
     assert np.isfinite(tussle.p).all()
 
 
+@nightly
 def test_without_a_tank_moving_references_give_energy_without_end() -> None:
     tussle = Tussle(joints(), 40, 0)
     tussle.run(800)

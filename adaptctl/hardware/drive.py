@@ -21,6 +21,7 @@ from adaptctl.hardware.checks import (
     standing,
     torque_at_rest,
     validate_gravity,
+    validate_no_tank,
     validate_periods,
 )
 from adaptctl.hardware.compensation import Compensation
@@ -92,7 +93,7 @@ def drive(
     ------
     InputError
         If the robot is another one than described, moves, stands outside its limits, or would not be held by the
-        estimate, or the reference leaves the limits. No torque was sent then.
+        estimate, the reference leaves the limits, or the controller has a tank. No torque was sent then.
     KeyboardInterrupt
         After the planned stop, if Ctrl-C was pressed; its argument is the run. A second Ctrl-C is the robot's own stop.
 
@@ -118,6 +119,7 @@ def drive(
     greatest = positive_number(max_error, "max_error: expected a positive error in rad")
     arm = mechanism_of(controller, mechanism)
     validate_periods(controller, robot.period)
+    validate_no_tank(controller)
     validate_reaction(on_touch, controller)
     limits = common_limits(robot, arm, controller)
     guarded = controller if isinstance(controller, SafetyFilter) else _filtered(controller, robot.period)
