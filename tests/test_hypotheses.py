@@ -15,6 +15,7 @@ from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.gathering import gathered
 from adaptctl.identification.hypotheses import AS_IS, LogMeaning, compared_hypotheses, validate_meaning
+from adaptctl.identification.hypothesis_rows import HypothesisRows
 
 Fault = Callable[[JointLog, Known], JointLog]
 SIGNS, ORDER = np.array([1.0, -1.0, 1.0]), [0, 2, 1]
@@ -98,6 +99,14 @@ def test_a_right_log_is_left_alone(case: Known) -> None:
     assert not any(trial.named for trial in verdict.tried)
     assert len({trial.kind for trial in verdict.tried}) == len(FAULTS) + 2
     assert validate_meaning(verdict, False) == ()
+
+
+def test_rows_are_those_of_the_filter_window_by_window(case: Known) -> None:
+    rows = HypothesisRows.of(gathered(case.guess, case.drives, [case.log, replace(case.log, source="second")])[0])
+    parts = rows._parts(rows.acceleration)
+    np.testing.assert_allclose(
+        rows.filtered(rows.acceleration), np.concatenate([f.signal(part) for _, f, part in parts]), rtol=1e-9, atol=1e-9
+    )
 
 
 def test_a_payload_in_one_of_two_logs_is_weighed(case: Known) -> None:
