@@ -18,7 +18,9 @@ from adaptctl.arrays import Array
 from adaptctl.compilation import compile_function
 from adaptctl.control import GuardedLearning, JointImpedance, TaskImpedance, Workspace, largest_stiffness
 from adaptctl.control.controller import ReferencePoint
+from adaptctl.control.passivity_based import Instant, ReferenceVelocity
 from adaptctl.control.task_impedance import _pull, _turning
+from adaptctl.description.drive import Drive
 from adaptctl.description.writers.mujoco_model import mjcf_text
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import link_poses
@@ -324,6 +326,19 @@ def test_with_a_tank_the_surroundings_never_get_more_than_it_held(law: Any) -> N
     assert tussle.least.min() >= -1.0
     assert tussle.least.min() < -0.7
     assert np.isfinite(tussle.p).all()
+
+
+def test_the_weight_that_a_tank_leaves_out_is_that_of_one_recursion() -> None:
+    """Gravity and friction apart, against M a_r + C v_r + g + friction at rest."""
+    arm = model().mechanism.with_drives(Drive(rotor_inertia=0.02, viscous=0.3, coulomb=0.5))
+    reduced = ReducedModel.full(arm)
+    law = JointImpedance(reduced, 40.0, DAMPING, None, reduced.fundamental_parameters, tank=2.0)
+    p, v_r, D = column([0.3, 0.9]), column([0.4, -0.7]), column(arm.inertial_parameters)
+    wanted = ReferenceVelocity(v_r, Column.zeros(2), None)
+    at = Instant(p, p, v_r, v_r, ReferencePoint(p, v_r, v_r), wanted, D)
+    none = Column.zeros(2)
+    whole = arm.equations.motion(p, none, v_r, none).torque(D)
+    assert list(law._weight(at)) == pytest.approx(list(whole), rel=1e-12)
 
 
 @nightly

@@ -24,9 +24,15 @@ from adaptctl.control.gains.sampling_ratio import (
 from adaptctl.control.gains.stiffness import largest_stiffness
 from adaptctl.control.gains.workspace import Workspace, Worst
 from adaptctl.control.passivity_based import Instant, PassivityBased, ReferenceVelocity
+from adaptctl.description.drive import DriveParameter
 from adaptctl.errors import GainError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, column
+
+FRICTION = tuple(
+    f".{one.value}"
+    for one in (DriveParameter.VISCOUS, DriveParameter.COULOMB, DriveParameter.SQUARE_ROOT, DriveParameter.STRIBECK)
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +166,15 @@ class JointImpedance(PassivityBased):
 
     def _weight(self, at: Instant) -> Column:
         """Torque (r,) of gravity and friction."""
-        none = Column.zeros(self.dof)
-        return self.model.mechanism.equations.motion(at.q, none, at.wanted.v_r, none).torque(at.parameters)
+        equations, none = self.model.mechanism.equations, Column.zeros(self.dof)
+        moving = equations.motion(at.q, none, at.wanted.v_r, none)
+        if equations.has_constraint_bias:
+            return moving.torque(at.parameters)
+        # Apart, they need no recursion over velocities: without inertias, what moves is friction alone.
+        names = self.model.mechanism.parameter_names
+        rubs = zip(names, at.parameters, strict=True)
+        friction = moving.torque(Column(x if name.endswith(FRICTION) else 0.0 for name, x in rubs))
+        return equations.motion(at.q, none, none, none).torque(at.parameters) + friction
 
     def _controller_state(self, p: Array, v: Array) -> Any:
         if self.tank is None:
