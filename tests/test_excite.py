@@ -7,15 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import mostly_at_night
+from random_loops import RECIPES, random_loop
 from random_trees import random_chain
 from synthetic_logs import joint_drives
 
 from adaptctl.cli.main import main
+from adaptctl.control import MotionLimits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.identify import identified
+from adaptctl.identification.regular_range import keeps_regular, regular_limits
 from adaptctl.identification.robot_motion import RobotLimits, RobotMotion, exciting_motion, time_scaled
 from adaptctl.identification.uncertainty import forecast
 from adaptctl.identification.workspace import workspace
@@ -125,7 +129,7 @@ def test_collisions_and_the_workspace_are_kept_clear_of(tmp_path: Path) -> None:
     assert not area.allows(free.sampled(50.0)[1])
     clear = exciting_motion(arm, limits, iterations=2, allowed=area.allows)
     assert area.allows(clear.sampled(50.0)[1])
-    with pytest.raises(InputError, match="start: the pose collides, or leaves the workspace"):
+    with pytest.raises(InputError, match="start: the pose collides, leaves the workspace, or"):
         exciting_motion(arm, limits, start=[1.5, 0.0], iterations=2, allowed=area.allows)
     boxed = workspace(arm, "boxes", np.array([-2.0, -0.5, -1.0]), np.array([2.0, 0.5, 1.0]))
     assert boxed.collides is None
@@ -176,7 +180,7 @@ def test_the_command_writes_what_robots_run(tmp_path: Path, capsys: pytest.Captu
         (["--start", "9", "0"], "start: joint 'turn' at 9 is outside its range"),
         (["--start", "0"], "pose: expected"),
         (["--box", "0", "0"], "--box: expected six numbers"),
-        (["--box", "5", "5", "5", "6", "6", "6"], "start: the pose collides, or leaves the workspace"),
+        (["--box", "5", "5", "5", "6", "6", "6"], "start: the pose collides, leaves the workspace, or"),
         (["--duration", "3"], "duration: expected more than 4 s, twice the fade, got 3"),
         (["--jerk", "1", "2", "3"], "jerk: expected"),
         (["--noise", "0"], "noise: expected positive numbers"),
@@ -201,3 +205,25 @@ def test_what_cannot_be_is_refused(
     )
     assert message in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_ranges_of_loops_are_clear_of_singularities_and_keep_conditions() -> None:
+    """A four-bar without ranges, which folds within a turn, and an arm whose elbow is to stay bent."""
+    free = np.array([np.inf])
+    bars, arm = random_loop(1, RECIPES["four-bar"])[0], load("semi_direct_drive")
+    turn = MotionLimits(np.array([-np.pi]), np.array([np.pi]), free, free)
+    ranges = np.array([[joint.limits.lower, joint.limits.upper] for joint in arm.primary_joints]).T
+    for mechanism, limits in ((bars, turn), (arm, MotionLimits(*ranges, np.full(3, np.inf), np.full(3, np.inf)))):
+        found = regular_limits(mechanism, limits)
+        rng = np.random.default_rng(5)
+        assert not keeps_regular(mechanism, rng.uniform(limits.lower, limits.upper, (300, mechanism.dof))).all()
+        assert keeps_regular(mechanism, rng.uniform(found.lower, found.upper, (300, mechanism.dof))).all()
+        assert np.all(found.upper - found.lower > 0.3)
+
+
+@pytest.mark.parametrize("name", mostly_at_night(RECIPES))
+def test_motions_of_loops_keep_away_from_singularities(name: str) -> None:
+    mechanism, _ = random_loop(1, RECIPES[name])
+    motion = exciting_motion(mechanism, RobotLimits.of(mechanism, 0.8), iterations=1)
+    assert keeps_regular(mechanism, motion.sampled(50.0)[1]).all()
+    assert np.isfinite(mechanism.inverse_dynamics(*motion.sampled(50.0)[1:4])).all()

@@ -19,6 +19,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.files import write_text
 from adaptctl.identifiability import ReducedModel
+from adaptctl.identification.regular_range import keeps_regular, regular_limits
 
 # From 0 to 1 with three derivatives zero at both ends.
 BLEND = np.polynomial.Polynomial([0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0])
@@ -281,7 +282,8 @@ def exciting_motion(
     if not 0.0 < 2.0 * fade < duration:
         raise InputError(f"duration: expected more than {2.0 * fade:g} s, twice the fade, got {duration:g}")
     model = ReducedModel(mechanism)
-    space = MotionLimits.from_model(model, limit_share)
+    space = regular_limits(mechanism, MotionLimits.from_model(model, limit_share))
+    allowed = _regular(mechanism, allowed)
     middle = 0.5 * (space.lower + space.upper)
     first, last = (middle if pose is None else checked(pose, mechanism.dof, "pose") for pose in (start, end))
     _validate_poses(mechanism, first, last, limits, allowed)
@@ -297,6 +299,13 @@ def exciting_motion(
     )
     motion = RobotMotion(found.reference, first, last, period, fade)
     return _slowed(_smaller(motion, allowed), mechanism, limits)
+
+
+def _regular(mechanism: Mechanism, allowed: Allowed | None) -> Allowed | None:
+    """Function that is True for positions that are allowed and away from singularities of closed loops."""
+    if mechanism.continuation is None:
+        return allowed
+    return lambda p: bool(keeps_regular(mechanism, p).all()) and (allowed is None or allowed(p))
 
 
 def _validate_poses(
@@ -317,7 +326,7 @@ def _validate_poses(
                 f"{what}: joint {joint.name!r} cannot hold the pose within its fraction of the torque limit"
             )
         if allowed is not None and not allowed(pose[None]):
-            raise InputError(f"{what}: the pose collides, or leaves the workspace")
+            raise InputError(f"{what}: the pose collides, leaves the workspace, or is near a singularity of the loops")
 
 
 def _smaller(motion: RobotMotion, allowed: Allowed | None) -> RobotMotion:
