@@ -230,12 +230,17 @@ def test_a_stiffness_that_the_period_does_not_carry_is_refused_with_the_largest(
         ({"link": "hand"}, "unknown link 'hand'"),
         ({"singularity": 0.0}, "singularity"),
         ({"tank": -1.0}, "tank: expected a positive energy"),
-        ({"delay": 0.5}, "delay"),
+        ({"delay": 0.5}, "^delay: expected a whole number"),
     ],
 )
 def test_wrong_settings_are_told(settings: dict[str, Any], match: str) -> None:
     with pytest.raises(InputError, match=match):
         tool(**settings)
+
+
+def test_a_wrong_delay_is_told_before_gains() -> None:
+    with pytest.raises(InputError, match="^delay: expected a whole number"):
+        joints(delay=-1)
 
 
 def test_an_arm_with_loops_has_no_task_impedance() -> None:

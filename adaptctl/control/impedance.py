@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, positive_number, positive_per_joint
+from adaptctl.arrays import Array, positive_number, positive_per_joint, whole_number
 from adaptctl.control.adaptation.guarded_learning import GuardedLearning
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory
 from adaptctl.control.adaptive import AdaptiveState
@@ -21,7 +21,7 @@ from adaptctl.control.gains.sampling_ratio import (
     sampling_ratio,
     validate_sampling_ratio,
 )
-from adaptctl.control.gains.stiffness import largest_stiffness
+from adaptctl.control.gains.stiffness import MAX_DELAY, largest_stiffness
 from adaptctl.control.gains.workspace import Workspace, Worst
 from adaptctl.control.passivity_based import Instant, PassivityBased, ReferenceVelocity
 from adaptctl.description.drive import DriveParameter
@@ -115,6 +115,7 @@ class JointImpedance(PassivityBased):
             object.__setattr__(self, name, positive_per_joint(getattr(self, name), self.dof, name))
         if self.tank is not None:
             positive_number(self.tank, "tank: expected a positive energy in J")
+        whole_number(self.delay, "delay", 0, MAX_DELAY)
         if isinstance(self.adaptation, GuardedLearning):
             object.__setattr__(self, "adaptation", replace(self.adaptation, trial=False))
         self._settle()
