@@ -239,7 +239,7 @@ def test_wrong_settings_are_told(settings: dict[str, Any], match: str) -> None:
 
 
 def test_a_wrong_delay_is_told_before_gains() -> None:
-    with pytest.raises(InputError, match="^delay: expected a whole number"):
+    with pytest.raises(InputError, match=r"^delay: expected a whole number"):
         joints(delay=-1)
 
 
