@@ -68,7 +68,7 @@ STATED = [
     ("robots", f"beyond 1e{log10(xml_elements.MAX_MAGNITUDE):.0f}"),
     ("robots", f"within {power(right_angles.ROUNDED_ANGLE)} rad of a multiple of 90°"),
     ("identification", f"at most {percent(choice.MAX_MISFIT_RATIO - 1.0)} over that of least squares"),
-    ("identification", f"the last {percent(HELD_OUT_SHARE)} of each log"),
+    ("identification", f"the last {percent(HELD_OUT_SHARE)} of the others"),
     ("identification", f"the same filter of {choice.COMPARISON_CUTOFF:.0f} Hz"),
     ("tuning", f"initial error $e_j$ ({feasible_gains.MAX_INITIAL_ERROR} rad or m"),
     ("tuning", rf"${feasible_gains.ACCELERATION_SHARE}\,\tau_j / M_{{jj}}$"),

@@ -12,7 +12,7 @@ from synthetic_logs import Known, known
 
 from adaptctl.arrays import Array
 from adaptctl.identification.columns import JointLog
-from adaptctl.identification.log_checks import checked_log
+from adaptctl.identification.log_checks import checked_log, still_words
 
 
 @pytest.fixture(scope="module")
@@ -84,3 +84,10 @@ def test_facts_tell_gaps_and_joints_that_stand_still(case: Known) -> None:
     words = dict(facts)
     assert "1 gaps, the longest of 0.505 s" in words["rows of a"]
     assert words["still joints of a"] == "joint2"
+
+
+def test_joints_that_stand_still_in_all_logs_are_named(case: Known) -> None:
+    held = replace(case.log, position=put(case.log.position, slice(None), 1, 0.3))
+    (words,) = still_words([held, held], case.guess)
+    assert words.startswith("joint1 stands still: its friction and rotor inertia stay open")
+    assert list(still_words([held, case.log], case.guess)) == []

@@ -30,7 +30,7 @@ from adaptctl.identification.held_out import HeldOut
 from adaptctl.identification.hypotheses import compared_hypotheses, validate_meaning
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.lasting_errors import with_lasting_errors, without_delay
-from adaptctl.identification.log_checks import checked_log
+from adaptctl.identification.log_checks import checked_log, still_words
 from adaptctl.identification.log_files import read_log
 from adaptctl.identification.own_gravity import validate_not_added, with_own_gravity
 from adaptctl.identification.payloads import with_unknown_payloads
@@ -260,7 +260,18 @@ def identified(
     geared = [f"{meaning.slopes.name}: {meaning.slopes.outcome}"] if meaning.other_side else []
     untold = left_out(choice.settings.untold, choice.settings.friction)
     doubts = () if is_answered(meaning, choice.settings.friction) else doubts
-    notes = (*doubts, *geared, *read, *remarks, *whole.words, *untold, *late_words, *contradictions(training, fit))
+    still = still_words(train, mechanism)
+    notes = (
+        *doubts,
+        *geared,
+        *read,
+        *still,
+        *remarks,
+        *whole.words,
+        *untold,
+        *late_words,
+        *contradictions(training, fit),
+    )
     result = _result(training, fit, held_out, choice, (*facts, meaning.slopes, *steps), notes)
     return replace(result, hypotheses=meaning.tried, payloads=whole.payloads)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -49,6 +49,17 @@ def checked_log(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, list[Pre
     said = (*log.notes, *(f"{log.source}: {note}" for note in notes))
     checked = replace(log, position=position, torque=torque, velocity=velocity, notes=said)
     return checked, list(_facts(checked, mechanism))
+
+
+def still_words(logs: Sequence[JointLog], mechanism: Mechanism) -> Iterator[str]:
+    """Sentences on joints that stand still in all logs."""
+    ranges = np.ptp(np.concatenate([log.position for log in logs]), axis=0)
+    for joint, moved in zip(mechanism.primary_joints, ranges, strict=True):
+        if moved < LEAST_JUMP:
+            yield (
+                f"{joint.name} stands still: its friction and rotor inertia stay open, at rough values, and so does "
+                "what its motion alone shows of the links; log a motion of it, or set them in the written robot"
+            )
 
 
 def _filled_words(log: JointLog, joint: Joint, what: str, wrong: NDArray[np.bool_]) -> list[str]:
