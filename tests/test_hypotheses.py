@@ -140,3 +140,4 @@ def test_torques_over_those_of_the_file_are_told_and_those_of_another_gear_side_
     assert geared.other_side
     assert geared.slopes.outcome.endswith("are they on the other side of gears?")
     assert geared.sentence is None
+    assert not judged(case, replace(case.log, torque=50.0 * case.log.torque)).other_side

@@ -31,7 +31,8 @@ DENSITY, MAX_INSTANTS, WINDOWS = 8.0, 2500, 10
 # Weight of the prior, share of peak speed below which a joint's rows do not count, and relative error of a joint below
 # which fits count as equal.
 PRIOR_WEIGHT, SLOW, LEAST_ERROR = 0.1, 0.05, 0.003
-# Share of torques that the file's links explain and ratio of torques to theirs, beyond which a common one is a gear's.
+# Share of torques that the file's links explain and ratio of torques to theirs, beyond which a common one is a gear's;
+# a larger one only if gears are stated, as many files' links are placeholders of little mass.
 EXPLAINED, OTHER_SIDE, ALIKE = 0.4, 5.0, 3.0
 FRICTION = FrictionModel((*ALWAYS, DriveParameter.OFFSET))
 
@@ -161,7 +162,9 @@ class HypothesisRows:
         each = [f"{n} {slope:.2g} ({share:.0%})" for n, slope, share in zip(names, slopes, shares, strict=True)]
         told = f"{', '.join(each)} of their variation beside friction explained"
         least, most = np.abs(slopes).min(), np.abs(slopes).max()
-        geared = bool(shares.min() > EXPLAINED and most < ALIKE * least and not 1 / OTHER_SIDE < most < OTHER_SIDE)
+        steady = bool(shares.min() > EXPLAINED and most < ALIKE * least)
+        gears = bool(np.abs(self.evidence.drives.transmission).max() > OTHER_SIDE)
+        geared = steady and bool(most < 1 / OTHER_SIDE or (gears and most > OTHER_SIDE))
         side = f"; all about {np.median(slopes):.2g}: are they on the other side of gears?" if geared else ""
         return PreparationStep("torques over the file's", told + side), geared
 
