@@ -16,6 +16,7 @@ from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.gathering import gathered
 from adaptctl.identification.identify import identified
 from adaptctl.identification.springs import known_springs, with_springs
+from adaptctl.identification.validation import validate_plausible
 
 STIFFNESS, REST = 40.0, 0.3
 NAMED = FrictionModel.named("viscous,coulomb,offset,stiffness,sine,cosine")
@@ -75,3 +76,14 @@ def test_springs_of_the_file_are_tried_as_they_are(case: Known) -> None:
     assert with_springs(filed, None) is filed
     asked = with_springs(filed, FrictionModel.named("viscous,stiffness"))
     assert [name for name in asked.parameter_names if "joint" in name] == [f"joint{j}.stiffness" for j in range(3)]
+
+
+def test_a_spring_that_has_most_of_the_torque_is_not_another_robot(case: Known) -> None:
+    """Without the spring the equations leave more than half; with it, asked for, they explain the log."""
+    torque = case.log.torque.copy()
+    torque[:, 1] += 3000.0 * case.log.position[:, 1]
+    stiff = replace(case.log, torque=torque)
+    evidence, _, _ = gathered(with_springs(case.guess, NAMED), case.drives, [stiff], cutoff=8.75)
+    with pytest.raises(InputError, match="do not explain"):
+        validate_plausible(evidence, "log", 8.75)
+    validate_plausible(evidence, "log", 8.75, known_springs(case.guess, NAMED))

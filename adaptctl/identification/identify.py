@@ -249,7 +249,7 @@ def identified(
         judged = gathered(mechanism, drives, test, skip_steps, cutoffs=cutoffs, band=evidence.band)[0]
     meaning = compared_hypotheses(measured, () if late else judged.motions, springs)
     doubts = validate_meaning(meaning, trust_log)
-    validate_plausible(training, train[0].source, judged_at(training))
+    validate_plausible(training, train[0].source, judged_at(training), springs)
     choice = choose(training, friction, prior_weight, cutoff)
     fit = training.fit(choice.settings, range(training.blocks))
     origin = "the last 40 % of the logs" if late else ", ".join(log.source for log in test)

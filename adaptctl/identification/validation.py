@@ -208,9 +208,12 @@ MIN_FRICTION_EFFECT = 1.5
 MAX_UNEXPLAINED_SHARE = 0.5
 
 
-def validate_plausible(evidence: LogEvidence, source: str, cutoff: float) -> None:
+def validate_plausible(
+    evidence: LogEvidence, source: str, cutoff: float, springs: tuple[DriveParameter, ...] = ()
+) -> None:
     """Raise `InputError` for logs that are not their robot's: driving friction, or residuals above half the torques."""
-    settings = FitSettings(FrictionModel(), 1.0, cutoff)
+    terms = FrictionModel().also((DriveParameter.OFFSET, *springs)) if springs else FrictionModel()
+    settings = FitSettings(terms, 1.0, cutoff)
     equations = evidence.equations(settings, range(evidence.blocks))
     x, deviations = weighted_least_squares(equations, evidence.independent(settings))
     left = float(np.sqrt(equations.misfit(x).sum() / equations.square.sum()))
