@@ -126,6 +126,6 @@ $(STAMP): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(v < (3, 11) and \
 		"adaptctl needs Python 3.11 or newer; $(PYTHON) is %d.%d. Name another: make PYTHON=python3.12 ..." % v)'
 	@$(PIP) --version > /dev/null 2>&1 || $(PYTHON) -m venv --clear .venv
-	$(PIP) install --quiet --no-compile --require-hashes --no-deps --only-binary :all: -r requirements.lock
-	$(PIP) install --quiet --no-compile --no-deps --no-build-isolation -e .
+	$(PIP) install --no-compile --require-hashes --no-deps --only-binary :all: -r requirements.lock
+	$(PIP) install --no-compile --no-deps --no-build-isolation -e .
 	@touch $@
