@@ -24,6 +24,7 @@ from adaptctl.control import (
     ExternalTorque,
     Gradient,
     GuardedLearning,
+    JointImpedance,
     LinearController,
     Natural,
     PassivityIntegral,
@@ -123,6 +124,7 @@ def laws_on(model: ReducedModel, pair: ReducedModel) -> dict[str, Controller[Any
         "integral": on(model, gain, PassivityIntegral),
         "tool": on(model, gain, TaskSpaceSlotineLi, singularity=0.1, axes=axes, reference_in_joints=True),
         "tool in the world": on(model, gain, TaskSpaceSlotineLi, singularity=0.1, axes=(0, 1)),
+        "joint impedance": on(pair, few, JointImpedance),
         "impedance": on(pair, few, TaskImpedance, tank=3.0, most_force=5.0, delay=1, **tool_impedance()),
         "adaptive computed torque": AdaptiveComputedTorque(model, 6.0, 0.9 * true, gain),  # type: ignore[arg-type]
         "computed torque": ComputedTorque(arm, 6.0 * each, 0.8),
