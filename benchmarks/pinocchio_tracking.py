@@ -8,9 +8,11 @@ import numpy as np
 import pinocchio
 
 from adaptctl.arrays import Array
+from adaptctl.control.gains.sampling_ratio import MAX_SAMPLING_RATIO
 
 CAP = 2.0
-"""Least ratio of the energy that damping takes out to that of a step of the estimate: `Gradient`'s own."""
+"""Least ratio of the energy that damping takes out to that of a step of the estimate that may let V rise: `Gradient`'s
+own."""
 
 
 def slotine_li_regressor(
@@ -48,7 +50,7 @@ class PinocchioTracker:
         self.rate = np.zeros(10 * model.nv)
         self.rate[list(columns)] = period * gain
         self.estimate = np.zeros(10 * model.nv)
-        self.Y = np.zeros((model.nv, 10 * model.nv))
+        self.Y, self.s = np.zeros((model.nv, 10 * model.nv)), np.zeros(model.nv)
 
     def step(self, p: Array, v: Array, p_d: Array, v_d: Array, a_d: Array) -> Array:
         """One tick: learn from the period that has passed, as `Gradient` does, then the torque (r,)."""
@@ -59,7 +61,11 @@ class PinocchioTracker:
         if (power := s @ braking) > 0.0:
             slope = s @ self.Y
             step = self.rate * slope
-            self.estimate -= power / (power + CAP * (slope @ step)) * step
+            square, change = slope @ step, s - self.s
+            taken = (2.0 * s - change / MAX_SAMPLING_RATIO) @ (self.damping * change)
+            share = 1.0 if square <= 2.0 * power - max(taken, 0.0) else power / (power + CAP * square)
+            self.estimate -= share * step
+        self.s = s
         half, difference = 0.5 * (v + v_r), 0.5 * s
         Y = pinocchio.computeJointTorqueRegressor(self.model, self.data, p, half, a_r)
         C = pinocchio.computeJointTorqueRegressor(self.weightless, self.weightless_data, p, difference, self.rest)
