@@ -39,6 +39,7 @@ SAME_EVERYWHERE: Mapping[str, str] = {
     "COLUMNS": "100",
     "NO_COLOR": "1",
     "TERM": "dumb",
+    "ADAPTCTL_PROGRESS": "off",
 }
 """Before NumPy is imported: with these, numbers differ less between processors."""
 
