@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import warnings
 from collections.abc import Iterator
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 from golden import capture
 from rich.console import Console
+from test_documented_commands import take
 
 from adaptctl.cli.main import app
 
@@ -104,3 +106,9 @@ def test_what_differs_is_told_and_round_off_is_not() -> None:
     assert list(capture.compared({"a": {"gap": 12.0}}, {"a": {"gap": 8.0}})) == ["a.gap: 12.0 -> 8.0"]
     assert list(capture.compared({"law.c": "9a4df059"}, {"law.c": "bef192cd"})) == ["law.c: 9a4df059 -> bef192cd"]
     assert list(capture.compared({"passed": True}, {"passed": 1.0})) == ["passed: true -> 1.0"]
+
+
+def test_kept_experiments_are_run_by_commands_that_are_accepted() -> None:
+    """`make golden` runs them; with a flag of a former name it compares nothing."""
+    for path in sorted((capture.HERE / "experiments").glob("*.json")):
+        take(shlex.split(json.loads(path.read_text())["command"])[1:])
