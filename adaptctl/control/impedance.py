@@ -24,15 +24,12 @@ from adaptctl.control.gains.sampling_ratio import (
 from adaptctl.control.gains.stiffness import MAX_DELAY, largest_stiffness
 from adaptctl.control.gains.workspace import Workspace, Worst
 from adaptctl.control.passivity_based import Instant, PassivityBased, ReferenceVelocity
-from adaptctl.description.drive import DriveParameter
+from adaptctl.description.drive import DISSIPATIVE
 from adaptctl.errors import GainError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, column
 
-FRICTION = tuple(
-    f".{one.value}"
-    for one in (DriveParameter.VISCOUS, DriveParameter.COULOMB, DriveParameter.SQUARE_ROOT, DriveParameter.STRIBECK)
-)
+FRICTION = tuple(f".{kind.value}" for kind in DISSIPATIVE)
 
 
 @dataclass(frozen=True, eq=False)

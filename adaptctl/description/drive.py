@@ -50,6 +50,8 @@ class DriveParameter(Enum):
 
 HARMONICS = (DriveParameter.SINE, DriveParameter.COSINE, DriveParameter.SINE_2, DriveParameter.COSINE_2)
 """Harmonics of the angle, the first two and then those of its double."""
+DISSIPATIVE = tuple(kind for kind in DriveParameter if kind.is_friction and kind is not DriveParameter.OFFSET)
+"""Friction that takes energy, whichever way the joint moves."""
 MAY_BE_NEGATIVE = frozenset(DriveParameter) - {
     DriveParameter.ROTOR_INERTIA,
     DriveParameter.VISCOUS,

@@ -14,7 +14,8 @@ PARAMETERS = ("m", "mc_x", "mc_y", "mc_z", "I_xx", "I_xy", "I_yy", "I_xz", "I_yz
 """Names and order of a link's ten, about its frame's origin (kg, kg m, kg m^2); Pinocchio's order and sign."""
 
 _TENSOR = np.array([[4, 5, 7], [5, 6, 8], [7, 8, 9]])
-_LOWER = (0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)
+LOWER = (0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)
+"""Places in the tensor (3, 3) of the last six of the ten."""
 
 
 def inertia_tensor(ten: ArrayLike) -> Array:
@@ -25,14 +26,24 @@ def inertia_tensor(ten: ArrayLike) -> Array:
 def from_tensor(mass: float, first_moment: ArrayLike, tensor: ArrayLike) -> Array:
     """Ten inertial parameters from mass, first moment and inertia tensor about the origin."""
     entries = np.asarray(tensor, dtype=np.float64)
-    return np.array([mass, *np.asarray(first_moment, dtype=np.float64), *(entries[index] for index in _LOWER)])
+    return np.array([mass, *np.asarray(first_moment, dtype=np.float64), *(entries[index] for index in LOWER)])
 
 
 def from_center_of_mass(mass: float, center: ArrayLike, tensor_at_center: ArrayLike) -> Array:
     """Ten inertial parameters from mass, centre of mass and inertia tensor about it."""
     c = np.asarray(center, dtype=np.float64)
-    shift = mass * (np.dot(c, c) * np.eye(3) - np.outer(c, c))
-    return from_tensor(mass, mass * c, np.asarray(tensor_at_center, dtype=np.float64) + shift)
+    return from_tensor(mass, mass * c, np.asarray(tensor_at_center, dtype=np.float64) + _of_point(mass, c))
+
+
+def about_center(ten: Array) -> Array:
+    """Inertia tensor (3, 3) in kg m^2 about the centre of mass, the origin where there is no mass."""
+    mass = float(ten[0])
+    return np.asarray(inertia_tensor(ten) - _of_point(mass, ten[1:4] / (mass or 1.0)))
+
+
+def _of_point(mass: float, place: Array) -> Array:
+    """Inertia tensor (3, 3) of a point mass about the origin."""
+    return np.asarray(mass * (np.dot(place, place) * np.eye(3) - np.outer(place, place)))
 
 
 def pseudo_inertia(ten: ArrayLike) -> Array:

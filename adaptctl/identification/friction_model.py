@@ -54,6 +54,8 @@ class FrictionModel:
 
 
 CANDIDATES = tuple(FrictionModel((*ALWAYS, *curve, *offset)) for curve in CURVES for offset in OFFSETS)
+SIMPLE_FRICTION = FrictionModel((*ALWAYS, DriveParameter.OFFSET))
+"""Friction of fits that others are measured by: viscous and Coulomb, about an offset."""
 
 
 def with_all_friction(mechanism: Mechanism, drives: Drives) -> Mechanism:

@@ -17,7 +17,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.identification.consistent_estimate import consistent_estimate
 from adaptctl.identification.filtered_dynamics import MIN_ROWS, ROWS_PER_PERIOD, RowFilter, Rows, SmoothMotion
 from adaptctl.identification.fit import FitSettings, LogEvidence
-from adaptctl.identification.friction_model import ALWAYS, FrictionModel
+from adaptctl.identification.friction_model import SIMPLE_FRICTION
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.payloads import without_payloads
@@ -34,7 +34,6 @@ PRIOR_WEIGHT, SLOW, LEAST_ERROR = 0.1, 0.05, 0.003
 # Share of torques that the file's links explain and ratio of torques to theirs, beyond which a common one is a gear's;
 # a larger one only if gears are stated, as many files' links are placeholders of little mass.
 EXPLAINED, OTHER_SIDE, ALIKE = 0.4, 5.0, 3.0
-FRICTION = FrictionModel((*ALWAYS, DriveParameter.OFFSET))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +66,7 @@ class HypothesisRows:
     @cached_property
     def settings(self) -> FitSettings:
         """Settings of all fits to these rows."""
-        return FitSettings(FRICTION.also(self.springs), PRIOR_WEIGHT, self.evidence.band, SLOW)
+        return FitSettings(SIMPLE_FRICTION.also(self.springs), PRIOR_WEIGHT, self.evidence.band, SLOW)
 
     @cached_property
     def rows(self) -> Rows:

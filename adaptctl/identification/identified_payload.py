@@ -9,11 +9,10 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.inertia import inertia_tensor
+from adaptctl.description.inertia import LOWER, PARAMETERS, about_center
 
 # Order of `Tensor`'s entries among the ten parameters' last six.
-ENTRIES = ("xx", "xy", "yy", "xz", "yz", "zz")
-PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+ENTRIES = tuple(name.removeprefix("I_") for name in PARAMETERS[4:])
 # Step of differences, relative to sizes of the ten parameters.
 STEP = 1e-6
 
@@ -62,7 +61,7 @@ class IdentifiedPayload:
     @property
     def inertia_at_center(self) -> Array:
         """Inertia tensor (3, 3) about the centre of mass in kg m^2, along the frame's axes."""
-        return _at_center(self.ten)
+        return about_center(self.ten)
 
     @property
     def deviations(self) -> Array:
@@ -172,11 +171,6 @@ class IdentifiedPayload:
         }
 
 
-def _at_center(ten: Array) -> Array:
-    center = ten[1:4] / ten[0]
-    return np.asarray(inertia_tensor(ten) - ten[0] * (center @ center * np.eye(3) - np.outer(center, center)))
-
-
 def _numbers(ten: Array) -> Array:
-    inertia = _at_center(ten)
-    return np.array([ten[0], *(ten[1:4] / ten[0]), *(inertia[place] for place in PLACES)])
+    inertia = about_center(ten)
+    return np.array([ten[0], *(ten[1:4] / ten[0]), *(inertia[place] for place in LOWER)])

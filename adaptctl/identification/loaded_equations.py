@@ -8,19 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array, positive_number
-from adaptctl.description.drive import DriveParameter
 from adaptctl.description.inertia import from_center_of_mass, is_physically_consistent, transformed
 from adaptctl.description.readers.entries import Tensor
 from adaptctl.identification.drives_file import PayloadEntry
 from adaptctl.identification.entropic import EntropicPrior
 from adaptctl.identification.filtered_dynamics import Rows
 from adaptctl.identification.fit import FitSettings, LogEvidence
-from adaptctl.identification.friction_model import ALWAYS, FrictionModel
+from adaptctl.identification.friction_model import ALWAYS, SIMPLE_FRICTION
 from adaptctl.identification.loaded_fit import KnownValue, LoadedEquations
 from adaptctl.identification.normal_equations import NormalEquations, blocks_of
 from adaptctl.identification.payloads import known_ten, payload_columns, payload_place
 
-FRICTION = FrictionModel((*ALWAYS, DriveParameter.OFFSET))
 # Share of peak speed below which a motor's rows do not count.
 SLOW = 0.02
 # Mass in kg of a payload that nothing is known of, and radius in m of the ball that it is taken for.
@@ -30,7 +28,7 @@ UNKNOWN_MASS, BALL = 1.0, 0.1
 def loaded_equations(evidence: LogEvidence, cutoff: float, payloads: tuple[PayloadEntry, ...]) -> LoadedEquations:
     """Equations of the motors' torque columns, with payloads after the links."""
     mechanism, rows = evidence.mechanism, evidence.rows[cutoff]
-    settings = FitSettings(FRICTION, 1.0, cutoff, SLOW)
+    settings = FitSettings(SIMPLE_FRICTION, 1.0, cutoff, SLOW)
     links, mask = 10 * len(mechanism.description.bodies), settings.columns(mechanism)
     drives = np.flatnonzero(mask[links:]) + links
     parts = [payload_columns(payload, rows, evidence.motions, mechanism) for payload in payloads]

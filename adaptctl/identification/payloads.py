@@ -53,8 +53,13 @@ def payload_place(payload: PayloadEntry, mechanism: Mechanism) -> PlaceOnLink:
 
 def loaded_rows(payload: PayloadEntry, rows: Rows, motions: Sequence[SmoothMotion]) -> NDArray[np.bool_]:
     """Mask (n,) of the rows in which a payload is carried."""
+    return _in_log(payload, rows, motions) & (rows.time >= payload.after)
+
+
+def _in_log(payload: PayloadEntry, rows: Rows, motions: Sequence[SmoothMotion]) -> NDArray[np.bool_]:
+    """Mask (n,) of the rows of a payload's log."""
     numbers = [motion.number for motion in motions if same_place(payload.log, motion.log.source)]
-    return np.isin(rows.log, numbers) & (rows.time >= payload.after)
+    return np.isin(rows.log, numbers)
 
 
 def payload_columns(payload: PayloadEntry, rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mechanism) -> Array:
@@ -68,9 +73,8 @@ def without_payloads(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mec
     """Rows with the torques that the robot alone takes: known payloads subtracted, instants of taking left out."""
     torque, moving = rows.torque.copy(), rows.moving.copy()
     for payload in drives.payloads:
-        numbers = [motion.number for motion in motions if same_place(payload.log, motion.log.source)]
         near = np.abs(rows.time - payload.after) < TAKING / rows.cutoff
-        moving &= ~(np.isin(rows.log, numbers) & near)
+        moving &= ~(_in_log(payload, rows, motions) & near)
         if payload.is_known and not np.isnan(drives.constants).any():
             ten = transformed(known_ten(payload), payload_place(payload, mechanism).pose)
             torque -= payload_columns(payload, rows, motions, mechanism) @ ten

@@ -10,13 +10,13 @@ import numpy as np
 from msgspec import structs
 
 from adaptctl.arrays import Array
-from adaptctl.description.inertia import transformed
+from adaptctl.description.inertia import LOWER, transformed
 from adaptctl.description.readers.entries import Tensor
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.drives_file import Drives, PayloadEntry
 from adaptctl.identification.fit import LogEvidence
-from adaptctl.identification.identified_payload import ENTRIES, PLACES, IdentifiedPayload
+from adaptctl.identification.identified_payload import ENTRIES, IdentifiedPayload
 from adaptctl.identification.least_squares import least_squares
 from adaptctl.identification.loaded_equations import loaded_equations
 from adaptctl.identification.loaded_fit import LoadedEquations, LoadedFit, loaded_fit
@@ -92,7 +92,7 @@ def _stated(payload: PayloadEntry, found: IdentifiedPayload | None) -> PayloadEn
         return payload
     x, y, z = found.center_of_mass.tolist()
     inertia = found.inertia_at_center
-    tensor = Tensor(**{name: float(inertia[place]) for name, place in zip(ENTRIES, PLACES, strict=True)})
+    tensor = Tensor(**{name: float(inertia[place]) for name, place in zip(ENTRIES, LOWER, strict=True)})
     return structs.replace(payload, mass=found.mass, center_of_mass=(x, y, z), inertia_at_center=tensor)
 
 

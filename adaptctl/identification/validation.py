@@ -15,7 +15,7 @@ from adaptctl.caching import cached_property
 from adaptctl.description.drive import DriveParameter
 from adaptctl.errors import InputError
 from adaptctl.identification.fit import Fit, FitSettings, LogEvidence
-from adaptctl.identification.friction_model import ALWAYS, FrictionModel
+from adaptctl.identification.friction_model import SIMPLE_FRICTION, FrictionModel
 from adaptctl.identification.least_squares import least_squares, weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations
 
@@ -172,9 +172,6 @@ class Alternative(NamedTuple):
 
     name: str
     x: Array
-
-
-SIMPLE_FRICTION = FrictionModel((*ALWAYS, DriveParameter.OFFSET))
 
 
 def alternatives(evidence: LogEvidence, fit: Fit) -> list[Alternative]:

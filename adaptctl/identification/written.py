@@ -13,7 +13,7 @@ from scipy.optimize import nnls
 
 from adaptctl.arrays import Array
 from adaptctl.description.description import STANDARD_GRAVITY
-from adaptctl.description.drive import MAY_BE_NEGATIVE, Drive, DriveParameter
+from adaptctl.description.drive import DISSIPATIVE, MAY_BE_NEGATIVE, Drive, DriveParameter
 from adaptctl.description.writers.mechanism_file import write_mechanism
 from adaptctl.description.writers.robot_file import with_comment, write_urdf
 from adaptctl.dynamics import Mechanism, load
@@ -26,7 +26,6 @@ from adaptctl.identification.validation import Validation
 TOML, URDF, MJCF = "robot.toml", "robot.urdf", "robot.xml"
 # Terms of drives that a format has no place for; neither has coupled drives.
 NOT_IN = {URDF: {DriveParameter.ROTOR_INERTIA, *MAY_BE_NEGATIVE}, MJCF: set(MAY_BE_NEGATIVE)}
-FRICTION = [kind for kind in DriveParameter if kind.is_friction and kind is not DriveParameter.OFFSET]
 FORMATS = {URDF: "URDF", MJCF: "MJCF"}
 
 
@@ -137,7 +136,7 @@ def _two_terms(mechanism: Mechanism, speeds: Array) -> list[tuple[float, float]]
     for j, joint in enumerate(joints):
         arms = [(j, 1.0), *((index[name], ratio) for name, ratio in joint.drive.turns_with)]
         shaft = sum(ratio * speeds[:, i] for i, ratio in arms)
-        for kind in FRICTION:
+        for kind in DISSIPATIVE:
             for i, ratio in arms:
                 torque[:, i] += ratio * (joint.drive.value(kind) or 0.0) * friction(kind, shaft)
     both = (DriveParameter.VISCOUS, DriveParameter.COULOMB)

@@ -14,7 +14,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.description import Description
 from adaptctl.description.drive import Drive
-from adaptctl.description.inertia import from_tensor, inertia_tensor, is_physically_consistent, transformed
+from adaptctl.description.inertia import about_center, from_tensor, is_physically_consistent, transformed
 from adaptctl.description.readers.mjcf import MjcfBody, mjcf_bodies
 from adaptctl.description.readers.registry import read
 from adaptctl.description.readers.urdf import link_inertia
@@ -244,8 +244,7 @@ def _about_center(ten: Array) -> tuple[str, str, list[str]]:
     """Mass, centre and inertia about it, as texts that are read back the same."""
     mass = float(ten[0])
     center = ten[1:4] / (mass or 1.0)
-    shift = mass * (np.dot(center, center) * np.eye(3) - np.outer(center, center))
-    six = from_tensor(mass, ten[1:4], inertia_tensor(ten) - shift)[4:].tolist()
+    six = from_tensor(mass, ten[1:4], about_center(ten))[4:].tolist()
     return repr(mass), " ".join(map(repr, center.tolist())), [repr(x) for x in six]
 
 
