@@ -28,13 +28,11 @@ class Heartbeat:
         self._what, self._shown, self._within_line = "working", False, False
         self._started = self._last = monotonic()
         self._lock, self._stopped = threading.RLock(), threading.Event()
-        self._beating = False
 
     def start(self) -> None:
         """Begin, unless there is no stderr or `ADAPTCTL_PROGRESS` is off."""
         if sys.stderr is None or os.environ.get("ADAPTCTL_PROGRESS") == "off":
             return
-        self._beating = True
         beat = self._on_terminal if sys.stderr.isatty() else self._in_lines
         threading.Thread(target=beat, daemon=True).start()
 
