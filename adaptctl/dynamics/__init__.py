@@ -2,6 +2,7 @@
 
 from adaptctl.dynamics.equation_costs import EquationCosts, equation_costs
 from adaptctl.dynamics.equations import Equations, Motion
-from adaptctl.dynamics.mechanism import Mechanism, load
+from adaptctl.dynamics.loading import load
+from adaptctl.dynamics.mechanism import Mechanism
 
 __all__ = ["EquationCosts", "Equations", "Mechanism", "Motion", "equation_costs", "load"]
