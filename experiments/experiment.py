@@ -85,10 +85,11 @@ def stated(experiment: Experiment) -> Iterator[Setting]:
 
 
 def text(value: object) -> str:
-    """Text of a value on the command line."""
+    """Text of a value on the command line, from which it is read back the same."""
     if isinstance(value, tuple):
         return " ".join(text(entry) for entry in value)
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    short = f"{value:g}" if isinstance(value, float) else str(value)
+    return repr(value) if isinstance(value, float) and float(short) != value else short
 
 
 def _require(entry: Field[Any], value: object) -> None:

@@ -64,7 +64,8 @@ def flags(command: App) -> set[str]:
     return {name for name in names if not name.startswith(("--no-", "--empty-"))}
 
 
-def test_every_command_of_a_page_is_taken() -> None:
+def test_every_command_of_a_page_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("adaptctl.cli.settings_file._read", lambda path: {})  # files that commands above it wrote
     wrong = []
     for page, words in ((place, words) for place in PAGES for words in commands(place.read_text())):
         try:

@@ -52,7 +52,7 @@ ABOUT = {
     "pinocchio": {"description.readers.pinocchio_model"},
     "matplotlib": {"envs.rendering", "experiments.replication"},
     "rerun": {"recording"},
-    "pyarrow": {"recording.run_table", "sweeps.folder", "sweeps.report"},
+    "pyarrow": {"recording.run_table", "recording.compared_folders", "sweeps.folder", "sweeps.report"},
     "gymnasium": {"envs"},
     "rich": set(),
     "control": set(),

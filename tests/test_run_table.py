@@ -96,34 +96,3 @@ def test_a_recording_has_the_summary_s_values_as_properties(tmp_path: Path) -> N
     assert row["passed"] == [content["verdict"]["passed"]]
     assert json.loads(row["settings"][0]) == content["settings"]
     assert "wall_time" not in row
-
-
-def test_experiments_are_compared_by_their_settings_and_errors(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    content: dict[str, Any] = json.loads(json.dumps(SUMMARY))
-    for folder, factor, bandwidth in (("a", 1.0, "8"), ("b", 3.0, "4")):
-        content["settings"] = {"Λ": bandwidth, "K": "1"}
-        for run in content["runs"].values():
-            run["final_rms_error"] = factor * 1e-3
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / "summary.json").write_text(json.dumps(content))
-    assert main(["experiment", "compare", str(tmp_path / "a"), str(tmp_path / "b"), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["differences"] == {"Λ": ["8", "4"]}
-    assert told["errors"]["adaptive"] == {"final_rms_error": [1e-3, 3e-3], "ratio": [1.0, pytest.approx(3.0)]}
-    assert main(["experiment", "compare", str(tmp_path / "a"), str(tmp_path / "b")]) == 0
-    out = capsys.readouterr().out
-    assert out.index("Λ") < out.index("3 (3)")  # settings come first
-
-
-def test_experiments_of_two_kinds_are_not_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for folder, kind in (("a", "adaptive"), ("b", "two-arms")):
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / "summary.json").write_text(json.dumps(SUMMARY | {"experiment": kind}))
-    assert main(["experiment", "compare", str(tmp_path / "a"), str(tmp_path / "b")]) == 2
-    assert "only runs of one experiment can be compared, these are of adaptive, two-arms" in capsys.readouterr().err
-    assert main(["experiment", "compare", str(tmp_path / "a")]) == 2
-    assert "at least two results folders" in capsys.readouterr().err
-    assert main(["experiment", "compare", str(tmp_path), str(tmp_path / "a")]) == 2
-    assert "no summary.json in it" in capsys.readouterr().err

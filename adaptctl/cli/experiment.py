@@ -14,7 +14,9 @@ from cyclopts import App, Parameter
 from adaptctl.cli.compiling import Announcement
 from adaptctl.cli.heartbeat import heartbeat
 from adaptctl.cli.interruption import Interruption, interruptible
+from adaptctl.cli.numbers import plain_numbers
 from adaptctl.cli.output import Json, WrappedTable, print_json, print_outcome, print_parts
+from adaptctl.cli.settings_file import filled_in
 from adaptctl.compilation.watch import watching
 from adaptctl.errors import InputError
 from adaptctl.experiments import EXPERIMENTS, RENAMED, find, from_entry_point, from_file, offered
@@ -22,14 +24,13 @@ from adaptctl.experiments import EXPERIMENTS, RENAMED, find, from_entry_point, f
 if TYPE_CHECKING:
     from adaptctl.experiments.experiment import Experiment
     from adaptctl.recording import Result
-    from adaptctl.recording.compared_folders import ComparedFolders
 
+CONFIG = "TOML file or finished run's folder with settings; flags take precedence."
 DONE, FAILED, INTERRUPTED = 0, 3, 130
 LIST_SCHEMA, RUN_SCHEMA = "adaptctl/experiments/1", "adaptctl/experiment/1"
-COMPARE_SCHEMA = "adaptctl/comparison/1"
 
 app = App(name="experiment")
-run = App(name="run", help="Run an experiment, and write its results.")
+run = App(name="run", help="Run an experiment, and write its results.", config=(filled_in, plain_numbers))
 app.command(run)
 for entry in EXPERIMENTS:
     run.command(f"{__name__}:{entry.name}", name=entry.name, help=f"{entry.summary}.")
@@ -56,46 +57,42 @@ def list_experiments(*, json: Json = False) -> None:
 
 
 @app.command
-def compare(*folders: Path, json: Json = False) -> None:
+def compare(*folders: Path, out: Path | None = None, overwrite: bool = False, json: bool = False) -> None:
     """
-    Print how finished runs of an experiment differ: settings first, then errors.
+    Print how finished experiments differ: settings first, then errors.
 
     Errors are those of the last 2 s in mrad (mm), each with its ratio to the
-    first folder's.
+    first folder's. Robots may differ where they have controllers in common and
+    errors of one unit.
 
     Parameters
     ----------
     folders : Path
         Two or more results folders.
+    out : Path
+        Folder to write, with a report that has their curves over each other.
+    overwrite : bool
+        Overwrite a folder that is not empty.
     json : bool
         Print JSON instead of text, in rad (m).
     """
     from adaptctl.recording.compared_folders import compare_folders
 
     found = compare_folders(folders)
+    if out is not None:
+        from adaptctl.folders import replacing_folder
+        from adaptctl.recording.compared_report import write_compared
+
+        with replacing_folder(out, overwrite) as folder:
+            write_compared(folder, found)
     if json:
-        print_json({"schema": COMPARE_SCHEMA, **as_lists(found)})
+        print_json(found.as_builtins())
         return
-    heads = [str(folder) for folder in folders]
-    rows = [
-        [one.name, *(_in_thousandths(x, r) for x, r in zip(one.errors, one.ratios, strict=True))]
-        for one in found.errors
-    ]
-    settings = WrappedTable(["setting", *heads], [[one.name, *one.values] for one in found.differences])
-    errors = WrappedTable(["error, last 2 s", *heads], rows)
+    settings = WrappedTable(["setting", *found.folders], [[one.name, *one.values] for one in found.differences])
+    errors = WrappedTable(["error, last 2 s", *found.folders], [[one.name, *one.words] for one in found.errors])
     print_parts([settings if found.differences else "All settings are the same.", errors])
-
-
-def as_lists(found: ComparedFolders) -> dict[str, Any]:
-    """Comparison of folders in JSON's types."""
-    return {
-        "differences": {one.name: list(one.values) for one in found.differences},
-        "errors": {one.name: {"final_rms_error": list(one.errors), "ratio": list(one.ratios)} for one in found.errors},
-    }
-
-
-def _in_thousandths(error: float | None, ratio: float | None) -> str:
-    return "–" if error is None else f"{1e3 * error:.3g}" + ("" if ratio is None else f" ({ratio:.3g})")
+    if out is not None:
+        print(f"\nReport: {out / 'report.html'}")
 
 
 def offer_own(given: Sequence[str]) -> None:
@@ -132,6 +129,7 @@ def _command(kind: type[Experiment], name: str) -> Callable[..., int]:
     def command(
         *,
         settings: Any = default,
+        config: Path | None = None,
         out: Path = Path("results") / name,
         overwrite: bool = False,
         figures: bool = False,
@@ -145,6 +143,7 @@ def _command(kind: type[Experiment], name: str) -> Callable[..., int]:
 
     command.__annotations__ = {
         "settings": Annotated[kind, Parameter(name="*", group="Settings", show_default=text)],
+        "config": Annotated[Path | None, Parameter(metavar="PATH", group="Settings", help=CONFIG)],
         "out": Annotated[Path, Parameter(metavar="DIR", group="Output", help="Folder to write.")],
         "overwrite": Annotated[bool, Parameter(group="Output", help="Overwrite a folder that is not empty.")],
         "figures": Annotated[bool, Parameter(group="Output", help="Also write the report's figures as PNG files.")],

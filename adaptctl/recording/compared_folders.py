@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from adaptctl.dynamics.joint_units import either
 from adaptctl.errors import FileError, InputError
-from adaptctl.recording.result import SUMMARY
+from adaptctl.recording.result import SUMMARY, TRACE
 from adaptctl.recording.run_table import Summary, read_summary
+
+SCHEMA = "adaptctl/comparison/2"
+MAX_SAMPLES = 1_000_000
+"""rows of a trace; experiments have at most 300,000"""
 
 
 class Difference(NamedTuple):
@@ -48,6 +57,15 @@ class ErrorRatios(NamedTuple):
         first = self.errors[0]
         return tuple(None if error is None or not first else error / first for error in self.errors)
 
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Errors in mrad (mm), each with its ratio in brackets."""
+        return tuple(_in_thousandths(error, ratio) for error, ratio in zip(self.errors, self.ratios, strict=True))
+
+
+def _in_thousandths(error: float | None, ratio: float | None) -> str:
+    return "–" if error is None else f"{1e3 * error:.3g}" + ("" if ratio is None else f" ({ratio:.3g})")
+
 
 class ComparedFolders(NamedTuple):
     """
@@ -55,24 +73,41 @@ class ComparedFolders(NamedTuple):
 
     Parameters
     ----------
+    folders : tuple of str
+        Results folders.
+    unit : str
+        Unit of the errors, "rad" or "m", or both.
     differences : tuple of Difference
-        What differs in robot, seed, version and settings.
+        What differs in experiment, robot, version and settings.
     errors : tuple of ErrorRatios
         Errors of the controllers that all experiments have.
     """
 
+    folders: tuple[str, ...]
+    unit: str
     differences: tuple[Difference, ...]
     errors: tuple[ErrorRatios, ...]
+
+    def as_builtins(self) -> dict[str, Any]:
+        """Comparison in JSON's types."""
+        errors = {one.name: {"final_rms_error": list(one.errors), "ratio": list(one.ratios)} for one in self.errors}
+        return {
+            "schema": SCHEMA,
+            "folders": list(self.folders),
+            "differences": {one.name: list(one.values) for one in self.differences},
+            "unit": self.unit,
+            "errors": errors,
+        }
 
 
 def compare_folders(folders: Sequence[str | Path]) -> ComparedFolders:
     """
-    Compare finished experiments of one kind.
+    Compare finished experiments that have controllers in common, of one robot or of several.
 
     Parameters
     ----------
     folders : sequence of str or Path
-        Two or more results folders of one experiment.
+        Two or more results folders.
 
     Returns
     -------
@@ -82,34 +117,69 @@ def compare_folders(folders: Sequence[str | Path]) -> ComparedFolders:
     Raises
     ------
     InputError
-        If there are fewer than two folders, their experiments are not the same, or they have no controller in common.
+        If there are fewer than two folders, they have no controller in common, or errors have different units.
     FileError
-        If a summary is missing or cannot be read.
+        If a summary or trace is missing or cannot be read.
     """
     if len(folders) < 2:
         raise InputError(f"expected at least two results folders to compare, got {len(folders)}")
-    summaries = [read_summary(_summary_of(Path(folder))) for folder in folders]
-    kinds = dict.fromkeys(summary.experiment for summary in summaries)
-    if len(kinds) > 1:
-        raise InputError(f"only runs of one experiment can be compared, these are of {', '.join(kinds)}")
+    summaries = [summary_of(Path(folder)) for folder in folders]
+    unit = _common_unit(folders)
     names = [name for name in summaries[0].runs if all(name in summary.runs for summary in summaries)]
     if not names:
-        raise InputError("the experiments have no controller in common")
+        each = (f"{folder} has {', '.join(one.runs)}" for folder, one in zip(folders, summaries, strict=True))
+        raise InputError(f"the experiments have no controller in common: {'; '.join(each)}")
     errors = (ErrorRatios(name, tuple(one.runs[name].final_rms_error for one in summaries)) for name in names)
-    return ComparedFolders(tuple(_differences(summaries)), tuple(errors))
+    return ComparedFolders(tuple(map(str, folders)), unit, tuple(_differences(summaries)), tuple(errors))
 
 
-def _summary_of(folder: Path) -> Path:
+def summary_of(folder: Path) -> Summary:
+    """Summary of a finished experiment, else `FileError`."""
     if not (path := folder / SUMMARY).is_file():
         raise FileError(f"{folder}: no {SUMMARY} in it; give a results folder of adaptctl experiment run")
-    return path
+    return read_summary(path)
+
+
+def read_trace(folder: str | Path) -> pa.Table:
+    """Table of all samples of a finished experiment's first run, else `FileError`."""
+    with _opened_trace(Path(folder) / TRACE) as file:
+        return file.read()
+
+
+@contextmanager
+def _opened_trace(path: Path) -> Iterator[pq.ParquetFile]:
+    try:
+        with pq.ParquetFile(path) as file:
+            if file.metadata.num_rows > MAX_SAMPLES:
+                raise FileError(f"{path}: {file.metadata.num_rows} rows are more than an experiment has")
+            yield file
+    except (OSError, pa.ArrowException) as error:
+        reason = str(error).splitlines()[0]
+        raise FileError(f"{path}: cannot be read ({reason}); run the experiment again") from error
+
+
+def _common_unit(folders: Sequence[str | Path]) -> str:
+    """Unit of the errors; `InputError` where they have no ratio."""
+    units = [_error_unit(folder) for folder in folders]
+    if len(set(units)) > 1:
+        each = (f"{folder}: {unit}" for folder, unit in zip(folders, units, strict=True))
+        raise InputError(f"errors in different units cannot be compared ({'; '.join(each)})")
+    return units[0]
+
+
+def _error_unit(folder: str | Path) -> str:
+    with _opened_trace(Path(folder) / TRACE) as file:
+        fields = [field for field in file.schema_arrow if field.name.startswith("error.")]
+    return either((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
 
 
 def _differences(summaries: Sequence[Summary]) -> list[Difference]:
-    facts = [
-        {"robot": of.robot, "geometry and inertia": of.robot_sha256[:12], "version": of.version} | of.settings
-        for of in summaries
-    ]
+    facts = [_facts(summary) for summary in summaries]
     names = dict.fromkeys(name for fact in facts for name in fact)
     told = (Difference(name, tuple(fact.get(name, "–") for fact in facts)) for name in names)
     return [one for one in told if len(set(one.values)) > 1]
+
+
+def _facts(of: Summary) -> dict[str, str]:
+    robot = {"robot": of.robot, "geometry and inertia": of.robot_sha256[:12]}
+    return {"experiment": of.experiment, **robot, "version": of.version} | of.settings

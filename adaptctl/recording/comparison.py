@@ -235,13 +235,7 @@ class ControllerRun:
             If the window is not positive and finite.
         """
         positive_number(window, "window: expected a positive number of s", 0.0, np.inf)
-        squares = np.mean(self.rollout.error**2, axis=1)
-        sums = np.cumsum(np.concatenate([[0.0], squares]))
-        stop = np.arange(1, len(squares) + 1)
-        width = max(1, round(min(window / self.rollout.sample_time, len(squares))))
-        start = np.maximum(stop - width, 0)
-        with np.errstate(invalid="ignore"):
-            return np.sqrt(np.maximum(sums[stop] - sums[start], 0.0) / (stop - start))
+        return moving_rms(self.rollout.error, window, self.rollout.sample_time)
 
     @property
     def realtime_factor(self) -> float | None:
@@ -254,6 +248,17 @@ class ControllerRun:
         if self.lyapunov is None or len(self.lyapunov) == 0 or not np.isfinite(self.lyapunov).all():
             return None
         return max(0.0, float(np.diff(self.lyapunov).max(initial=0.0)))
+
+
+def moving_rms(errors: Array, window: float, sample_time: float) -> Array:
+    """Root mean squares (T,) of errors (T, r) over a window in s before each sample."""
+    squares = np.mean(errors**2, axis=1)
+    sums = np.cumsum(np.concatenate([[0.0], squares]))
+    stop = np.arange(1, len(squares) + 1)
+    width = max(1, round(min(window / sample_time, len(squares))))
+    start = np.maximum(stop - width, 0)
+    with np.errstate(invalid="ignore"):
+        return np.sqrt(np.maximum(sums[stop] - sums[start], 0.0) / (stop - start))
 
 
 @dataclass(frozen=True)

@@ -172,7 +172,7 @@ def torque(comparison: Comparison) -> Figure:
     """Figure of the subject's torques, the region beyond the limits shaded."""
     rollout, dof = comparison.subject.rollout, len(comparison.joint_names)
     time = rollout.time
-    figure, panels = _small_multiples(dof, columns=3, height=1.75, bottom=0.48)
+    figure, panels = small_multiples(dof, columns=3, height=1.75, bottom=0.48)
     units = torque_units(comparison.mechanism)
     for j, axes in panels:
         limit, name = comparison.torque_limits[j], comparison.joint_names[j]
@@ -192,7 +192,7 @@ def parameters(comparison: Comparison) -> Figure:
     """Figure of the subject's parameter estimates, beside true values where known."""
     names, rollout, truth = comparison.model.names, comparison.subject.rollout, comparison.true_parameters
     every = thinned(len(rollout.time), MAX_DRAWN_SAMPLES // 6)
-    figure, panels = _small_multiples(len(names), columns=6, height=1.12, bottom=0.22)
+    figure, panels = small_multiples(len(names), columns=6, height=1.12, bottom=0.22)
     for i, axes in panels:
         _estimate(axes, rollout.time[every], rollout.estimate[every, i], truth[i])
         axes.set_title(f"{names[i]}", size=7.5, pad=3.0, y=1.0)  # to search for a place takes a third of the time
@@ -226,7 +226,7 @@ def spectrum(comparison: Comparison) -> Figure:
     return figure
 
 
-def _small_multiples(count: int, columns: int, height: float, bottom: float) -> tuple[Figure, list[tuple[int, Axes]]]:
+def small_multiples(count: int, columns: int, height: float, bottom: float) -> tuple[Figure, list[tuple[int, Axes]]]:
     """Panels in rows, the last row as long as it needs to be; half as many columns on a phone."""
     columns = -(-columns // 2) if is_narrow() else columns
     rows = -(-count // columns)
