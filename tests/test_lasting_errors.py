@@ -11,9 +11,9 @@ from scipy.signal import lfilter
 from synthetic_logs import Known, known
 
 from adaptctl.identification import Identification
+from adaptctl.identification.autoregression import ORDER, autoregression
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.identify import identified
-from adaptctl.identification.lasting_errors import ORDER, autoregression
 from adaptctl.identification.uncertainty import Student, Uncertainty
 
 

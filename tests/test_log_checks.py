@@ -11,8 +11,11 @@ import pytest
 from synthetic_logs import Known, known
 
 from adaptctl.arrays import Array
+from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.identification.columns import JointLog
-from adaptctl.identification.log_checks import checked_log, still_words
+from adaptctl.identification.friction_model import FrictionModel
+from adaptctl.identification.identify import identified
+from adaptctl.identification.log_checks import checked_log, still_joints, still_words
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +91,25 @@ def test_facts_tell_gaps_and_joints_that_stand_still(case: Known) -> None:
 
 def test_joints_that_stand_still_in_all_logs_are_named(case: Known) -> None:
     held = replace(case.log, position=put(case.log.position, slice(None), 1, 0.3))
-    (words,) = still_words([held, held], case.guess)
+    assert still_joints([held, held], case.guess) == ["joint1"]
+    (words,) = still_words(["joint1"])
     assert words.startswith("joint1 stands still: its friction and rotor inertia stay open")
-    assert list(still_words([held, case.log], case.guess)) == []
+    assert still_joints([held, case.log], case.guess) == []
+
+
+def test_friction_of_a_joint_that_stands_still_is_the_files(case: Known) -> None:
+    """It has 0.7 and 2 there, or none; a rough value of 1 was written before."""
+    held = put(case.log.position, slice(None), 2, 0.3)
+    v, a = (put(x, slice(None), 2, 0.0) for x in (np.gradient(held, case.log.time, axis=0), np.zeros_like(held)))
+    a[:, :2] = np.gradient(v[:, :2], case.log.time, axis=0)
+    log = replace(case.log, position=held, torque=case.truth.inverse_dynamics(held, v, a))
+    terms = FrictionModel((DriveParameter.VISCOUS, DriveParameter.COULOMB))
+    for drive in (Drive(viscous=0.7, coulomb=2.0), Drive()):
+        guess = case.guess.with_drives([Drive(), Drive(), drive])
+        found = identified(guess, case.drives, [log], friction=terms, cutoff=12.5, prior_weight=0.1)
+        own = found.mechanism.primary_joints[2].drive
+        assert (own.viscous, own.coulomb, own.rotor_inertia) == (drive.viscous, drive.coulomb, None)
+        assert found.mechanism.primary_joints[1].drive.viscous == pytest.approx(2.0, rel=0.1)
+        open_ones = [d for n, d in zip(found.names, found.deviations, strict=True) if n in ("joint2.viscous",)]
+        assert all(d > 0.7 for d in open_ones)
+        assert len(open_ones) == (drive.viscous is not None)

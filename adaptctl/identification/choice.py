@@ -30,8 +30,7 @@ FIRST_WEIGHT = 10.0
 MIN_IMPROVEMENT = 0.01
 # Likewise a stronger prior, which makes the estimate less the logs' own.
 MIN_WEIGHT_IMPROVEMENT = 0.003
-# Residual of the consistent estimate over that of least squares on the same columns that a prior may cost for a little
-# better prediction; what costs more has to be better by MIN_IMPROVEMENT.
+# Largest residual of the consistent estimate over that of least squares on the same columns.
 MAX_MISFIT_RATIO = 1.03
 
 
@@ -57,12 +56,14 @@ def choose(
     friction: FrictionModel | None = None,
     weight: float | None = None,
     cutoff: float | None = None,
+    untold: tuple[str, ...] = (),
 ) -> Choice:
-    """Choice of the settings that are None, one after the other, by cross-validation on blocks of time."""
+    """Choice of the settings that are None, one after the other, by cross-validation; some parameters are untold."""
     first = FIRST_WEIGHT if weight is None else positive_number(weight, "prior_weight: expected a positive number")
     if cutoff is not None and cutoff not in evidence.rows:
         raise InputError(f"cutoff: expected one of {', '.join(f'{c:g}' for c in evidence.rows)} Hz, got {cutoff!r}")
-    settings = FitSettings(friction or FrictionModel(), first, cutoff or evidence.band, SLOW_CANDIDATES[0])
+    terms = friction or FrictionModel()
+    settings = FitSettings(terms, first, cutoff or evidence.band, SLOW_CANDIDATES[0], untold=untold)
     search = _Selection(evidence, [])
     widest = replace(settings, friction=friction or FrictionModel((*ALWAYS, DriveParameter.OFFSET)))
     settings = replace(settings, left_out=contradictory(evidence, widest))
@@ -79,10 +80,7 @@ def choose(
     settings = search.best([replace(settings, slow=s) for s in SLOW_CANDIDATES], "slow joints masked below", _slow)
     if weight is None:
         every = [replace(settings, weight=w) for w in WEIGHT_CANDIDATES]
-        near = _near(evidence, every)
-        settings = search.best(near, "weight of the prior", _weight, MIN_WEIGHT_IMPROVEMENT)
-        heavier = [s for s in every if s.weight > near[-1].weight]
-        settings = search.best([settings, *heavier], "weight of the prior, any misfit", _weight)
+        settings = search.best(_allowed(evidence, every), "weight of the prior", _weight, MIN_WEIGHT_IMPROVEMENT)
     return Choice(settings, tuple(search.trials))
 
 
@@ -146,7 +144,7 @@ def predicted_error(evidence: LogEvidence, settings: FitSettings) -> float:
     return float(np.sqrt(np.mean([squares[kind].sum() / sizes[kind].sum() for kind in kinds])))
 
 
-def _near(evidence: LogEvidence, tried: Sequence[FitSettings]) -> list[FitSettings]:
+def _allowed(evidence: LogEvidence, tried: Sequence[FitSettings]) -> list[FitSettings]:
     """Settings whose fit has at most 3 % more misfit than least squares, or than the lightest prior."""
     every = range(evidence.blocks)
     ratios = [_tried(lambda s: misfit_ratio(evidence, evidence.fit(s, every)), s) for s in tried]

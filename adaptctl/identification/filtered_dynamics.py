@@ -99,13 +99,14 @@ class SmoothMotion:
         velocity = filtered(log.position, rate_kernel)[::every]
         return cls(log, number, cutoff, every, len(rate_kernel) // 2, position, velocity)
 
-    def later_torque(self, cutoff: float, times: Array, delay: float) -> Array:
-        """Rise (n, r) of the torques, filtered at a cut-off (Hz), from some times (n,) to a delay (s) later."""
+    def later(self, cutoff: float, times: Array, delay: float) -> tuple[Array, Array]:
+        """Rise (n, r) of the torques, filtered at a cut-off (Hz), from times (n,) to a delay (s) later; rates there."""
         kernel = low_pass(cutoff, self.log.rate)
         signal, first = filtered(self.log.torque, kernel), len(kernel) // 2
         at = self.log.time[first : first + len(signal)]
-        pairs = [np.interp(times + delay, at, own) - np.interp(times, at, own) for own in signal.T]
-        return np.stack(pairs, axis=-1)
+        rates = np.gradient(signal, 1.0 / self.log.rate, axis=0)
+        rise = [np.interp(times + delay, at, own) - np.interp(times, at, own) for own in signal.T]
+        return np.stack(rise, axis=-1), np.stack([np.interp(times + delay, at, own) for own in rates.T], axis=-1)
 
     def acceleration(self) -> Array:
         """Accelerations (M - 4, r) from differences of the smoothed velocities."""

@@ -87,11 +87,12 @@ class LogEvidence:
         """Evidence whose torques are those of a delay (s) later."""
         rows = {}
         for cutoff, own in self.rows.items():
-            torque = own.torque.copy()
+            torque, change = own.torque.copy(), own.change.copy()
             for motion in self.motions:
                 here = own.log == motion.number
-                torque[here] += motion.later_torque(cutoff, own.time[here], delay)
-            rows[cutoff] = replace(own, torque=torque)
+                rise, change[here] = motion.later(cutoff, own.time[here], delay)
+                torque[here] += rise
+            rows[cutoff] = replace(own, torque=torque, change=change)
         return replace(self, rows=rows)
 
     def sums(self, cutoff: float, slow: float) -> NormalEquations:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,6 +68,17 @@ def with_all_friction(mechanism: Mechanism, drives: Drives) -> Mechanism:
     coupled = dict(zip(drives.joints, drives.joint_drives(), strict=True))
     each = [_with_all(link.joint.drive, coupled.get(link.joint.name)) for link in mechanism.links]
     return mechanism.with_drives(each)
+
+
+def unmoved_terms(mechanism: Mechanism, still: Collection[str]) -> tuple[str, ...]:
+    """Names of friction and rotor inertias of drives whose joints all stand still."""
+    terms = ((mechanism.links[i].joint, kind) for i, kind in mechanism.description.drive_parameters)
+    told = {DriveParameter.OFFSET, *(kind for kind in DriveParameter if kind.is_spring)}
+    return tuple(
+        f"{joint.name}.{kind.value}"
+        for joint, kind in terms
+        if kind not in told and {joint.name, *(name for name, _ in joint.drive.turns_with)} <= set(still)
+    )
 
 
 def _with_all(own: Drive, coupled: Drive | None) -> Drive:

@@ -13,6 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.description.drive import DriveParameter
 from adaptctl.errors import AdaptctlError, InputError
 from adaptctl.identifiability.factorisation import one_thread
+from adaptctl.identification.delay import Delay
 from adaptctl.identification.filtered_dynamics import SmoothMotion
 from adaptctl.identification.fit import LogEvidence
 from adaptctl.identification.hypothesis_rows import HypothesisRows, relative_error
@@ -72,14 +73,17 @@ AS_IS = "as is"
 
 @one_thread()
 def compared_hypotheses(
-    evidence: LogEvidence, others: Sequence[SmoothMotion] = (), springs: tuple[DriveParameter, ...] = ()
+    evidence: LogEvidence,
+    delay: Delay,
+    others: Sequence[SmoothMotion] = (),
+    springs: tuple[DriveParameter, ...] = (),
 ) -> LogMeaning:
     """Hypotheses about the logs of evidence, and of other motions of the same robot, with kinds of springs."""
     rows = HypothesisRows.of(evidence, others, springs)
     as_is = rows.mixed(np.eye(evidence.mechanism.dof))
     deviations = rows.least(as_is)[1]
     error = relative_error(as_is, rows.consistent(as_is, deviations))
-    found, best = _tried(rows, error / MARGIN)
+    found, best = _tried(rows, delay, error / MARGIN)
     tried = [TriedHypothesis(AS_IS, "the log is as its columns, units and the robot file say", error)]
     tried.extend(own.trial._replace(named=i == best) for i, own in enumerate(found))
     if best is None:
@@ -118,10 +122,10 @@ class _Trial:
         return replace(self, x=x, trial=TriedHypothesis(self.trial.kind, words, error))
 
 
-def _tried(rows: HypothesisRows, most: float) -> tuple[list[_Trial], int | None]:
+def _tried(rows: HypothesisRows, delay: Delay, most: float) -> tuple[list[_Trial], int | None]:
     """Hypotheses as tried, and the index of the best one whose error is at most `most`."""
     found = []
-    for own in listed_hypotheses(rows):
+    for own in listed_hypotheses(rows, delay):
         with suppress(AdaptctlError, np.linalg.LinAlgError):
             equations = own.equations()
             x, deviations = rows.least(equations)

@@ -138,6 +138,15 @@ class HypothesisRows:
         rows = replace(self.rows, regressor=regressor, torque=torque)
         return NormalEquations.of(rows, np.zeros(len(rows), dtype=np.int64), 1, self.used)
 
+    def later(self, delay: float) -> NormalEquations:
+        """Normal equations of the motion as it is and the torques of a delay (s) later."""
+        rows = self.rows
+        torque = rows.torque.copy()
+        for motion in self.windows:
+            here = rows.log == motion.number
+            torque[here] += motion.later(rows.cutoff, rows.time[here], delay)[0]
+        return self.sums(rows.regressor, torque)
+
     def least(self, equations: NormalEquations) -> tuple[Array, Array]:
         """Parameters (P,) and deviations (r,) by least squares; further columns than the mechanism's are free."""
         own = self.evidence.independent(self.settings)

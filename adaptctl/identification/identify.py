@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from adaptctl.arrays import Array, positive_number
+from adaptctl.control.adaptation import PriorRanges
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
@@ -22,15 +23,16 @@ from adaptctl.identification.choice import (
 )
 from adaptctl.identification.columns import JointLog, joint_columns, joint_log
 from adaptctl.identification.contradictions import contradictions
+from adaptctl.identification.delay import delay_of, without_delay
 from adaptctl.identification.drives_file import Drives, read_drives
 from adaptctl.identification.fit import Fit, LogEvidence
-from adaptctl.identification.friction_model import FrictionModel
+from adaptctl.identification.friction_model import FrictionModel, unmoved_terms
 from adaptctl.identification.gathering import freed_of_noise, gathered
 from adaptctl.identification.held_out import HeldOut
 from adaptctl.identification.hypotheses import compared_hypotheses, validate_meaning
 from adaptctl.identification.identification import Identification
-from adaptctl.identification.lasting_errors import with_lasting_errors, without_delay
-from adaptctl.identification.log_checks import checked_log, still_words
+from adaptctl.identification.lasting_errors import with_lasting_errors
+from adaptctl.identification.log_checks import checked_log, still_joints, still_words
 from adaptctl.identification.log_files import read_log
 from adaptctl.identification.own_gravity import validate_not_added, with_own_gravity
 from adaptctl.identification.payloads import with_unknown_payloads
@@ -247,32 +249,33 @@ def identified(
         judged = replace(measured, edges=evidence.edges).part(late)
     else:
         judged = gathered(mechanism, drives, test, skip_steps, cutoffs=cutoffs, band=evidence.band)[0]
-    meaning = compared_hypotheses(measured, () if late else judged.motions, springs)
+    delay = delay_of(training, springs)
+    meaning = compared_hypotheses(measured, delay, () if late else judged.motions, springs)
     doubts = validate_meaning(meaning, trust_log)
     validate_plausible(training, train[0].source, judged_at(training), springs)
-    choice = choose(training, friction, prior_weight, cutoff)
+    training, judged, delayed, late_torques = without_delay(delay, training, judged, springs)
+    still = still_joints(train, mechanism)
+    choice = choose(training, friction, prior_weight, cutoff, unmoved_terms(training.mechanism, still))
     fit = training.fit(choice.settings, range(training.blocks))
     origin = "the last 40 % of the logs" if late else ", ".join(log.source for log in test)
-    training, fit, judged, late_torques = without_delay(training, fit, judged)
     held_out = HeldOut(judged, origin, *cutoffs, choice.settings.left_out)
     read = dict.fromkeys(note for log in (*train, *test) for note in log.notes)
     late_words = [late_torques] if late_torques else []
     geared = [f"{meaning.slopes.name}: {meaning.slopes.outcome}"] if meaning.other_side else []
     untold = left_out(choice.settings.untold, choice.settings.friction)
-    doubts = () if is_answered(meaning, choice.settings.friction) else doubts
-    still = still_words(train, mechanism)
+    doubts = () if is_answered(meaning, choice.settings.friction, bool(late_torques)) else doubts
     notes = (
         *doubts,
         *geared,
         *read,
-        *still,
+        *still_words(still),
         *remarks,
         *whole.words,
         *untold,
         *late_words,
         *contradictions(training, fit),
     )
-    result = _result(training, fit, held_out, choice, (*facts, meaning.slopes, *steps), notes)
+    result = _result(mechanism, training, fit, held_out, choice, (*facts, meaning.slopes, delayed, *steps), notes)
     return replace(result, hypotheses=meaning.tried, payloads=whole.payloads)
 
 
@@ -284,6 +287,7 @@ def _completed(mechanism: Mechanism, drives: Drives, train: Sequence[JointLog], 
 
 
 def _result(
+    file: Mechanism,
     evidence: LogEvidence,
     fit: Fit,
     held_out: HeldOut,
@@ -291,20 +295,21 @@ def _result(
     steps: tuple[PreparationStep, ...],
     remarks: tuple[str, ...],
 ) -> Identification:
-    identified = identified_mechanism(evidence, fit)
+    identified = identified_mechanism(evidence, fit, file)
     model = ReducedModel(identified)
     places = [evidence.mechanism.parameter_names.index(name) for name in identified.parameter_names]
     onto = np.zeros((len(model.columns), len(fit.x)))
     onto[:, places] = model.regrouping
     spread = with_lasting_errors(uncertainty(evidence, fit), evidence, fit)
+    rough = PriorRanges().for_parameters(model.names) * np.isin(model.names, fit.settings.untold)
     kept = [places[c] for c in model.columns]
     space, components = essential_components(*_states(identified, evidence))
     common, band = held_out.judged(identified)
     return Identification(
         identified,
         model,
-        spread.of(onto),
-        spread.nominal_of(onto),
+        spread.of(onto) + rough,
+        spread.nominal_of(onto) + rough,
         common,
         band,
         held_out,
@@ -322,15 +327,22 @@ def _result(
     )
 
 
-def identified_mechanism(evidence: LogEvidence, fit: Fit) -> Mechanism:
-    """Mechanism with a fit's links and friction."""
+def identified_mechanism(evidence: LogEvidence, fit: Fit, file: Mechanism) -> Mechanism:
+    """Mechanism with a fit's links and friction; friction of drives that do not move is the file's."""
     full = evidence.mechanism
     mask = fit.settings.columns(full)
     names = [name for name, kept in zip(full.parameter_names, mask, strict=True) if kept]
     values = dict(zip(full.parameter_names, fit.x.tolist(), strict=True))
+    known = dict(zip(file.parameter_names, file.inertial_parameters.tolist(), strict=True))
+    unmoved = {name: known[name] for name in fit.settings.untold if name in known and not _is_spring(name)}
+    names, values = [*names, *unmoved], values | unmoved
     drives = [_with_terms(link.joint.drive, link.joint.name, names) for link in full.links]
     shaped = full.with_drives(drives)
     return shaped.with_parameters([values[name] for name in shaped.parameter_names])
+
+
+def _is_spring(name: str) -> bool:
+    return DriveParameter(name.rsplit(".", 1)[1]).is_spring
 
 
 def _with_terms(drive: Drive, joint: str, names: Sequence[str]) -> Drive:

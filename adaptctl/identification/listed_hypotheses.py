@@ -11,6 +11,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
+from adaptctl.identification.delay import Delay
 from adaptctl.identification.hypothesis_rows import HypothesisRows, relative_error
 from adaptctl.identification.normal_equations import NormalEquations
 
@@ -20,7 +21,7 @@ LEAST_SCALE, OCTAVES, SCALE_STEPS = 2.0, 10, 8
 GRAVITY, TILT_ROUNDS = 9.81, 6
 # Rounds and step (rad) of the search for a joint's zero, and angle (rad) of a zero or a tilt that is no refusal.
 ZERO_ROUNDS, ANGLE_STEP, SMALL_ANGLE = 3, 1e-3, 0.2
-SPRING, COUNTERBALANCE = "a spring", "a counterbalance"
+SPRING, COUNTERBALANCE, DELAY = "a spring", "a counterbalance", "delay of the torques"
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +37,16 @@ class Hypothesis:
     told: Callable[[Array], str] = lambda x: ""
 
 
-def listed_hypotheses(rows: HypothesisRows) -> Iterator[Hypothesis]:
+def listed_hypotheses(rows: HypothesisRows, delay: Delay) -> Iterator[Hypothesis]:
     """Hypotheses that are compared, without that the log is right as it is."""
+    yield Hypothesis(
+        DELAY,
+        delay.words,
+        "check the filters and clocks of the log",
+        partial(rows.later, delay.value),
+        refuses=False,
+        holds=lambda x: delay.counts,
+    )
     yield from _signs(rows)
     yield from _swaps(rows)
     yield from _zeros(rows)

@@ -51,15 +51,19 @@ def checked_log(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, list[Pre
     return checked, list(_facts(checked, mechanism))
 
 
-def still_words(logs: Sequence[JointLog], mechanism: Mechanism) -> Iterator[str]:
-    """Sentences on joints that stand still in all logs."""
+def still_joints(logs: Sequence[JointLog], mechanism: Mechanism) -> list[str]:
+    """Names of the joints that stand still in all logs."""
     ranges = np.ptp(np.concatenate([log.position for log in logs]), axis=0)
-    for joint, moved in zip(mechanism.primary_joints, ranges, strict=True):
-        if moved < LEAST_JUMP:
-            yield (
-                f"{joint.name} stands still: its friction and rotor inertia stay open, at rough values, and so does "
-                "what its motion alone shows of the links; log a motion of it, or set them in the written robot"
-            )
+    return [joint.name for joint, moved in zip(mechanism.primary_joints, ranges, strict=True) if moved < LEAST_JUMP]
+
+
+def still_words(still: Sequence[str]) -> Iterator[str]:
+    """Sentences on joints that stand still in all logs."""
+    for name in still:
+        yield (
+            f"{name} stands still: its friction and rotor inertia stay open, as in the robot file or without, and so "
+            "does what its motion alone shows of the links; log a motion of it, or set them in the written robot"
+        )
 
 
 def _filled_words(log: JointLog, joint: Joint, what: str, wrong: NDArray[np.bool_]) -> list[str]:

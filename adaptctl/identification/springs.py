@@ -15,7 +15,7 @@ from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.hypotheses import LogMeaning
 from adaptctl.identification.least_squares import weighted_least_squares
-from adaptctl.identification.listed_hypotheses import COUNTERBALANCE, SPRING
+from adaptctl.identification.listed_hypotheses import COUNTERBALANCE, DELAY, SPRING
 
 # Share of a column's squares that other columns leave, below which it is one of them; nominal deviations that a term
 # must be below (those of rows are too small by about three, as errors last), as a share of the joint's torque.
@@ -125,17 +125,17 @@ def validate_told(friction: FrictionModel, mechanism: Mechanism, untold: tuple[s
             )
 
 
-def is_answered(meaning: LogMeaning, friction: FrictionModel) -> bool:
-    """True if the hypothesis that a log names is a spring that the model has."""
-    named = {ANSWERS.get(one.kind) for one in meaning.tried if one.named}
-    return bool(named & set(friction.kinds))
+def is_answered(meaning: LogMeaning, friction: FrictionModel, freed: bool) -> bool:
+    """True if the hypothesis that a log names is a spring that the model has, or a delay that it was freed of."""
+    named = {one.kind for one in meaning.tried if one.named}
+    return bool({ANSWERS.get(kind) for kind in named} & set(friction.kinds)) or (freed and DELAY in named)
 
 
 def left_out(untold: tuple[str, ...], friction: FrictionModel) -> Iterator[str]:
     """Sentences on springs that were asked for, or chosen, and have no estimate."""
     for name in untold:
         joint, kind = name.rsplit(".", 1)
-        if DriveParameter(kind) in friction.kinds:
+        if DriveParameter(kind).is_spring and DriveParameter(kind) in friction.kinds:
             yield (
                 f"{joint}: the log does not tell {kind} from the gravity of links and other terms, so it has none; "
                 "a wider range of the joint's motion may"

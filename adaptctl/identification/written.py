@@ -122,13 +122,13 @@ def simplified(found: Identification) -> Mechanism:
     return found.mechanism.with_drives(each)
 
 
-def _simplified(drive: Drive, terms: tuple[float, float] | None) -> Drive:
+def _simplified(drive: Drive, terms: tuple[float | None, float | None] | None) -> Drive:
     viscous, coulomb = (drive.viscous, drive.coulomb) if terms is None else terms
     plain = drive.with_terms(dict.fromkeys(MAY_BE_NEGATIVE))
     return replace(plain, viscous=viscous, coulomb=coulomb, turns_with=())
 
 
-def _two_terms(mechanism: Mechanism, speeds: Array) -> list[tuple[float, float]]:
+def _two_terms(mechanism: Mechanism, speeds: Array) -> list[tuple[float | None, float | None]]:
     """Viscous and Coulomb friction of each joint by nonnegative least squares on its friction at given speeds."""
     joints = mechanism.primary_joints
     index = {joint.name: j for j, joint in enumerate(joints)}
@@ -140,8 +140,11 @@ def _two_terms(mechanism: Mechanism, speeds: Array) -> list[tuple[float, float]]
             for i, ratio in arms:
                 torque[:, i] += ratio * (joint.drive.value(kind) or 0.0) * friction(kind, shaft)
     both = (DriveParameter.VISCOUS, DriveParameter.COULOMB)
-    found = []
-    for s, own in zip(speeds.T, torque.T, strict=True):
+    found: list[tuple[float | None, float | None]] = []
+    for joint, s, own in zip(joints, speeds.T, torque.T, strict=True):
+        if not own.any():
+            found.append((joint.drive.viscous, joint.drive.coulomb))
+            continue
         viscous, coulomb = nnls(np.stack([np.asarray(friction(kind, s)) for kind in both], axis=-1), own)[0].tolist()
         found.append((viscous, coulomb))
     return found
