@@ -47,6 +47,7 @@ from adaptctl.recording.comparison import color_indices
 from adaptctl.simulation import Plant, Rollout
 from adaptctl.simulation.rollout import known_steps, stepped
 from adaptctl.simulation.simulate import simulated
+from adaptctl.tuning.rotors import warn_of_rotors
 
 if TYPE_CHECKING:
     import gymnasium
@@ -223,7 +224,9 @@ class FromFile(Learning):
 
     def mechanism(self) -> Mechanism:
         """Arm from `robot`."""
-        return load(self.robot, **self.reading)
+        found = load(self.robot, **self.reading)
+        warn_of_rotors(found)
+        return found
 
     @property
     def reading(self) -> dict[str, Any]:

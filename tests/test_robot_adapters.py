@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import socket
 import struct
@@ -15,10 +16,13 @@ from typing import Any
 import numpy as np
 import pytest
 from driven_robots import ARM
+from random_trees import random_chain
 
 import adaptctl
 from adaptctl.cli.main import main
+from adaptctl.description.drive import Drive
 from adaptctl.hardware import (
+    ROTOR_PROFILES,
     FrankaRobot,
     HardwareLimits,
     MuJoCoRobot,
@@ -27,6 +31,7 @@ from adaptctl.hardware import (
     motion_about,
     with_rotors,
 )
+from adaptctl.tuning.rotors import rotor_note
 
 CENTER = np.array([0.3, 0.5])
 LIMITS = HardwareLimits.of(ARM, torque_rate=1000.0)
@@ -216,6 +221,35 @@ def test_rotors_are_guessed_where_the_file_has_none() -> None:
     assert [joint.drive.rotor_inertia for joint in geared.primary_joints] == pytest.approx([0.155, 0.1])
     with warnings.catch_warnings(action="error"):
         assert with_rotors(geared) is geared
+
+
+def limited(arm: adaptctl.Mechanism) -> adaptctl.Mechanism:
+    """The arm with torque limits, on hinges alone."""
+    links = [
+        dataclasses.replace(
+            k, joint=dataclasses.replace(k.joint, kind=ARM.links[0].joint.kind, limits=ARM.links[0].joint.limits)
+        )
+        for k in arm.links
+    ]
+    return adaptctl.Mechanism(dataclasses.replace(arm.description, links=tuple(links)))
+
+
+def test_published_rotors_are_taken_by_type() -> None:
+    with warnings.catch_warnings(action="error"):
+        found = with_rotors(limited(random_chain(0, 7)), "fr3")
+    assert [joint.drive.rotor_inertia for joint in found.primary_joints] == list(ROTOR_PROFILES["fr3"].inertias)
+    with pytest.raises(adaptctl.errors.NotFoundError, match="unknown profile 'fr4'; known: fr3, fr3-menagerie"):
+        with_rotors(ARM, "fr4")
+    with pytest.raises(adaptctl.InputError, match="fr3 has 7 joints, but two_link has 2"):
+        with_rotors(ARM, "fr3")
+
+
+@pytest.mark.parametrize("source", ["URDF file arm.urdf", "Made up."])
+def test_gains_that_lean_on_rotors_which_a_urdf_cannot_have_are_noted(source: str) -> None:
+    arm = adaptctl.Mechanism(dataclasses.replace(ARM.description, source=source))
+    note = rotor_note(arm)
+    assert note.startswith("shoulder, elbow: URDF has no rotor inertias") == source.startswith("URDF")
+    assert rotor_note(arm.with_drives(Drive(0.1))) == ""
 
 
 def test_command_drives_a_scene_and_says_what_happened(

@@ -42,6 +42,7 @@ def drive(
     any_kernel: bool = False,
     live: bool = False,
     on_touch: OnTouch = "ignore",
+    rotors: Annotated[str | None, Parameter(metavar="TYPE")] = None,
     overwrite: Overwrite = False,
     reading: RobotFlags = AS_USUAL,
 ) -> int:
@@ -64,6 +65,8 @@ def drive(
     on_touch : {"ignore", "stop", "comply", "retract"}
         Feel external torques, and stop, yield or go back where they pass the level of one false alarm an hour. "ignore"
         feels nothing.
+    rotors : str, optional
+        Published rotor inertias to start from, "fr3" or "fr3-menagerie", where the file has none; guessed by default.
 
     Returns
     -------
@@ -80,7 +83,7 @@ def drive(
     from adaptctl.folders import replacing_folder
     from adaptctl.hardware import with_rotors
 
-    arm = with_rotors(reading.load(robot))
+    arm = with_rotors(reading.load(robot), rotors)
     interrupted = False
     with replacing_folder(out, overwrite) as folder, ExitStack() as shown:
         found = connected(vendor, address, arm, any_kernel)

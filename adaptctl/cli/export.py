@@ -91,8 +91,10 @@ def export(
     from adaptctl.identifiability import ReducedModel
     from adaptctl.tuning import tune
     from adaptctl.tuning.named_laws import guarded, named_law
+    from adaptctl.tuning.rotors import warn_of_rotors
 
     mechanism = reading.load(robot)
+    warn_of_rotors(mechanism)
     tuning = tune(mechanism, control_period=control_period, bandwidth=bandwidth)
     if not anyway:
         tuning.validate_learning("--anyway")

@@ -5,10 +5,12 @@ from adaptctl.hardware.gravity import GravityTorque as GravityTorque
 from adaptctl.hardware.mujoco_robot import MuJoCoRobot as MuJoCoRobot
 from adaptctl.hardware.preparation import motion_about as motion_about
 from adaptctl.hardware.preparation import ready_controller as ready_controller
-from adaptctl.hardware.preparation import with_rotors as with_rotors
 from adaptctl.hardware.robot import HardwareLimits as HardwareLimits
 from adaptctl.hardware.robot import RobotReading as RobotReading
 from adaptctl.hardware.robot import TorqueRobot as TorqueRobot
+from adaptctl.hardware.rotors import ROTOR_PROFILES as ROTOR_PROFILES
+from adaptctl.hardware.rotors import RotorProfile as RotorProfile
+from adaptctl.hardware.rotors import with_rotors as with_rotors
 from adaptctl.hardware.timing import LoopTimes as LoopTimes
 from adaptctl.hardware.torque_guard import TorqueGuard as TorqueGuard
 from adaptctl.hardware.touch_reaction import TouchEvent as TouchEvent

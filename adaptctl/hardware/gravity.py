@@ -34,7 +34,7 @@ class GravityTorque:
         equations, rest = mechanism.equations, Column.zeros(mechanism.dof)
         parameters, near = np.array(mechanism.inertial_parameters), column(mechanism.neutral_configuration)
         if tool is not None:
-            last = 10 * (len(mechanism.links) - 1)
+            last = 10 * (len(mechanism.description.bodies) - 1)
             parameters[last : last + 10] += np.asarray(tool)
         own = column(parameters)
         guess = column(mechanism.configuration(mechanism.neutral_configuration)) if equations.closure_key else near
