@@ -1,9 +1,14 @@
-"""The Franka example, through Franka's own client, against an arm that nobody here wrote: `make check-robots`.
+"""The Franka example, through Franka's own client, against arms that nobody here wrote: `make check-robots`.
 
-franky-sim moves MuJoCo's FR3 behind libfranka's network protocol, and pylibfranka is the vendor's client. The example
-runs as it is, from postures about the robot's own: it must start where the arm stands, without a jump of torque, stay
-below the joints' speed limits and follow its reference. Names each package that is missing, with the command that
-brings it. `python tests/check_robots.py 20` takes 20 postures.
+franky-sim moves MuJoCo's FR3 behind libfranka's network protocol, franka-sim enforces the limits of Franka's interface
+as well, and pylibfranka is the vendor's client. The example runs as it is, from postures about the robot's own: it must
+start where the arm stands, without a jump of torque, stay below the joints' speed limits and follow its reference. With
+a mass in the hand that nobody told the robot of, it is learned and named. Names each package that is missing, with the
+command that brings it.
+
+    python tests/check_robots.py [postures] [masses] [limits]
+
+`postures`, `limits` are numbers of runs, `masses` those of 0 to 3 kg; 1 each unless given, and 0 for none.
 """
 
 from __future__ import annotations
@@ -13,6 +18,8 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -21,19 +28,47 @@ import adaptctl
 
 ROOT = Path(__file__).resolve().parent.parent
 HOME = ROOT / ".venv-vendors"
+LIMITS = ROOT / ".venv-vendors-limits"
+"""franka-sim asks for an old MuJoCo"""
 CLIENT = HOME / "client"
 FILE = CLIENT / "franka_sim" / "models" / "fr3.urdf"
 """Of the bare arm; franky-sim's own has a hand"""
 SERVER = """
 import json, sys, time
+import xml.etree.ElementTree as ET
 from franky_sim import SimulationServer
 from franky_sim.mujoco_simulator import MujocoSimulator
+posture, mass = json.loads(sys.argv[1])
 with MujocoSimulator() as simulator:
-    simulator.add_robot(initial_q=json.loads(sys.argv[1]))
+    simulator.add_robot(initial_q=posture)
+    hand = next(body for body in simulator.worldbody.iter("body") if body.get("name") == "robot0_hand")
+    box = {"type": "box", "size": "0.04 0.04 0.04", "mass": str(mass), "contype": "0", "conaffinity": "0"}
+    mass and ET.SubElement(ET.SubElement(hand, "body", name="payload", pos="0 0 0.14"), "geom", **box)
     with SimulationServer(simulator, hostname_candidates=["127.0.0.1"]) as server:
         server.run_async()
+        time.sleep(2.0)
         print("ready", flush=True)
         time.sleep(600.0)
+"""
+ENFORCING = """
+import threading, time
+from franka_sim.franka_sim_server import FrankaSimServer
+server = FrankaSimServer(
+    host="127.0.0.1", enable_gripper=False, enforce_motion_limits=True, enforce_comm_constraints=False
+)
+threading.Thread(target=server.start, daemon=True).start()
+time.sleep(3.0)
+print("ready", flush=True)
+time.sleep(600.0)
+"""
+CARRY = """
+import adaptctl
+from adaptctl.hardware import FrankaRobot, motion_about, ready_controller, with_rotors
+robot, arm = FrankaRobot("127.0.0.1", real_time=False), with_rotors(adaptctl.load("fr3.urdf"))
+reference = motion_about(robot.read().p, robot.limits)
+controller = ready_controller(arm, robot.period, reference, robot.tool)
+run = adaptctl.drive(robot, controller, reference, 8.0, "run.parquet", lead_in=1.0)
+print(run.stopped or run.payload.words)
 """
 HOME_POSTURE, AWAY = (0.0, -0.3, 0.0, -1.9, 0.0, 1.7, 0.785), 0.4
 """rad about which, and by how much, postures are drawn"""
@@ -45,53 +80,104 @@ MAX_SPEED = 2.62
 """rad/s: the FR3's limit of joints 1 to 4"""
 MAX_ERROR = 2e-4
 """rad RMS of the worst joint in the last two seconds, from a file without rotor inertias"""
+MASS_SHARE, MASS_ROOM = 0.03, 0.03
+"""share and kg by which a mass may be off"""
+FINGERS = 0.03
+"""kg in the simulator's hand that the robot does not count to it"""
 
 
-def missing() -> list[str]:
+def missing(limits: bool) -> list[str]:
     """What is not here, and how it comes."""
     wanted = {"franky-sim": HOME / "bin" / "python", "pylibfranka": CLIENT / "pylibfranka", "franka-sim": FILE}
-    return [f"{name} is missing: run make check-vendors" for name, place in wanted.items() if not place.exists()]
+    if limits:
+        wanted["franka-sim with its own MuJoCo"] = LIMITS / "bin" / "run-franka-sim-server"
+    return [f"{name} is missing: run make check-robots" for name, place in wanted.items() if not place.exists()]
 
 
-def drive(folder: Path, posture: list[float]) -> adaptctl.Rollout:
-    """What the example recorded, which runs in a folder with the arm's file."""
-    (folder / "fr3.urdf").symlink_to(FILE)
-    paths = os.pathsep.join([str(ROOT), str(CLIENT)])
-    example = [sys.executable, str(ROOT / "docs" / "examples" / "franka_loop.py"), "127.0.0.1", "--any-kernel"]
-    with subprocess.Popen(
-        [str(HOME / "bin" / "python"), "-c", SERVER, json.dumps(posture)], stdout=subprocess.PIPE, text=True
-    ) as server:
+@contextmanager
+def served(python: Path, program: str, argument: object, **more: str) -> Iterator[None]:
+    """A simulator that answers."""
+    command = [str(python), "-c", program, json.dumps(argument)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, **more}) as server:
         try:
             assert server.stdout is not None
-            assert server.stdout.readline() == "ready\n", "franky-sim did not start"
-            subprocess.run(example, cwd=folder, env={**os.environ, "PYTHONPATH": paths}, check=True, timeout=300.0)
+            assert server.stdout.readline() == "ready\n", "the simulator did not start"
+            yield
         finally:
             server.kill()
+
+
+def driven(folder: Path, *program: str) -> adaptctl.Rollout:
+    """What a program recorded, which runs in a folder with the arm's file."""
+    (folder / "fr3.urdf").symlink_to(FILE)
+    paths = os.pathsep.join([str(ROOT), str(CLIENT)])
+    called = [sys.executable, "-W", "ignore", *program]
+    subprocess.run(called, cwd=folder, env={**os.environ, "PYTHONPATH": paths}, check=True, timeout=300.0)
     return adaptctl.Rollout.load(folder / "run.parquet")
 
 
-def figures(run: adaptctl.Rollout) -> dict[str, tuple[float, float]]:
-    """What must be small, and how small, by name."""
-    last = run.error[-round(2.0 / run.control_period) :]
+EXAMPLE = (str(ROOT / "docs" / "examples" / "franka_loop.py"), "127.0.0.1", "--any-kernel")
+
+
+def started(run: adaptctl.Rollout) -> dict[str, tuple[float, float]]:
+    """What must be small in every run, and how small, by name."""
     added = np.stack([run.flags[name] for name in sorted(run.flags) if name.startswith("compensation.")], axis=1)
-    sent = np.diff(run.applied - added, axis=0, prepend=0.0)
+    told = np.stack([run.flags[name] for name in sorted(run.flags) if name.startswith("reported_torque.")], axis=1)
+    sent = np.diff(run.applied - added, axis=0, prepend=told[:1])
     periods = np.diff(run.time, prepend=run.time[0] - run.control_period)[:, None]
     return {
         "first error, rad": (float(np.abs(run.error[0]).max()), MAX_FIRST_ERROR),
         "greatest rate of torque, N m/s": (float(np.abs(sent / periods).max()), MAX_RATE),
         "greatest speed, rad/s": (float(np.abs(run.v).max()), MAX_SPEED),
-        "RMS error of the worst joint, rad": (float(np.sqrt(np.mean(last**2, axis=0)).max()), MAX_ERROR),
     }
 
 
-def main(count: int = 1) -> int:
+def from_a_posture(folder: Path, posture: list[float]) -> dict[str, tuple[float, float]]:
+    """Figures of the example from a posture."""
+    with served(HOME / "bin" / "python", SERVER, (posture, 0.0)):
+        run = driven(folder, *EXAMPLE)
+    last = run.error[-round(2.0 / run.control_period) :]
+    worst = float(np.sqrt(np.mean(last**2, axis=0)).max())
+    return started(run) | {"RMS error of the worst joint, rad": (worst, MAX_ERROR)}
+
+
+def with_a_mass(folder: Path, posture: list[float], mass: float) -> dict[str, tuple[float, float]]:
+    """Figures of a run with a mass in the hand from its start on."""
+    with served(HOME / "bin" / "python", SERVER, (posture, mass)):
+        run = driven(folder, "-c", CARRY)
+    later = run.error[run.time > 3.0]
+    return started(run) | {
+        f"error of {mass:g} kg, kg": (
+            abs(float(run.flags["payload_mass"][-1]) - mass - FINGERS), MASS_SHARE * mass + MASS_ROOM,
+        ),
+        "RMS error from 3 s on, rad": (float(np.sqrt(np.mean(later**2))), MAX_ERROR),
+    }  # fmt: skip
+
+
+def within_limits(folder: Path) -> dict[str, tuple[float, float]]:
+    """Figures of the example where limits are enforced: a run that was aborted is shorter."""
+    scene = folder / "scene"
+    scene.mkdir()
+    assets = next((HOME / "lib").glob("*/site-packages/franky_sim/assets"))
+    (scene / "fr3.xml").symlink_to(assets / "fr3.xml")
+    (scene / "assets").symlink_to(assets / "meshes")
+    with served(LIMITS / "bin" / "python", ENFORCING, None, FR3_MJCF=str(scene / "fr3.xml"), MUJOCO_GL="disable"):
+        run = driven(folder, *EXAMPLE)
+    return started(run) | {"s that are missing of 10": (10.0 - float(run.time[-1]), 0.01)}
+
+
+def main(postures: int = 1, masses: int = 1, limits: int = 1) -> int:
     """Exit code: 1 where something is missing or too large."""
-    absent, random, bad = missing(), np.random.default_rng(0), False
+    absent, random, bad = missing(limits > 0), np.random.default_rng(0), False
     print("\n".join(absent))
-    for _ in range(0 if absent else count):
-        posture = (np.array(HOME_POSTURE) + random.uniform(-AWAY, AWAY, 7)).tolist()
+    around = HOME_POSTURE + random.uniform(-AWAY, AWAY, (postures, 7))
+    carried = np.linspace(0.0, 3.0, masses) if masses > 1 else np.full(masses, 2.0)
+    cases = [lambda folder, p=p: from_a_posture(folder, p) for p in around.tolist()]
+    cases += [lambda folder, m=m: with_a_mass(folder, list(HOME_POSTURE), m) for m in carried.tolist()]
+    cases += [within_limits] * limits
+    for case in [] if absent else cases:
         with tempfile.TemporaryDirectory() as folder:
-            found = figures(drive(Path(folder), posture))
+            found = case(Path(folder))
         print(
             "; ".join(f"{name}: {value:.3g} (at most {limit:g})" for name, (value, limit) in found.items()), flush=True
         )
@@ -100,4 +186,4 @@ def main(count: int = 1) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(*map(int, sys.argv[1:2])))
+    sys.exit(main(*map(int, sys.argv[1:4])))

@@ -9,10 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 from driven_robots import ARM, FAULTS, FaultyRobot, LyingReference, RecordedRobot
+from nightly import nightly
 
 import adaptctl
 from adaptctl.control import FadeIn, SafetyFilter
+from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.hardware import GravityTorque, HardwareLimits, MuJoCoRobot, RobotReading, TorqueGuard
+from adaptctl.hardware.acceleration import PossibleAcceleration
+from adaptctl.hardware.resting import StoppingDistance
+from adaptctl.identification import told, told_numbers
 
 PERIOD = 4e-3
 CENTER = np.array([0.3, 0.5])
@@ -108,6 +113,68 @@ def test_payload_on_an_arm_that_compensates_its_own_weight() -> None:
         run.rollout.p[-250:], run.rollout.v[-250:], run.rollout.reference_a[-250:]
     )
     assert np.abs(run.rollout.applied[-250:] - truth).max() < 0.3  # N m at the joints, weight included
+    assert run.payload is None  # a plain gradient does not remember what it knows
+
+
+BODY = np.concatenate((np.zeros(10), from_center_of_mass(0.8, [0.2, 0.05, 0.0], 0.01 * np.eye(3))))
+HEAVY = ARM.with_parameters(ARM.inertial_parameters + BODY)
+REMEMBERING = dataclasses.replace(
+    LAW, adaptation=adaptctl.control.GuardedLearning(np.full(len(MODEL.names), 1.0), prediction_weight=100.0)
+)
+
+
+def test_what_an_arm_carries_is_told_with_its_deviation_and_what_is_open_is_not() -> None:
+    """A plane arm tells the mass, while its motion goes on, and leaves the centre across the plane open."""
+    run = adaptctl.drive(RecordedRobot(HEAVY, PERIOD, CENTER, compensates_gravity=ARM), REMEMBERING, REFERENCE, 4.0)
+    assert run.stopped == ""
+    assert run.payload is not None
+    assert abs(run.payload.mass - 0.8) < 0.03 * 0.8
+    assert 0.01 < run.payload.deviations[0] < 0.05
+    assert told(run.payload).tolist() == [True, False, False]
+    numbers = told_numbers(run.payload)
+    assert (numbers["mass"], numbers["center_of_mass"], numbers["inertia"]) == (run.payload.mass, None, None)
+    assert run.rollout is not None
+    np.testing.assert_allclose(run.rollout.flags["payload_mass"][-50:], 0.8, atol=0.03)
+
+
+@nightly
+def test_nothing_carried_and_less_than_was_told() -> None:
+    empty = adaptctl.drive(RecordedRobot(ARM, PERIOD, CENTER, compensates_gravity=ARM), REMEMBERING, REFERENCE, 4.0)
+    assert empty.payload is not None
+    assert empty.payload.mass < 2.0 * empty.payload.deviations[0]
+    laden = dataclasses.replace(REMEMBERING, initial=MODEL.regrouping @ HEAVY.inertial_parameters)
+    less = adaptctl.drive(RecordedRobot(ARM, PERIOD, CENTER, compensates_gravity=HEAVY), laden, REFERENCE, 4.0)
+    assert less.payload is None
+    assert less.rollout is not None
+    assert less.rollout.flags["payload_mass"][-1] == pytest.approx(-0.8, abs=0.03)
+
+
+def test_a_torque_that_holds_weight_does_not_take_the_arm_to_an_end() -> None:
+    stopping = StoppingDistance(ARM, HardwareLimits.of(ARM, torque_rate=1000.0), PERIOD)
+    p, net = np.array([HardwareLimits.of(ARM).upper[0] - 0.4, 0.5]), np.array([50.0, 0.0])
+    for slope, ends in ((0.0, False), (60.0, True)):
+        moving = PossibleAcceleration(stopping.inverses, PERIOD)
+        for k in range(5):
+            v = np.array([0.05 + slope * k * PERIOD, 0.0])
+            moving.take(RobotReading(k * PERIOD, p, v), net)
+        assert stopping.beyond(p, v, net, moving.along(v, net))[0] == ends
+    assert moving.along(-v, net)[0] == 0.0
+    assert moving.along(v, net + np.array([3.8, 0.0]))[0] > moving.along(v, net)[0] > 59.0
+
+
+def test_a_stop_closes_loops_near_where_the_arm_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    step, off = SafetyFilter.step, []
+
+    def watched(self: Any, state: Any, p: Any, v: Any, point: Any) -> Any:
+        off.append(np.abs(state.inner.q - p).max())
+        return step(self, state, p, v, point)
+
+    monkeypatch.setattr(SafetyFilter, "step", watched)
+    robot = FaultyRobot(ARM, PERIOD, CENTER)
+    robot.interrupted_at = 555
+    with pytest.raises(KeyboardInterrupt):
+        adaptctl.drive(robot, LAW, REFERENCE, 3.0)
+    assert max(off[2:]) < 3.0 * PERIOD  # what the arm moves in a period
 
 
 class Turned(RecordedRobot):

@@ -21,6 +21,7 @@ from adaptctl.control import (
     Sinusoids,
     excitation_trajectory,
     persistent_excitation,
+    torque_uncertainty,
 )
 from adaptctl.control.excitation.excitation_trajectory import SAMPLES_PER_PERIOD, FourierSearch, _gram
 from adaptctl.control.excitation.measure import BLOCKS_PER_WINDOW, regressor_of, scaled_regressor
@@ -42,7 +43,7 @@ def model(name: str) -> ReducedModel:
 def exactly(reference: Sinusoids, duration: float, period: float = 0.01) -> SimpleNamespace:
     """A run that follows a reference without error."""
     p, v, a = reference(np.arange(round(duration / period)) * period)
-    return SimpleNamespace(p=p, v=v, reference_p=p, reference_v=v, reference_a=a, control_period=period)
+    return SimpleNamespace(p=p, v=v, reference_p=p, reference_v=v, reference_a=a, sample_time=period)
 
 
 def swings(model: ReducedModel, seed: int = 0) -> Sinusoids:
@@ -306,3 +307,43 @@ def test_equal_coefficients_make_harmonics_that_fall_as_one_over_their_order() -
     amplitude, phase = np.asarray(found.amplitude), np.asarray(found.phase)
     np.testing.assert_allclose(amplitude * np.arange(1.0, 4.0)[:, None], amplitude[:1].repeat(3, 0), rtol=1e-12)
     np.testing.assert_allclose(phase, np.full((3, 6), np.arctan2(-0.4, 0.3)), rtol=1e-12)
+
+
+def test_a_run_recorded_every_few_periods_tells_about_the_same_as_one_recorded_in_each() -> None:
+    of = model("puma560_geared")
+    env = TrackingEnv(of.mechanism, 1, duration=1.0)
+    often = rollout(env, ComputedTorque(of.mechanism, 5.0), seed=0)
+    fifth = {
+        name: getattr(often, name)[::5] for name in ("time", *["p", "v", "reference_p", "reference_v", "reference_a"])
+    }
+    seldom = replace(often, every=5, **fifth)
+    for run in (often, seldom):
+        assert persistent_excitation(of, run, 0.48).window == pytest.approx(0.48)
+    limits = of.mechanism.effort_limits
+    np.testing.assert_allclose(torque_uncertainty(of, seldom, limits), torque_uncertainty(of, often, limits), rtol=0.05)
+
+
+def test_uncertain_torques_are_those_that_least_squares_leaves_where_noise_is_drawn() -> None:
+    """Of 2,000 fits to torques that are wrong for a second each, the spread of a parameter's torques elsewhere."""
+    of = model("two_link")
+    run = exactly(swings(of), 20.0, 1.0)
+    limits = np.array([40.0, 10.0])
+    Y = (of.slotine_li_regressor(run.p, run.v, run.v, run.reference_a) / limits[:, None]).reshape(40, -1)
+    fits = np.linalg.pinv(Y) @ np.random.default_rng(0).normal(scale=3e-3, size=(40, 2000))
+    rng = np.random.default_rng(1)
+    v, a = (np.sqrt((x**2).mean(axis=0)) * rng.choice([-1.0, 1.0], (4000, 2)) for x in (run.v, run.reference_a))
+    p = rng.uniform(-np.pi, np.pi, (4000, 2))
+    elsewhere = np.sqrt(((of.slotine_li_regressor(p, v, v, a) / limits[:, None]) ** 2).sum(axis=1).mean(axis=0))
+    np.testing.assert_allclose(torque_uncertainty(of, run, limits), fits.std(axis=1) * elsewhere, rtol=0.15)
+
+
+def test_rest_leaves_inertias_open() -> None:
+    of = model("two_link")
+    run = exactly(swings(of), 5.0)
+    run.p[:] = run.p[0]
+    run.v[:] = run.reference_a[:] = 0.0
+    found = torque_uncertainty(of, run, [40.0, 10.0])
+    unknown = {name for name, value in zip(of.names, found, strict=True) if value == np.inf}
+    assert unknown >= {"upper.I_zz", "lower.I_zz"}
+    with pytest.raises(InputError, match=r"torque_limits: expected 2 positive numbers"):
+        torque_uncertainty(of, run, [1.0, -1.0])

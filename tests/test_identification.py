@@ -258,15 +258,19 @@ def tx40() -> Identification:
 
 def test_the_real_arm_is_predicted_better_than_by_least_squares() -> None:
     result = tx40()
-    assert result.validation.rms_error < 1.2
-    assert result.validation.relative_error < 0.06
+    assert result.validation.rms_error < 1.04
+    assert result.validation.relative_error < 0.053
     plain = next(v for name, v in result.alternatives.items() if name.startswith("weighted") and "offset" in name)
     assert result.validation.rms_error < 0.85 * plain.rms_error
     robot_file = result.alternatives["links of the robot file, friction and rotors fitted"]
     assert result.validation.rms_error < robot_file.rms_error
     assert DriveParameter.SQUARE_ROOT in result.choice.settings.friction.kinds
     assert not result.mechanism.description.inconsistent_links
-    assert result.misfit_ratio <= 1.03
+    light = [trial.relative_error for trial in result.choice.trials if trial.what == "weight of the prior"]
+    heavy = [trial for trial in result.choice.trials if trial.what.endswith("any misfit") and trial.taken]
+    assert 1.03 < result.misfit_ratio < 1.1
+    assert heavy[0].relative_error < 0.95 * min(light)
+    assert any("of the prior and most at" in warning for warning in result.warnings)
     assert 1.5 < result.deviation_ratio < 5.0
     assert result.mechanism.links[5].joint.drive.turns_with == (("joint_5", 1.0),)
     assert any("link_6" in remark for remark in result.warnings)

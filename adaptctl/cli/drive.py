@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from adaptctl.dynamics import Mechanism
     from adaptctl.hardware import DrivenRun, TorqueRobot
+    from adaptctl.identification import IdentifiedPayload
 
 SCHEMA = "adaptctl/drive/1"
 DONE, FAILED = 0, 3
@@ -163,6 +164,7 @@ def _write(folder: Path, run: DrivenRun, arm: Mechanism) -> None:
 def as_builtins(run: DrivenRun, arm: Mechanism) -> dict[str, Any]:
     """Summary of a run in JSON's types."""
     from adaptctl.files import finite_or_none
+    from adaptctl.identification import told_numbers
 
     times, names = run.times, [joint.name for joint in arm.primary_joints]
     return {
@@ -181,6 +183,7 @@ def as_builtins(run: DrivenRun, arm: Mechanism) -> dict[str, Any]:
         "longest_late_run": times.longest_late,
         "longest_period": times.worst,
         "longest_computation": times.busy,
+        "payload": None if run.payload is None else told_numbers(run.payload),
         "touches": [touch._asdict() for touch in run.touches],
         "period_histogram": times.histogram.tolist(),
     }
@@ -192,6 +195,8 @@ def _report(run: DrivenRun, arm: Mechanism, out: Path) -> Iterator[RenderableTyp
     if run.touches:
         yield words("\n".join(f"touched at {touch.time:.2f} s: {touch}" for touch in run.touches))
     names = [joint.name for joint in arm.primary_joints]
+    if run.payload is not None:
+        yield words(_carried(run.payload))
     rows = [[name, f"{1e3 * error:.3g}"] for name, error in zip(names, run.final_rms_error, strict=False)]
     yield titled("RMS error of the last two seconds", WrappedTable(("joint", "mrad or mm"), rows))
     yield words(
@@ -199,3 +204,17 @@ def _report(run: DrivenRun, arm: Mechanism, out: Path) -> Iterator[RenderableTyp
         f"greatest speed {run.peak_speed_share:.0%} of a limit; {run.times.off} periods off, at most "
         f"{run.times.longest_late} late in a row, the longest {1e3 * run.times.worst:.3g} ms\n{out}"
     )
+
+
+def _carried(payload: IdentifiedPayload) -> str:
+    from adaptctl.identification import told
+
+    mass, centre, inertia = told(payload).tolist()
+    if not mass:
+        return "what the arm carries is left open by this motion"
+    open_ones = [name for name, is_told in (("centre", centre), ("inertia", inertia)) if not is_told]
+    left = f"; left open by this motion: {', '.join(open_ones)}" if open_ones else ""
+    off = payload.deviations
+    at = ", ".join(f"{x:.3g}" for x in payload.center_of_mass)
+    where = f", centre ({at}) m (deviation {off[1:4].max():.1g}) in the frame of {payload.link}" if centre else ""
+    return f"carries {payload.mass:.3g} kg (deviation {off[0]:.1g}) more than it was told of{where}{left}"

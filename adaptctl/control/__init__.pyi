@@ -16,6 +16,7 @@ from adaptctl.control.excitation.excitation_trajectory import MotionLimits as Mo
 from adaptctl.control.excitation.excitation_trajectory import excitation_trajectory as excitation_trajectory
 from adaptctl.control.excitation.measure import Excitation as Excitation
 from adaptctl.control.excitation.measure import persistent_excitation as persistent_excitation
+from adaptctl.control.excitation.torque_uncertainty import torque_uncertainty as torque_uncertainty
 from adaptctl.control.gains.error_feedback import ErrorFeedback as ErrorFeedback
 from adaptctl.control.gains.error_feedback import Margins as Margins
 from adaptctl.control.gains.error_feedback import margins as margins

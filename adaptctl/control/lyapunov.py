@@ -37,7 +37,7 @@ class TrackedRun(Protocol):
 
 
 class SampledRun(TrackedRun, Protocol):
-    """Run with accelerations and control period."""
+    """Run with accelerations and the time between samples."""
 
     @property
     def reference_a(self) -> Array:
@@ -45,8 +45,8 @@ class SampledRun(TrackedRun, Protocol):
         ...
 
     @property
-    def control_period(self) -> float:
-        """Control period in s."""
+    def sample_time(self) -> float:
+        """Time between successive samples in s."""
         ...
 
 

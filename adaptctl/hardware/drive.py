@@ -33,11 +33,14 @@ from adaptctl.hardware.measurements import Measurements
 from adaptctl.hardware.resting import StoppingDistance
 from adaptctl.hardware.robot import RobotReading, TorqueRobot, validate_robot
 from adaptctl.hardware.touch_reaction import Reaction, touch_of, validate_reaction
+from adaptctl.identification import learned_payload, mass_of_change
 from adaptctl.recording import Live
 from adaptctl.simulation import RunLogger
 
 MAX_ERROR = 0.3
 """rad (m)"""
+MASS_SAMPLES = 400
+"""number of times at which the motion is asked whether it tells a payload's mass"""
 
 
 def drive(
@@ -136,12 +139,14 @@ def drive(
     if not from_zero:
         needed, most = _held(robot, now, compensation, gravity)
         validate_gravity(own, needed, most, names, limits)
-    logger = _log(log, guarded, arm, robot.period, seconds)
+    mass_row = _mass_row(guarded, path, seconds)
+    logger = _log(log, guarded, arm, robot.period, seconds, mass_row is not None)
     with ExitStack() as held_open:
         if logger is not log:
             held_open.enter_context(logger)
         loop = DriveLoop(robot, guarded, path, seconds, arm, limits, stopping, measurements, gravity, compensation)
         loop.log, loop.live, loop.max_error, loop.on_touch = logger, live, greatest, on_touch
+        loop.mass_row = mass_row
         loop.run(now, own, gravity(now.p) if from_zero else own)
         run = _result(loop, robot)
         if loop.interrupted:
@@ -153,7 +158,15 @@ def _result(loop: DriveLoop, robot: TorqueRobot) -> DrivenRun:
     run = loop.log.rollout(loop.interrupted) if loop.log.count >= 2 else None
     numbers = loop.first_error, loop.peak_rate, loop.peak_speed_share
     compensates, touches = bool(robot.compensates_gravity), tuple(loop.feeling.events)
-    return DrivenRun(run, loop.times, loop.stopped, loop.by_robot, *numbers, compensates, touches)
+    payload = learned_payload(loop.controller, loop.learned)
+    return DrivenRun(run, loop.times, loop.stopped, loop.by_robot, *numbers, compensates, touches, payload)
+
+
+def _mass_row(controller: SafetyFilter, path: Reference, duration: float) -> Array | None:
+    """Row (k,) of a payload's mass by changes of the estimate, where the motion tells it."""
+    times = np.linspace(0.0, duration, MASS_SAMPLES)
+    point = path(times)
+    return mass_of_change(controller, point.p, point.v, point.a, duration / MASS_SAMPLES)
 
 
 def _held(robot: Any, now: RobotReading, compensation: Compensation, gravity: GravityTorque) -> tuple[Array, float]:
@@ -172,8 +185,9 @@ def _filtered(controller: Controller[Any], period: float) -> SafetyFilter:
 
 
 def _log(
-    log: RunLogger | str | Path | None, controller: SafetyFilter, arm: Mechanism, period: float, duration: float
-) -> RunLogger:
+    log: RunLogger | str | Path | None, controller: SafetyFilter, arm: Mechanism, period: float, duration: float,
+    tells_mass: bool,
+) -> RunLogger:  # fmt: skip
     """Logger of a run, for a file unless one is given."""
     if isinstance(log, RunLogger):
         return log
@@ -186,6 +200,8 @@ def _log(
     flags = ("learning", "stopping", *(f"compensation.{n}" for n in names), *(f"reported_torque.{n}" for n in names))
     if touch_of(first) is not None:
         flags = (*flags, "touched", *(f"external_torque.{n}" for n in names))
+    if tells_mass:
+        flags = (*flags, "payload_mass")
     capacity = min(int(duration / period) + 20_000, 2_000_000)
     return RunLogger(
         arm.dof, period, log, estimates=estimates, capacity=capacity, joints=names, position_units=units, flags=flags

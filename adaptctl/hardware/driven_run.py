@@ -9,6 +9,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.hardware.timing import LoopTimes
 from adaptctl.hardware.touch_reaction import TouchEvent
+from adaptctl.identification import IdentifiedPayload
 from adaptctl.simulation import Rollout
 
 FINAL = 2.0
@@ -44,6 +45,9 @@ class DrivenRun:
     touches : tuple of TouchEvent, default ()
         Touches that a controller `with_external_torque` felt. Flags then hold `touched` and `external_torque.JOINT`
         while the path is followed or the arm complies.
+    payload : IdentifiedPayload, optional
+        Body that the arm carries beyond its initial estimate, as of `learned_payload`; `told` says which of its numbers
+        the motion tells. A flag `payload_mass` has its mass in kg during the run, where the motion tells it.
 
     Examples
     --------
@@ -65,6 +69,7 @@ class DrivenRun:
     peak_speed_share: float
     compensates_gravity: bool
     touches: tuple[TouchEvent, ...] = ()
+    payload: IdentifiedPayload | None = None
 
     @property
     def final_rms_error(self) -> Array:

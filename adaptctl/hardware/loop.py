@@ -14,6 +14,7 @@ from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.minimum_jerk import quintic
 from adaptctl.control.transitions import point_at
 from adaptctl.dynamics import Mechanism
+from adaptctl.hardware.acceleration import PossibleAcceleration
 from adaptctl.hardware.compensation import Compensation
 from adaptctl.hardware.gravity import GravityTorque
 from adaptctl.hardware.interruptions import interruptions
@@ -58,6 +59,7 @@ class DriveLoop:
     live: Live | None = None
     max_error: float = 0.3
     on_touch: Reaction = "ignore"
+    mass_row: Array | None = None  # (k,), of a payload's mass in kg by changes of the estimate
 
     def __init__(
         self, robot: Any, controller: SafetyFilter, path: Reference, duration: float, arm: Mechanism,
@@ -67,6 +69,7 @@ class DriveLoop:
         self.robot, self.controller, self.path, self.duration = robot, controller, path, duration
         self.limits, self.stopping, self.measurements = limits, stopping, measurements
         self.gravity, self.compensation = gravity, compensation
+        self.moving = PossibleAcceleration(stopping.inverses, robot.period)
         self.names = [joint.name for joint in arm.primary_joints]
         self.times, self.held_state = LoopTimes(robot.period), HeldState(controller)
         self.feeling = Feeling(self.names)
@@ -93,6 +96,7 @@ class DriveLoop:
         self.guard = TorqueGuard(self.limits, self.robot.period, held)
         self.offset = self.guard.torque + added - own
         self.state = self.controller.init(now.p, rest, torque=self.guard.torque + added)
+        self.learned, self._first_estimate = self.state, self._estimate
         self.proven, self._began, self.start_p = self._described(self.state), now.time, now.p
         self._holds = braked and not self.robot.compensates_gravity  # which else has a payload that may sink
         getattr(self.robot, "start", _nothing)(self.guard.torque)
@@ -102,6 +106,8 @@ class DriveLoop:
         if self.ended:
             return
         since = time.perf_counter()
+        if not self.blind:
+            self.moving.take(reading, self.guard.torque)
         point = self._point(reading)
         trouble = self._trouble(reading, point)
         if self.ended:
@@ -166,26 +172,28 @@ class DriveLoop:
             self._robot_stops("the arm sagged when its brakes opened")
         for mask, text in (
             (np.abs(reading.v) > self.limits.velocity, TOO_FAST),
-            (self.stopping.beyond(reading.p, reading.v, self._net(reading)), "comes too near to the end of its range"),
+            (self._nears_an_end(reading), "comes too near to the end of its range"),
             (np.abs(reading.p - point.p) > self.max_error, f"is {self.max_error:g} rad (m) off the reference"),
         ):
             if mask.any():
                 return f"{self.names[int(mask.argmax())]} {text}"
         return ""
 
-    def _net(self, reading: RobotReading) -> Array:
-        """Torque (r,) of the last period beyond gravity."""
-        if self.robot.compensates_gravity:
-            return self.guard.torque
-        return self.guard.torque - self.gravity(reading.p)
+    def _nears_an_end(self, reading: RobotReading) -> Array:
+        """Mask (r,) of joints that a stop would take beyond their range."""
+        weight = 0.0 if self.robot.compensates_gravity else self.gravity(reading.p)
+        acceleration = self.moving.along(reading.v, self.guard.torque)
+        return self.stopping.beyond(reading.p, reading.v, self.guard.torque - weight, acceleration)
 
     def _begin_stop(self, reason: str, reading: RobotReading, point: ReferencePoint) -> None:
         if reason.startswith(TOUCHED) and self.stop is None and self.on_touch != "stop":
             self._react(reason, point)
             return
+        if self.stop is None:
+            self.learned = self.state
         state = self.held_state.at(self.proven, self.state)
         near = (np.abs(reading.p - point.p) <= 0.5 * self.max_error).all()
-        ends = self.stopping.beyond(reading.p, reading.v, self._net(reading)).any()
+        ends = self._nears_an_end(reading).any()
         if near and self.stop is None and not ends and not reason.endswith(TOO_FAST):
             self.stop = PlannedStop.along(self.path, self.time, point.v, state, reason, self.stopping)
         else:
@@ -208,10 +216,9 @@ class DriveLoop:
             torque, after = self.controller.step(state, reading.p, reading.v, point)
             if after.flags.stopped[0] > 0.5 or (np.abs(reading.p - point.p) > self.max_error).any():
                 self._robot_stops(f"{self.stop.reason}; and the planned stop failed")
-            if self.stop.yields:
-                self.stop = replace(self.stop, state=after)
-                return torque, after
-            return torque, self.held_state.at(self.stop.state, after)
+            after = after if self.stop.yields else self.held_state.at(self.stop.state, after)
+            self.stop = replace(self.stop, state=after)
+            return torque, after
         torque, after = self.controller.step(self.state, reading.p, reading.v, point)
         if self.time < RAMP:
             torque = torque + (1.0 - _risen(self.time / RAMP)) * self.offset
@@ -263,16 +270,19 @@ class DriveLoop:
         if not self._logged < self.time <= self.duration:
             return
         self._logged = self.time
-        flags: Any = ()
+        estimate, flags = self._estimate, np.empty(0)
         if self.log.flags:
             told = np.zeros_like(added) if reading.torque is None else reading.torque
             felt = (float(self.feeling.touched), *self.feeling.torque) if touch_of(self.state) is not None else ()
-            flags = np.concatenate(((self.learning, self.stop is not None), added, told, felt))
-        inner = getattr(self.state, "inner", self.state)
-        estimate = getattr(inner, "estimate", ())
+            mass = () if self.mass_row is None else (float(self.mass_row @ (estimate - self._first_estimate)),)
+            flags = np.concatenate(((self.learning, self.stop is not None), added, told, felt, mass))
         self.log.append(self.time, reading.p, reading.v, point, total, applied, estimate, flags)
         if self.live is not None:
             self.live.show(self.time, reading.p, point.p, applied)
+
+    @property
+    def _estimate(self) -> Any:
+        return getattr(getattr(self.state, "inner", self.state), "estimate", np.empty(0))
 
     def _finish(self, reading: RobotReading) -> None:
         """Hand the arm back once it was held at rest."""

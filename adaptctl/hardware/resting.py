@@ -54,19 +54,19 @@ class StoppingDistance:
         rate = float((left / needed).min())
         self.deceleration = rate * speed
         """rad/s^2 (m/s^2), (r,), of joints that stop at once"""
-        self._gain = np.abs(np.linalg.inv(inertia)).max(axis=0) @ torque / torque
+        self.inverses: Array = np.linalg.inv(inertia).astype(np.float64)
+        """inverse mass matrices (n, r, r) at these postures"""
         self._rate, self._period = RATE_SHARE * limits.torque_rate, period
 
     def duration(self, v: Array) -> Array:
         """Durations (...) in s of stops from velocities (..., r)."""
         return np.asarray(np.clip(PEAK * (np.abs(v) / self.deceleration).max(axis=-1), MIN_STOP, MAX_STOP))
 
-    def beyond(self, p: Array, v: Array, net: ArrayLike = 0.0) -> Array:
-        """Mask (..., r) of joints that would leave their range in a stop, at a torque `net` (r,) above gravity."""
+    def beyond(self, p: Array, v: Array, net: ArrayLike = 0.0, acceleration: ArrayLike = 0.0) -> Array:
+        """Mask (..., r) of joints that would leave their range in a stop, at net torques and accelerations (r,)."""
         speed, sign = np.abs(v), np.sign(v)
-        pushing = np.maximum(sign * net, 0.0)
-        turning = 2.0 * self._period + 2.0 * pushing / self._rate
-        gained = self._gain * pushing * turning / 4.0
+        turning = 2.0 * self._period + 2.0 * np.maximum(sign * net, 0.0) / self._rate
+        gained = acceleration * turning / 4.0
         way = speed * turning + gained * turning + 0.5 * (speed + gained) * self.duration(speed + gained)[..., None]
         rest = p + sign * way
         return np.asarray(

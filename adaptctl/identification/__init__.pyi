@@ -3,4 +3,8 @@ from adaptctl.identification.drives_file import read_drives as read_drives
 from adaptctl.identification.identification import Identification as Identification
 from adaptctl.identification.identified_payload import IdentifiedPayload as IdentifiedPayload
 from adaptctl.identification.identify import identify as identify
+from adaptctl.identification.learned_payload import learned_payload as learned_payload
+from adaptctl.identification.learned_payload import mass_of_change as mass_of_change
+from adaptctl.identification.learned_payload import told as told
+from adaptctl.identification.learned_payload import told_numbers as told_numbers
 from adaptctl.identification.validation import Validation as Validation

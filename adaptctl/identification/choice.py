@@ -30,7 +30,8 @@ FIRST_WEIGHT = 10.0
 MIN_IMPROVEMENT = 0.01
 # Likewise a stronger prior, which makes the estimate less the logs' own.
 MIN_WEIGHT_IMPROVEMENT = 0.003
-# Largest residual of the consistent estimate over that of least squares on the same columns.
+# Residual of the consistent estimate over that of least squares on the same columns that a prior may cost for a little
+# better prediction; what costs more has to be better by MIN_IMPROVEMENT.
 MAX_MISFIT_RATIO = 1.03
 
 
@@ -80,7 +81,10 @@ def choose(
     settings = search.best([replace(settings, slow=s) for s in SLOW_CANDIDATES], "slow joints masked below", _slow)
     if weight is None:
         every = [replace(settings, weight=w) for w in WEIGHT_CANDIDATES]
-        settings = search.best(_allowed(evidence, every), "weight of the prior", _weight, MIN_WEIGHT_IMPROVEMENT)
+        near = _near(evidence, every)
+        settings = search.best(near, "weight of the prior", _weight, MIN_WEIGHT_IMPROVEMENT)
+        heavier = [s for s in every if s.weight > near[-1].weight]
+        settings = search.best([settings, *heavier], "weight of the prior, any misfit", _weight)
     return Choice(settings, tuple(search.trials))
 
 
@@ -144,7 +148,7 @@ def predicted_error(evidence: LogEvidence, settings: FitSettings) -> float:
     return float(np.sqrt(np.mean([squares[kind].sum() / sizes[kind].sum() for kind in kinds])))
 
 
-def _allowed(evidence: LogEvidence, tried: Sequence[FitSettings]) -> list[FitSettings]:
+def _near(evidence: LogEvidence, tried: Sequence[FitSettings]) -> list[FitSettings]:
     """Settings whose fit has at most 3 % more misfit than least squares, or than the lightest prior."""
     every = range(evidence.blocks)
     ratios = [_tried(lambda s: misfit_ratio(evidence, evidence.fit(s, every)), s) for s in tried]

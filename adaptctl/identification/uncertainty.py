@@ -12,6 +12,7 @@ from scipy.stats import norm, t
 
 from adaptctl.arrays import Array, positive_per_joint
 from adaptctl.control.adaptation import PriorRanges
+from adaptctl.control.excitation.deviations import least_squares_deviations
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, ReducedModel, States, essential_space, reduce
@@ -166,14 +167,6 @@ NOISE_SHARE = 0.02
 
 # Share of the largest joint's torque that every joint is taken to have at least.
 MIN_TORQUE_SHARE = 0.01
-# Floor under the lengths of columns times prior ranges, relative to the longest,
-# so that one of round-off alone stays short.
-MIN_COLUMN_RATIO = 1e-3
-# Share of the largest singular value up to which directions count as not excited. Round-off leaves
-# some 1e-16 and a poor motion 1e-3, so that nothing is near the bound; that of the certificates of rank is the same.
-UNEXCITED_RATIO = 1e-9
-# Component of a parameter in the unexcited directions that counts: they are known to round-off over UNEXCITED.
-UNEXCITED_COMPONENT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +193,7 @@ def forecast(mechanism: Mechanism, motion: RobotMotion, noise: ArrayLike | None 
     _, p, v, a, _ = motion.sampled(INDEPENDENT_ROW_RATE)
     expected = _expected(mechanism.inverse_dynamics(p, v, a)) if given is None else given
     Y = (model.torque_regressor(p, v, a) / expected[:, None]).reshape(-1, len(model.columns))
-    condition, deviations = _least_squares(Y, PriorRanges().for_parameters(model.names))
+    condition, deviations = least_squares_deviations(Y, PriorRanges().for_parameters(model.names))
     return Forecast(model, condition, deviations, tuple(combinations(Y.T @ Y, model.names)))
 
 
@@ -209,16 +202,3 @@ def _expected(torque: Array) -> Array:
     if not np.any(largest):
         raise InputError("noise: the motion needs no torque; give the expected residuals")
     return NOISE_SHARE * np.maximum(largest, MIN_TORQUE_SHARE * largest.max())
-
-
-def _least_squares(Y: Array, ranges: Array) -> tuple[float, Array]:
-    """Condition number of a scaled regressor (m, k), and the deviations (k,) that least squares leave."""
-    size = np.linalg.norm(Y, axis=0)
-    size = np.maximum(size, MIN_COLUMN_RATIO * (size * ranges).max() / ranges)
-    size[size == 0.0] = 1.0
-    _, values, directions = np.linalg.svd(Y / size, full_matrices=len(Y) < len(size))
-    rank = int(np.sum(values > UNEXCITED_RATIO * values[0]))
-    excited, not_excited = directions[:rank], directions[rank:]
-    found = np.linalg.norm(excited / values[:rank, None], axis=0) / size
-    found[np.linalg.norm(not_excited, axis=0) > UNEXCITED_COMPONENT] = np.inf
-    return float(values[0] / values[-1]) if rank == len(size) else np.inf, found

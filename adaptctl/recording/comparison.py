@@ -10,6 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array, checked, positive_number
 from adaptctl.caching import cached_property
+from adaptctl.control.excitation.torque_uncertainty import OPEN_SHARE, torque_uncertainty
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import error_unit, position_units
 from adaptctl.errors import InputError
@@ -549,6 +550,17 @@ class Comparison:
         """True values (k,) of the subject's estimates in SI units."""
         own = self.model.fundamental_parameters
         return own if self.truth_known else np.full_like(own, np.nan)
+
+    @cached_property
+    def is_open(self) -> tuple[bool, ...]:
+        """True for each of k parameters that the subject's motion hardly shows, above 1 % of `torque_uncertainty`."""
+        found = torque_uncertainty(self.model, self.subject.rollout, self.torque_limits)
+        return tuple((found > OPEN_SHARE).tolist())
+
+    @property
+    def open_names(self) -> tuple[str, ...]:
+        """Names of the parameters that the subject's motion hardly shows."""
+        return tuple(name for name, is_open in zip(self.model.names, self.is_open, strict=True) if is_open)
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -59,8 +59,8 @@ def drawings(comparison: Comparison) -> dict[str, Drawing]:
         ),
         "torque": ("Torques of the adaptive run. Shaded: beyond the limits.", torque),
         "parameters": (
-            "Estimates of the base parameters (solid), and their true values (dashed). "
-            "The scales differ; units are kg, kg·m and kg·m².",
+            "Estimates of the base parameters (solid), and their true values (dashed), the largest first. "
+            "Shaded: the motion hardly shows them. The scales differ; units are kg, kg·m and kg·m².",
             parameters,
         ),
         "spectrum": (
@@ -193,8 +193,11 @@ def parameters(comparison: Comparison) -> Figure:
     names, rollout, truth = comparison.model.names, comparison.subject.rollout, comparison.true_parameters
     every = thinned(len(rollout.time), MAX_DRAWN_SAMPLES // 6)
     figure, panels = small_multiples(len(names), columns=6, height=1.12, bottom=0.22)
-    for i, axes in panels:
-        _estimate(axes, rollout.time[every], rollout.estimate[every, i], truth[i])
+    sizes = np.abs(np.where(np.isnan(truth), rollout.estimate[-1], truth))
+    for (_, axes), i in zip(panels, np.argsort(-sizes, kind="stable").tolist(), strict=True):
+        low, high = _estimate(axes, rollout.time[every], rollout.estimate[every, i], truth[i])
+        if comparison.is_open[i]:
+            axes.axhspan(low, high, color=LIMIT.hex, alpha=0.4, linewidth=0)
         axes.set_title(f"{names[i]}", size=7.5, pad=3.0, y=1.0)  # to search for a place takes a third of the time
         if (ticks := getattr(axes, "yaxis", None)) is not None:  # a power of ten is opposite the title
             ticks.get_offset_text().set(x=1.0, ha="right", size=6.5)
@@ -247,13 +250,15 @@ def small_multiples(count: int, columns: int, height: float, bottom: float) -> t
     return figure, list(enumerate(axes[:count]))
 
 
-def _estimate(axes: Axes, time: Array, values: Array, truth: float) -> None:
+def _estimate(axes: Axes, time: Array, values: Array, truth: float) -> tuple[float, float]:
+    """Draw an estimate and its true value, and return the axis' range."""
     if not np.isnan(truth):
         axes.axhline(truth, color=TRUTH.hex, linestyle=(0, (3, 2)), linewidth=1.2)
     axes.plot(time, values, color=run_color(0).hex, linewidth=1.3)
     low, high = np.nanmin([values.min(), truth, 0.0]), np.nanmax([values.max(), truth, 0.0])
     margin = 0.12 * (high - low) or 1.0
     axes.set_ylim(low - margin, high + margin)
+    return low - margin, high + margin
 
 
 # Values below this share of the largest are drawn as this: they are round-off, or zero.

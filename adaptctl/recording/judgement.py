@@ -17,6 +17,8 @@ MAX_FINAL_ERROR = 1.0
 MAX_SATURATED_TIME = 2.0
 # Share of the error with adaptation off below which an error has come from learning.
 MAX_ERROR_RATIO = 0.9
+# At most so many names in one fact.
+FEW_NAMES = 3
 
 
 def judged(comparison: Comparison) -> Verdict:
@@ -165,6 +167,9 @@ def facts(comparison: Comparison) -> Iterator[Fact]:
     yield Fact("Peak torque", f"{number(100.0 * peak)} % of the limit")
     yield Fact("Steps at a torque limit", f"{comparison.limited_steps(subject):,} of {len(subject.rollout.time):,}")
     yield Fact("Parameters", parameters(comparison))
+    if names := comparison.open_names:
+        others = f" and {len(names) - FEW_NAMES} others" if len(names) > FEW_NAMES else ""
+        yield Fact("Hardly excited", f"{', '.join(names[:FEW_NAMES])}{others}")
     if (factor := subject.realtime_factor) is not None:
         yield Fact("Simulated", f"{number(factor)} times faster than real time")
 
@@ -194,4 +199,13 @@ CONVERGENCE = (
 
 def on_truth(comparison: Comparison) -> str:
     """Sentence on how near the estimates are to the true values, or that these are not known."""
-    return CONVERGENCE if comparison.truth_known else TRUTH_UNKNOWN
+    meaning = CONVERGENCE if comparison.truth_known else TRUTH_UNKNOWN
+    return f"{meaning} {open_words(comparison)}"
+
+
+def open_words(comparison: Comparison) -> str:
+    """Sentence on the parameters that the subject's motion hardly shows."""
+    names = comparison.open_names
+    if not names:
+        return "This motion shows all of them."
+    return f"This motion hardly shows {len(names)} of {len(comparison.model.names)}: {', '.join(names)}."

@@ -113,23 +113,21 @@ def persistent_excitation(
     if (joints := run.p.shape[1]) != model.mechanism.dof:
         raise InputError(f"run: expected {model.mechanism.dof} joints, as {model.mechanism.name} has, got {joints}")
     length = real_number(window, "window")
-    samples = round(length / run.control_period) if np.isfinite(length) else 0
+    samples = round(length / run.sample_time) if np.isfinite(length) else 0
     if not BLOCKS_PER_WINDOW <= samples <= count:
-        shortest, longest = BLOCKS_PER_WINDOW * run.control_period, count * run.control_period
+        shortest, longest = BLOCKS_PER_WINDOW * run.sample_time, count * run.sample_time
         raise InputError(f"window: expected a time from {shortest:g} s to the run's {longest:g} s, got {window}")
     rows = scaled_regressor(model, *_arguments(run, per_joint(bandwidth, model.mechanism.dof, "bandwidth")), scale)
     size = samples // BLOCKS_PER_WINDOW
-    blocks = rows[: count // size * size].reshape(count // size, -1, k) * np.sqrt(run.control_period)
+    blocks = rows[: count // size * size].reshape(count // size, -1, k) * np.sqrt(run.sample_time)
     factors = _triangular(blocks)
     for level in range(BLOCK_DOUBLINGS):
         # A factor of twice as many blocks from two that meet: small matrices throughout, whatever the window.
         factors = _triangular(np.concatenate((factors[: -(2**level)], factors[2**level :]), axis=1))
     values: Array = np.asarray(np.linalg.svd(factors, compute_uv=False), dtype=np.float64)
-    end = (np.arange(len(values), dtype=np.float64) + BLOCKS_PER_WINDOW) * size * run.control_period
+    end = (np.arange(len(values), dtype=np.float64) + BLOCKS_PER_WINDOW) * size * run.sample_time
     weakest = np.asarray(np.linalg.svd(_triangular(blocks.reshape(1, -1, k))[0])[2][-1])
-    return Excitation(
-        end, values[:, -1] ** 2, values[:, 0] ** 2, weakest, BLOCKS_PER_WINDOW * size * run.control_period
-    )
+    return Excitation(end, values[:, -1] ** 2, values[:, 0] ** 2, weakest, BLOCKS_PER_WINDOW * size * run.sample_time)
 
 
 def _triangular(rows: Array) -> Array:
