@@ -9,7 +9,7 @@ DOCS := docs/_build/html
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: architecture help demo test test-nightly search golden bench gallery sdist figures check-stability check-export check-page check-pages check-examples check-learners check-neighbours check-robots check-drive mutants lint types docs format contest licences audit lock clean
+.PHONY: architecture help demo test test-nightly search golden bench gallery sdist figures check-stability check-export check-page check-pages check-examples check-data check-learners check-neighbours check-robots check-drive mutants lint types docs format contest licences audit lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-15s %s\n", $$1, $$2}' Makefile
@@ -77,6 +77,14 @@ check-neighbours: ## check bases against figaroh's and Drake's own regressors, i
 	.venv-neighbours/bin/pip install --quiet figaroh drake || true
 	PYTHONPATH=. .venv-neighbours/bin/python tests/check_neighbours.py
 
+check-data: ## ask DuckDB and rerun's catalog for the best law of a hundred runs, and LeRobot for a data set, in .venv-data and .venv-lerobot; five minutes
+	test -x .venv-data/bin/python || $(PYTHON) -m venv .venv-data
+	.venv-data/bin/pip install --quiet --require-hashes --no-deps --only-binary :all: -r requirements.lock
+	.venv-data/bin/pip install --quiet duckdb 'rerun-sdk[catalog]' || true
+	test -x .venv-lerobot/bin/python || $(PYTHON) -m venv .venv-lerobot
+	.venv-lerobot/bin/pip install --quiet lerobot || true
+	PYTHONPATH=.:tests .venv-data/bin/python tests/check_data.py
+
 check-learners: ## run the documented recipes for PPO, SAC and residual learning, in .venv-learn; 20 minutes (RECIPES="ppo sac" for some)
 	test -x .venv-learn/bin/python || $(PYTHON) -m venv .venv-learn
 	.venv-learn/bin/python -c 'import torch, stable_baselines3' 2> /dev/null || .venv-learn/bin/pip install --quiet torch stable-baselines3 || true
@@ -121,7 +129,7 @@ lock: ## update the locked dependencies in requirements.lock
 		--no-emit-index-url --no-emit-find-links --no-header --quiet -o requirements.lock
 
 clean: ## remove installed and built files; results/ is kept
-	rm -rf .venv .venv-lock .venv-learn .venv-neighbours build dist *.egg-info docs/_build
+	rm -rf .venv .venv-lock .venv-learn .venv-neighbours .venv-data .venv-lerobot build dist *.egg-info docs/_build
 
 # Asked first: with a Python that is too old, pip would only say that it finds no matching distribution.
 $(STAMP): requirements.lock pyproject.toml

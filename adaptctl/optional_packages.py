@@ -21,6 +21,7 @@ DISTRIBUTIONS = {
     "distributed": "'adaptctl[sweep]'",
     "jinja2": "'adaptctl[report]'",
     "matplotlib": "'adaptctl[report]'",
+    "mcap": "'adaptctl[logs]'",
     "mujoco": "'adaptctl[mujoco]'",
     "optuna": "'adaptctl[search]'",
     "pinocchio": "pin",

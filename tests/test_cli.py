@@ -84,7 +84,7 @@ print("loaded", [name for name in {HEAVY!r} if name in sys.modules])
             ("bases",),
             'Unknown command "bases". Did you mean "basis"? Available commands: new, basis, gains,',
         ),
-        (("experiment",), "a command is missing: run, list, compare; see adaptctl experiment --help"),
+        (("experiment",), "a command is missing: run, list, compare, convert; see adaptctl experiment --help"),
         (("experiment", "lst"), 'Unknown command "lst". Did you mean "list"?'),
         (("experiment", "list", "x"), "'x': no argument of this command. See adaptctl experiment list --help"),
         (("experiment", "run"), "a command is missing: puma560-adaptive, semi-direct-drive-adaptive, "),

@@ -14,7 +14,8 @@ from comparisons import comparison
 
 from adaptctl.cli.main import main
 from adaptctl.dynamics import load
-from adaptctl.recording.compared_report import drawings, read_traces
+from adaptctl.recording.compared_report import drawings
+from adaptctl.recording.finished_trace import read_traces
 from adaptctl.recording.summary import summary
 from adaptctl.recording.trace import write_trace
 

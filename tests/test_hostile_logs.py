@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 import rerun as rr
 from backports import zstd
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -21,6 +22,7 @@ from adaptctl.errors import FileError
 from adaptctl.identification.complete_rows import complete_rows
 from adaptctl.identification.log_files import read_log
 from adaptctl.logs import isolated
+from adaptctl.logs.foxglove import read_mcap
 from adaptctl.logs.lerobot import read_lerobot
 from adaptctl.logs.ros_bag import read_ros_bag
 
@@ -82,6 +84,42 @@ def recording(path: Path) -> Path:
             stream.log(f"effort/{name}", rr.Scalars([np.cos(t), 2.0 * t][j]))
     stream.disconnect()
     return path
+
+
+def foxglove(path: Path, encoding: str = "json", topics: tuple[str, ...] = ("/arm",)) -> Path:
+    """Joint states by Foxglove's schema, as its documentation has them."""
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start()
+        schema = writer.register_schema("foxglove.JointStates", "jsonschema", b"{}")
+        channels = [writer.register_channel(topic, encoding, schema) for topic in topics]
+        for i, t in enumerate(T):
+            joints = [
+                {"name": name, "position": [np.sin(t), t][j], "effort": [np.cos(t), 2.0 * t][j]}
+                for j, name in enumerate(NAMES)
+            ]
+            stamp = {"sec": 1_726_000_000 + i // 100, "nsec": i % 100 * 10_000_000}
+            data = json.dumps({"timestamp": stamp, "joints": joints}).encode()
+            for channel in channels:
+                writer.add_message(channel, 10_000_000 * i, data, 10_000_000 * i)
+        writer.finish()
+    return path
+
+
+def test_joint_states_of_foxglove_are_read(tmp_path: Path) -> None:
+    log = read_mcap(foxglove(tmp_path / "log.mcap"))
+    assert list(log.columns) == ["time", *(f"{what}.{name}" for what in ("position", "effort") for name in NAMES)]
+    np.testing.assert_allclose(log.columns["time"], T, atol=1e-9)
+    np.testing.assert_array_equal(log.columns["effort.elbow"], 2.0 * T)
+    assert log.units["effort.elbow"] == "N m"
+    two = foxglove(tmp_path / "two.mcap", topics=("/left", "/right"))
+    assert len(read_mcap(two, "/right")) == COUNT
+    with pytest.raises(FileError, match="several joint-state topics: /left, /right; select one with --topic"):
+        read_mcap(two)
+    with pytest.raises(FileError, match="no joint-state topic /none; topics: /left, /right"):
+        read_mcap(two, "/none")
+    with pytest.raises(FileError, match="/arm is encoded as protobuf; Foxglove's joint states are read as JSON"):
+        read_mcap(foxglove(tmp_path / "other.mcap", "protobuf"))
 
 
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
@@ -221,6 +259,7 @@ def real(tmp_path: Path) -> Iterator[Path]:
     lerobot(tmp_path / "set", V3, FILE)
     yield tmp_path / "set" / FILE
     yield recording(tmp_path / "log.rrd")
+    yield foxglove(tmp_path / "foxglove.mcap")
 
 
 def test_mutated_files_are_read_or_refused_in_one_line(tmp_path: Path) -> None:

@@ -275,7 +275,7 @@ def test_ros_bags_are_read(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="no joint-state topic /nothing; topics: /joint_states"):
         read_log(tmp_path / "bag", "/nothing")
     (tmp_path / "bad.mcap").write_bytes(b"nonsense")
-    with pytest.raises(FileError, match=r"bad\.mcap: cannot be read as a ROS bag"):
+    with pytest.raises(FileError, match=r"bad\.mcap: cannot be read as MCAP \(not a valid MCAP file"):
         read_log(tmp_path / "bad.mcap")
 
 

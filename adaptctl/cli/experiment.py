@@ -6,6 +6,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -93,6 +94,55 @@ def compare(*folders: Path, out: Path | None = None, overwrite: bool = False, js
     print_parts([settings if found.differences else "All settings are the same.", errors])
     if out is not None:
         print(f"\nReport: {out / 'report.html'}")
+
+
+class RunFormat(Enum):
+    """Formats that finished runs are written in."""
+
+    MCAP = "mcap"
+    LEROBOT = "lerobot"
+
+
+@app.command
+def convert(*folders: Path, to: RunFormat, out: Path | None = None, overwrite: bool = False) -> None:
+    """
+    Write finished runs for other tools: MCAP with a Foxglove layout, or a LeRobot data set.
+
+    Parameters
+    ----------
+    folders : Path
+        Results folders.
+    to : Form
+        mcap for recording.mcap and foxglove.json in each folder; lerobot for
+        one data set (v3.0) of runs of one robot, an episode each.
+    out : Path
+        Folder of the data set.
+    overwrite : bool
+        Overwrite a data set that is not empty.
+    """
+    from adaptctl.recording.finished_trace import read_traces
+
+    traces = read_traces(folders)
+    if not traces:
+        raise InputError("expected at least one results folder")
+    if to is RunFormat.MCAP:
+        from adaptctl.recording.mcap_file import LAYOUT, MCAP, write_layout, write_mcap
+
+        if out is not None:
+            raise InputError("--out: MCAP is written beside each recording; leave it out")
+        for folder, trace in zip(folders, traces, strict=True):
+            write_mcap(folder / MCAP, trace)
+            write_layout(folder / LAYOUT, trace)
+            print(f"{folder / MCAP}, shown with the layout {folder / LAYOUT}")
+        return
+    from adaptctl.folders import replacing_folder
+    from adaptctl.recording.lerobot_set import write_lerobot
+
+    if out is None:
+        raise InputError("--out: expected the folder of the data set")
+    with replacing_folder(out, overwrite) as place:
+        write_lerobot(place, traces)
+    print(f"{out}: {len(traces)} episodes")
 
 
 def offer_own(given: Sequence[str]) -> None:

@@ -53,6 +53,9 @@ def _read(path: str | Path, topic: str | None) -> LogTable:
 def _read_bag(path: str | Path, topic: str | None) -> LogTable:
     from importlib.util import find_spec
 
-    if find_spec("rosbags") is None:
-        raise MissingExtraError("ROS bags need rosbags: pip install 'adaptctl[logs]'")
-    return read_isolated("ros_bag:read_ros_bag", path, *([] if topic is None else [topic]))
+    is_mcap = Path(path).suffix.lower() == ".mcap"
+    for name in ("rosbags", "mcap") if is_mcap else ("rosbags",):
+        if find_spec(name) is None:
+            raise MissingExtraError(f"ROS bags and MCAP need {name}: pip install 'adaptctl[logs]'")
+    reader = "foxglove:read_mcap" if is_mcap else "ros_bag:read_ros_bag"
+    return read_isolated(reader, path, *([] if topic is None else [topic]))

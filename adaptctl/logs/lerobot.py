@@ -53,7 +53,8 @@ def read_lerobot(path: str | Path) -> LogTable:
     except pa.ArrowException as error:
         raise FileError(f"{path}: its files have other columns than each other ({printable(str(error))})") from error
     validate_size(path, whole.num_rows, whole.num_columns)
-    return _named(arrow_table(str(path), whole), names)
+    units = {name: unit for (feature, i), name in names.items() if (unit := _unit(features[feature], i))}
+    return _named(arrow_table(str(path), whole), names, units)
 
 
 def _info(folder: Path) -> dict[str, Any]:
@@ -118,6 +119,13 @@ def _joints(about: dict[str, Any]) -> Iterator[str]:
         yield from (str(i + 1) for i in range(size))
 
 
+def _unit(about: dict[str, Any], place: int) -> str:
+    """Unit of a feature's place, where its entry has a list `units`, as this package writes it."""
+    units = about.get("units")
+    unit = units[place] if isinstance(units, list) and place < len(units) else None
+    return unit if isinstance(unit, str) else ""
+
+
 def _kind(word: str) -> str | None:
     return next((kind for kind, words in KINDS.items() if word.lower() in words), None)
 
@@ -130,7 +138,7 @@ def _of_feature(feature: str) -> str | None:
     return "position" if words == ["state"] else told
 
 
-def _named(log: LogTable, names: dict[tuple[str, int], str]) -> LogTable:
+def _named(log: LogTable, names: dict[tuple[str, int], str], units: dict[str, str]) -> LogTable:
     """Table with time, episodes and the columns of the joints."""
     columns = {"time": log.columns["timestamp"]} if "timestamp" in log.columns else {}
     columns |= {"episode_index": log.columns["episode_index"]} if "episode_index" in log.columns else {}
@@ -140,4 +148,4 @@ def _named(log: LogTable, names: dict[tuple[str, int], str]) -> LogTable:
             columns[name] = values
     if not any(name.startswith("effort.") for name in columns):
         raise FileError(f"{log.source}: its files lack the efforts that {INFO} names")
-    return whole_stamps(LogTable(log.source, columns, {"time": "s"}))
+    return whole_stamps(LogTable(log.source, columns, {"time": "s"} | units))

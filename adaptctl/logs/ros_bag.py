@@ -34,6 +34,11 @@ def read_ros_bag(path: str | Path, topic: str | None = None) -> LogTable:
     except Exception as error:  # the package reads damaged bags without checks: any error may come of their bytes
         told = (str(error) or type(error).__name__).splitlines()[0]
         raise FileError(f"{path}: cannot be read as a ROS bag ({told})") from error
+    return joint_table(path, messages)
+
+
+def joint_table(path: str | Path, messages: list[tuple[int, Any]]) -> LogTable:
+    """Table of stamped messages as JointState has them."""
     if not messages:
         raise FileError(f"{path}: has 0 joint states; expected 1 to {MAX_ROWS}")
     messages, notes = _of_one_robot(path, messages)

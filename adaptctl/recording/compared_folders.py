@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
-from adaptctl.dynamics.joint_units import either
 from adaptctl.errors import FileError, InputError
-from adaptctl.recording.result import SUMMARY, TRACE
+from adaptctl.recording.finished_trace import error_unit
+from adaptctl.recording.result import SUMMARY
 from adaptctl.recording.run_table import Summary, read_summary
 
 SCHEMA = "adaptctl/comparison/2"
-MAX_SAMPLES = 1_000_000
-"""rows of a trace; experiments have at most 300,000"""
 
 
 class Difference(NamedTuple):
@@ -140,37 +134,13 @@ def summary_of(folder: Path) -> Summary:
     return read_summary(path)
 
 
-def read_trace(folder: str | Path) -> pa.Table:
-    """Table of all samples of a finished experiment's first run, else `FileError`."""
-    with _opened_trace(Path(folder) / TRACE) as file:
-        return file.read()
-
-
-@contextmanager
-def _opened_trace(path: Path) -> Iterator[pq.ParquetFile]:
-    try:
-        with pq.ParquetFile(path) as file:
-            if file.metadata.num_rows > MAX_SAMPLES:
-                raise FileError(f"{path}: {file.metadata.num_rows} rows are more than an experiment has")
-            yield file
-    except (OSError, pa.ArrowException) as error:
-        reason = str(error).splitlines()[0]
-        raise FileError(f"{path}: cannot be read ({reason}); run the experiment again") from error
-
-
 def _common_unit(folders: Sequence[str | Path]) -> str:
     """Unit of the errors; `InputError` where they have no ratio."""
-    units = [_error_unit(folder) for folder in folders]
+    units = [error_unit(folder) for folder in folders]
     if len(set(units)) > 1:
         each = (f"{folder}: {unit}" for folder, unit in zip(folders, units, strict=True))
         raise InputError(f"errors in different units cannot be compared ({'; '.join(each)})")
     return units[0]
-
-
-def _error_unit(folder: str | Path) -> str:
-    with _opened_trace(Path(folder) / TRACE) as file:
-        fields = [field for field in file.schema_arrow if field.name.startswith("error.")]
-    return either((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
 
 
 def _differences(summaries: Sequence[Summary]) -> list[Difference]:

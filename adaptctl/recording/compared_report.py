@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from adaptctl.arrays import Array
-from adaptctl.recording.compared_folders import ComparedFolders, read_trace
+from adaptctl.recording.compared_folders import ComparedFolders
 from adaptctl.recording.comparison import moving_rms
 from adaptctl.recording.drawing import Drawing, run_style, sheet, thinned
 from adaptctl.recording.figures import AVERAGING_TIME, MAX_DRAWN_SAMPLES, small_multiples
+from adaptctl.recording.finished_trace import FinishedTrace, read_traces
 from adaptctl.recording.page import Part, Report, Section, Table
 
 if TYPE_CHECKING:
-    import pyarrow as pa
     from matplotlib.figure import Figure
 
 PER_JOINT = {"error": "Tracking error of each joint", "applied": "Torque of each joint", "estimate": "Estimates"}
@@ -25,35 +22,6 @@ PER_JOINT = {"error": "Tracking error of each joint", "applied": "Torque of each
 DRAWN = MAX_DRAWN_SAMPLES // 3
 """samples of a small panel's curve"""
 MAX_PANELS = 60
-
-
-class Trace(NamedTuple):
-    """Samples of a folder's first run."""
-
-    label: str
-    table: pa.Table
-
-    @property
-    def time(self) -> Array:
-        """Times (T,) in s."""
-        return self.column("time")
-
-    @property
-    def run(self) -> str:
-        """Name of the controller's run."""
-        return str((self.table.schema.metadata or {}).get(b"run", b"").decode())
-
-    def column(self, name: str) -> Array:
-        """Values (T,) of a column."""
-        return np.asarray(self.table[name].to_numpy())
-
-    def names(self, kind: str) -> list[str]:
-        """Names of the columns of a kind."""
-        return [name for name in self.table.column_names if name.startswith(f"{kind}.")]
-
-    def unit(self, name: str) -> str:
-        """Unit of a column."""
-        return str((self.table.schema.field(name).metadata or {}).get(b"unit", b"").decode())
 
 
 def write_compared(folder: str | Path, compared: ComparedFolders) -> Path:
@@ -100,39 +68,33 @@ def _errors(compared: ComparedFolders) -> Table:
     return Table(("controller", *compared.folders), rows, note=note, align="l" + "r" * len(compared.folders))
 
 
-def read_traces(folders: Iterable[str | Path]) -> list[Trace]:
-    """Traces of finished experiments, else `FileError`."""
-    return [Trace(str(folder), read_trace(folder)) for folder in folders]
-
-
-def drawings(traces: Sequence[Trace]) -> Iterator[Drawing]:
+def drawings(traces: Sequence[FinishedTrace]) -> Iterator[Drawing]:
     """Figures of traces over each other; joint by joint where all have the same joints."""
-    runs = ", ".join(dict.fromkeys(trace.run for trace in traces))
+    runs = ", ".join(dict.fromkeys(trace.entry("run") for trace in traces))
     caption = f"RMS error of all joints, averaged over {AVERAGING_TIME:g} s, of the controller {runs}."
     yield Drawing("tracking-error", caption, partial(_tracking_error, traces), plain=True)
     for kind, caption in PER_JOINT.items():
         names = traces[0].names(kind)
         if 0 < len(names) <= MAX_PANELS and all(trace.names(kind) == names for trace in traces):
-            yield Drawing(kind, f"{caption}.", partial(_each, traces, names), plain=True)
+            yield Drawing(kind, f"{caption}.", partial(_each, traces, [f"{kind}.{name}" for name in names]), plain=True)
 
 
-def _tracking_error(traces: Sequence[Trace]) -> Figure:
+def _tracking_error(traces: Sequence[FinishedTrace]) -> Figure:
     """Figure of the root mean square errors of the first runs."""
     figure = sheet(4.2)
     axes = figure.subplots()
     for i, trace in enumerate(traces):
-        errors, time = np.stack([trace.column(name) for name in trace.names("error")], axis=-1), trace.time
-        every = thinned(len(time), MAX_DRAWN_SAMPLES)
-        values = 1e3 * moving_rms(errors, AVERAGING_TIME, time[1] - time[0] if len(time) > 1 else AVERAGING_TIME)
-        axes.semilogy(time[every], values[every], **run_style(i), linewidth=1.8, label=trace.label)
+        time, every = trace.time, thinned(len(trace.time), MAX_DRAWN_SAMPLES)
+        values = 1e3 * moving_rms(trace.columns("error"), AVERAGING_TIME, trace.sample_time)
+        axes.semilogy(time[every], values[every], **run_style(i), linewidth=1.8, label=trace.folder)
     axes.set_xlabel("time [s]")
-    axes.set_ylabel(f"RMS tracking error [m{traces[0].unit(traces[0].names('error')[0])}]")
+    axes.set_ylabel("RMS tracking error [mrad or mm]")
     axes.set_xlim(0.0, max(trace.time[-1] for trace in traces))
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3)
     return figure
 
 
-def _each(traces: Sequence[Trace], names: Sequence[str]) -> Figure:
+def _each(traces: Sequence[FinishedTrace], names: Sequence[str]) -> Figure:
     """Figure with a panel for each of some columns, and a curve for each trace."""
     figure, panels = small_multiples(len(names), columns=3, height=1.75, bottom=0.48)
     for j, axes in panels:

@@ -56,7 +56,7 @@ def saved_stream(
     content: bytes,
     blueprint: rrb.Blueprint,
     mechanism: Mechanism | None = None,
-    properties: Mapping[str, str | float | bool] = MappingProxyType({}),
+    properties: Mapping[str, str | float | bool | list[Any]] = MappingProxyType({}),
 ) -> Iterator[rr.RecordingStream]:
     """Context manager with a recording stream that becomes a file, whole or not at all."""
     checksum = hashlib.sha256(content).hexdigest()

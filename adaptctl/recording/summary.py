@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict
 from typing import Any
 
@@ -12,6 +13,7 @@ from adaptctl.recording.judgement import judged
 from adaptctl.version import __version__
 
 SCHEMA = "adaptctl/summary/3"
+OF_RUNS = ("law", "prior_knowledge", "first_rms_error", "final_rms_error")
 VARYING = ("schema", "wall_time", "realtime_factor")  # not in recordings, so that equal runs give equal ones
 
 
@@ -51,13 +53,19 @@ def summary(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def properties(comparison: Comparison) -> dict[str, str | float | bool]:
-    """Numbers and texts of the summary that a recording carries; settings as JSON."""
+def properties(comparison: Comparison) -> dict[str, str | float | bool | list[Any]]:
+    """Numbers and texts of the summary that a recording carries; settings as JSON, each controller's in lists."""
     content = summary(comparison)
     faults, settings = content["verdict"]["faults"], json.dumps(content["settings"], ensure_ascii=False)
     plain = {name: x for name, x in content.items() if isinstance(x, str | float | bool | int) and name not in VARYING}
     told = {"passed": content["verdict"]["passed"], "faults": "; ".join(one["sentence"] for one in faults)}
-    return plain | told | {"settings": settings}
+    runs = {f"runs_{name}": [_listed(run[name]) for run in content["runs"].values()] for name in OF_RUNS}
+    return plain | told | {"settings": settings, "runs": list(content["runs"])} | runs
+
+
+def _listed(value: str | float | None) -> str | float:
+    """Value of a list in a recording, which has no null."""
+    return math.nan if value is None else value
 
 
 def _estimated(comparison: Comparison) -> dict[str, dict[str, float | None]]:
