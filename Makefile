@@ -77,10 +77,10 @@ check-neighbours: ## check bases against figaroh's and Drake's own regressors, i
 	.venv-neighbours/bin/pip install --quiet figaroh drake || true
 	PYTHONPATH=. .venv-neighbours/bin/python tests/check_neighbours.py
 
-check-data: ## ask DuckDB and rerun's catalog for the best law of a hundred runs, and LeRobot for a data set, in .venv-data and .venv-lerobot; five minutes
+check-data: ## try runs in DuckDB, rerun's catalog, LeRobot, Minari and moviepy, in .venv-data and .venv-lerobot; five minutes
 	test -x .venv-data/bin/python || $(PYTHON) -m venv .venv-data
 	.venv-data/bin/pip install --quiet --require-hashes --no-deps --only-binary :all: -r requirements.lock
-	.venv-data/bin/pip install --quiet duckdb 'rerun-sdk[catalog]' || true
+	.venv-data/bin/pip install --quiet duckdb moviepy 'minari[create]' 'rerun-sdk[catalog]' || true
 	test -x .venv-lerobot/bin/python || $(PYTHON) -m venv .venv-lerobot
 	.venv-lerobot/bin/pip install --quiet lerobot || true
 	PYTHONPATH=.:tests .venv-data/bin/python tests/check_data.py

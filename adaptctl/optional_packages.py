@@ -22,6 +22,8 @@ DISTRIBUTIONS = {
     "jinja2": "'adaptctl[report]'",
     "matplotlib": "'adaptctl[report]'",
     "mcap": "'adaptctl[logs]'",
+    "minari": "'adaptctl[data]'",
+    "moviepy": "'adaptctl[video]'",
     "mujoco": "'adaptctl[mujoco]'",
     "optuna": "'adaptctl[search]'",
     "pinocchio": "pin",

@@ -13,10 +13,12 @@ from adaptctl.envs.many.vector_tracking import (
     SemiDirectDriveVectorTrackingEnv,
     VectorTrackingEnv,
 )
+from adaptctl.envs.minari_set import write_minari
 from adaptctl.envs.mujoco_tracking import MuJoCoTrackingEnv
 from adaptctl.envs.random_reference import random_sinusoids
 from adaptctl.envs.task import RewardWeights
 from adaptctl.envs.tracking import TrackingEnv
+from adaptctl.envs.video import VideoRecorder
 from adaptctl.simulation.effects import Payload
 
 __all__ = [
@@ -36,21 +38,25 @@ __all__ = [
     "TuningEnv",
     "TuningVectorEnv",
     "VectorTrackingEnv",
+    "VideoRecorder",
     "baselines",
     "random_sinusoids",
+    "write_minari",
 ]
 
 # The environments check actions and the order of calls themselves, so the wrappers that do are left out: at
 # a step of some 20 microseconds they would cost more than the physics.
-for _id, _kind, _module in (
-    ("adaptctl/Puma560Tracking-v0", "Puma560", "built_in"),
-    ("adaptctl/SemiDirectDriveTracking-v0", "SemiDirectDrive", "built_in"),
-    ("adaptctl/Tracking-v0", "", "tracking"),
+# Thresholds are returns of Slotine and Li's law from zero estimates (see `baselines`), where the task is one.
+for _id, _kind, _module, _threshold in (
+    ("adaptctl/Puma560Tracking-v0", "Puma560", "built_in", -33.3),
+    ("adaptctl/SemiDirectDriveTracking-v0", "SemiDirectDrive", "built_in", -14.3),
+    ("adaptctl/Tracking-v0", "", "tracking", None),
 ):
     register(
         _id,
         f"adaptctl.envs.{_module}:{_kind}TrackingEnv",
         vector_entry_point=f"adaptctl.envs.many.vector_tracking:{_kind}VectorTrackingEnv",
+        reward_threshold=_threshold,
         order_enforce=False,
         disable_env_checker=True,
     )
@@ -62,11 +68,15 @@ register(
     disable_env_checker=True,
 )
 
-for _id, _name in (("adaptctl/Puma560Learning-v0", "puma560_learning"), ("adaptctl/Learning-v0", "learning")):
+for _id, _name, _threshold in (
+    ("adaptctl/Puma560Learning-v0", "puma560_learning", -1.8),
+    ("adaptctl/Learning-v0", "learning", None),
+):
     register(
         _id,
         f"adaptctl.envs.learning:{_name}",
         vector_entry_point=f"adaptctl.envs.learning:many_{_name}",
+        reward_threshold=_threshold,
         order_enforce=False,
         disable_env_checker=True,
     )

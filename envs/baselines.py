@@ -36,7 +36,7 @@ def baselines(env: Any, *, episodes: int = 1, seed: int = 0) -> dict[str, float]
     -------
     dict
         Mean returns by name: "zero torque", "PD", "PD with gravity" and "computed torque" (both by the true parameters)
-        and "Slotine-Li from nothing" (adaptive, with an initial estimate of zero).
+        and "Slotine-Li from zero estimates" (adaptive).
 
     Raises
     ------

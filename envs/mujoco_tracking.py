@@ -48,8 +48,8 @@ class MuJoCoTrackingEnv(TrackingEnv):
         Error of the positions at the start in rad (m), one number or (r,). Zero starts on the reference.
     torque_limits : array_like, optional
         Limits in N m (N), one number or (r,). Default: as in `TrackingEnv`.
-    render_mode : {"rgb_array"}, optional
-        Way to render. Default: no images.
+    render_mode : {"human", "rgb_array"}, optional
+        As in `TrackingEnv`. Default: neither.
 
     Raises
     ------

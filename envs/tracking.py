@@ -44,6 +44,7 @@ from adaptctl.simulation.transmission import Transmission
 
 if TYPE_CHECKING:
     from adaptctl.envs.rendering import Renderer
+    from adaptctl.recording.live import Live
 
 MAX_OBSERVATION = 1e6
 """Bound of observations, which Gymnasium wants finite."""
@@ -86,8 +87,9 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     effects : iterable of Effect, default ()
         Delays, limits, friction, sensors and loads of `adaptctl.simulation.effects`, in any order. Default: none, an
         ideal robot.
-    render_mode : {"rgb_array"}, optional
-        Way to render. Default: no images.
+    render_mode : {"human", "rgb_array"}, optional
+        "human" shows each step in the rerun viewer on this computer, "rgb_array" has `render` return images. Default:
+        neither.
 
     Raises
     ------
@@ -165,7 +167,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     ((14,), 0.001)
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 1000.0}  # noqa: RUF012  # Gymnasium's way
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 1000.0}  # noqa: RUF012  # Gymnasium's way
 
     def __init__(
         self,
@@ -221,6 +223,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self._set_render_mode(render_mode)
         self._episode: RunningEpisode | None = None
         self._renderer: Renderer | None = None
+        self._live: Live | None = None
 
     @property
     def reference(self) -> Reference:
@@ -264,6 +267,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         """
         started = self._started(seed, options)
         self.plant.compile()
+        self._show(started, np.zeros(self.plant.dof))
         return self._observation(started), self._info(started.parameters, started.state, 0, 0)
 
     def _started(self, seed: int | None, options: dict[str, Any] | None) -> RunningEpisode:
@@ -312,6 +316,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         rewards, over = self._judged(state.q, state.v, self._reference(episode), state.applied_torque)
         reward, terminated, truncated = float(rewards), bool(over), episode.step >= self.steps
         episode.over = terminated or truncated
+        self._show(episode, state.applied_torque)
         info = self._info(episode.parameters, state, episode.step, episode.clipped)
         return self._observation(episode), reward, terminated, truncated, info
 
@@ -322,7 +327,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         Returns
         -------
         ndarray or None
-            RGB image (480, 640, 3), uint8; None, with a warning of Gymnasium, without a render mode.
+            RGB image (480, 640, 3), uint8; None in the mode "human", where `step` shows the robot; None without a mode,
+            with a warning of Gymnasium.
 
         Raises
         ------
@@ -332,6 +338,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         episode = self._running("render")
         if self.render_mode is None:
             gymnasium.logger.warn("render: set a mode when creating the environment: render_mode='rgb_array'")
+        if self.render_mode != "rgb_array":
             return None
         if self._renderer is None:
             from adaptctl.envs.rendering import Renderer
@@ -339,6 +346,23 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             self._renderer = Renderer(self.mechanism)
         goal = episode.preview.row(episode.step)[: self.plant.dof]
         return self._renderer.image(episode.state.p, goal, episode.step * self.control_period)
+
+    def close(self) -> None:
+        """End the live view of the mode "human", when its samples are drawn."""
+        if self._live is not None:
+            self._live.close()
+            self._live = None
+
+    def _show(self, episode: RunningEpisode, torque: Array) -> None:
+        """Show a step live in the mode "human"."""
+        if self.render_mode != "human":
+            return
+        if self._live is None:
+            from adaptctl.recording.live import CURRENT, Live
+
+            self._live = Live(self.mechanism, CURRENT.get())
+        goal = episode.preview.row(episode.step)[: self.plant.dof]
+        self._live.show(episode.step * self.control_period, episode.state.p, goal, torque)
 
     def episode(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Episode:
         """

@@ -2,7 +2,8 @@
 
 A hundred runs of five robots are asked for the best law of each robot, by DuckDB from runs.parquet and by rerun's
 catalog from the recordings: both answer the same within a second. LeRobot opens a data set in an environment of its
-own. Names each tool that is missing, with the command that brings it.
+own, Minari one of an expert and a learning controller, and moviepy a video. Names each tool that is missing, with the
+command that brings it.
 """
 
 from __future__ import annotations
@@ -15,18 +16,24 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 from comparisons import comparison
 
+import adaptctl
+from adaptctl.control import ComputedTorque
 from adaptctl.dynamics import load
+from adaptctl.envs import VideoRecorder, write_minari
 from adaptctl.errors import PhysicalConsistencyWarning
 from adaptctl.files import write_json
 from adaptctl.folders import made_folder
+from adaptctl.identifiability import ReducedModel
 from adaptctl.recording import ControllerRun
 from adaptctl.recording.finished_trace import read_trace
 from adaptctl.recording.lerobot_set import write_lerobot
@@ -35,6 +42,7 @@ from adaptctl.recording.rerun_recording import write_recording
 from adaptctl.recording.run_table import RUN_TABLE, find_runs
 from adaptctl.recording.summary import summary
 from adaptctl.recording.trace import write_trace
+from adaptctl.simulation import rollout
 
 ROBOTS, SEEDS = ("two_link", "puma560_arm3", "puma560_measured", "semi_direct_drive", "puma560"), 20
 LAWS = ("SlotineLi + Gradient", "SlotineLi + Composite", "SlotineLi + GuardedLearning")
@@ -149,10 +157,42 @@ def check_lerobot(folder: Path) -> Iterator[str]:
         yield f"lerobot: {frames} frames of {episodes} episodes, differences of {off:g}"
 
 
+def check_episodes(folder: Path) -> Iterator[str]:
+    """Failures of Minari with episodes of two controllers, and of moviepy with a video of one."""
+    arm = load("two_link")
+    tuning = adaptctl.tune(arm)
+    laws = {"expert": ComputedTorque(arm, 8.0), "learning": tuning.controller(ReducedModel(arm))}
+    settings: dict[str, Any] = {"robot": arm, "reference": tuning.reference, "duration": 0.4}
+    if find_spec("minari") is None:
+        yield "minari is missing: .venv-data/bin/pip install 'minari[create]'"
+    else:
+        os.environ["MINARI_DATASETS_PATH"] = str(folder / "minari")
+        import minari
+
+        write_minari("adaptctl/two_link/mixed-v0", gymnasium.make("adaptctl/Tracking-v0", **settings), laws)
+        returns = [one.rewards.sum() for one in minari.load_dataset("adaptctl/two_link/mixed-v0").iterate_episodes()]
+        print(f"minari: returns of an expert and a learning episode {returns[0]:.4f} and {returns[1]:.4f}")
+        if len(returns) != 2 or not 0.0 > returns[0] > returns[1]:
+            yield f"minari: returns {returns}"
+    if find_spec("moviepy") is None:
+        yield "moviepy is missing: .venv-data/bin/pip install moviepy"
+        return
+    from moviepy import VideoFileClip
+
+    env = gymnasium.make("adaptctl/Tracking-v0", render_mode="rgb_array", **settings)
+    with closing(VideoRecorder(env, folder / "videos")) as recorder:
+        rollout(recorder, laws["expert"], seed=0)
+    with VideoFileClip(str(folder / "videos" / "episode-0.mp4")) as clip:
+        print(f"moviepy: {clip.duration:.2f} s at {clip.fps:g} frames per second, {clip.size}")
+        if abs(clip.duration - 11 / 25) > 0.05 or clip.size != [640, 480]:
+            yield f"moviepy: {clip.duration} s of {clip.size}"
+
+
 def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         failures = list(check_queries(made_folder(Path(folder) / "runs")))
         failures += check_lerobot(made_folder(Path(folder) / "lerobot"))
+        failures += check_episodes(made_folder(Path(folder) / "episodes"))
     print(*failures, sep="\n", end="\n" if failures else "")
     return int(bool(failures))
 

@@ -20,7 +20,7 @@ from adaptctl.envs.built_in import Puma560TrackingEnv, SemiDirectDriveTrackingEn
 from adaptctl.envs.many.arms import Arms, Flags, Told, put
 from adaptctl.envs.task import finite_actions, known_options
 from adaptctl.envs.tracking import OPTIONS, TrackingEnv
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, NotFoundError
 
 if TYPE_CHECKING:
     from adaptctl.envs.rendering import Renderer
@@ -109,11 +109,13 @@ class VectorTrackingEnv(VectorEnv[Array, Array, Any]):
     ) -> None:
         if not isinstance(num_envs, int | np.integer) or num_envs < 1:
             raise InputError(f"num_envs: expected a whole number of at least 1, got {num_envs}")
+        if settings.get("render_mode") == "human":
+            raise NotFoundError("unknown render mode 'human' of many arms; modes: rgb_array")
         self.single, self.num_envs = self.kind(**settings), int(num_envs)
         self._validate_short()
         self.reset_options = known_options(reset_options, OPTIONS)
         self.autoreset_mode = _mode(autoreset_mode)
-        self.metadata = self.single.metadata | {"autoreset_mode": self.autoreset_mode}
+        self.metadata = self.single.metadata | {"autoreset_mode": self.autoreset_mode, "render_modes": ["rgb_array"]}
         self.render_mode, self.control_period = self.single.render_mode, self.single.control_period
         self.single_observation_space, self.single_action_space = (
             self.single.observation_space,
