@@ -23,6 +23,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import vendor_servers
 
 import adaptctl
 
@@ -33,34 +34,6 @@ LIMITS = ROOT / ".venv-vendors-limits"
 CLIENT = HOME / "client"
 FILE = CLIENT / "franka_sim" / "models" / "fr3.urdf"
 """Of the bare arm; franky-sim's own has a hand"""
-SERVER = """
-import json, sys, time
-import xml.etree.ElementTree as ET
-from franky_sim import SimulationServer
-from franky_sim.mujoco_simulator import MujocoSimulator
-posture, mass = json.loads(sys.argv[1])
-with MujocoSimulator() as simulator:
-    simulator.add_robot(initial_q=posture)
-    hand = next(body for body in simulator.worldbody.iter("body") if body.get("name") == "robot0_hand")
-    box = {"type": "box", "size": "0.04 0.04 0.04", "mass": str(mass), "contype": "0", "conaffinity": "0"}
-    mass and ET.SubElement(ET.SubElement(hand, "body", name="payload", pos="0 0 0.14"), "geom", **box)
-    with SimulationServer(simulator, hostname_candidates=["127.0.0.1"]) as server:
-        server.run_async()
-        time.sleep(2.0)
-        print("ready", flush=True)
-        time.sleep(600.0)
-"""
-ENFORCING = """
-import threading, time
-from franka_sim.franka_sim_server import FrankaSimServer
-server = FrankaSimServer(
-    host="127.0.0.1", enable_gripper=False, enforce_motion_limits=True, enforce_comm_constraints=False
-)
-threading.Thread(target=server.start, daemon=True).start()
-time.sleep(3.0)
-print("ready", flush=True)
-time.sleep(600.0)
-"""
 CARRY = """
 import adaptctl
 from adaptctl.hardware import FrankaRobot, motion_about, ready_controller, with_rotors
@@ -101,7 +74,7 @@ def served(python: Path, program: str, argument: object, **more: str) -> Iterato
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, **more}) as server:
         try:
             assert server.stdout is not None
-            assert server.stdout.readline() == "ready\n", "the simulator did not start"
+            assert "ready\n" in server.stdout, "the simulator did not start"
             yield
         finally:
             server.kill()
@@ -134,7 +107,7 @@ def started(run: adaptctl.Rollout) -> dict[str, tuple[float, float]]:
 
 def from_a_posture(folder: Path, posture: list[float]) -> dict[str, tuple[float, float]]:
     """Figures of the example from a posture."""
-    with served(HOME / "bin" / "python", SERVER, (posture, 0.0)):
+    with served(HOME / "bin" / "python", vendor_servers.FRANKY, (posture, 0.0)):
         run = driven(folder, *EXAMPLE)
     last = run.error[-round(2.0 / run.control_period) :]
     worst = float(np.sqrt(np.mean(last**2, axis=0)).max())
@@ -143,7 +116,7 @@ def from_a_posture(folder: Path, posture: list[float]) -> dict[str, tuple[float,
 
 def with_a_mass(folder: Path, posture: list[float], mass: float) -> dict[str, tuple[float, float]]:
     """Figures of a run with a mass in the hand from its start on."""
-    with served(HOME / "bin" / "python", SERVER, (posture, mass)):
+    with served(HOME / "bin" / "python", vendor_servers.FRANKY, (posture, mass)):
         run = driven(folder, "-c", CARRY)
     later = run.error[run.time > 3.0]
     return started(run) | {
@@ -154,14 +127,20 @@ def with_a_mass(folder: Path, posture: list[float], mass: float) -> dict[str, tu
     }  # fmt: skip
 
 
-def within_limits(folder: Path) -> dict[str, tuple[float, float]]:
+def within_limits(folder: Path, posture: list[float]) -> dict[str, tuple[float, float]]:
     """Figures of the example where limits are enforced: a run that was aborted is shorter."""
     scene = folder / "scene"
     scene.mkdir()
     assets = next((HOME / "lib").glob("*/site-packages/franky_sim/assets"))
     (scene / "fr3.xml").symlink_to(assets / "fr3.xml")
     (scene / "assets").symlink_to(assets / "meshes")
-    with served(LIMITS / "bin" / "python", ENFORCING, None, FR3_MJCF=str(scene / "fr3.xml"), MUJOCO_GL="disable"):
+    with served(
+        LIMITS / "bin" / "python",
+        vendor_servers.FRANKA_LIMITS,
+        None,
+        FR3_MJCF=str(scene / "fr3.xml"),
+        MUJOCO_GL="disable",
+    ):
         run = driven(folder, *EXAMPLE)
     return started(run) | {"s that are missing of 10": (10.0 - float(run.time[-1]), 0.01)}
 
@@ -170,11 +149,11 @@ def main(postures: int = 1, masses: int = 1, limits: int = 1) -> int:
     """Exit code: 1 where something is missing or too large."""
     absent, random, bad = missing(limits > 0), np.random.default_rng(0), False
     print("\n".join(absent))
-    around = HOME_POSTURE + random.uniform(-AWAY, AWAY, (postures, 7))
+    around = (HOME_POSTURE + random.uniform(-AWAY, AWAY, (max(postures, limits), 7))).tolist()
     carried = np.linspace(0.0, 3.0, masses) if masses > 1 else np.full(masses, 2.0)
-    cases = [lambda folder, p=p: from_a_posture(folder, p) for p in around.tolist()]
+    cases = [lambda folder, p=p: from_a_posture(folder, p) for p in around[:postures]]
     cases += [lambda folder, m=m: with_a_mass(folder, list(HOME_POSTURE), m) for m in carried.tolist()]
-    cases += [within_limits] * limits
+    cases += [lambda folder, p=p: within_limits(folder, p) for p in around[:limits]]
     for case in [] if absent else cases:
         with tempfile.TemporaryDirectory() as folder:
             found = case(Path(folder))

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 from driven_robots import ARM, FAULTS, FaultyRobot, LyingReference, RecordedRobot
-from nightly import nightly
+from nightly import at_night, nightly
 
 import adaptctl
 from adaptctl.control import FadeIn, SafetyFilter
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.hardware import GravityTorque, HardwareLimits, MuJoCoRobot, RobotReading, TorqueGuard
 from adaptctl.hardware.acceleration import PossibleAcceleration
+from adaptctl.hardware.loop import DriveLoop
 from adaptctl.hardware.resting import StoppingDistance
 from adaptctl.identification import told, told_numbers
 
@@ -160,6 +161,27 @@ def test_a_torque_that_holds_weight_does_not_take_the_arm_to_an_end() -> None:
         assert stopping.beyond(p, v, net, moving.along(v, net))[0] == ends
     assert moving.along(-v, net)[0] == 0.0
     assert moving.along(v, net + np.array([3.8, 0.0]))[0] > moving.along(v, net)[0] > 59.0
+
+
+@pytest.mark.parametrize("law", [LAW, at_night(REMEMBERING)], ids=["gradient", "memory"])
+def test_an_estimate_that_is_not_finite_is_stopped_from_with_the_last_good_one(
+    law: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tick, count = DriveLoop._tick, []
+
+    def spoilt(loop: DriveLoop) -> None:
+        count.append(1)
+        if len(count) == 350:
+            loop.state = loop.held_state.with_estimate(loop.state, np.full(len(MODEL.names), np.nan))
+        tick(loop)
+
+    monkeypatch.setattr(DriveLoop, "_tick", spoilt)
+    robot = RecordedRobot(ARM, PERIOD, CENTER)
+    run = adaptctl.drive(robot, law, REFERENCE, 4.0, lead_in=1.0)
+    assert (run.stopped, run.by_robot, robot.breaches) == ("the estimate is not finite", False, [])
+    path = FadeIn(REFERENCE, CENTER, 1.0)(np.linspace(0.0, 4.0, 8001)).p
+    assert max(np.linalg.norm(path - p, axis=1).min() for p in np.array(robot.states)[:, :2]) < 0.01
+    assert np.abs(robot.states[-2][2:]).max() < 0.01
 
 
 def test_a_stop_closes_loops_near_where_the_arm_is(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,7 @@ from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.minimum_jerk import quintic
 from adaptctl.control.transitions import point_at
 from adaptctl.dynamics import Mechanism
+from adaptctl.errors import NonFiniteError
 from adaptctl.hardware.acceleration import PossibleAcceleration
 from adaptctl.hardware.compensation import Compensation
 from adaptctl.hardware.gravity import GravityTorque
@@ -219,7 +220,11 @@ class DriveLoop:
             after = after if self.stop.yields else self.held_state.at(self.stop.state, after)
             self.stop = replace(self.stop, state=after)
             return torque, after
-        torque, after = self.controller.step(self.state, reading.p, reading.v, point)
+        try:
+            torque, after = self.controller.step(self.state, reading.p, reading.v, point)
+        except NonFiniteError:
+            self._begin_stop("the estimate is not finite", reading, point)
+            return self._torque(reading, self._point(reading))
         if self.time < RAMP:
             torque = torque + (1.0 - _risen(self.time / RAMP)) * self.offset
         return torque, after

@@ -64,7 +64,7 @@ def learned_payload(controller: Any, state: Any, source: str = "the run") -> Ide
     while hasattr(controller, "inner"):
         controller, state = controller.inner, state.inner
     fit = _Fit.of(controller)
-    if fit is None:
+    if fit is None or not np.isfinite(state.estimate).all():
         return None
     law, memory = controller.adaptation_law, state.law_state
     information = np.linalg.inv(law.covariance(memory) / np.outer(fit.scale, fit.scale)) - np.eye(len(fit.scale))
