@@ -18,8 +18,9 @@ from adaptctl.control import ComputedTorque
 from adaptctl.errors import InputError, MissingExtraError, NotFoundError
 from adaptctl.identification import Identification, identify
 from adaptctl.identification.choice import choose
-from adaptctl.identification.gathering import freed_of_noise, gathered
+from adaptctl.identification.gathering import gathered
 from adaptctl.identification.identify import identified
+from adaptctl.identification.instruments import freed_of_noise
 from adaptctl.simulation import Plant, Rollout, RungeKutta4, RunLogger
 from adaptctl.simulation.effects import (
     ActuatorLag,

@@ -21,8 +21,9 @@ from adaptctl.identification.estimator_comparison import compared_estimators
 from adaptctl.identification.examples import example
 from adaptctl.identification.filtered_dynamics import Rows
 from adaptctl.identification.friction_model import FrictionModel
-from adaptctl.identification.gathering import freed_of_noise, gathered
+from adaptctl.identification.gathering import gathered
 from adaptctl.identification.identify import identified
+from adaptctl.identification.instruments import freed_of_noise
 from adaptctl.identification.least_squares import first_stage, halves, weighted_least_squares
 from adaptctl.identification.preparation import prepare
 

@@ -39,7 +39,7 @@ def identify(
     friction: Annotated[str | None, Parameter(metavar="TERMS")] = None,
     cutoff: Annotated[float | None, Parameter(metavar="HZ")] = None,
     prior_weight: float | None = None,
-    instrumental_variables: bool = False,
+    instrumental_variables: bool | None = None,
     payload: Annotated[Pairs, Parameter(metavar="LOG=LINK")] = (),
     payload_mass: Annotated[float | None, Parameter(metavar="KG")] = None,
     payload_after: Annotated[float | None, Parameter(metavar="S")] = None,
@@ -85,7 +85,7 @@ def identify(
     prior_weight : float
         Weight of the prior link parameters. Default: cross-validation.
     instrumental_variables : bool
-        Use instrumental variables, for coarse or noisy encoders.
+        Use instrumental variables, for coarse or noisy encoders. Default: where noise of positions asks for them.
     payload : list of str
         Links or frames at which an unknown body is carried, by log, such as loaded.csv=tool0; it is identified too.
     payload_mass : float

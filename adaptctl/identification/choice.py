@@ -16,6 +16,7 @@ from adaptctl.errors import AdaptctlError, InputError
 from adaptctl.identification.fit import Fit, FitSettings, LogEvidence
 from adaptctl.identification.friction_model import ALWAYS, CANDIDATES, FrictionModel
 from adaptctl.identification.least_squares import weighted_least_squares
+from adaptctl.identification.position_noise import clean_cutoffs
 from adaptctl.identification.springs import spring_kinds, told_kinds, untold_springs, validate_told
 
 NUM_FOLDS = 5
@@ -76,7 +77,7 @@ def choose(
     else:
         validate_told(friction, evidence.mechanism, settings.untold)
     if cutoff is None:
-        tried = sorted(evidence.rows, key=lambda c: c != settings.cutoff)
+        tried = clean_cutoffs(evidence.motions, evidence.rows)
         settings = search.best([replace(settings, cutoff=c) for c in tried], "cut-off, Hz", _cutoff)
     settings = search.best([replace(settings, slow=s) for s in SLOW_CANDIDATES], "slow joints masked below", _slow)
     if weight is None:

@@ -10,6 +10,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.drive import DriveParameter
 from adaptctl.identification.autoregression import lasting_covariance
+from adaptctl.identification.filtered_dynamics import Rows
 from adaptctl.identification.fit import Fit, FitSettings, LogEvidence
 from adaptctl.identification.friction_model import SIMPLE_FRICTION
 from adaptctl.identification.preparation import PreparationStep
@@ -122,20 +123,37 @@ def delay_of(evidence: LogEvidence, springs: tuple[DriveParameter, ...] = ()) ->
 
 
 def estimated_delay(evidence: LogEvidence, fit: Fit, inverse: Array, student: Student) -> Delay:
-    """Delay of all torques by least squares, along with the parameters; deviation by blocks or noise that lasts."""
+    """Delay of all torques, along with the parameters; deviation by blocks or noise that lasts."""
+    # Measured rates have noise, which least squares on them takes for knowledge of the delay: too short, too sure. The
+    # rates of the fit's own torques are their instrument.
     rows, used = evidence.rows[fit.settings.cutoff], evidence.counted(fit.settings)
-    weight = used / fit.deviations**2
-    effect = inverse @ np.einsum("njp,nj->p", rows.regressor, weight * rows.change)
-    changed = rows.regressor @ effect - rows.change
-    error = rows.regressor @ fit.x - rows.torque
-    whole = float((weight * changed**2).sum())
-    if whole == 0.0:
+    weight, predicted = used / fit.deviations**2, rows.regressor @ fit.x
+    (effect, changed), (_, instrument) = (
+        _beside_parameters(rate, rows.regressor, weight, inverse) for rate in (rows.change, _rate(rows, predicted))
+    )
+    error = predicted - rows.torque
+    whole = float((weight * instrument * changed).sum())
+    if whole <= 0.0:
         return Delay(0.0, np.inf, effect)
-    value = -float((weight * changed * error).sum()) / whole
-    left, Y = np.where(used, error + value * changed, 0.0), weight * changed
+    value = -float((weight * instrument * error).sum()) / whole
+    left, Y = np.where(used, error + value * changed, 0.0), weight * instrument
     sums = np.array([part.sum() for part in np.array_split(Y * left, evidence.blocks)])
     blocks = student.quantile_ratio**2 * len(sums) * float(np.var(sums, ddof=1))
     share = np.count_nonzero(effect) / left.shape[1]
     each = zip(Y.T, left.T, strict=True)
     lasting = sum(lasting_covariance(own[:, None], e, share).item() for own, e in each)
     return Delay(value, float(np.sqrt(max(blocks, lasting))) / whole, effect)
+
+
+def _beside_parameters(rate: Array, Y: Array, weight: Array, inverse: Array) -> tuple[Array, Array]:
+    """Parameters (P,) that take up rates (n, r) of torques, and what they leave of them, with the sign turned."""
+    effect = inverse @ np.einsum("njp,nj->p", Y, weight * rate)
+    return effect, Y @ effect - rate
+
+
+def _rate(rows: Rows, torque: Array) -> Array:
+    """Rates (n, r) of torques at rows, 0 where a log has no row beside."""
+    step = np.diff(rows.time, prepend=np.nan, append=np.nan)
+    period = float(np.nanmedian(step))
+    inner = (np.abs(step[:-1] - period) < 0.1 * period) & (np.abs(step[1:] - period) < 0.1 * period)
+    return np.where(inner[:, None], np.gradient(torque, period, axis=0), 0.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -29,7 +28,6 @@ from adaptctl.identification.filtered_dynamics import (
 )
 from adaptctl.identification.fit import LogEvidence, positive_columns
 from adaptctl.identification.friction_model import with_all_friction
-from adaptctl.identification.least_squares import halves, joined_first_stage
 from adaptctl.identification.normal_equations import block_edges
 from adaptctl.identification.payloads import without_payloads
 from adaptctl.identification.preparation import PreparationStep, PreparedLog, prepare
@@ -61,7 +59,7 @@ def gathered(
     if cutoff is not None:
         _validate_between(cutoff, motions)
     tried = {*(cutoffs or cutoffs_for(min(piece.rate for piece in pieces), least)), *([cutoff] if cutoff else [])}
-    rows = dict(zip(sorted(tried), _rows_without_payloads(motions, full, drives, sorted(tried)), strict=True))
+    rows = dict(zip(sorted(tried), rows_without_payloads(motions, full, drives, sorted(tried)), strict=True))
     _validate_enough(pieces, full)
     positive, scales = positive_columns(full, tens)
     basis = fundamental_basis(essential_space(full))
@@ -70,26 +68,11 @@ def gathered(
     return LogEvidence(full, basis, drives, prior, motions, rows, edges, min(rows)), steps, tuple(remarks)
 
 
-def _rows_without_payloads(
+def rows_without_payloads(
     motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives, cutoffs: Sequence[float]
 ) -> list[Rows]:
+    """Rows of each cut-off (Hz), the torques of known payloads taken off."""
     return [without_payloads(own, motions, mechanism, drives) for own in rows_of(motions, mechanism, cutoffs)]
-
-
-def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
-    """Evidence whose regressors are freed of encoder noise by instrumental variables (even against odd samples)."""
-    pairs = [halves(motion.log) for motion in evidence.motions]
-    cutoffs = [cutoff for cutoff in evidence.rows if cutoff <= 0.1 * min(log.rate for log, _ in pairs)]
-    if not cutoffs:
-        raise InputError(
-            "instrumental_variables: the sampling rate is too low to split the log into even and odd samples"
-        )
-    smooth = evidence.motions[0].cutoff
-    motions, others = (list(motions_of(side, smooth)) for side in zip(*pairs, strict=True))
-    own = _rows_without_payloads(motions, evidence.mechanism, evidence.drives, cutoffs)
-    instruments = rows_of(others, evidence.mechanism, cutoffs)
-    rows = dict(zip(cutoffs, joined_first_stage(own, instruments), strict=True))
-    return replace(evidence, motions=motions, rows=rows, edges=block_edges(rows[min(cutoffs)].moved, NUM_BLOCKS))
 
 
 def _validate_between(cutoff: float, motions: Sequence[SmoothMotion]) -> None:

@@ -27,10 +27,11 @@ from adaptctl.identification.delay import delay_of, without_delay
 from adaptctl.identification.drives_file import Drives, read_drives
 from adaptctl.identification.fit import Fit, LogEvidence
 from adaptctl.identification.friction_model import FrictionModel, unmoved_terms
-from adaptctl.identification.gathering import freed_of_noise, gathered
+from adaptctl.identification.gathering import gathered
 from adaptctl.identification.held_out import HeldOut
 from adaptctl.identification.hypotheses import compared_hypotheses, validate_meaning
 from adaptctl.identification.identification import Identification
+from adaptctl.identification.instruments import without_position_noise
 from adaptctl.identification.lasting_errors import with_lasting_errors
 from adaptctl.identification.log_checks import checked_log, still_joints, still_words
 from adaptctl.identification.log_files import read_log
@@ -61,7 +62,7 @@ def identify(
     friction: str | None = None,
     cutoff: float | None = None,
     prior_weight: float | None = None,
-    instrumental_variables: bool = False,
+    instrumental_variables: bool | None = None,
     payloads: Mapping[str, str] | None = None,
     payload_mass: float | None = None,
     payload_after: float | None = None,
@@ -100,9 +101,10 @@ def identify(
         Cut-off frequency in Hz of the low-pass filter. Default: chosen by cross-validation within the logs.
     prior_weight : float, optional
         Weight, without unit, of the prior against the logs. Default: chosen by cross-validation within the logs.
-    instrumental_variables : bool, default False
+    instrumental_variables : bool, optional
         If true, instrumental variables remove the bias due to noise in measured positions, for coarse or noisy
-        encoders. By default regressors are taken as measured.
+        encoders; if false, regressors are taken as measured. Default: where such noise is above 0.5 % of the squares of
+        a joint's accelerations at `cutoff`, or at the least one.
     payloads : mapping of str to str, optional
         Links or frames at which an unknown body is carried, by the logs in which it is; it is identified too. By
         default those of the drives file.
@@ -228,7 +230,7 @@ def identified(
     friction: FrictionModel | None = None,
     cutoff: float | None = None,
     prior_weight: float | None = None,
-    instrumental_variables: bool = False,
+    instrumental_variables: bool | None = None,
     trust_log: bool = False,
 ) -> Identification:
     """Identification from logs that have been read."""
@@ -241,7 +243,7 @@ def identified(
     drives = whole.drives
     springs, mechanism = known_springs(mechanism, friction), with_springs(mechanism, friction)
     measured, steps, remarks = gathered(mechanism, drives, train, skip_steps, cutoff)
-    evidence = freed_of_noise(measured) if instrumental_variables else measured
+    evidence, noisy = without_position_noise(measured, cutoff or measured.band, instrumental_variables)
     late = [] if test else list(range(round((1.0 - HELD_OUT_SHARE) * evidence.blocks), evidence.blocks))
     training = evidence.part([b for b in range(evidence.blocks) if b not in late])
     cutoffs = (judged_at(training), min(judged_at(training), evidence.band))
@@ -273,6 +275,7 @@ def identified(
         *whole.words,
         *untold,
         *late_words,
+        *noisy,
         *contradictions(training, fit),
     )
     result = _result(mechanism, training, fit, held_out, choice, (*facts, meaning.slopes, delayed, *steps), notes)

@@ -1,0 +1,32 @@
+"""Noise of measured positions in the accelerations that they give."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from scipy.signal import welch
+
+from adaptctl.arrays import Array
+from adaptctl.identification.filtered_dynamics import MOTION_CUTOFF, SPECTRUM_LENGTH, SmoothMotion
+
+# Share of noise in the squares of a joint's accelerations, by which inertias come out too small, that is too much.
+MAX_NOISE_SHARE = 0.005
+
+
+def noise_share(motions: Sequence[SmoothMotion], cutoff: float) -> Array:
+    """Shares (r,) of the squares of accelerations below a cut-off (Hz) that are noise of positions, the flat part."""
+    parts = np.zeros((2, motions[0].position.shape[1]))
+    for log in (motion.log for motion in motions):
+        length = min(len(log.time), max(64, round(SPECTRUM_LENGTH * log.rate)))
+        frequency, power = welch(log.position, log.rate, nperseg=length, axis=0)
+        noise = np.median(power[frequency > 0.5 * min(frequency[-1], 2.0 * MOTION_CUTOFF)], axis=0)
+        weight = len(log.time) * np.where(frequency <= cutoff, frequency, 0.0)[:, None] ** 4
+        parts += [(weight * noise).sum(axis=0), (weight * power).sum(axis=0)]
+    return np.divide(parts[0], parts[1], out=np.zeros(parts.shape[1]), where=parts[1] > 0.0)
+
+
+def clean_cutoffs(motions: Sequence[SmoothMotion], cutoffs: Iterable[float]) -> list[float]:
+    """Cut-offs (Hz) below which noise of positions is little, and the least in any case."""
+    least, *others = sorted(cutoffs)
+    return [least, *(c for c in others if noise_share(motions, c).max() <= MAX_NOISE_SHARE)]
