@@ -22,10 +22,10 @@ from adaptctl.files import (
     validate_regular,
 )
 
-RESULT_SUFFIXES = (".rrd", ".json", ".parquet", ".html", ".png", ".toml", ".csv", ".urdf", ".yaml")
+RESULT_SUFFIXES = (".rrd", ".mcap", ".json", ".parquet", ".html", ".png", ".toml", ".csv", ".urdf", ".yaml")
 """suffixes of a run's files, which the next run replaces"""
 FIGURES = "figures"
-RUN_FILES = ("summary.json", "forecast.json", "recording.rrd")
+RUN_FILES = ("summary.json", "forecast.json", "comparison.json", "recording.rrd")
 """files that mark a run's folder; without any of them nothing is replaced"""
 AT_FDCWD, RENAME_EXCHANGE = -100, 2
 """arguments of Linux's renameat2"""

@@ -14,7 +14,7 @@ from comparisons import comparison
 
 from adaptctl.cli.main import main
 from adaptctl.dynamics import load
-from adaptctl.recording.compared_report import drawings
+from adaptctl.recording.compared_report import PER_JOINT, drawings
 from adaptctl.recording.finished_trace import read_traces
 from adaptctl.recording.summary import summary
 from adaptctl.recording.trace import write_trace
@@ -32,7 +32,8 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("compared")
     content: dict[str, Any] = json.loads(json.dumps(summary(COMPARED)))
     write_trace(place / "trace.parquet", COMPARED)
-    same = pq.read_table(place / "trace.parquet")
+    read = pq.read_table(place / "trace.parquet")
+    same = read.replace_schema_metadata({key: x for key, x in read.schema.metadata.items() if key != b"sha256"})
     other = same.rename_columns([f"{name}_2" if "." in name else name for name in same.column_names])
     metres = same.cast(pa.schema([unit_of_errors(field) for field in same.schema]))
     tables = {"a": same, "b": same, "c": other, "d": metres}
@@ -61,12 +62,17 @@ def test_the_report_has_the_curves_over_each_other(
 ) -> None:
     out = tmp_path / "out"
     assert main(["experiment", "compare", str(folders / "a"), str(folders / "b"), "--out", str(out)]) == 0
-    names = {"tracking-error", "error", "applied", "estimate"}
-    assert {path.stem for path in (out / "figures").iterdir()} == names
+    assert {path.name for path in out.iterdir()} == {"comparison.json", "report.html"}
+    page = (out / "report.html").read_text()
+    assert all(f"{caption}." in page for caption in PER_JOINT.values())
+    assert page.count("data:image/svg+xml") == 8  # four figures, each also for a phone
     assert f"Report: {out / 'report.html'}" in capsys.readouterr().out
     assert json.loads((out / "comparison.json").read_text())["schema"] == "adaptctl/comparison/2"
     assert main(["experiment", "compare", str(folders / "a"), str(folders / "b"), "--out", str(out)]) == 2
     assert "--overwrite" in capsys.readouterr().err
+    again = ["experiment", "compare", str(folders / "b"), str(folders / "a"), "--out", str(out), "--overwrite"]
+    assert main(again) == 0
+    assert json.loads((out / "comparison.json").read_text())["folders"] == [str(folders / name) for name in "ba"]
 
 
 def test_a_curve_has_the_trace_s_numbers(folders: Path) -> None:

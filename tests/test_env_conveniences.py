@@ -15,7 +15,7 @@ from rerun.chunk import RrdReader
 
 import adaptctl
 from adaptctl.control import ComputedTorque
-from adaptctl.envs import VectorTrackingEnv, VideoRecorder, baselines, write_minari
+from adaptctl.envs import TrackingEnv, VectorTrackingEnv, VideoRecorder, baselines, write_minari
 from adaptctl.errors import InputError, MissingExtraError, NotFoundError
 from adaptctl.recording.live import streaming
 from adaptctl.simulation import rollout
@@ -65,6 +65,7 @@ def test_a_video_has_frames_in_real_time(
 ) -> None:
     monkeypatch.setitem(sys.modules, "moviepy", SimpleNamespace(ImageSequenceClip=Clip))  # type: ignore[arg-type]
     monkeypatch.setattr(Clip, "made", [])
+    monkeypatch.setattr(TrackingEnv, "render", lambda self: np.zeros((480, 640, 3), dtype=np.uint8))
     env = VideoRecorder(tracking(arm, "rgb_array"), tmp_path / "new" / "videos", frame_rate=25.0)
     run = rollout(env, ComputedTorque(arm, 8.0), seed=0)
     env.reset(seed=1)

@@ -127,7 +127,7 @@ def test_a_data_set_has_an_episode_for_each_run(written: Path) -> None:
         (["--to", "mcap"], "expected at least one results folder"),
         (["{0}", "--to", "mcap", "--out", "x"], "--out: MCAP is written beside each recording"),
         (["{0}", "--to", "lerobot"], "--out: expected the folder of the data set"),
-        (["{0}", "--to", "lerobot", "--out", "{0}/set"], "--overwrite"),
+        (["{0}", "--to", "lerobot", "--out", "{0}/set"], "--out: {0}/set is not empty; choose another folder"),
         (["{0}/none", "--to", "mcap"], "trace.parquet: cannot be read"),
         (
             ["{0}", "{0}/other", "--to", "lerobot", "--out", "{0}/new"],
@@ -135,16 +135,23 @@ def test_a_data_set_has_an_episode_for_each_run(written: Path) -> None:
         ),
         (["{0}", "{0}/slow", "--to", "lerobot", "--out", "{0}/new"], "{0}/slow: 3.3 samples in a second"),
         (["{0}/empty", "--to", "mcap"], "has no samples of a run"),
+        (["{0}/lacking", "--to", "mcap"], "has no samples of a run"),
+        (["{0}/edited", "--to", "mcap"], "the numbers are not those that were written"),
     ],
 )
 def test_runs_that_cannot_be_written_are_named(
     written: Path, given: list[str], says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     table = pq.read_table(written / "trace.parquet")
+    unsealed = {key: value for key, value in table.schema.metadata.items() if key != b"sha256"}
     time = table.column_names.index("time")
     others = {
-        "other": table.replace_schema_metadata(table.schema.metadata | {b"robot": b"puma"}),
-        "slow": table.set_column(time, table.schema.field(time), [np.arange(table.num_rows) / 3.3]),
+        "edited": table.set_column(time, table.schema.field(time), [np.arange(table.num_rows) / 2.0]),
+        "lacking": table.drop_columns([f"reference_v.{JOINTS[0]}"]),
+        "other": table.replace_schema_metadata(unsealed | {b"robot": b"puma"}),
+        "slow": table.replace_schema_metadata(unsealed).set_column(
+            time, table.schema.field(time), [np.arange(table.num_rows) / 3.3]
+        ),
         "empty": table.slice(0, 0),
     }
     for name, one in others.items():

@@ -104,7 +104,7 @@ class RunFormat(Enum):
 
 
 @app.command
-def convert(*folders: Path, to: RunFormat, out: Path | None = None, overwrite: bool = False) -> None:
+def convert(*folders: Path, to: RunFormat, out: Path | None = None) -> None:
     """
     Write finished runs for other tools: MCAP with a Foxglove layout, or a LeRobot data set.
 
@@ -116,9 +116,7 @@ def convert(*folders: Path, to: RunFormat, out: Path | None = None, overwrite: b
         mcap for recording.mcap and foxglove.json in each folder; lerobot for
         one data set (v3.0) of runs of one robot, an episode each.
     out : Path
-        Folder of the data set.
-    overwrite : bool
-        Overwrite a data set that is not empty.
+        New folder of the data set.
     """
     from adaptctl.recording.finished_trace import read_traces
 
@@ -140,7 +138,9 @@ def convert(*folders: Path, to: RunFormat, out: Path | None = None, overwrite: b
 
     if out is None:
         raise InputError("--out: expected the folder of the data set")
-    with replacing_folder(out, overwrite) as place:
+    if out.is_dir() and any(out.iterdir()):
+        raise InputError(f"--out: {out} is not empty; choose another folder")
+    with replacing_folder(out) as place:
         write_lerobot(place, traces)
     print(f"{out}: {len(traces)} episodes")
 

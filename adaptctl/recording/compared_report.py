@@ -26,7 +26,7 @@ MAX_PANELS = 60
 
 def write_compared(folder: str | Path, compared: ComparedFolders) -> Path:
     """
-    Write report, figures and recording of compared experiments, all or none.
+    Write report.html and comparison.json of compared experiments, both or none.
 
     Parameters
     ----------
@@ -49,7 +49,8 @@ def write_compared(folder: str | Path, compared: ComparedFolders) -> Path:
     sections = [Section("Settings", (_settings(compared),)), Section("Errors", (_errors(compared), *drawings(traces)))]
     title = f"Comparison of {len(traces)} experiments"
     report = Report("comparison", title, _outcome(compared), sections=sections)
-    return report.write(folder, compared.as_builtins(), name="comparison.json")
+    content = compared.as_builtins()
+    return report.write(folder, content, name="comparison.json", record=lambda *_: None, figures=False)
 
 
 def _outcome(compared: ComparedFolders) -> str:
@@ -97,11 +98,13 @@ def _tracking_error(traces: Sequence[FinishedTrace]) -> Figure:
 def _each(traces: Sequence[FinishedTrace], names: Sequence[str]) -> Figure:
     """Figure with a panel for each of some columns, and a curve for each trace."""
     figure, panels = small_multiples(len(names), columns=3, height=1.75, bottom=0.48)
-    for j, axes in panels:
+    for (_, axes), name in zip(panels, names, strict=True):
+        kind, _, of = name.partition(".")
+        scale, prefix = (1e3, "m") if kind == "error" else (1.0, "")
         for i, trace in enumerate(traces):
             every = thinned(len(trace.time), DRAWN)
-            axes.plot(trace.time[every], trace.column(names[j])[every], **run_style(i), linewidth=1.2)
-        axes.set_title(f"{names[j].partition('.')[2]} [{traces[0].unit(names[j])}]")
+            axes.plot(trace.time[every], scale * trace.column(name)[every], **run_style(i), linewidth=1.2)
+        axes.set_title(f"{of} [{prefix}{traces[0].unit(name)}]")
         axes.set_xlim(0.0, max(trace.time[-1] for trace in traces))
     figure.supxlabel("time [s]", size=9)
     return figure

@@ -15,7 +15,9 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics.joint_units import either
 from adaptctl.errors import FileError
 from adaptctl.recording.result import TRACE
+from adaptctl.simulation.rollout_file import validate_own
 
+OF_JOINTS = ("p", "v", "reference_p", "reference_v", "reference_a", "error", "torque", "applied")
 MAX_SAMPLES = 1_000_000
 """rows of a trace; experiments have at most 300,000"""
 
@@ -60,11 +62,20 @@ class FinishedTrace(NamedTuple):
 
 def read_trace(folder: str | Path) -> FinishedTrace:
     """Trace in a results folder, else `FileError`."""
-    with _opened(Path(folder) / TRACE) as file:
+    path = Path(folder) / TRACE
+    with _opened(path) as file:
         found = FinishedTrace(str(folder), file.read())
-    if not len(found.table) or not all(map(found.names, ("p", "v", "applied", "error"))):
-        raise FileError(f"{Path(folder) / TRACE}: has no samples of a run; give the results folder of one run")
+    if not _is_run(found):
+        raise FileError(f"{path}: has no samples of a run; give the results folder of one run")
+    validate_own(path, found.table, found.table.schema.metadata)
     return found
+
+
+def _is_run(trace: FinishedTrace) -> bool:
+    """True for a table with times and all of each joint's quantities, in numbers."""
+    joints, columns = trace.names("p"), {field.name: field.type for field in trace.table.schema}
+    needed = ["time", *(f"{kind}.{joint}" for kind in OF_JOINTS for joint in joints)]
+    return bool(len(trace.table) and joints) and all(columns.get(name) == pa.float64() for name in needed)
 
 
 def read_traces(folders: Iterable[str | Path]) -> list[FinishedTrace]:
