@@ -63,11 +63,11 @@ mutants: $(STAMP) ## mutation tests of the whole package; three hours (MUTANTS="
 check-drive: $(STAMP) ## stop, interrupt and disturb driven arms 1,400 times; half an hour (SHARE=0.1 for fewer)
 	PYTHONPATH=.:tests $(BIN)/python tests/check_drive.py $(SHARE)
 
-check-robots: $(STAMP) ## run the Franka example through Franka's own client, against two simulators; five minutes (RUNS="20 4 20" for more)
+check-robots: $(STAMP) ## run the Franka example and a WidowX through the vendors' own clients, against three simulators; five minutes (RUNS="20 4 20 1" for more)
 	test -x .venv-vendors/bin/python || $(PYTHON) -m venv .venv-vendors
 	test -x .venv-vendors-limits/bin/python || $(PYTHON) -m venv .venv-vendors-limits
-	.venv-vendors/bin/pip install --quiet franky-sim==1.0.4 || true
-	.venv-vendors/bin/pip install --quiet --no-deps --upgrade --target .venv-vendors/client pylibfranka==0.21.3 franka-sim==1.1.7 || true
+	.venv-vendors/bin/pip install --quiet franky-sim==1.0.4 trossen-arm-sim==0.2.3 trossen-arm==1.11.0 || true
+	.venv-vendors/bin/pip install --quiet --no-deps --upgrade --target .venv-vendors/client pylibfranka==0.21.3 franka-sim==1.1.7 trossen-arm==1.11.0 || true
 	.venv-vendors-limits/bin/pip install --quiet franka-sim==1.1.7 || true
 	$(BIN)/python tests/check_robots.py $(RUNS)
 

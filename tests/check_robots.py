@@ -6,9 +6,9 @@ start where the arm stands, without a jump of torque, stay below the joints' spe
 a mass in the hand that nobody told the robot of, it is learned and named. Names each package that is missing, with the
 command that brings it.
 
-    python tests/check_robots.py [postures] [masses] [limits]
+    python tests/check_robots.py [postures] [masses] [limits] [widowx]
 
-`postures`, `limits` are numbers of runs, `masses` those of 0 to 3 kg; 1 each unless given, and 0 for none.
+`postures`, `limits`, `widowx` are numbers of runs, `masses` those of 0 to 3 kg; 1 each unless given, and 0 for none.
 """
 
 from __future__ import annotations
@@ -43,8 +43,19 @@ controller = ready_controller(arm, robot.period, reference, robot.tool)
 run = adaptctl.drive(robot, controller, reference, 8.0, "run.parquet", lead_in=1.0)
 print(run.stopped or run.payload.words)
 """
+REACH = """
+import adaptctl
+from adaptctl.hardware import HardwareLimits, TrossenRobot, motion_about, ready_controller
+robot, fingers = TrossenRobot("127.0.0.1"), ("left_carriage_joint", "right_carriage_joint")
+arm = adaptctl.load("arm.xml", lock=fingers)
+reference = motion_about(robot.read().p, robot.limits.within(HardwareLimits.of(arm)))
+run = adaptctl.drive(robot, ready_controller(arm, robot.period, reference), reference, 12.0, "run.parquet")
+print(run.stopped or f"{1e3 * run.final_rms_error.max():.2f} mrad at the worst joint in the last two seconds")
+"""
 HOME_POSTURE, AWAY = (0.0, -0.3, 0.0, -1.9, 0.0, 1.7, 0.785), 0.4
 """rad about which, and by how much, postures are drawn"""
+WIDOWX_POSTURE, WIDOWX_ERROR = (0.0, 1.2, 1.2, 0.3, 0.0, 0.0), 2e-3
+"""rad"""
 MAX_FIRST_ERROR = 1e-4
 """rad"""
 MAX_RATE = 1000.0
@@ -62,6 +73,7 @@ FINGERS = 0.03
 def missing(limits: bool) -> list[str]:
     """What is not here, and how it comes."""
     wanted = {"franky-sim": HOME / "bin" / "python", "pylibfranka": CLIENT / "pylibfranka", "franka-sim": FILE}
+    wanted["trossen-arm"] = CLIENT / "trossen_arm"
     if limits:
         wanted["franka-sim with its own MuJoCo"] = LIMITS / "bin" / "run-franka-sim-server"
     return [f"{name} is missing: run make check-robots" for name, place in wanted.items() if not place.exists()]
@@ -69,15 +81,18 @@ def missing(limits: bool) -> list[str]:
 
 @contextmanager
 def served(python: Path, program: str, argument: object, **more: str) -> Iterator[None]:
-    """A simulator that answers."""
-    command = [str(python), "-c", program, json.dumps(argument)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, **more}) as server:
-        try:
-            assert server.stdout is not None
-            assert "ready\n" in server.stdout, "the simulator did not start"
-            yield
-        finally:
-            server.kill()
+    """A simulator that answers; one sometimes begins with numbers that are none, and is begun anew."""
+    command, said = [str(python), "-c", program, json.dumps(argument)], ""
+    for _ in range(3):
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, **more}) as server:
+            try:
+                assert server.stdout is not None
+                if (said := server.stdout.readline()) == "ready\n":
+                    yield
+                    return
+            finally:
+                server.kill()
+    raise AssertionError(f"the simulator did not start: {said}")
 
 
 def driven(folder: Path, *program: str) -> adaptctl.Rollout:
@@ -97,7 +112,8 @@ def started(run: adaptctl.Rollout) -> dict[str, tuple[float, float]]:
     added = np.stack([run.flags[name] for name in sorted(run.flags) if name.startswith("compensation.")], axis=1)
     told = np.stack([run.flags[name] for name in sorted(run.flags) if name.startswith("reported_torque.")], axis=1)
     sent = np.diff(run.applied - added, axis=0, prepend=told[:1])
-    periods = np.diff(run.time, prepend=run.time[0] - run.control_period)[:, None]
+    passed = np.diff(run.time, prepend=run.time[0] - run.control_period)
+    periods = np.maximum(passed, run.control_period)[:, None]
     return {
         "first error, rad": (float(np.abs(run.error[0]).max()), MAX_FIRST_ERROR),
         "greatest rate of torque, N m/s": (float(np.abs(sent / periods).max()), MAX_RATE),
@@ -145,7 +161,16 @@ def within_limits(folder: Path, posture: list[float]) -> dict[str, tuple[float, 
     return started(run) | {"s that are missing of 10": (10.0 - float(run.time[-1]), 0.01)}
 
 
-def main(postures: int = 1, masses: int = 1, limits: int = 1) -> int:
+def through_trossens_client(folder: Path) -> dict[str, tuple[float, float]]:
+    """Figures of a WidowX, from its simulator's own file."""
+    with served(HOME / "bin" / "python", vendor_servers.WIDOWX, (WIDOWX_POSTURE, str(folder / "arm.xml"))):
+        run = driven(folder, "-c", REACH)
+    last = run.error[run.time > 10.0]
+    worst = float(np.sqrt(np.mean(last**2, axis=0)).max())
+    return started(run) | {"RMS error of the worst joint after 10 s, rad": (worst, WIDOWX_ERROR)}
+
+
+def main(postures: int = 1, masses: int = 1, limits: int = 1, widowx: int = 1) -> int:
     """Exit code: 1 where something is missing or too large."""
     absent, random, bad = missing(limits > 0), np.random.default_rng(0), False
     print("\n".join(absent))
@@ -154,6 +179,7 @@ def main(postures: int = 1, masses: int = 1, limits: int = 1) -> int:
     cases = [lambda folder, p=p: from_a_posture(folder, p) for p in around[:postures]]
     cases += [lambda folder, m=m: with_a_mass(folder, list(HOME_POSTURE), m) for m in carried.tolist()]
     cases += [lambda folder, p=p: within_limits(folder, p) for p in around[:limits]]
+    cases += [through_trossens_client] * widowx
     for case in [] if absent else cases:
         with tempfile.TemporaryDirectory() as folder:
             found = case(Path(folder))
@@ -165,4 +191,4 @@ def main(postures: int = 1, masses: int = 1, limits: int = 1) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(*map(int, sys.argv[1:4])))
+    sys.exit(main(*map(int, sys.argv[1:5])))

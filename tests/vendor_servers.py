@@ -50,10 +50,60 @@ MujocoFrankaSim.run_simulation = go_with_the_states
 server = FrankaSimServer(
     host="127.0.0.1", enable_gripper=False, enforce_motion_limits=True, enforce_comm_constraints=False
 )
-threading.Thread(target=server.start, daemon=True).start()
-while getattr(server.physics_sim, "data", None) is None or server.physics_sim.data.time < 1.0:
+served = threading.Thread(target=server.start, daemon=True)
+served.start()
+while served.is_alive() and (server.physics_sim.data is None or server.physics_sim.data.time < 1.0):
     time.sleep(0.1)
-print("ready", flush=True)
+print("ready" if served.is_alive() else "the port is taken", flush=True)
 time.sleep(600.0)
 """
 """FR3 whose server aborts motions beyond the limits of Franka's interface; the argument is its posture"""
+
+WIDOWX = """
+import json, sys, time
+import mujoco
+from trossen_arm_sim import server as trossen
+from trossen_arm_sim.sim import WidowXSim
+
+
+class WithEfforts(WidowXSim):
+    efforts, servos = (), None
+
+    def apply_joint_commands(self, modes, positions):
+        super().apply_joint_commands(modes, positions)
+        with self._lock:
+            model, arm = self.model, self._actuator_ids[:-1]
+            self.servos = self.servos or (model.actuator_gainprm.copy(), model.actuator_biasprm.copy())
+            for i, place in enumerate(arm):
+                free = modes[i].name == "EXTERNAL_EFFORT"
+                model.actuator_gainprm[place] = 0.0 if free else self.servos[0][place]
+                model.actuator_biasprm[place] = 0.0 if free else self.servos[1][place]
+                self.data.qfrc_applied[self._qvel_addr[i]] = self.efforts[i] if free else 0.0
+
+
+def with_efforts(data, count, parse=trossen.parse_robot_input):
+    found = parse(data, count)
+    sim.efforts = [joint.effort for joint in found]
+    return found
+
+
+def with_its_own_time(self):
+    self._output_id += 1
+    with sim._lock:
+        time_us = int(1e6 * sim.data.time)
+    return trossen.pack_robot_output(self.error_state, self._output_id, time_us, sim.read_joint_outputs())
+
+
+posture, scene = json.loads(sys.argv[1])
+sim = WithEfforts()
+mujoco.mj_saveLastXML(scene, sim.model)
+sim.data.qpos[sim._qpos_addr[:-1]] = sim.data.ctrl[sim._actuator_ids[:-1]] = posture
+mujoco.mj_forward(sim.model, sim.data)
+trossen.parse_robot_input = with_efforts
+trossen.TrossenArmSimServer._pack_output = with_its_own_time
+sim.start()
+trossen.TrossenArmSimServer(sim, host="127.0.0.1").start()
+print("ready", flush=True)
+time.sleep(600.0)
+"""
+"""WidowX AI to which efforts are added, which its simulator ignores; the arguments are a posture and a file to write"""
