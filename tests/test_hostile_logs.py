@@ -120,6 +120,11 @@ def test_joint_states_of_foxglove_are_read(tmp_path: Path) -> None:
         read_mcap(two, "/none")
     with pytest.raises(FileError, match="/arm is encoded as protobuf; Foxglove's joint states are read as JSON"):
         read_mcap(foxglove(tmp_path / "other.mcap", "protobuf"))
+    (tmp_path / "cut.mcap").write_bytes((tmp_path / "log.mcap").read_bytes()[:2000])
+    with pytest.raises(
+        FileError, match=r"cut\.mcap: no topic of foxglove.JointStates or of ROS in it; is the file cut"
+    ):
+        read_mcap(tmp_path / "cut.mcap")
 
 
 @pytest.mark.parametrize("plugin", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])

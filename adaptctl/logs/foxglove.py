@@ -43,8 +43,10 @@ def read_mcap(path: str | Path, topic: str | None = None) -> LogTable:
     try:
         with Path(path).open("rb") as file:
             encodings = _encodings(reader := _reader(file))
-            if not encodings:
+            if not encodings and reader.get_header().profile.startswith("ros"):
                 return read_ros_bag(path, topic)
+            if not encodings:
+                raise FileError(f"{path}: no topic of {SCHEMA} or of ROS in it; is the file cut off?")
             return joint_table(path, list(_messages(reader, path, _chosen(path, encodings, topic))))
     except (AdaptctlError, MemoryError):
         raise
@@ -60,7 +62,7 @@ def _reader(file: BinaryIO) -> Any:
 
 
 def _encodings(reader: Any) -> dict[str, str]:
-    """Encodings of the topics of joint states; none for a damaged file, which another reader tells of."""
+    """Encodings of the topics of joint states; none where they cannot be read."""
     summary = None
     with suppress(Exception):
         summary = reader.get_summary()
