@@ -4,6 +4,7 @@ from gymnasium.envs.registration import register
 
 from adaptctl.envs.baselines import baselines
 from adaptctl.envs.built_in import Puma560TrackingEnv, SemiDirectDriveTrackingEnv
+from adaptctl.envs.contact import ContactEnv
 from adaptctl.envs.controlled import ResidualEnv, ResidualVectorEnv
 from adaptctl.envs.gain_tuning import TuningEnv, TuningVectorEnv
 from adaptctl.envs.learning import LearningEnv, LearningVectorEnv
@@ -22,6 +23,7 @@ from adaptctl.envs.video import VideoRecorder
 from adaptctl.simulation.effects import Payload
 
 __all__ = [
+    "ContactEnv",
     "LearningEnv",
     "LearningVectorEnv",
     "LiveView",
@@ -61,12 +63,11 @@ for _id, _kind, _module, _threshold in (
         disable_env_checker=True,
     )
 
-register(
-    "adaptctl/MuJoCoTracking-v0",
-    "adaptctl.envs.mujoco_tracking:MuJoCoTrackingEnv",
-    order_enforce=False,
-    disable_env_checker=True,
-)
+for _id, _place in (
+    ("adaptctl/MuJoCoTracking-v0", "mujoco_tracking:MuJoCoTrackingEnv"),
+    ("adaptctl/Contact-v0", "contact:ContactEnv"),
+):
+    register(_id, f"adaptctl.envs.{_place}", order_enforce=False, disable_env_checker=True)
 
 for _id, _name, _threshold in (
     ("adaptctl/Puma560Learning-v0", "puma560_learning", -1.8),

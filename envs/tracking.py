@@ -432,7 +432,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
             "energy": self.plant.energy(state, parameters) if energy is None else energy,
             "clipped": clipped,
         }
-        if self.plant.effects:
+        if self.plant.flags or self.plant.effects:
             flags = dict(zip(self.plant.flags, state.flags.tolist(), strict=True))
             if self.plant.loads:
                 flags["payload"] = self.plant.payload_mass(time)

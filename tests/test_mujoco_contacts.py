@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -12,9 +13,11 @@ from nightly import nightly
 
 import adaptctl
 from adaptctl.cli.main import main
+from adaptctl.control import PDGravity
 from adaptctl.control.references import Sinusoids
 from adaptctl.envs import MuJoCoTrackingEnv
 from adaptctl.errors import InputError, ReferenceWarning
+from adaptctl.recording.contact_force import contact_forces
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, clear_of_contacts, contacts_along, contacts_at
 
 SCENE = """
@@ -93,3 +96,59 @@ def test_the_experiment_keeps_clear(tmp_path: Path, capsys: pytest.CaptureFixtur
     )
     found = json.loads((out / "summary.json").read_text())
     assert found["final_rms_error"] < 0.5 * found["final_rms_error_adaptation_off"]
+
+
+RESTING = """
+<mujoco><option timestep="0.001"/><worldbody>
+  <geom name="block" type="box" size=".1 .1 .1" pos=".5 .03 -.12"/>
+  <body name="rod"><joint name="a" axis="0 1 0"/>
+    <inertial mass="2" pos=".2 0 0" diaginertia=".01 .01 .01"/>
+    <geom type="sphere" size=".02" pos=".5 .03 0"/></body>
+</worldbody><actuator><motor joint="a" ctrlrange="-20 20"/></actuator></mujoco>
+"""
+
+
+def test_the_force_of_a_contact_is_told_with_its_point(tmp_path: Path) -> None:
+    """A rod that rests on a block: the moment of the block's force is that of its weight, less the motor's."""
+    (tmp_path / "rod.xml").write_text(RESTING)
+    arm = plant(tmp_path / "rod.xml")
+    state = arm.init([0.0], [0.0])
+    for _ in range(1000):
+        state = arm.step(state, [-1.5])
+    told = dict(zip(arm.flags, state.flags, strict=True))
+    assert told["contact_force_z"] == pytest.approx((2.0 * 9.81 * 0.2 - 1.5) / 0.5, rel=1e-3)
+    place = [told[f"contact_point_{axis}"] for axis in "xyz"]
+    np.testing.assert_allclose(place, [0.5, 0.03, -0.02], atol=2e-3)
+    lifted = arm.step(arm.init([-0.5], [0.0]), [0.0])
+    assert not lifted.flags.any()
+
+
+def test_a_run_keeps_the_forces_of_its_contacts() -> None:
+    env = adaptctl.envs.ContactEnv(duration=0.02, surface=3e3)
+    found = adaptctl.rollout(env, PDGravity(env.mechanism, 5.0, [10.0, 10.0, 10.0]), seed=0)
+    assert set(found.flags) == set(env.plant.flags)
+    assert not contact_forces(found).any()
+
+
+def test_forces_are_averaged_over_fifty_milliseconds(tmp_path: Path) -> None:
+    env = adaptctl.envs.ContactEnv(duration=0.2)
+    run = adaptctl.rollout(env, PDGravity(env.mechanism, 5.0, [10.0, 10.0, 10.0]), seed=0)
+    pushed = replace(run, flags={**run.flags, "contact_force_z": np.where(run.time >= 0.1, 8.0, 0.0)})
+    forces = contact_forces(pushed)[:, 2]
+    np.testing.assert_allclose(forces[[99, 100, 124, 149, 199]], [0.0, 8.0 / 50.0, 4.0, 8.0, 8.0])
+
+
+def test_an_arm_without_a_pumas_wrist_presses_on_no_table() -> None:
+    with pytest.raises(InputError, match=r"robot: expected a PUMA 560, with joints joint1 to joint6, got 'two_link'"):
+        adaptctl.envs.ContactEnv("two_link")
+
+
+@nightly
+def test_what_is_not_known_of_a_load_goes_into_the_table(tmp_path: Path) -> None:
+    """The impedance that learns presses as asked; that of the file presses by the load's weight more."""
+    out = tmp_path / "out"
+    assert main(["experiment", "run", "contact", "--out", str(out), "--payload", "1.5", "--force", "12"]) == 0
+    found = json.loads((out / "summary.json").read_text())["findings"]
+    assert found["mean_force.impedance"]["value"] == pytest.approx(12.0, abs=0.2)
+    assert found["mean_force.adaptation-off"]["value"] == pytest.approx(12.0 + 1.5 * 9.81, abs=0.5)
+    assert found["mean_force.tracking"]["value"] > 100.0

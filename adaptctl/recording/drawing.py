@@ -64,6 +64,8 @@ JOINT_COLORS = _palette("2d7deb f08228 28aa6e e14b5f 9b69e1 aa8737 23afc3 d75faf
 GOAL = Color(150, 240, 205)
 # Limits of torques.
 LIMIT = Color(205, 208, 214)
+# Force on the arm.
+FORCE = Color(255, 205, 70)
 # True values, where each has a picture of its own.
 TRUTH = INK
 # The arm's links.

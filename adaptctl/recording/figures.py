@@ -11,6 +11,8 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.identifiability import EssentialSpace
 from adaptctl.recording.comparison import FINAL_ERROR_TIME, Comparison, ControllerRun
+from adaptctl.recording.contact_force import AVERAGING_TIME as CONTACT_AVERAGING
+from adaptctl.recording.contact_force import contact_forces, touched
 from adaptctl.recording.drawing import (
     FIGURE_WIDTH,
     INK,
@@ -57,6 +59,11 @@ def drawings(comparison: Comparison) -> dict[str, Drawing]:
             "theory it never increases.",
             lyapunov,
         ),
+        "contact-force": (
+            f"Force on the arm by what it touches, averaged over {1e3 * CONTACT_AVERAGING:g} ms, one line per "
+            "controller (logarithmic scale).",
+            contact_force,
+        ),
         "torque": ("Torques of the adaptive run. Shaded: beyond the limits.", torque),
         "parameters": (
             "Estimates of the base parameters (solid), and their true values (dashed), the largest first. "
@@ -71,6 +78,7 @@ def drawings(comparison: Comparison) -> dict[str, Drawing]:
     subject = comparison.subject
     missing = {"lyapunov"} if subject.lyapunov is None else set()
     missing |= set() if subject.rollout.estimate.shape[1] else {"parameters"}
+    missing |= set() if touched(comparison) else {"contact-force"}
     shown = {name: one for name, one in captions.items() if name not in missing}
     return {
         name: Drawing(name, caption, partial(draw, comparison), plain=True) for name, (caption, draw) in shown.items()
@@ -103,6 +111,22 @@ def tracking_error(comparison: Comparison) -> Figure:
     axes.set_xlim(0.0, comparison.subject.duration)
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles[::-1], labels[::-1], loc="outside upper left", ncols=3)
+    return figure
+
+
+def contact_force(comparison: Comparison) -> Figure:
+    """Figure of the contact forces of all runs that touch something."""
+    figure = sheet(3.6)
+    axes = figure.subplots()
+    for run in touched(comparison):
+        force = np.linalg.norm(contact_forces(run.rollout), axis=1)
+        every = thinned(len(force), MAX_DRAWN_SAMPLES)
+        shown = np.where(force > 0.0, force, np.nan)[every]
+        axes.semilogy(run.rollout.time[every], shown, label=run.label, **run_style(comparison.color_indices[run.name]))
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("contact force [N]")
+    axes.set_xlim(0.0, comparison.subject.duration)
+    figure.legend(loc="outside upper left", ncols=3)
     return figure
 
 

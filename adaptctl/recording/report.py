@@ -147,7 +147,9 @@ def _sections(comparison: Comparison, figures: bool) -> Iterator[Section]:
     elif comparison.live:
         yield Section("", (Note(f"This report has no live simulation: {comparison.live}."),))
     yield Section("Cost of a control step", tuple(_costs(comparison)))
-    yield Section("Stability and effort", [figure[name] for name in ("lyapunov", "torque") if name in figure])
+    yield Section(
+        "Stability and effort", [figure[name] for name in ("lyapunov", "contact-force", "torque") if name in figure]
+    )
     if "parameters" in figure:
         yield Section("Parameter estimates", (on_truth(comparison), figure["parameters"], _parameters(comparison)))
     yield Section("Base parameters", tuple(_matter(comparison)))

@@ -14,7 +14,8 @@ import rerun.blueprint as rrb
 from adaptctl.dynamics.joint_units import position_units
 from adaptctl.recording import views
 from adaptctl.recording.comparison import Comparison, ControllerRun
-from adaptctl.recording.drawing import DARK, GOAL, LIMIT, MUTED, Color, joint_color, run_color, thinned
+from adaptctl.recording.contact_force import contact_forces, contact_points, touched
+from adaptctl.recording.drawing import DARK, FORCE, GOAL, LIMIT, MUTED, Color, joint_color, run_color, thinned
 from adaptctl.recording.figures import shares, threshold
 from adaptctl.recording.judgement import (
     facts,
@@ -26,7 +27,7 @@ from adaptctl.recording.judgement import (
     outcome_words,
 )
 from adaptctl.recording.page import Lines, Report, Table, answers_table
-from adaptctl.recording.scene import WORLD, entity, log_arm, log_base, log_path, log_trail
+from adaptctl.recording.scene import WORLD, entity, log_arm, log_arrows, log_base, log_path, log_trail
 from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton
 from adaptctl.recording.stream import Curves, in_decades, levels, log_curves, log_markdown, of_joints, saved_stream
 from adaptctl.recording.summary import properties
@@ -83,6 +84,12 @@ def log_scene(
         time, p, ghost = run.rollout.time[every], run.rollout.p[every], run is not subject
         tip = log_arm(recording, f"{within}{run.name}", mechanism, parts, time, p, paint, ghost=ghost)
         log_trail(recording, f"{within}trail/{run.name}", time, tip, paint)
+    if (forces := contact_forces(subject.rollout)).any():
+        every = thinned(len(subject.rollout.time), MAX_POSES)
+        points = contact_points(subject.rollout)[every]
+        log_arrows(
+            recording, f"{within}contact", subject.rollout.time[every], points, forces[every], parts.reach, FORCE
+        )
 
 
 def joint_errors(path: str, run: ControllerRun, names: tuple[str, ...]) -> Curves:
@@ -115,6 +122,10 @@ def _curves(comparison: Comparison) -> Iterator[Curves]:
         path = f"torque/{entity(name)}"
         yield Curves(f"{path}/applied", time, applied[:, j], (name,), (color,), most=len(time))
         yield levels(f"{path}/limit", time, np.array([-limit, limit]), ("limit", "limit"), (LIMIT, LIMIT))
+    for run in touched(comparison):
+        size = in_decades(1e-3 * np.linalg.norm(contact_forces(run.rollout), axis=1))
+        label, colors = (run.label,), (run_color(comparison.color_indices[run.name]),)
+        yield Curves(f"contact_force/{run.name}", run.rollout.time, size, label, colors, width=2.0)
     if V is not None:
         yield Curves(f"lyapunov/{comparison.subject.name}", time, V, ("V",), (run_color(0),), width=2.5)
     yield Curves("energy", time, rollout.energy, ("energy",), (run_color(0),))
@@ -183,7 +194,9 @@ def _overview(comparison: Comparison, viewpoint: Viewpoint) -> rrb.Container:
     title = f"{task_error.meaning}, log10 [{task_error.unit}]" if task_error else ""
     curves = [views.curves("/task_error", title, end, room=views.LONG_LEGEND)] if task_error else []
     curves += _error_views(comparison, legend=True)[: 2 - len(curves)]
-    if rise is None:
+    if touched(comparison):
+        curves.append(views.curves("/contact_force", "Contact force, log10 [N] · arrow: force on the arm", end))
+    elif rise is None:
         curves.append(views.curves("/energy", "Energy [J]", end))
     else:
         curves.append(views.curves("/lyapunov", f"Lyapunov function [J] · {lyapunov_words(rise)}", end))

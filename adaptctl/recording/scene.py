@@ -22,6 +22,10 @@ from adaptctl.recording.skeleton import ROOT_RADIUS, Shape, Skeleton, Solid, tip
 from adaptctl.recording.views import TIMELINE
 
 WORLD = "world"
+# Quaternion x, y, z, w of no turn
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+# Size of an arrow of no force
+LEAST_SCALE = 1e-6
 # Opacity of what is translucent, of 255
 GHOST_OPACITY = 70
 
@@ -73,6 +77,22 @@ def log_trail(recording: rr.RecordingStream, name: str, time: Array, path: Array
             strips=strips.tolist(), radii=np.full(count, 0.0045), colors=np.full((count, 3), color)
         ),
     )
+
+
+def log_arrows(
+    recording: rr.RecordingStream, name: str, time: Array, points: Array, forces: Array, reach: float, color: Color
+) -> None:
+    """Draw forces (T, 3) in N as an arrow from points (T, 3), a third of the arm's reach for the largest."""
+    arrow = rr.Arrows3D(vectors=[[0, 0, reach / 3]], radii=[reach / 90], colors=[color])
+    recording.log(f"{WORLD}/{name}", arrow, static=True)
+    sizes = np.linalg.norm(forces, axis=1)
+    # An arrow of its own for each time would be drawn for all times of the trail's 4 s: poses are only the latest.
+    moved = rr.Transform3D.columns(
+        translation=points,
+        quaternion=np.array([_turned_up(force) if force.any() else UPRIGHT for force in forces]),
+        scale=np.repeat(np.maximum(sizes / sizes.max(), LEAST_SCALE)[:, None], 3, axis=1),
+    )
+    recording.send_columns(f"{WORLD}/{name}", [rr.TimeColumn(TIMELINE, duration=time)], moved)
 
 
 def log_path(recording: rr.RecordingStream, name: str, path: Array, color: Color) -> None:

@@ -63,7 +63,11 @@ def skeleton(mechanism: Mechanism) -> Skeleton:
     radii = reach * (ROOT_RADIUS + slimness * (TIP_RADIUS - ROOT_RADIUS))
     shapes = [shape for i in range(len(links)) for shape in _link_shapes(links, i, ends[i], float(radii[i]))]
     tool = Shape(tip_link, Solid.TOOL, tip, tip, 1.15 * TIP_RADIUS * reach)
-    return Skeleton((*shapes, tool), reach, tip_link, tip)
+    parts = Skeleton((*shapes, tool), reach, tip_link, tip)
+    # What hangs behind locked joints, a wrist or a hand, is a frame of the last link.
+    frames = [frame.pose.translation for frame in mechanism.description.frames if frame.link == tip_link]
+    farthest = max(frames, key=lambda place: float(np.linalg.norm(place - tip)), default=tip)
+    return with_tip(parts, tip_link, farthest) if np.linalg.norm(farthest - tip) > MIN_LENGTH else parts
 
 
 def with_tip(parts: Skeleton, link: int, tip: Array) -> Skeleton:
@@ -71,7 +75,8 @@ def with_tip(parts: Skeleton, link: int, tip: Array) -> Skeleton:
     start = parts.tip if link == parts.tip_link else np.zeros(3)
     body = [shape for shape in parts.shapes if shape.solid is not Solid.TOOL]
     ball = max(shape.radius for shape in parts.shapes if shape.solid is Solid.TOOL)
-    arm = Shape(link, Solid.LINK, start, tip, min(shape.radius for shape in body if shape.solid is Solid.LINK))
+    radius = min((shape.radius for shape in body if shape.solid is Solid.LINK), default=ball)
+    arm = Shape(link, Solid.LINK, start, tip, radius)
     reach = parts.reach + arm.length
     return Skeleton((*body, arm, Shape(link, Solid.TOOL, tip, tip, ball)), reach, link, tip)
 

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 _OFF = ("actuator_dyntype", "actuator_gaintype", "actuator_biastype")
 _SILENT = ("actuator_gainprm", "actuator_biasprm")
+TOUCH_FLAGS = tuple(f"{what}_{axis}" for what in ("contact_force", "contact_point") for axis in "xyz")
+"""Force in N on the arm by all that it touches, and its point in m, in the world's frame; 0 without contact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +84,7 @@ class MuJoCoPlant(Plant):
         """Initial state of one arm, the scene in its initial state."""
         p, v = (self._vector(x, what).astype(np.float64) for x, what in ((p, "p"), (v, "v")))
         scene = self._scene.having(parameters)
-        return self._state(0.0, *scene.started(p, v), np.zeros(self.dof), False)
+        return self._state(0.0, *scene.started(p, v), np.zeros(self.dof), False, scene.touch())
 
     def step(
         self,
@@ -93,22 +95,29 @@ class MuJoCoPlant(Plant):
     ) -> PlantState:
         """State of one arm a control period later."""
         given = self._finite(torque)
-        applied = self.clip_torque(given)
-        p, v, drives = self._scene.having(parameters).moved(state.drives, applied)
+        applied, scene = self.clip_torque(given), self._scene.having(parameters)
+        p, v, drives = scene.moved(state.drives, applied)
         if not math.isfinite(p.dot(p) + v.dot(v)):
             raise NonFiniteError(
                 f"{self.mechanism.name}: the MuJoCo simulation diverged after {state.time:g} s: use a shorter control "
                 "period, a shorter timestep in the model, or smaller gains"
             )
         clipped = bool((applied != given).any())
-        return self._state(state.time + self.control_period, p, v, drives, applied, clipped)
+        return self._state(state.time + self.control_period, p, v, drives, applied, clipped, scene.touch())
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Names of the numbers that tell of contacts."""
+        return TOUCH_FLAGS
 
     def compile(self) -> None:
         """Compile the energy to native code."""
         _ = self._energy
 
-    def _state(self, time: float, p: Array, v: Array, drives: Array, applied: Array, clipped: bool) -> PlantState:
-        return PlantState(time, p, v, p, p, v, applied, clipped, np.empty(0), drives, np.empty(0))
+    def _state(
+        self, time: float, p: Array, v: Array, drives: Array, applied: Array, clipped: bool, touch: Array
+    ) -> PlantState:
+        return PlantState(time, p, v, p, p, v, applied, clipped, touch, drives, np.empty(0))
 
     @cached_property
     def arm(self) -> MujocoArm:
@@ -148,6 +157,7 @@ class _Scene:
         self._model, self._data = model, mujoco.MjData(model)
         self._q = [int(model.jnt_qposadr[j]) for j in arm.joints]
         self._v = [int(model.jnt_dofadr[j]) for j in arm.joints]
+        self._bodies, self._wrench = frozenset(arm.bodies), np.zeros(6)
         self._kind = int(mujoco.mjtState.mjSTATE_INTEGRATION)
         self._size = mujoco.mj_stateSize(model, self._kind)
         self._latest: Array | None = None
@@ -181,6 +191,28 @@ class _Scene:
         self._data.qfrc_applied[self._v] = torque
         mujoco.mj_step(self._model, self._data, self._substeps)
         return self._data.qpos[self._q], self._data.qvel[self._v], self._kept()
+
+    def touch(self) -> Array:
+        """Force (3,) on the arm by what it touches and its point (3,), in the world's frame; zeros without contact."""
+        found, total = np.zeros(6), 0.0
+        for k in range(self._data.ncon):
+            force, point = self._contact(k)
+            size = math.sqrt(force @ force)
+            found += np.concatenate((force, size * point))
+            total += size
+        found[3:] /= total or 1.0
+        return found
+
+    def _contact(self, k: int) -> tuple[Array, Array]:
+        """Force on the arm by a contact, and its point; none by a contact within the arm, or outside of it."""
+        import mujoco
+
+        contact = self._data.contact[k]
+        ours = [geom >= 0 and int(self._model.geom_bodyid[geom]) in self._bodies for geom in contact.geom]
+        if ours[0] == ours[1]:
+            return np.zeros(3), np.zeros(3)
+        mujoco.mj_contactForce(self._model, self._data, k, self._wrench)  # on the second of the two
+        return (1.0 if ours[1] else -1.0) * (self._wrench[:3] @ contact.frame.reshape(3, 3)), contact.pos
 
     def _kept(self) -> Array:
         import mujoco

@@ -31,7 +31,7 @@ def torque_uncertainty(model: ReducedModel, run: SampledRun, torque_limits: Arra
     model : ReducedModel
         Reduced model of the mechanism with k parameters and r primary joints.
     run : Rollout
-        Run of T samples.
+        Run of T samples; those that are not finite are left out.
     torque_limits : array_like
         Torque limits (r,) in N m (N if prismatic), finite.
 
@@ -71,8 +71,11 @@ def torque_uncertainty(model: ReducedModel, run: SampledRun, torque_limits: Arra
     if (joints := run.p.shape[1]) != r:
         raise InputError(f"run: expected {r} joints, as {model.mechanism.name} has, got {joints}")
     every = max(1, len(run.p) // NUM_SAMPLES)
-    chosen = (run.p, run.v, run.reference_v, run.reference_a)
-    shares = model.slotine_li_regressor(*(array[::every] for array in chosen)) / limits[:, None]
+    chosen = [array[::every] for array in (run.p, run.v, run.reference_v, run.reference_a)]
+    finite = np.isfinite(np.concatenate(chosen, axis=1)).all(axis=1)
+    if not finite.any():
+        return np.full(len(model.columns), np.inf)
+    shares = model.slotine_li_regressor(*(array[finite] for array in chosen)) / limits[:, None]
     weight = np.sqrt(every * run.sample_time / CORRELATION_TIME) / TORQUE_ERROR_SHARE
     rows = weight * shares.reshape(-1, shares.shape[-1])
     elsewhere = _shares_elsewhere(model, run, limits)

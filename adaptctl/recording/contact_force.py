@@ -1,0 +1,38 @@
+"""Contact forces of runs, where a plant tells them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.recording.comparison import Comparison, ControllerRun
+from adaptctl.simulation.mujoco_plant import TOUCH_FLAGS
+from adaptctl.simulation.run import Rollout
+
+AVERAGING_TIME = 0.05
+"""s over which forces are averaged, as contacts that slide open and close from one step to the next"""
+
+
+def touched(comparison: Comparison) -> list[ControllerRun]:
+    """Runs with a contact."""
+    return [run for run in comparison.runs if contact_forces(run.rollout).any()]
+
+
+def contact_forces(rollout: Rollout) -> Array:
+    """Forces (T, 3) in N on the arm by what it touches, in the world's frame, averaged; zeros where none are told."""
+    found = _columns(rollout, TOUCH_FLAGS[:3])
+    count = max(1, round(AVERAGING_TIME / rollout.sample_time))
+    total = np.cumsum(np.concatenate((np.zeros((1, 3)), found)), axis=0)
+    last = np.arange(1, len(found) + 1)
+    first = np.maximum(last - count, 0)
+    return np.asarray((total[last] - total[first]) / (last - first)[:, None])
+
+
+def contact_points(rollout: Rollout) -> Array:
+    """Points (T, 3) in m at which the forces act, in the world's frame; zeros where nothing is touched."""
+    return _columns(rollout, TOUCH_FLAGS[3:])
+
+
+def _columns(rollout: Rollout, names: tuple[str, ...]) -> Array:
+    nothing = np.zeros(len(rollout.time))
+    return np.stack([rollout.flags.get(name, nothing) for name in names], axis=-1)

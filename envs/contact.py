@@ -1,0 +1,145 @@
+"""Environment of an arm that presses on a table (extra `mujoco`)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adaptctl.arrays import Array, positive_number
+from adaptctl.control.gains.gains import torque_limits
+from adaptctl.control.spline import Spline
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.inverse_kinematics import Tip
+from adaptctl.envs.task import control_period_of
+from adaptctl.envs.tracking import TrackingEnv
+from adaptctl.errors import InputError
+from adaptctl.optional_packages import needed
+from adaptctl.simulation.mujoco_plant import MuJoCoPlant
+from adaptctl.tuning import with_friction
+
+if TYPE_CHECKING:
+    import mujoco
+
+WRIST = ("joint4", "joint5", "joint6")
+LINKS = ("link1", "link2", "link3")
+LINK, TOOL, POSTURE = LINKS[-1], (0.0, 0.0, 0.48935), (0.0, -1.5, 3.0)
+"""m: flange of a PUMA 560 whose wrist is straight; rad: where inverse kinematics begins"""
+CENTER, SWING, RATE = (0.5, 0.15, 0.55), (0.1, 0.25, 0.1), (0.4, 0.3, 0.5)
+"""m, m and Hz: the tool's motion in the air"""
+HEIGHT, CLEARANCE, DEPTH = 0.35, 0.015, 0.05
+"""m: height of the tool on the table, and of its path above and behind it"""
+WIPE, WIPE_RATE = 0.2, 0.2
+"""m and Hz: the tool's motion along the table"""
+STOPS, ABOVE, BEHIND = (5.5, 7.0), (7.0, 9.0), (9.0, 12.0)
+"""s: from when to when the motion in the air ends, and the path goes above and behind the table"""
+KNOT, OVERRUN = 0.02, 1.0
+"""s: between positions of the path, and after the end"""
+RADIUS, TABLE = 0.02, (0.3, 0.4, 0.02)
+"""m: of the tool, a ball, and half of the table's sizes"""
+TABLE_MASS, DAMPING_RATIO, FRICTION = 0.3, 0.25, (0.2, 0.005, 0.0001)
+TIME_STEP, SOFTNESS = 2.5e-4, (0.01, 1.0)
+"""s, and MuJoCo's `solref` of the contact"""
+
+
+class ContactEnv(TrackingEnv):
+    """
+    Task of a PUMA 560 that moves in the air, presses on a table and wipes it, simulated by MuJoCo.
+
+    Parameters
+    ----------
+    robot : str or Mechanism, default "puma560_geared"
+        A PUMA 560. Its wrist is held straight, so that three joints move; or is locked already.
+    surface : float, default 1e4
+        Stiffness of the table in N/m, of a stiff foam.
+    duration : float, default 20.0
+        Length of an episode in s. The tool touches the table after about 10 s.
+    control_period : float, default 0.001
+        Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
+    error_bound : float, default 1.0
+        Error in rad beyond which an episode ends.
+
+    Raises
+    ------
+    InputError
+        If a number is bad, or the robot has no joints of a PUMA 560.
+    MissingExtraError
+        If MuJoCo is not installed.
+
+    Notes
+    -----
+    The path, a spline through inverse kinematics, goes 5 cm behind the table: how hard the tool presses is the
+    controller's choice. `info["flags"]` has the force on the arm in N and its point in m, `contact_force_x` to
+    `contact_point_z`. Spaces, reward and options are those of `TrackingEnv`.
+
+    Examples
+    --------
+    >>> import gymnasium, adaptctl.envs
+    >>> gymnasium.spec("adaptctl/Contact-v0").entry_point
+    'adaptctl.envs.contact:ContactEnv'
+    """
+
+    def __init__(
+        self,
+        robot: str | Mechanism = "puma560_geared",
+        *,
+        surface: float = 1e4,
+        duration: float = 20.0,
+        control_period: float = 1e-3,
+        error_bound: float = 1.0,
+    ) -> None:
+        arm = of_three_joints(load(robot) if isinstance(robot, str) else robot)
+        scene = over_a_table(arm, positive_number(surface, "surface: expected a stiffness in N/m above 0"))
+        limits, body = torque_limits(arm, None, finite=True), arm.links[0].name
+        plant = MuJoCoPlant(arm, control_period_of(control_period), torque_limits=limits, model=scene, body=body)
+        self._set_task(plant, joint_path(arm, duration), duration, error_bound=error_bound)
+
+
+def of_three_joints(robot: Mechanism) -> Mechanism:
+    """PUMA 560 whose wrist is held straight, with friction to learn."""
+    arm = robot.locked(WRIST) if {joint.name for joint in robot.primary_joints} >= set(WRIST) else robot
+    if [link.name for link in arm.links] != list(LINKS):
+        raise InputError(f"robot: expected a PUMA 560, with joints joint1 to joint6, got {robot.name!r}")
+    return with_friction(arm)
+
+
+def tool_path(time: Array) -> Array:
+    """Path (T, 3) of the tool in m: in the air, down to behind the table, along it."""
+    t = time[:, None]
+    in_air = (_rise(t, 0.0, 2.0) - _rise(t, *STOPS)) * np.array(SWING) * np.sin(2.0 * np.pi * np.array(RATE) * t)
+    wiped = _rise(t, BEHIND[1], BEHIND[1] + 2.0) * WIPE * np.sin(2.0 * np.pi * WIPE_RATE * (t - BEHIND[1]))
+    down = _rise(t, *ABOVE) * (CENTER[2] - HEIGHT - CLEARANCE) + _rise(t, *BEHIND) * (CLEARANCE + DEPTH)
+    return np.asarray(np.array(CENTER) + in_air + np.concatenate((0.0 * t, wiped, -down), axis=1))
+
+
+def _rise(time: Array, start: float, end: float) -> Array:
+    """Minimum jerk from 0 to 1."""
+    x = np.clip((time - start) / (end - start), 0.0, 1.0)
+    return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x**2))
+
+
+def joint_path(arm: Mechanism, duration: float) -> Spline:
+    """Joints along the tool's path."""
+    time = np.arange(0.0, duration + OVERRUN + KNOT, KNOT)
+    return Spline(Tip(arm, LINK, np.array(TOOL)).joints(tool_path(time), np.array(POSTURE)), time)
+
+
+@needed("the environment adaptctl/Contact-v0")
+def over_a_table(arm: Mechanism, surface: float) -> mujoco.MjModel:
+    """MuJoCo's arm with a ball as its tool, over a table on a spring."""
+    import mujoco
+
+    from adaptctl.description.writers.mujoco_model import mjcf_text
+
+    spec, shape = mujoco.MjSpec.from_string(mjcf_text(arm.description)), mujoco.mjtGeom
+    spec.option.timestep = TIME_STEP
+    to_link = arm.links[-1].joint_to_link
+    place = to_link.rotation @ np.array(TOOL) + to_link.translation
+    touch = {"friction": FRICTION, "solref": SOFTNESS}
+    spec.body(LINK).add_geom(type=shape.mjGEOM_SPHERE, size=[RADIUS, 0, 0], pos=place, mass=0, **touch)
+    top = (*CENTER[:2], HEIGHT - RADIUS - TABLE[2])
+    table = spec.worldbody.add_body(name="table", pos=top, gravcomp=1)
+    damping = 2.0 * DAMPING_RATIO * np.sqrt(TABLE_MASS * surface)
+    table.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], stiffness=surface, damping=damping)
+    table.add_geom(type=shape.mjGEOM_BOX, size=TABLE, mass=TABLE_MASS, **touch)
+    return spec.compile()
