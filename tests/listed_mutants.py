@@ -228,7 +228,7 @@ LISTED: tuple[Listed, ...] = (
     ),
     Listed(
         "parameters count as unexcited only from a half on",
-        "adaptctl/identification/uncertainty.py",
+        "adaptctl/control/excitation/deviations.py",
         "UNEXCITED_COMPONENT = 1e-6",
         "UNEXCITED_COMPONENT = 0.5",
         ("tests/test_forecast.py::test_deviations_are_infinite_exactly_where_other_columns_make_up_a_parameters_own",),
