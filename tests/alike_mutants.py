@@ -34,7 +34,7 @@ ALIKE = {
     "adaptctl/dynamics/loops/continuation.py::Continuation.follow -1 -> +1 (again 5)": (
         "of two axes the last is the one after the first"
     ),
-    "adaptctl/identifiability/fundamental_basis.py::_kept_against_the_order 1.0 -> 2.0": (
+    "adaptctl/identifiability/chosen_columns.py::_kept_against_the_order 1.0 -> 2.0": (
         "diagonals of orthonormal vectors' factor are at most 1, and tolerances below"
     ),
     "adaptctl/identifiability/proof/exact_geometry.py::_as_in_file 0.0 -> 1.0": (

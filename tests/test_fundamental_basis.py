@@ -18,7 +18,7 @@ from random_trees import random_chain, random_inertia, random_tree
 from robot_files import urdf
 
 from adaptctl.arrays import Array
-from adaptctl.description import Pose, with_floating_base
+from adaptctl.description import JointKind, Pose, with_floating_base
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError, InputError, NonFiniteError, RankError
@@ -356,3 +356,15 @@ def test_a_basis_keeps_a_copy_that_cannot_be_written(basis: FundamentalBasis) ->
     given[0, 0] += 1.0
     np.testing.assert_array_equal(own.regrouping, basis.regrouping)
     assert not own.regrouping.flags.writeable
+
+
+def test_a_default_order_gives_way_where_it_removes_parameters_that_nearly_depend() -> None:
+    """An axis 0.1 deg off its link's frame; another tolerance asked for is refused."""
+    chain = random_chain(52, 3)
+    links = [replace(link, joint=replace(link.joint, kind=JointKind.REVOLUTE)) for link in chain.links]
+    space = essential_space(Mechanism(replace(chain.description, links=tuple(links), gravity=np.array([0, 0, -9.81]))))
+    basis = fundamental_basis(space)
+    assert basis.rank == space.rank
+    assert basis.condition < 10.0
+    with pytest.raises(RankError, match="almost depend on each other"):
+        fundamental_basis(space, tolerance=9e-4)

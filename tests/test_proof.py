@@ -21,7 +21,7 @@ from adaptctl.description.pose import rotation_about
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability import Constraints, Priority, Relation, constrained, essential_space, fundamental_basis
-from adaptctl.identifiability.fundamental_basis import _kept_against_the_order
+from adaptctl.identifiability.chosen_columns import _kept_against_the_order
 from adaptctl.identifiability.inertial_transfers import inertial_transfers
 from adaptctl.identifiability.proof import arithmetic
 from adaptctl.identifiability.proof.arithmetic import BITS, PRIME, Digits, digits, floats, modular, samples_of, scaled

@@ -5,106 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array, positive_number
 from adaptctl.caching import cached_property
 from adaptctl.compilation import object_cache
-from adaptctl.errors import FileError, InputError, RankError, printable, validate_kind
-from adaptctl.files import read_json, write_json
+from adaptctl.errors import FileError, InputError, printable, validate_kind
+from adaptctl.identifiability.basis_file import BasisFile, Robot
+from adaptctl.identifiability.chosen_columns import ChosenColumns, chosen_columns
 from adaptctl.identifiability.column_orders import column_order
 from adaptctl.identifiability.essential_space import EssentialSpace
 from adaptctl.identifiability.priority import Priority, or_default
-from adaptctl.identifiability.regrouping import (
-    TOLERANCE,
-    Regrouping,
-    by_rows,
-    condition,
-    regrouping_equations,
-)
+from adaptctl.identifiability.regrouping import TOLERANCE, condition, regrouping_equations
 from adaptctl.markup import table, titled
 
-# Size of a file that is read, and parameters in it: 256 links, all with rotors, have 2,816.
-MAX_BYTES, MAX_PARAMETERS = 8 * 2**20, 4_000
-
-
-class Robot(msgspec.Struct, forbid_unknown_fields=True):
-    """Mechanism of a saved basis: its name, and the hash of its geometry."""
-
-    name: str
-    geometry_sha256: str
-
-
-class BasisFile(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
-    """Content of a basis file (JSON)."""
-
-    schema: Literal["adaptctl/fundamental-basis/1"]
-    robot: Robot
-    rank: int
-    gap: float
-    parameters: Annotated[list[str], msgspec.Meta(max_length=MAX_PARAMETERS)]
-    scales: list[float]
-    regrouping: dict[str, dict[str, float]]
-    kept_despite_priority: list[str] = []
-
-    @classmethod
-    def read(cls, path: str | Path) -> BasisFile:
-        """Read the content of a basis file."""
-        content = read_json(path, cls, MAX_BYTES)
-        if fault := content._fault():
-            raise FileError(f"{path}: {fault}")
-        return content
-
-    def write(self, path: str | Path) -> None:
-        """Write the content to a file, atomically."""
-        write_json(path, self)
-
-    @property
-    def columns(self) -> tuple[int, ...]:
-        """Indices (k,) of the kept parameters."""
-        place = {name: i for i, name in enumerate(self.parameters)}
-        return tuple(place[name] for name in self.regrouping)
-
-    @property
-    def matrix(self) -> Array:
-        """Regrouping matrix K (k, P) in SI units."""
-        place = {name: i for i, name in enumerate(self.parameters)}
-        K = np.zeros((len(self.regrouping), len(place)))
-        for i, (kept, row) in enumerate(self.regrouping.items()):
-            K[i, [place[name] for name in row]] = list(row.values())
-            K[i, place[kept]] = 1.0
-        return K
-
-    @staticmethod
-    def rows(matrix: Array, columns: tuple[int, ...], names: tuple[str, ...]) -> dict[str, dict[str, float]]:
-        """Return the entry `regrouping` for K (k, P), without zeros."""
-        pairs = zip(columns, matrix, strict=True)
-        return {names[i]: {names[j]: float(row[j]) for j in np.flatnonzero(row) if j != i} for i, row in pairs}
-
-    def _fault(self) -> str:
-        known = set(self.parameters)
-        if len(known) < len(self.parameters):
-            return "`$.parameters`: a name is given more than once"
-        if not self.gap > 0.0:
-            return f"`$.gap`: expected a positive number, got {self.gap}"
-        if len(self.scales) != len(self.parameters) or not all(scale > 0.0 for scale in self.scales):
-            return f"`$.scales`: expected {len(self.parameters)} positive numbers, one per parameter"
-        if self.rank != len(self.regrouping):
-            return f"`$.rank` is {self.rank}, but `$.regrouping` keeps {len(self.regrouping)} parameters"
-        for name in self.kept_despite_priority:
-            if name not in self.regrouping:
-                return f"`$.kept_despite_priority`: {name!r} is not kept in `$.regrouping`"
-        for kept, row in self.regrouping.items():
-            for name in (kept, *row):
-                if name not in known:
-                    return f"`$.regrouping.{kept}`: {name!r} is not in `$.parameters`"
-            if not row.keys().isdisjoint(self.regrouping):
-                return f"`$.regrouping.{kept}`: kept parameters cannot be regrouped into each other"
-        return ""
+# Tolerance of the default priority where that of the others leaves nearly dependent parameters.
+WIDER_TOLERANCE = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -370,6 +288,7 @@ def fundamental_basis(
     tolerance : float, default 1e-3
         Threshold, without unit, for the independence of a parameter's row of `EssentialSpace.scaled_null_basis` from
         the rows of parameters removed before; above 0 and below 1/sqrt(P). Robots have values above 0.1 or below 1e-4.
+        Where those removed by default are nearly dependent, as of axes that are nearly parallel, it is 1e-2.
     prove : bool, default False
         If true, the choice must also be made in exact arithmetic. By default this is done where the space has a proof.
 
@@ -395,9 +314,12 @@ def fundamental_basis(
     (True, 6)
     """
     validate_kind(space, EssentialSpace, "fundamental_basis", "as essential_space(mechanism) gives one")
-    order = or_default(priority).indices(space.parameter_names)
+    order, usual = (or_default(given).indices(space.parameter_names) for given in (priority, None))
     inputs = [space.search.inputs, [int(j) for j in order], repr(tolerance), bool(prove)]
-    chosen = object_cache.kept("fundamental basis", inputs, Chosen, lambda: _chosen(space, order, tolerance, prove))
+    wider = WIDER_TOLERANCE if tolerance == TOLERANCE and list(order) == list(usual) else None
+    chosen = object_cache.kept(
+        "fundamental basis", inputs, ChosenColumns, lambda: chosen_columns(space, order, tolerance, prove, wider)
+    )
     return FundamentalBasis(
         mechanism_name=space.mechanism.name,
         geometry_sha256=space.mechanism.geometry_sha256,
@@ -407,71 +329,4 @@ def fundamental_basis(
         scales=np.array(chosen.scales),
         gap=space.certificate.gap,
         kept_despite_priority=chosen.kept_despite_priority,
-    )
-
-
-class Chosen(NamedTuple):
-    """Cached choice of a basis, as lists."""
-
-    columns: tuple[int, ...]
-    regrouping: list[list[float]]
-    scales: list[float]
-    kept_despite_priority: tuple[str, ...]
-
-
-def _chosen(space: EssentialSpace, order: Sequence[int], tolerance: float, prove: bool) -> Chosen:
-    found = space.null_space.regrouping(order, tolerance)
-    if tolerance <= TOLERANCE:
-        found = _exactly_in_order(space, found, order) or found
-    _validate_conditioned(space, found)
-    passed_over = {*found.kept_despite_priority, *_kept_against_the_order(space, found, order, prove, tolerance)}
-    if found.rank != space.rank:
-        raise RankError(
-            f"{space.mechanism.name}: the kept columns have rank {found.rank}, not {space.rank}; "
-            "pass a larger tolerance"
-        )
-    names = tuple(space.parameter_names[j] for j in sorted(passed_over))
-    return Chosen(found.kept, found.matrix(space.scales).tolist(), space.scales.tolist(), names)
-
-
-def _exactly_in_order(space: EssentialSpace, found: Regrouping, order: Sequence[int]) -> Regrouping | None:
-    """Regrouping onto exactly those that the order keeps, if they are others, and it is well conditioned."""
-    sets = () if space.proof is None else tuple(space.proof.kept_in_any_way(order))
-    if found.kept in sets:
-        return replace(found, exact=True)
-    removed = ([j for j in order if j not in set(kept)] for kept in sets if len(kept) == space.rank)
-    exact = (by_rows(space.scaled_null_basis, rows) for rows in removed)
-    return next((one for one in exact if one is not None and one.determined), None)
-
-
-def _kept_against_the_order(
-    space: EssentialSpace, found: Regrouping, order: Sequence[int], prove: bool, tolerance: float
-) -> tuple[int, ...]:
-    """Kept parameters that exact geometry removes."""
-    if space.proof is None:
-        if prove:
-            raise InputError(f"{space.mechanism.name}: to prove the basis, prove the essential space (prove=True)")
-        return ()
-    if space.proof.keeps(found.kept, order):
-        return ()
-    exact = set(space.proof.kept(order))
-    rows = space.scaled_null_basis[[j for j in order if j not in exact]]
-    others = sorted(set(found.kept) - exact)
-    if np.abs(np.diag(np.linalg.qr(rows.T, mode="r"))).min(initial=1.0) > tolerance:
-        raise RankError(
-            f"{space.mechanism.name}: in exact arithmetic, over {space.proof.method}, this priority removes "
-            f"{', '.join(space.parameter_names[j] for j in others[:4])}, but in floating point it does not"
-        )
-    return tuple(others)
-
-
-def _validate_conditioned(space: EssentialSpace, found: Regrouping) -> None:
-    if found.determined:
-        return
-    weights = np.linalg.svd(found.coefficients)[2][0]
-    names = [space.parameter_names[found.removed[i]] for i in np.argsort(-np.abs(weights))[:3]]
-    raise RankError(
-        f"{space.mechanism.name}: the priority removes {names[0]} and {names[-1]}, which almost depend on each other "
-        f"(condition number {found.condition:.1e}, limit {found.condition_limit:.0e}); change the priority so that "
-        "one of them is kept, or pass a larger tolerance"
     )
