@@ -105,6 +105,8 @@ def test_a_right_log_is_left_alone(case: Known) -> None:
     assert not any(trial.named for trial in verdict.tried)
     assert len({trial.kind for trial in verdict.tried}) == len(FAULTS) + 2
     assert validate_meaning(verdict, False) == ()
+    assert "joint2 is at" in verdict.alike.outcome, "the zero of a last joint, whose link is free"
+    assert "joint1" not in verdict.alike.outcome
 
 
 def test_rows_are_those_of_the_filter_window_by_window(case: Known) -> None:

@@ -8,13 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from nightly import nightly
 from synthetic_logs import Known, known
 
 from adaptctl.arrays import Array
-from adaptctl.description.drive import Drive, DriveParameter
+from adaptctl.description.drive import Drive
+from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
-from adaptctl.identification.friction_model import FrictionModel
-from adaptctl.identification.identify import identified
+from adaptctl.identification.fit import FitSettings
+from adaptctl.identification.friction_model import FrictionModel, unmoved_terms
+from adaptctl.identification.gathering import gathered
+from adaptctl.identification.identify import identified, identified_mechanism
 from adaptctl.identification.log_checks import checked_log, still_joints, still_words
 
 
@@ -97,19 +101,35 @@ def test_joints_that_stand_still_in_all_logs_are_named(case: Known) -> None:
     assert still_joints([held, case.log], case.guess) == []
 
 
-def test_friction_of_a_joint_that_stands_still_is_the_files(case: Known) -> None:
-    """It has 0.7 and 2 there, or none; a rough value of 1 was written before."""
+@pytest.mark.parametrize("drive", [Drive(viscous=0.7, coulomb=2.0), Drive()])
+def test_friction_of_a_joint_that_stands_still_is_the_files(case: Known, drive: Drive) -> None:
+    """A rough value of 1 was written before."""
     held = put(case.log.position, slice(None), 2, 0.3)
     v, a = (put(x, slice(None), 2, 0.0) for x in (np.gradient(held, case.log.time, axis=0), np.zeros_like(held)))
     a[:, :2] = np.gradient(v[:, :2], case.log.time, axis=0)
     log = replace(case.log, position=held, torque=case.truth.inverse_dynamics(held, v, a))
-    terms = FrictionModel((DriveParameter.VISCOUS, DriveParameter.COULOMB))
-    for drive in (Drive(viscous=0.7, coulomb=2.0), Drive()):
-        guess = case.guess.with_drives([Drive(), Drive(), drive])
-        found = identified(guess, case.drives, [log], friction=terms, cutoff=12.5, prior_weight=0.1)
-        own = found.mechanism.primary_joints[2].drive
-        assert (own.viscous, own.coulomb, own.rotor_inertia) == (drive.viscous, drive.coulomb, None)
-        assert found.mechanism.primary_joints[1].drive.viscous == pytest.approx(2.0, rel=0.1)
-        open_ones = [d for n, d in zip(found.names, found.deviations, strict=True) if n in ("joint2.viscous",)]
-        assert all(d > 0.7 for d in open_ones)
-        assert len(open_ones) == (drive.viscous is not None)
+    guess = case.guess.with_drives([Drive(), Drive(), drive])
+    evidence = gathered(guess, case.drives, [log])[0]
+    untold = unmoved_terms(evidence.mechanism, still_joints([log], guess))
+    fit = evidence.fit(FitSettings(FrictionModel(), 0.1, evidence.band, untold=untold), range(evidence.blocks))
+    found = identified_mechanism(evidence, fit, guess)
+    own = found.primary_joints[2].drive
+    assert (own.viscous, own.coulomb, own.rotor_inertia) == (drive.viscous, drive.coulomb, None)
+    assert found.primary_joints[1].drive.viscous == pytest.approx(2.0, rel=0.1)
+
+
+@nightly
+def test_friction_of_a_joint_that_stands_still_is_uncertain(case: Known) -> None:
+    held = replace(case.log, position=put(case.log.position, slice(None), 2, 0.3))
+    guess = case.guess.with_drives([Drive(), Drive(), Drive(viscous=0.7)])
+    found = identified(guess, case.drives, [held], friction=FrictionModel(), prior_weight=0.1, trust_log=True)
+    deviations = dict(zip(found.names, found.deviations.tolist(), strict=True))
+    assert deviations["joint2.viscous"] > 0.7
+    assert "joint2.coulomb" not in found.names
+
+
+def test_a_refusal_begins_with_the_fault_that_leads_to_it(case: Known) -> None:
+    dead = put(case.log.torque, slice(None), 1, 1e-4 * np.sin(case.log.time))
+    wrong = replace(case.log, torque=dead, velocity=60.0 * np.gradient(case.log.position, case.log.time, axis=0))
+    with pytest.raises(InputError, match=r"'joint1' is .*: its sensor seems dead; synthetic: joint .*: logged velocit"):
+        identified(case.guess, case.drives, [wrong])

@@ -23,6 +23,8 @@ from adaptctl.identification.preparation import PreparationStep
 
 # Error as the log is over that of a hypothesis from which on this is named.
 MARGIN = 1.5
+# Error of another meaning over that of the log as it is, up to which the log does not tell the two apart.
+ALIKE = 1.05
 # Hypotheses, the best by least squares, of which the consistent estimate is made.
 MAX_CONTENDERS = 20
 FLAG = "--trust-log"
@@ -58,7 +60,8 @@ class LogMeaning(NamedTuple):
     Meaning of a log's columns.
 
     Hypotheses as tried, as it is first, the sentence on the one that is named, if the log is refused for it, a line on
-    the slopes of measured torques on those of the file's links, and if these ask for the other side of gears.
+    the slopes of measured torques on those of the file's links, if these ask for the other side of gears, and a line on
+    meanings that fit as well.
     """
 
     tried: tuple[TriedHypothesis, ...]
@@ -66,6 +69,7 @@ class LogMeaning(NamedTuple):
     refuses: bool
     slopes: PreparationStep
     other_side: bool
+    alike: PreparationStep
 
 
 AS_IS = "as is"
@@ -83,17 +87,18 @@ def compared_hypotheses(
     as_is = rows.mixed(np.eye(evidence.mechanism.dof))
     deviations = rows.least(as_is)[1]
     error = relative_error(as_is, rows.consistent(as_is, deviations))
-    found, best = _tried(rows, delay, error / MARGIN)
+    found, best = _tried(rows, delay, error)
     tried = [TriedHypothesis(AS_IS, "the log is as its columns, units and the robot file say", error)]
     tried.extend(own.trial._replace(named=i == best) for i, own in enumerate(found))
+    alike = _alike([own for own in found if own.hypothesis.refuses], error)
     if best is None:
-        return LogMeaning(tuple(tried), None, False, *rows.file_slopes())
+        return LogMeaning(tuple(tried), None, False, *rows.file_slopes(), alike)
     hypothesis, trial, names = found[best].hypothesis, found[best].trial, ", ".join(rows.sources)
     sentence = (
         f"{names}: {trial.words}: if so, the error of the consistent estimate falls from {error:.2%} to "
         f"{trial.error:.2%} of the torques; {hypothesis.remedy}"
     )
-    return LogMeaning(tuple(tried), sentence, hypothesis.refuses, *rows.file_slopes())
+    return LogMeaning(tuple(tried), sentence, hypothesis.refuses, *rows.file_slopes(), alike)
 
 
 def validate_meaning(verdict: LogMeaning, trusted: bool) -> tuple[str, ...]:
@@ -122,9 +127,19 @@ class _Trial:
         return replace(self, x=x, trial=TriedHypothesis(self.trial.kind, words, error))
 
 
-def _tried(rows: HypothesisRows, delay: Delay, most: float) -> tuple[list[_Trial], int | None]:
-    """Hypotheses as tried, and the index of the best one whose error is at most `most`."""
-    found = []
+def _alike(others: Sequence[_Trial], error: float) -> PreparationStep:
+    """Line on meanings whose consistent estimates are as good as that of the log as it is."""
+    fits = [own.trial for own in others if not own.trial.is_bound and own.trial.error <= ALIKE * error]
+    kinds: dict[str, list[str]] = {}
+    for trial in sorted(fits, key=lambda trial: trial.error):
+        kinds.setdefault(trial.kind, []).append(trial.words)
+    each = [f"{own[0]}{f' ({len(own) - 1} more of its kind)' if own[1:] else ''}" for own in kinds.values()]
+    return PreparationStep("fits as well as the log as it is", "; ".join(each) or "nothing")
+
+
+def _tried(rows: HypothesisRows, delay: Delay, error: float) -> tuple[list[_Trial], int | None]:
+    """Hypotheses as tried, and the index of the best one that takes a third of the error off."""
+    found, most = [], error / MARGIN
     for own in listed_hypotheses(rows, delay):
         with suppress(AdaptctlError, np.linalg.LinAlgError):
             equations = own.equations()
@@ -133,7 +148,7 @@ def _tried(rows: HypothesisRows, delay: Delay, most: float) -> tuple[list[_Trial
             found.append(_Trial(own, trial, equations, x, deviations))
     best = None
     for i in np.argsort([one.trial.error for one in found])[:MAX_CONTENDERS].tolist():
-        if found[i].trial.error > most:
+        if found[i].trial.error > (most if best is not None else ALIKE * error):
             break
         found[i] = found[i].consistent(rows)
         if found[i].trial.error <= most and found[i].hypothesis.holds(found[i].x):

@@ -33,7 +33,7 @@ from adaptctl.identification.hypotheses import compared_hypotheses, validate_mea
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.instruments import without_position_noise
 from adaptctl.identification.lasting_errors import with_lasting_errors
-from adaptctl.identification.log_checks import checked_log, still_joints, still_words
+from adaptctl.identification.log_checks import checked_log, faults_told, still_joints, still_words
 from adaptctl.identification.log_files import read_log
 from adaptctl.identification.own_gravity import validate_not_added, with_own_gravity
 from adaptctl.identification.payloads import with_unknown_payloads
@@ -237,7 +237,38 @@ def identified(
     _validate_settings(cutoff, prior_weight)
     checks = [checked_log(log, mechanism) for log in (*train, *test)]
     facts = tuple(dict.fromkeys(fact for _, own in checks for fact in own))
-    train, test = [log for log, _ in checks[: len(train)]], [log for log, _ in checks[len(train) :]]
+    checked = [log for log, _ in checks]
+    with faults_told((*train, *test), checked):
+        return _of_checked(
+            mechanism,
+            drives,
+            checked[: len(train)],
+            checked[len(train) :],
+            facts,
+            skip_steps=skip_steps,
+            friction=friction,
+            cutoff=cutoff,
+            prior_weight=prior_weight,
+            instrumental_variables=instrumental_variables,
+            trust_log=trust_log,
+        )
+
+
+def _of_checked(
+    mechanism: Mechanism,
+    drives: Drives,
+    train: Sequence[JointLog],
+    test: Sequence[JointLog],
+    facts: tuple[PreparationStep, ...],
+    *,
+    skip_steps: Collection[str],
+    friction: FrictionModel | None,
+    cutoff: float | None,
+    prior_weight: float | None,
+    instrumental_variables: bool,
+    trust_log: bool,
+) -> Identification:
+    """Identification from logs whose impossible rows are filled, and from facts about them."""
     whole = _completed(mechanism, drives, train, skip_steps)
     train, test = ([with_constants(log, drives, whole.drives.constants) for log in logs] for logs in (train, test))
     drives = whole.drives
@@ -278,7 +309,9 @@ def identified(
         *noisy,
         *contradictions(training, fit),
     )
-    result = _result(mechanism, training, fit, held_out, choice, (*facts, meaning.slopes, delayed, *steps), notes)
+    result = _result(
+        mechanism, training, fit, held_out, choice, (*facts, meaning.slopes, meaning.alike, delayed, *steps), notes
+    )
     return replace(result, hypotheses=meaning.tried, payloads=whole.payloads)
 
 

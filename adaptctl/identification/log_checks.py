@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from scipy.ndimage import median_filter
 from adaptctl.arrays import Array
 from adaptctl.description.description import Joint
 from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.preparation import MIN_GAP_PERIODS, PreparationStep
 
@@ -49,6 +51,18 @@ def checked_log(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, list[Pre
     said = (*log.notes, *(f"{log.source}: {note}" for note in notes))
     checked = replace(log, position=position, torque=torque, velocity=velocity, notes=said)
     return checked, list(_facts(checked, mechanism))
+
+
+@contextmanager
+def faults_told(logs: Sequence[JointLog], checked: Sequence[JointLog]) -> Iterator[None]:
+    """Let the refusal of logs begin with the faults that their checks have found, as these lead to it."""
+    try:
+        yield
+    except InputError as error:
+        faults = [note for log, own in zip(logs, checked, strict=True) for note in own.notes[len(log.notes) :]]
+        if not faults:
+            raise
+        raise InputError("; ".join([*faults, str(error)])) from error
 
 
 def still_joints(logs: Sequence[JointLog], mechanism: Mechanism) -> list[str]:
