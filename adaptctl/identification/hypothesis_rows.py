@@ -33,7 +33,7 @@ DENSITY, MAX_INSTANTS, WINDOWS = 8.0, 2500, 10
 PRIOR_WEIGHT, SLOW, LEAST_ERROR = 0.1, 0.05, 0.003
 # Share of torques that the file's links explain and ratio of torques to theirs, beyond which a common one is a gear's;
 # a larger one only if gears are stated, as many files' links are placeholders of little mass.
-EXPLAINED, OTHER_SIDE, ALIKE = 0.4, 5.0, 3.0
+EXPLAINED, OTHER_SIDE, ALIKE = 0.4, 10.0, 3.0
 
 
 @dataclass(frozen=True, eq=False)

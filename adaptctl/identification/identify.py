@@ -265,7 +265,7 @@ def _of_checked(
     friction: FrictionModel | None,
     cutoff: float | None,
     prior_weight: float | None,
-    instrumental_variables: bool,
+    instrumental_variables: bool | None,
     trust_log: bool,
 ) -> Identification:
     """Identification from logs whose impossible rows are filled, and from facts about them."""
