@@ -129,7 +129,7 @@ lock: ## update the locked dependencies in requirements.lock
 		--no-emit-index-url --no-emit-find-links --no-header --quiet -o requirements.lock
 
 clean: ## remove installed and built files; results/ is kept
-	rm -rf .venv .venv-lock .venv-learn .venv-neighbours .venv-data .venv-lerobot build dist *.egg-info docs/_build
+	rm -rf .venv .venv-* build dist *.egg-info docs/_build
 
 # Asked first: with a Python that is too old, pip would only say that it finds no matching distribution.
 $(STAMP): requirements.lock pyproject.toml

@@ -48,7 +48,7 @@ def torque_uncertainty(model: ReducedModel, run: SampledRun, torque_limits: Arra
 
     Notes
     -----
-    .. math:: \sqrt{\big(W^{-1}\big)_{ii}}\;y_i,\qquad W=\frac{1}{1\,\mathrm{s}}\int Y^\top\Sigma^{-2}Y\,dt
+    .. math:: \sqrt{(W^{-1})_{ii}}\;y_i,\qquad W=\frac{1}{1\,\mathrm{s}}\int Y^\top\Sigma^{-2}Y\,dt
 
     with the regressor Y along the run, measured torques wrong by :math:`\Sigma`, 0.3 % of the limits, for 1 s at a
     time, and :math:`y_i`, the root mean square of a column of Y over the limits at random positions, with the run's
