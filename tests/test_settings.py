@@ -186,7 +186,7 @@ def test_a_spline_at_no_time_is_not_at_rest() -> None:
 def test_excitation_is_measured_at_a_bandwidth_of_the_joints() -> None:
     class Run:
         p = v = reference_p = reference_v = reference_a = np.zeros((100, 3))
-        control_period = 1e-3
+        sample_time = 1e-3
 
     with pytest.raises(InputError, match="bandwidth: expected a number or 3"):
         persistent_excitation(model(), cast(Any, Run()), 0.05, bandwidth=[1.0, 2.0])
