@@ -163,7 +163,9 @@ def _off(trial: TriedHypothesis) -> str:
 
 def _meaning(found: Identification) -> Section:
     trials = best_hypotheses(found)
-    rows = [(t.kind, t.words, _off(t), Cell("named", tone=Tone.BAD) if t.named else "") for t in trials]
+    words = [t.words.replace("N m", typeset("N m")) for t in trials]
+    named = [Cell("named", tone=Tone.BAD) if t.named else "" for t in trials]
+    rows = [(t.kind, text, _off(t), cell) for t, text, cell in zip(trials, words, named, strict=True)]
     told = (
         "Each hypothesis about the columns is compared with the log as it is, by the error of the consistent estimate "
         "relative to the torques (geometric mean over the joints); here the best one of each kind. One that takes a "
