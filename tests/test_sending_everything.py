@@ -42,7 +42,7 @@ PACKAGES = (
     *(".identification", ".recording", ".simulation", ".simulation.effects", ".tuning"),
 )
 NOT_SENT = {"Period", "Result", "Live", "LiveView", "VideoRecorder"}
-"""what lives for a tick or for a call and holds functions made on the spot, has a process of its own, or needs moviepy"""
+"""what lives for a tick or a call and holds functions made on the spot, has a process of its own, or needs moviepy"""
 WAYS: tuple[Callable[[Any], Any], ...] = (copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x)))
 ATOMS = (enum.Enum, int, float, complex, str, bytes, type(None), type, types.FunctionType, types.BuiltinFunctionType)
 REST = np.zeros(3)
