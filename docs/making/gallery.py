@@ -155,8 +155,9 @@ def _screenshot(recording: Path, target: Path, seconds: float = 8.0) -> bool:
     """Write what a person sees who opens the recording; False where no viewer runs."""
     from rerun.experimental import ViewerClient
 
+    port, path = 20_000 + os.getpid() % 10_000, str(Path(sys.executable).with_name("rerun"))
     try:
-        with ViewerClient.spawn(headless=True, port=20_000 + os.getpid() % 10_000, hide_welcome_screen=True) as viewer:
+        with ViewerClient.spawn(headless=True, port=port, hide_welcome_screen=True, executable_path=path) as viewer:
             viewer.open(str(recording.resolve()))
             while viewer.get_state().loading:
                 time.sleep(0.1)
