@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from adaptctl.arrays import Array, positive_number
 from adaptctl.control.gains.gains import torque_limits
+from adaptctl.control.minimum_jerk import quintic
 from adaptctl.control.spline import Spline
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.inverse_kinematics import Tip
@@ -114,8 +115,8 @@ def tool_path(time: Array) -> Array:
 
 def _rise(time: Array, start: float, end: float) -> Array:
     """Minimum jerk from 0 to 1."""
-    x = np.clip((time - start) / (end - start), 0.0, 1.0)
-    return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x**2))
+    step: Any = quintic((time - start) / (end - start))[0]
+    return np.asarray(step)
 
 
 def joint_path(arm: Mechanism, duration: float) -> Spline:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
 from adaptctl.control import AdaptationLaw, TaskImpedance
 from adaptctl.control.gains.workspace import Workspace
 from adaptctl.dynamics import Mechanism, load
@@ -58,7 +59,7 @@ class Contact(Learning):
             "what a controller does not know of the load goes into the table."
         )
 
-    @property
+    @cached_property
     def arm(self) -> Mechanism:
         """Arm of three joints as its file has it, with friction to learn."""
         return of_three_joints(load(self.robot))
@@ -76,7 +77,9 @@ class Contact(Learning):
         """Impedances that learn, keep the file's model, and know the load; and a tracking law."""
         model = ReducedModel(mechanism, basis)
         tuning = tune(self.arm, control_period=self.control_period, seed=self.seed)
-        tracking, soft = tuning.controller(model), partial(self._impedance, model)
+        path = joint_path(mechanism, self.duration)(np.linspace(0.0, self.duration, 200)).p
+        soft = partial(self._impedance, model, Workspace.along(mechanism, path, margin=0.2))
+        tracking = tuning.controller(model)
         file, true = model.regrouping @ self.arm.inertial_parameters, model.fundamental_parameters
         return [
             Contender("impedance", "Impedance, learning", "file", partial(soft, tracking.adaptation_law, file)),
@@ -85,8 +88,9 @@ class Contact(Learning):
             Contender("impedance-true", "Impedance, true model", "exact", partial(soft, None, true)),
         ]
 
-    def _impedance(self, model: ReducedModel, law: AdaptationLaw[Any] | None, initial: Array) -> TaskImpedance:
-        path = joint_path(model.mechanism, self.duration)(np.linspace(0.0, self.duration, 200)).p
+    def _impedance(
+        self, model: ReducedModel, workspace: Workspace, law: AdaptationLaw[Any] | None, initial: Array
+    ) -> TaskImpedance:
         return TaskImpedance(
             model,
             JOINT_STIFFNESS,
@@ -94,7 +98,7 @@ class Contact(Learning):
             law,
             initial,
             self.control_period,
-            Workspace.along(model.mechanism, path, margin=0.2),
+            workspace,
             tool_stiffness=TOOL_STIFFNESS,
             tool_damping=TOOL_DAMPING,
             link=LINK,

@@ -112,7 +112,7 @@ def convert(*folders: Path, to: RunFormat, out: Path | None = None) -> None:
     ----------
     folders : Path
         Results folders.
-    to : Form
+    to : RunFormat
         mcap for recording.mcap and foxglove.json in each folder; lerobot for
         one data set (v3.0) of runs of one robot, an episode each.
     out : Path

@@ -32,11 +32,7 @@ class GravityTorque:
 
     def __init__(self, mechanism: Mechanism, tool: ArrayLike | None = None) -> None:
         equations, rest = mechanism.equations, Column.zeros(mechanism.dof)
-        parameters, near = np.array(mechanism.inertial_parameters), column(mechanism.neutral_configuration)
-        if tool is not None:
-            last = 10 * (len(mechanism.description.bodies) - 1)
-            parameters[last : last + 10] += np.asarray(tool)
-        own = column(parameters)
+        own, near = column(parameters_with(mechanism, tool)), column(mechanism.neutral_configuration)
         guess = column(mechanism.configuration(mechanism.neutral_configuration)) if equations.closure_key else near
 
         def torque(p: Column) -> Column:
@@ -59,3 +55,12 @@ class GravityTorque:
             Torque (r,) in N m (N).
         """
         return np.asarray(self._kernel.call(p))
+
+
+def parameters_with(mechanism: Mechanism, tool: ArrayLike | None) -> Array:
+    """Parameters (P,) of a mechanism with a tool's ten added to its last link's."""
+    parameters = np.array(mechanism.inertial_parameters)
+    if tool is not None:
+        last = 10 * (len(mechanism.description.bodies) - 1)
+        parameters[last : last + 10] += np.asarray(tool)
+    return parameters

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from adaptctl.control import Sinusoids, SlotineLi
 from adaptctl.control.controller import Reference
 from adaptctl.dynamics import Mechanism
+from adaptctl.hardware.gravity import parameters_with
 from adaptctl.hardware.robot import HardwareLimits
 from adaptctl.tuning import adaptive_controller
 
@@ -79,8 +80,5 @@ def ready_controller(
     np.True_
     """
     controller = adaptive_controller(mechanism, control_period=control_period, reference=reference)
-    own = np.array(controller.model.mechanism.inertial_parameters)
-    if tool is not None:
-        last = 10 * (len(mechanism.description.bodies) - 1)
-        own[last : last + 10] += np.asarray(tool)
+    own = parameters_with(controller.model.mechanism, tool)
     return replace(controller, initial=controller.model.regrouping @ own)

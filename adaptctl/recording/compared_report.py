@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from adaptctl.recording.compared_folders import ComparedFolders
-from adaptctl.recording.comparison import moving_rms
 from adaptctl.recording.drawing import Drawing, run_style, sheet, thinned
 from adaptctl.recording.figures import AVERAGING_TIME, MAX_DRAWN_SAMPLES, small_multiples
 from adaptctl.recording.finished_trace import FinishedTrace, read_traces
+from adaptctl.recording.moving_average import moving_rms
 from adaptctl.recording.page import Part, Report, Section, Table
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _tracking_error(traces: Sequence[FinishedTrace]) -> Figure:
 def _each(traces: Sequence[FinishedTrace], names: Sequence[str]) -> Figure:
     """Figure with a panel for each of some columns, and a curve for each trace."""
     figure, panels = small_multiples(len(names), columns=3, height=1.75, bottom=0.48)
-    for (_, axes), name in zip(panels, names, strict=True):
+    for axes, name in zip(panels, names, strict=True):
         kind, _, of = name.partition(".")
         scale, prefix = (1e3, "m") if kind == "error" else (1.0, "")
         for i, trace in enumerate(traces):

@@ -16,6 +16,7 @@ from adaptctl.dynamics.joint_units import error_unit, position_units
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, FundamentalBasis, ReducedModel
 from adaptctl.markup import table, titled
+from adaptctl.recording.moving_average import moving_rms
 from adaptctl.recording.result import Failure
 from adaptctl.simulation.run import Rollout
 
@@ -249,17 +250,6 @@ class ControllerRun:
         if self.lyapunov is None or len(self.lyapunov) == 0 or not np.isfinite(self.lyapunov).all():
             return None
         return max(0.0, float(np.diff(self.lyapunov).max(initial=0.0)))
-
-
-def moving_rms(errors: Array, window: float, sample_time: float) -> Array:
-    """Root mean squares (T,) of errors (T, r) over a window in s before each sample."""
-    squares = np.mean(errors**2, axis=1)
-    sums = np.cumsum(np.concatenate([[0.0], squares]))
-    stop = np.arange(1, len(squares) + 1)
-    width = max(1, round(min(window / sample_time, len(squares))))
-    start = np.maximum(stop - width, 0)
-    with np.errstate(invalid="ignore"):
-        return np.sqrt(np.maximum(sums[stop] - sums[start], 0.0) / (stop - start))
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.recording.comparison import Comparison, ControllerRun
+from adaptctl.recording.moving_average import moving_mean
 from adaptctl.simulation.mujoco_plant import TOUCH_FLAGS
 from adaptctl.simulation.run import Rollout
 
@@ -15,17 +16,16 @@ AVERAGING_TIME = 0.05
 
 def touched(comparison: Comparison) -> list[ControllerRun]:
     """Runs with a contact."""
-    return [run for run in comparison.runs if contact_forces(run.rollout).any()]
+    return [run for run in comparison.runs if _is_touched(run.rollout)]
+
+
+def _is_touched(rollout: Rollout) -> bool:
+    return any(rollout.flags[name].any() for name in TOUCH_FLAGS[:3] if name in rollout.flags)
 
 
 def contact_forces(rollout: Rollout) -> Array:
     """Forces (T, 3) in N on the arm by what it touches, in the world's frame, averaged; zeros where none are told."""
-    found = _columns(rollout, TOUCH_FLAGS[:3])
-    count = max(1, round(AVERAGING_TIME / rollout.sample_time))
-    total = np.cumsum(np.concatenate((np.zeros((1, 3)), found)), axis=0)
-    last = np.arange(1, len(found) + 1)
-    first = np.maximum(last - count, 0)
-    return np.asarray((total[last] - total[first]) / (last - first)[:, None])
+    return moving_mean(_columns(rollout, TOUCH_FLAGS[:3]), AVERAGING_TIME, rollout.sample_time)
 
 
 def contact_points(rollout: Rollout) -> Array:

@@ -198,7 +198,7 @@ def torque(comparison: Comparison) -> Figure:
     time = rollout.time
     figure, panels = small_multiples(dof, columns=3, height=1.75, bottom=0.48)
     units = torque_units(comparison.mechanism)
-    for j, axes in panels:
+    for j, axes in enumerate(panels):
         limit, name = comparison.torque_limits[j], comparison.joint_names[j]
         axes.plot(time, rollout.applied[:, j], color=joint_color(j).hex, linewidth=1.3)
         for low, high in ((limit, 1.25 * limit), (-1.25 * limit, -limit)):
@@ -218,7 +218,7 @@ def parameters(comparison: Comparison) -> Figure:
     every = thinned(len(rollout.time), MAX_DRAWN_SAMPLES // 6)
     figure, panels = small_multiples(len(names), columns=6, height=1.12, bottom=0.22)
     sizes = np.abs(np.where(np.isnan(truth), rollout.estimate[-1], truth))
-    for (_, axes), i in zip(panels, np.argsort(-sizes, kind="stable").tolist(), strict=True):
+    for axes, i in zip(panels, np.argsort(-sizes, kind="stable").tolist(), strict=True):
         low, high = _estimate(axes, rollout.time[every], rollout.estimate[every, i], truth[i])
         if comparison.is_open[i]:
             axes.axhspan(low, high, color=LIMIT.hex, alpha=0.4, linewidth=0)
@@ -253,7 +253,7 @@ def spectrum(comparison: Comparison) -> Figure:
     return figure
 
 
-def small_multiples(count: int, columns: int, height: float, bottom: float) -> tuple[Figure, list[tuple[int, Axes]]]:
+def small_multiples(count: int, columns: int, height: float, bottom: float) -> tuple[Figure, list[Axes]]:
     """Panels in rows, the last row as long as it needs to be; half as many columns on a phone."""
     columns = -(-columns // 2) if is_narrow() else columns
     rows = -(-count // columns)
@@ -271,7 +271,7 @@ def small_multiples(count: int, columns: int, height: float, bottom: float) -> t
         inner.tick_params(labelbottom=False)
     for unused in axes[count:]:
         unused.set_visible(False)
-    return figure, list(enumerate(axes[:count]))
+    return figure, list(axes[:count])
 
 
 def _estimate(axes: Axes, time: Array, values: Array, truth: float) -> tuple[float, float]:

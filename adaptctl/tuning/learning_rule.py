@@ -7,10 +7,9 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control import GuardedLearning
 from adaptctl.control.controller import Reference
+from adaptctl.control.excitation.torque_uncertainty import TORQUE_ERROR_SHARE
 from adaptctl.tuning.default_gains import HORIZON
 
-TORQUE_ERROR_SHARE = 3e-3
-"""share of a torque limit within which torques are known, about what a drive's current loop keeps"""
 SPEED_NOISE = 3.3e-3
 """rad/s (m/s): times the damping it is a torque error, which matters where limits are far above the loads"""
 MIN_SPEED, MIN_SPEED_SHARE = 0.05, 0.15

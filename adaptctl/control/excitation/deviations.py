@@ -12,7 +12,7 @@ MIN_COLUMN_RATIO = 1e-3
 # Share of the largest singular value up to which directions count as not excited. Round-off leaves
 # some 1e-16 and a poor motion 1e-3, so that nothing is near the bound; that of the certificates of rank is the same.
 UNEXCITED_RATIO = 1e-9
-# Component of a parameter in the unexcited directions that counts: they are known to round-off over UNEXCITED.
+# Component of a parameter in the unexcited directions that counts: they are known to round-off over UNEXCITED_RATIO.
 UNEXCITED_COMPONENT = 1e-6
 
 

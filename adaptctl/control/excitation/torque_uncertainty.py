@@ -13,7 +13,7 @@ from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 
 TORQUE_ERROR_SHARE, CORRELATION_TIME = 3e-3, 1.0
-"""Assumed error of torques over their limits, and the time in s for which it stays the same."""
+"""Error of torques over their limits, about what a drive's current loop keeps, and time in s that it stays the same."""
 OPEN_SHARE = 0.01
 """Share of a torque limit from which on a parameter counts as open."""
 LEAST = 0.1
@@ -66,7 +66,7 @@ def torque_uncertainty(model: ReducedModel, run: SampledRun, torque_limits: Arra
     """
     r = model.mechanism.dof
     limits = frozen_array(torque_limits, (r,), "torque_limits")
-    if not np.all((limits > 0.0) & np.isfinite(limits)):
+    if not np.all(limits > 0.0):
         raise InputError(f"torque_limits: expected {r} positive numbers, got {limits.tolist()}")
     if (joints := run.p.shape[1]) != r:
         raise InputError(f"run: expected {r} joints, as {model.mechanism.name} has, got {joints}")
@@ -90,12 +90,11 @@ def _shares_elsewhere(model: ReducedModel, run: SampledRun, limits: Array) -> Ar
     """Root mean squares (k,) of columns over limits at random positions."""
     p = everywhere(model.mechanism).samples
     signs = np.random.default_rng(0).choice([-1.0, 1.0], (2, *p.shape))
-    v, a = (
-        sign * np.maximum(_rms(x), LEAST) for sign, x in zip(signs, (run.reference_v, run.reference_a), strict=True)
-    )
+    v, a = signs[0] * _size(run.reference_v), signs[1] * _size(run.reference_a)
     shares = model.slotine_li_regressor(p, v, v, a) / limits[:, None]
     return np.sqrt((shares**2).sum(axis=1).mean(axis=0))
 
 
-def _rms(array: Array) -> Array:
+def _size(array: Array) -> Array:
+    """Root mean squares (r,) over samples (T, r), at least `LEAST`."""
     return np.maximum(np.sqrt((array**2).mean(axis=0)), LEAST)
