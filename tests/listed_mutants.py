@@ -315,16 +315,16 @@ LISTED: tuple[Listed, ...] = (
     ),
     Listed(
         "error over a time includes its end",
-        "adaptctl/recording/comparison.py",
+        "adaptctl/recording/controller_run.py",
         "(self.rollout.time < stop)",
         "(self.rollout.time <= stop)",
         ("tests/test_errors_by_hand.py::test_windows_of_errors_hold_their_first_instant_and_not_their_last",),
     ),
     Listed(
         "moving window a sample short",
-        "adaptctl/recording/comparison.py",
-        "np.maximum(stop - width, 0)",
-        "np.maximum(stop - width + 1, 0)",
+        "adaptctl/recording/moving_average.py",
+        "np.maximum(stop - max(1",
+        "np.maximum(stop + 1 - max(1",
         ("tests/test_recording.py::test_moving_error_is_the_error_over_what_has_passed",),
     ),
     Listed(
@@ -350,14 +350,14 @@ LISTED: tuple[Listed, ...] = (
     ),
     Listed(
         "one finite sample is enough for a Lyapunov function",
-        "adaptctl/recording/comparison.py",
+        "adaptctl/recording/controller_run.py",
         "not np.isfinite(self.lyapunov).all()",
         "not np.isfinite(self.lyapunov).any()",
         ("tests/test_comparison_refused.py::test_a_lyapunov_function_with_holes_is_not_said_to_never_rise",),
     ),
     Listed(
         "mean instead of root mean square error",
-        "adaptctl/recording/comparison.py",
+        "adaptctl/recording/controller_run.py",
         "float(np.sqrt(np.mean(errors**2)))",
         "float(np.mean(np.abs(errors)))",
         ("tests/test_errors_by_hand.py::test_windows_of_errors_hold_their_first_instant_and_not_their_last",),
@@ -682,7 +682,7 @@ LISTED: tuple[Listed, ...] = (
     ),
     Listed(
         "simulated time over twice the computing time",
-        "adaptctl/recording/comparison.py",
+        "adaptctl/recording/controller_run.py",
         "return self.duration / self.rollout.wall_time",
         "return 0.5 * self.duration / self.rollout.wall_time",
         ("tests/test_errors_by_hand.py::test_a_run_of_two_seconds_in_half_a_second_is_four_times_as_fast_as_time",),

@@ -14,7 +14,8 @@ from random_trees import random_tree
 import adaptctl
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.equations import Equations, Motion
+from adaptctl.dynamics.equations import Equations
+from adaptctl.dynamics.motion import Motion
 from adaptctl.errors import InputError
 from adaptctl.identifiability import Constraints, constrained
 from adaptctl.scalars import Column, column

@@ -12,8 +12,8 @@ from adaptctl.arrays import Array
 from adaptctl.contest.scene import Scene
 from adaptctl.control import StoppedReference
 from adaptctl.control.controller import Reference
-from adaptctl.description.description import Link
 from adaptctl.description.drive import Drive
+from adaptctl.description.link import Link
 from adaptctl.dynamics import Mechanism
 from adaptctl.scalars import Column, where
 from adaptctl.simulation import Plant

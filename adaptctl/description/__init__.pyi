@@ -1,10 +1,10 @@
-from adaptctl.description.description import GROUND as GROUND
 from adaptctl.description.description import Description as Description
-from adaptctl.description.description import Joint as Joint
-from adaptctl.description.description import JointKind as JointKind
-from adaptctl.description.description import Link as Link
-from adaptctl.description.description import depth_first as depth_first
 from adaptctl.description.drive import Limits as Limits
+from adaptctl.description.joint import Joint as Joint
+from adaptctl.description.joint import JointKind as JointKind
+from adaptctl.description.link import GROUND as GROUND
+from adaptctl.description.link import Link as Link
+from adaptctl.description.link import depth_first as depth_first
 from adaptctl.description.loops import Closure as Closure
 from adaptctl.description.loops import ClosureKind as ClosureKind
 from adaptctl.description.loops import Condition as Condition

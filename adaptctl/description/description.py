@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, frozen_array, whole_count, whole_number
-from adaptctl.caching import cached_property, sent_as_made
-from adaptctl.description.drive import HARMONICS, MAX_DRIVE_TERM, Drive, DriveParameter, Limits
+from adaptctl.arrays import Array, frozen_array, whole_number
+from adaptctl.caching import cached_property
+from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.description.inertia import is_physically_consistent, parameter_names
-from adaptctl.description.pose import Pose
+from adaptctl.description.link import GROUND, Link, geometry, plain, rounded, weightless_ends
 from adaptctl.errors import InputError, validate_kind
 from adaptctl.files import hashed
 
@@ -24,157 +22,10 @@ if TYPE_CHECKING:
     from adaptctl.description.pose import NamedFrame
     from adaptctl.description.visual import Visual
 
-GROUND = -1
-"""The parent index of a link whose joint is on the ground."""
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
-MAX_INERTIAL_PARAMETER, MAX_GRAVITY = MAX_DRIVE_TERM, 1e9
-"""Inertial parameters (SI units) and gravity (m/s^2) that a mechanism may have: energies of larger ones overflow."""
-
-
-class JointKind(Enum):
-    """
-    Kind of a joint: revolute, prismatic, or continuous, which is revolute without position limits.
-
-    Examples
-    --------
-    >>> from adaptctl.description import JointKind
-    >>> JointKind("prismatic").effort_unit
-    'N'
-    """
-
-    REVOLUTE = "revolute"
-    CONTINUOUS = "continuous"
-    PRISMATIC = "prismatic"
-
-    @property
-    def is_revolute(self) -> bool:
-        """True for revolute and continuous joints, False for prismatic ones."""
-        return self is not JointKind.PRISMATIC
-
-    @property
-    def position_unit(self) -> str:
-        """Unit of the joint's position, "rad" or "m"."""
-        return "rad" if self.is_revolute else "m"
-
-    @property
-    def effort_unit(self) -> str:
-        """Unit of the joint's torque or force, "N m" or "N"."""
-        return "N m" if self.is_revolute else "N"
-
-
-@sent_as_made
-@dataclass(frozen=True, eq=False)
-class Joint:
-    """
-    Joint of one coordinate, an angle about or a displacement along its axis.
-
-    Parameters
-    ----------
-    name : str
-        Name, unique in a mechanism, by which files and messages refer to the joint.
-    kind : JointKind, default JointKind.REVOLUTE
-        Kind of motion, rotation or translation; revolute by default, as most joints of arms are.
-    axis : array_like, optional
-        Direction (3,) in the joint's frame, of any length; kept as a unit vector, z by default.
-    limits : Limits, optional
-        Position, speed and effort limits; none by default.
-    drive : Drive, optional
-        Rotor inertia and friction; by default none, and these are no parameters of the model.
-
-    Raises
-    ------
-    InputError
-        If `kind` is not a `JointKind`, the axis has another shape, is not finite or shorter than 1e-9, or the drive of
-        a prismatic joint has harmonics of an angle.
-
-    Examples
-    --------
-    >>> from adaptctl.description import Joint, JointKind
-    >>> Joint("slide", JointKind.PRISMATIC, axis=[2.0, 0.0, 0.0]).axis.tolist()
-    [1.0, 0.0, 0.0]
-    """
-
-    name: str
-    kind: JointKind = JointKind.REVOLUTE
-    axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
-    limits: Limits = field(default_factory=Limits)
-    drive: Drive = field(default_factory=Drive)
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.kind, JointKind):
-            raise InputError(f"joint {self.name!r}: kind: expected a JointKind, such as REVOLUTE, got {self.kind!r}")
-        axis = frozen_array(self.axis, (3,), f"joint {self.name!r}: axis")
-        norm = math.hypot(*axis) if np.abs(axis).max() > 1e100 else float(np.linalg.norm(axis))
-        if not 1e-9 <= norm < math.inf:
-            what = "other than zero" if norm < 1.0 else f"of finite length, got {axis.tolist()}"
-            raise InputError(f"joint {self.name!r}: axis: expected a vector {what}")
-        for kind in () if self.kind.is_revolute else HARMONICS:
-            if self.drive.value(kind) is not None:
-                raise InputError(
-                    f"joint {self.name!r}: {kind.value}: harmonics of the angle are of joints that turn; remove it"
-                )
-        # Dividing a unit vector by its own rounded norm would spoil exact entries such as 0 and 1.
-        unit = axis if abs(norm - 1.0) <= 1e-15 else axis / norm
-        object.__setattr__(self, "axis", frozen_array(unit, (3,), "axis"))
-
-
-@sent_as_made
-@dataclass(frozen=True, eq=False)
-class Link:
-    """
-    Rigid body with the joint that connects it to its parent.
-
-    Parameters
-    ----------
-    name : str
-        Name of the link.
-    parent : int
-        Zero-based index of the parent link, or -1 for the ground.
-    joint : Joint
-        Joint that moves the link.
-    parent_to_joint : Pose
-        Pose of the joint's frame in the parent link's frame, at coordinate zero.
-    joint_to_link : Pose
-        Pose of the link's frame in the joint's moved frame: the identity in URDF, a Denavit-Hartenberg step for frames
-        at the far end.
-    inertia : array_like, optional
-        Inertial parameters (10,) m, mc_x, mc_y, mc_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz: mass in kg, first moment in
-        kg m, inertia tensor in kg m^2 about the link frame's origin; zero by default.
-    massless : bool, default False
-        If true, the link only joins two joints, as in a floating base, and has no inertial parameters.
-
-    Raises
-    ------
-    InputError
-        If the inertia has another shape, is not finite, above 1e20 in size, or not zero in a massless link.
-
-    Examples
-    --------
-    >>> from adaptctl.description import Joint, Link, Pose
-    >>> ten = [1, 0.5, 0, 0, 0, 0, 0.3, 0, 0, 0.3]
-    >>> rod = Link("rod", -1, Joint("hinge"), Pose.identity(), Pose.identity(), ten)
-    >>> float(rod.inertia[0])
-    1.0
-    """
-
-    name: str
-    parent: int
-    joint: Joint
-    parent_to_joint: Pose
-    joint_to_link: Pose
-    inertia: Array = field(default_factory=lambda: np.zeros(10))
-    massless: bool = False
-
-    def __post_init__(self) -> None:
-        whole_count(self.parent, f"link {self.name!r}: parent", GROUND)
-        object.__setattr__(self, "inertia", frozen_array(self.inertia, (10,), f"link {self.name!r}: inertia"))
-        if np.abs(self.inertia).max() > MAX_INERTIAL_PARAMETER:
-            raise InputError(f"link {self.name!r}: expected inertial parameters of at most {MAX_INERTIAL_PARAMETER:g}")
-        if self.massless and np.any(self.inertia):
-            raise InputError(
-                f"link {self.name!r}: inertia: expected zero for a massless link, got {self.inertia.tolist()}"
-            )
+MAX_GRAVITY = 1e9
+"""Gravity in m/s^2 that a mechanism may have: energies of larger ones overflow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -468,7 +319,7 @@ class Description:
     def sha256(self) -> str:
         """SHA-256 hash (64 hexadecimal digits) of this description's name, gravity, links, drives and loops."""
         content: dict[str, object] = {"name": self.name, "gravity": self.gravity.tolist()}
-        content["links"] = [_plain(link) for link in self.links]
+        content["links"] = [plain(link) for link in self.links]
         if self.drive_parameters:
             drives = [(i, kind, self.links[i].joint.drive.value(kind)) for i, kind in self.drive_parameters]
             content["drives"] = [[i, kind.value, repr(value)] for i, kind, value in drives]
@@ -483,7 +334,7 @@ class Description:
     @cached_property
     def geometry_sha256(self) -> str:
         """SHA-256 hash (hexadecimal) of the data that decide which inertial parameters are identifiable."""
-        content: list[object] = [_rounded(self.gravity), [_geometry(link) for link in self.links]]
+        content: list[object] = [rounded(self.gravity), [geometry(link) for link in self.links]]
         if self.drive_parameters:
             content.append([[i, kind.value] for i, kind in self.drive_parameters])
         if self.drive_couplings:
@@ -506,55 +357,6 @@ class Description:
         return hash(self.sha256)
 
 
-def depth_first(links: Iterable[Link]) -> tuple[Link, ...]:
-    """
-    Sort links depth-first, as `Description` takes them.
-
-    Parameters
-    ----------
-    links : iterable of Link
-        Links in any order, with the indices of their parents in that order.
-
-    Returns
-    -------
-    tuple of Link
-        Parents first, descendants together, siblings as given; `parent` indices are into the new order.
-
-    Raises
-    ------
-    InputError
-        If a link's chain of parents does not end at the ground.
-
-    Examples
-    --------
-    >>> from adaptctl.description import depth_first
-    >>> [link.name for link in depth_first(arm.links)]
-    ['upper', 'lower']
-    """
-    given = tuple(links)
-    order: list[int] = []
-    pending = [i for i, link in enumerate(given) if link.parent == GROUND][::-1]
-    while pending:
-        order.append(pending.pop())
-        pending += [i for i, link in enumerate(given) if link.parent == order[-1]][::-1]
-    if len(order) != len(given):
-        missing = sorted(set(range(len(given))) - set(order))
-        raise InputError(
-            f"link {given[missing[0]].name!r} is not connected to the ground: its parents are unknown or form a cycle"
-        )
-    place = {GROUND: GROUND} | {old: new for new, old in enumerate(order)}
-    return tuple(replace(given[i], parent=place[given[i].parent]) for i in order)
-
-
-def weightless_ends(links: Sequence[Link]) -> tuple[str, ...]:
-    """Names of end links without inertia and rotor, whose joints' accelerations are not determined."""
-    heavy: set[int] = set()
-    for i, link in reversed(list(enumerate(links))):
-        if i in heavy or np.any(link.inertia) or link.joint.drive.rotor_inertia:
-            heavy |= {i, link.parent}
-    return tuple(link.name for i, link in enumerate(links) if i not in heavy)
-
-
 def _validate_unique(names: Sequence[str], what: str) -> None:
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
@@ -571,32 +373,3 @@ def _validate_depth_first(name: str, parents: Sequence[int]) -> None:
         if not branch and parent != GROUND:
             raise InputError(f"{name}: link {i} is not in depth-first order; sort the links with depth_first")
         branch.append(i)
-
-
-def _plain(link: Link) -> list[object]:
-    joint, limits = link.joint, link.joint.limits
-    arrays = (
-        joint.axis,
-        link.parent_to_joint.rotation,
-        link.parent_to_joint.translation,
-        link.joint_to_link.rotation,
-        link.joint_to_link.translation,
-    )
-    bounds = [limits.lower, limits.upper, limits.velocity, limits.effort]
-    moving = [[float(x) + 0.0 for x in np.ravel(array)] for array in (*arrays, link.inertia)]
-    return [link.name, link.parent, joint.name, joint.kind.value, [repr(float(b)) for b in bounds], moving]
-
-
-def _geometry(link: Link) -> list[object]:
-    poses = (
-        link.parent_to_joint.rotation,
-        link.parent_to_joint.translation,
-        link.joint_to_link.rotation,
-        link.joint_to_link.translation,
-    )
-    frames = [_rounded(array) for array in (link.joint.axis, *poses)]
-    return [link.name, link.parent, link.joint.kind.is_revolute, frames]
-
-
-def _rounded(array: Array) -> list[float]:
-    return [round(x, 12) + 0.0 for x in np.ravel(array).tolist()]

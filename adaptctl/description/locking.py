@@ -8,8 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from adaptctl.description.description import GROUND, Description, JointKind, Link
+from adaptctl.description.description import Description
 from adaptctl.description.inertia import transformed
+from adaptctl.description.joint import JointKind
+from adaptctl.description.link import GROUND, Link
 from adaptctl.description.loops import Closure, Loops
 from adaptctl.description.pose import NamedFrame, Pose, rotation_about
 from adaptctl.errors import InputError, NotFoundError, suggested_name

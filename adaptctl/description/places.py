@@ -6,7 +6,8 @@ from collections.abc import Collection
 from typing import NamedTuple
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description
+from adaptctl.description.description import Description
+from adaptctl.description.link import GROUND
 from adaptctl.description.pose import Pose
 from adaptctl.errors import NotFoundError
 

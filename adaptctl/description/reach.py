@@ -7,7 +7,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description, Link
+from adaptctl.description.description import Description
+from adaptctl.description.link import GROUND, Link
 
 JOINT_DISTANCE_TOLERANCE = 1e-6
 """m from its joint within which a link's frame is at the joint, and does not say where the link ends"""

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description, Link
+from adaptctl.description.description import Description
+from adaptctl.description.link import GROUND, Link
 from adaptctl.description.pose import Pose, exact_right_angles
 
 if TYPE_CHECKING:

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
-from adaptctl.description.description import GROUND, Description, Joint, JointKind, Link
+from adaptctl.description.description import Description
 from adaptctl.description.inertia import PARAMETERS, transformed
+from adaptctl.description.joint import Joint, JointKind
+from adaptctl.description.link import GROUND, Link
 from adaptctl.description.loops import Loops
 from adaptctl.description.pose import NamedFrame, Pose
 from adaptctl.description.visual import Visual

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, real_number
-from adaptctl.description.description import MAX_INERTIAL_PARAMETER
+from adaptctl.description.link import MAX_INERTIAL_PARAMETER
 from adaptctl.errors import InputError
 from adaptctl.simulation.effects import Payload
 

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from adaptctl.dynamics.equations import Equations, Motion
+from adaptctl.dynamics.equations import Equations
+from adaptctl.dynamics.motion import Motion
 from adaptctl.dynamics.recursion.segment import Segment
 from adaptctl.scalars import Column, Scalar
 

@@ -8,10 +8,11 @@ from itertools import islice
 from typing import Any
 
 from adaptctl.caching import cached_property
-from adaptctl.dynamics.equations import ClosedPositions, Equations, Motion
+from adaptctl.dynamics.equations import ClosedPositions, Equations
 from adaptctl.dynamics.loops.constraint import Closing
 from adaptctl.dynamics.loops.dyad import Rule
 from adaptctl.dynamics.loops.posture import Following, Posture, factored
+from adaptctl.dynamics.motion import Motion
 from adaptctl.dynamics.recursion.mass_matrix import factorised
 from adaptctl.dynamics.recursion.segment import Placement, Segment, placements
 from adaptctl.dynamics.tree_equations import TreeEquations, TreeMotion

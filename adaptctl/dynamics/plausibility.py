@@ -11,9 +11,9 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.description import Description, Joint, Link
-from adaptctl.description.description import GROUND
 from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import pseudo_inertia
+from adaptctl.description.link import GROUND
 from adaptctl.description.reach import reach_behind
 from adaptctl.errors import PlausibilityWarning
 

@@ -9,7 +9,8 @@ from itertools import islice
 from adaptctl.caching import cached_property
 from adaptctl.description import Description
 from adaptctl.description.reach import depths
-from adaptctl.dynamics.equations import Equations, Motion
+from adaptctl.dynamics.equations import Equations
+from adaptctl.dynamics.motion import Motion
 from adaptctl.dynamics.parameter_layout import ParameterLayout
 from adaptctl.dynamics.recursion import energy
 from adaptctl.dynamics.recursion.articulated_bodies import accelerations

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import median_filter
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import Joint
+from adaptctl.description.joint import Joint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog

@@ -1,7 +1,8 @@
 """A finished comparison made visible."""
 
 from adaptctl.recording.compared_runs import compared_runs
-from adaptctl.recording.comparison import Comparison, ControllerRun, Finding, Setting, StepCost, TaskError
+from adaptctl.recording.comparison import Comparison, Finding, Setting, TaskError
+from adaptctl.recording.controller_run import ControllerRun, StepCost
 from adaptctl.recording.judgement import judged
 from adaptctl.recording.live import Live
 from adaptctl.recording.report import shown, write_artifacts

@@ -11,7 +11,8 @@ from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError, validate_kind
 from adaptctl.identifiability import FundamentalBasis, essential_space, fundamental_basis
-from adaptctl.recording.comparison import Comparison, ControllerRun
+from adaptctl.recording.comparison import Comparison
+from adaptctl.recording.controller_run import ControllerRun
 from adaptctl.simulation.run import Rollout
 
 NOT_STATED = ""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.recording.comparison import Comparison, ControllerRun
+from adaptctl.recording.comparison import Comparison
+from adaptctl.recording.controller_run import ControllerRun
 from adaptctl.recording.moving_average import moving_mean
 from adaptctl.simulation.mujoco_plant import TOUCH_FLAGS
 from adaptctl.simulation.run import Rollout

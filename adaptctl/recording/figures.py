@@ -10,9 +10,10 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.identifiability import EssentialSpace
-from adaptctl.recording.comparison import FINAL_ERROR_TIME, Comparison, ControllerRun
+from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.contact_force import AVERAGING_TIME as CONTACT_AVERAGING
 from adaptctl.recording.contact_force import contact_forces, touched
+from adaptctl.recording.controller_run import FINAL_ERROR_TIME, ControllerRun
 from adaptctl.recording.drawing import (
     FIGURE_WIDTH,
     INK,

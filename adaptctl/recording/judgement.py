@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from adaptctl.recording.comparison import FINAL_ERROR_TIME, NO_MODEL, Comparison, ControllerRun, Joints
+from adaptctl.recording.comparison import NO_MODEL, Comparison
+from adaptctl.recording.controller_run import FINAL_ERROR_TIME, ControllerRun, Joints
 from adaptctl.recording.result import Fact, Failure, RunRole, Verdict
 from adaptctl.recording.wording import error, number
 

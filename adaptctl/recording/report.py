@@ -11,7 +11,8 @@ import numpy as np
 
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.folders import made_folder
-from adaptctl.recording.comparison import Comparison, Finding, StepCost
+from adaptctl.recording.comparison import Comparison, Finding
+from adaptctl.recording.controller_run import StepCost
 from adaptctl.recording.drawing import run_color, write_drawings
 from adaptctl.recording.figures import drawings
 from adaptctl.recording.judgement import facts, final_error, first_error, judged, on_truth, outcome, outcome_words

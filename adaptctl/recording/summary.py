@@ -8,7 +8,8 @@ from dataclasses import asdict
 from typing import Any
 
 from adaptctl.files import finite_or_none
-from adaptctl.recording.comparison import Comparison, ControllerRun
+from adaptctl.recording.comparison import Comparison
+from adaptctl.recording.controller_run import ControllerRun
 from adaptctl.recording.judgement import judged
 from adaptctl.version import __version__
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.files import replacing
-from adaptctl.recording.comparison import Comparison, ControllerRun
+from adaptctl.recording.comparison import Comparison
+from adaptctl.recording.controller_run import ControllerRun
 from adaptctl.recording.wording import parameter_unit
 from adaptctl.simulation.rollout_file import CHECKSUM, checksum_of
 

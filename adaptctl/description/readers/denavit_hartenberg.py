@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 import msgspec
 import numpy as np
 
-from adaptctl.description.description import GROUND, STANDARD_GRAVITY, Description, Link
+from adaptctl.description.description import STANDARD_GRAVITY, Description
+from adaptctl.description.link import GROUND, Link
 from adaptctl.description.pose import Pose, roll_pitch_yaw, rotation_about
 from adaptctl.description.readers.entries import (
     MAX_ENTRIES,

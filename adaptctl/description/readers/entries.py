@@ -11,9 +11,10 @@ import msgspec
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import Joint, JointKind, Link, weightless_ends
 from adaptctl.description.drive import Drive, DriveParameter, Limits
 from adaptctl.description.inertia import from_center_of_mass, from_tensor
+from adaptctl.description.joint import Joint, JointKind
+from adaptctl.description.link import Link, weightless_ends
 from adaptctl.description.pose import Pose, roll_pitch_yaw
 from adaptctl.errors import InputError, SimplificationWarning, printable, suggested_name
 

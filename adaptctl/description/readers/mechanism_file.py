@@ -10,7 +10,8 @@ from typing import Annotated, Literal, TypeVar
 import msgspec
 import numpy as np
 
-from adaptctl.description.description import GROUND, STANDARD_GRAVITY, Description, Link, depth_first
+from adaptctl.description.description import STANDARD_GRAVITY, Description
+from adaptctl.description.link import GROUND, Link, depth_first
 from adaptctl.description.loops import Closure, ClosureKind, Condition, Coupling, Loops, given_once
 from adaptctl.description.pose import FrameKind, NamedFrame
 from adaptctl.description.readers.entries import (

@@ -13,9 +13,10 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Joint, JointKind, Link
 from adaptctl.description.drive import Drive, DriveParameter, Limits
 from adaptctl.description.inertia import from_center_of_mass, transformed
+from adaptctl.description.joint import Joint, JointKind
+from adaptctl.description.link import GROUND, Link
 from adaptctl.description.loops import Loops
 from adaptctl.description.pose import Pose, quaternion_rotation, rotation_about
 from adaptctl.description.readers.entries import (

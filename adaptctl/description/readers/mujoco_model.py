@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description, Link
+from adaptctl.description.description import Description
+from adaptctl.description.link import GROUND, Link
 from adaptctl.description.loops import Closure, ClosureKind, Coupling, Loops, given_once
 from adaptctl.description.pose import Pose
 from adaptctl.description.readers.entries import MAX_LINKS, validate_at_most, warn_of_repeated

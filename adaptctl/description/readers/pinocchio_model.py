@@ -11,9 +11,11 @@ import numpy as np
 import pinocchio
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description, Joint, JointKind, Link, depth_first
+from adaptctl.description.description import Description
 from adaptctl.description.drive import MAY_BE_NEGATIVE, Drive, Limits
 from adaptctl.description.inertia import inertia_tensor, transformed
+from adaptctl.description.joint import Joint, JointKind
+from adaptctl.description.link import GROUND, Link, depth_first
 from adaptctl.description.loops import Closure, ClosureKind
 from adaptctl.description.pose import FrameKind, NamedFrame, Pose
 from adaptctl.errors import InputError, NotFoundError, SimplificationWarning

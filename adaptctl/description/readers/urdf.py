@@ -12,9 +12,11 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description, Joint, JointKind, Link
+from adaptctl.description.description import Description
 from adaptctl.description.drive import Drive, Limits
 from adaptctl.description.inertia import from_center_of_mass, transformed
+from adaptctl.description.joint import Joint, JointKind
+from adaptctl.description.link import GROUND, Link
 from adaptctl.description.loops import Coupling, Loops
 from adaptctl.description.pose import NamedFrame, Pose
 from adaptctl.description.readers.entries import (

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from adaptctl.caching import cached_property
-from adaptctl.description.description import GROUND
+from adaptctl.description.link import GROUND
 from adaptctl.description.pose import Pose, quaternion_rotation, roll_pitch_yaw
 from adaptctl.description.readers.xml_elements import attribute, number, numbers, only, refuse, required
 from adaptctl.description.visual import Box, Color, Cylinder, Mesh, Solid, Sphere, Visual

@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description, JointKind, Link
+from adaptctl.description.description import Description
 from adaptctl.description.drive import DriveParameter, Limits
 from adaptctl.description.inertia import inertia_tensor
+from adaptctl.description.joint import JointKind
+from adaptctl.description.link import GROUND, Link
 from adaptctl.description.loops import Closure, Loops
 from adaptctl.description.pose import FrameKind, Pose
 from adaptctl.errors import InputError

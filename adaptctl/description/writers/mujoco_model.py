@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.description.description import GROUND, Description, Link
+from adaptctl.description.description import Description
 from adaptctl.description.drive import MAY_BE_NEGATIVE, Drive, DriveParameter
 from adaptctl.description.inertia import inertia_tensor, transformed
+from adaptctl.description.link import GROUND, Link
 from adaptctl.description.pose import Pose, rotation_quaternions
 from adaptctl.description.readers.mujoco_arm import MujocoArm, body_ten
 from adaptctl.errors import InputError

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen, frozen_array, numbers, real_number, whole_number
 from adaptctl.caching import sent_as_made
-from adaptctl.description.description import MAX_INERTIAL_PARAMETER
 from adaptctl.description.drive import DriveParameter
 from adaptctl.description.inertia import from_center_of_mass
+from adaptctl.description.link import MAX_INERTIAL_PARAMETER
 from adaptctl.description.places import place_on_link
 from adaptctl.dynamics.recursion.drive import COULOMB_SMOOTHING_SPEED, friction
 from adaptctl.errors import InputError, NotFoundError
