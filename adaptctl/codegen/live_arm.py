@@ -13,7 +13,6 @@ from adaptctl.arrays import Array
 from adaptctl.codegen.interface import Interface
 from adaptctl.codegen.wasm_module import WasmModule
 from adaptctl.compilation import trace
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.compilation.routine import Layout
 from adaptctl.control import Controller, Reference, Sinusoids
 from adaptctl.control.controller import GAINS
@@ -122,7 +121,7 @@ def _obstacle(plant: Plant, controller: Controller[Any], reference: Reference) -
         return f"the effects between controller and joints ({names}) are not supported"
     if not isinstance(reference, Sinusoids):
         return f"its reference is a {type(reference).__name__}, not a sum of sinusoids"
-    if len(plant.mechanism.links) > MAX_COMPILED_LINKS or Interface(controller).law.operations.flops > MAX_LAW_FLOPS:
+    if controller.kernel is None or controller.kernel.operations.flops > MAX_LAW_FLOPS:
         return f"its law has too many operations for a module of {MAX_MODULE_BYTES // 1000} kB"
     return ""
 

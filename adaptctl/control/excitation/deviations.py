@@ -21,7 +21,8 @@ def least_squares_deviations(Y: Array, ranges: Array) -> tuple[float, Array]:
     size = np.linalg.norm(Y, axis=0)
     size = np.maximum(size, MIN_COLUMN_RATIO * (size * ranges).max() / ranges)
     size[size == 0.0] = 1.0
-    _, values, directions = np.linalg.svd(Y / size, full_matrices=len(Y) < len(size))
+    triangle = np.linalg.qr(Y / size, mode="r")  # of the same singular values, and k rows instead of m
+    _, values, directions = np.linalg.svd(triangle)
     rank = int(np.sum(values > UNEXCITED_RATIO * values[0]))
     excited, not_excited = directions[:rank], directions[rank:]
     found = np.linalg.norm(excited / values[:rank, None], axis=0) / size
