@@ -13,6 +13,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from followed_page import blocks, commands
+from hypothesis import given
+from hypothesis import strategies as st
 
 from adaptctl.cli.main import main
 from adaptctl.contest import report, running
@@ -23,10 +25,12 @@ from adaptctl.contest.figures import drawings, latex
 from adaptctl.contest.known import Knowledge, Known
 from adaptctl.contest.laws import LAWS
 from adaptctl.contest.page import tint, write_page
-from adaptctl.contest.ranking import Ranking, agreement
+from adaptctl.contest.ranking import MEDIANS, Ranking, agreement
+from adaptctl.contest.resampling import medians
 from adaptctl.contest.running import ContestFolder
 from adaptctl.contest.scene import Scene, scene_of
 from adaptctl.contest.trial import TimeExceededError, tried
+from adaptctl.contest.unseen_motion import unseen_torque_error
 from adaptctl.errors import FileError, InputError, NotFoundError
 
 ARM = "two_link"
@@ -230,11 +234,11 @@ ROWS = {
 
 
 def rows_of(laws: dict[str, list[float]]) -> list[dict[str, Any]]:
-    other = dict.fromkeys(("error_2_s", "error_10_s", "error_20_s", "return_time", "torque", "torque_rate"), 1.0)
+    other = dict.fromkeys(MEDIANS, 1.0)
     return [
-        {"law": law, "robot": "arm", "condition": "clean", "seed": seed, "error": x, "knows": "limits",
-         "gains": "by the rule", "saturated": 0.0, "operations": 9,
-         "reason": "" if np.isfinite(x) else "error beyond 2 rad at 1.00 s", **other}
+        {"law": law, "robot": "arm", "condition": "clean", "seed": seed, "knows": "limits",
+         "gains": "by the rule", "operations": 9,
+         "reason": "" if np.isfinite(x) else "error beyond 2 rad at 1.00 s", **other, "error": x}
         for law, values in laws.items() for seed, x in enumerate(values)
     ]  # fmt: skip
 
@@ -256,6 +260,40 @@ def test_failures_are_ranked_last_and_ratios_are_paired() -> None:
     assert (all_of["law"], all_of["failed"], all_of["error"]) == ("pd-gravity", 0, 5.0)
 
 
+def of_robots(errors: dict[str, tuple[float, float]]) -> list[dict[str, Any]]:
+    """Rows of two laws, by robot."""
+    rows = [rows_of({"a": [a, a], "b": [b, b]}) for a, b in errors.values()]
+    return [{**row, "robot": robot} for robot, part in zip(errors, rows, strict=True) for row in part]
+
+
+def test_robots_of_a_family_are_one_block_and_are_drawn_together() -> None:
+    rows = of_robots({"ur3": (1.0, 2.0), "ur5": (1.0, 4.0), "ur10": (1.0, 2.0), "panda": (2.0, 1.0)})
+    alone, together = Ranking(rows), Ranking(rows, dict.fromkeys(("ur3", "ur5", "ur10"), "ur"))
+    assert alone.mean_ranks.tolist() == [1.25, 1.75]
+    assert together.mean_ranks.tolist() == [1.5, 1.5]
+    assert together.critical_difference == pytest.approx(alone.critical_difference * np.sqrt(2.0))
+    assert alone.over("a", "b")[:2] == pytest.approx((0.5, 0.25))  # of four robots, three draws of ur5 are not rare
+    assert together.over("a", "b") == pytest.approx((0.5, 0.5, 2.0))
+
+
+@given(st.lists(st.integers(-3, 3) | st.just(np.nan), min_size=1, max_size=9), st.integers(0, 99))
+def test_medians_are_those_of_the_values_written_out(values: list[float], seed: int) -> None:
+    counts = np.random.default_rng(seed).integers(0, 4, (5, len(values)))
+    written = [np.repeat(values, count) for count in counts]
+    expected = [np.nanmedian(x) if np.isfinite(x).any() else np.nan for x in written]
+    np.testing.assert_array_equal(medians(np.array(values, float), counts), expected)
+
+
+def test_torques_on_an_unseen_motion_are_those_that_an_estimate_gets_wrong(scene: Scene) -> None:
+    law = LAWS[0].make(Known.of(scene, Knowledge.TRUTH, 1, scene.rubbing))
+    own = scene.model.regrouping @ scene.rubbing
+    errors = [unseen_torque_error(scene, law, share * own, scene.rubbing, 1) for share in (1.0, 0.75, 0.0)]
+    assert errors == pytest.approx([0.0, 0.25, 1.0], abs=1e-12)
+    assert np.isnan(unseen_torque_error(scene, law, np.zeros(0), scene.rubbing, 1))
+    rows = ContestEntry("gradient", ARM, "", ("payload",), (1, 2), 8.0, (), "adaptctl").rows()
+    assert all(0.001 < row["unseen"] < 1.0 for row in rows)
+
+
 def test_orders_that_differ_are_told() -> None:
     one = Ranking(rows_of({"a": [1.0, 1.1], "b": [2.0, 2.1], "c": [3.0, 3.1]}))
     other = Ranking(rows_of({"a": [1.0, 1.1], "b": [3.0, 3.1], "c": [2.0, 2.1]}))
@@ -269,12 +307,12 @@ def test_orders_that_differ_are_told() -> None:
 
 def large(laws: int = 3, robots: int = 20, conditions: int = 10, seeds: int = 20) -> Iterator[dict[str, Any]]:
     rng = np.random.default_rng(0)
-    other = dict.fromkeys(("error_2_s", "error_10_s", "error_20_s", "return_time", "torque", "torque_rate"), 1.0)
+    other = dict.fromkeys(MEDIANS, 1.0)
     for axes in np.ndindex(laws, robots, conditions, seeds):
         law, robot, condition, seed = axes
         yield {"law": f"law{law}", "robot": f"robot{robot}", "condition": list(CONDITIONS)[condition], "seed": seed,
-               "error": float(rng.random()), "knows": "limits", "gains": "by the rule", "saturated": 0.0,
-               "operations": 9, "reason": "", "curve": rng.random(20).tolist(), **other}  # fmt: skip
+               "knows": "limits", "gains": "by the rule", "operations": 9, "reason": "",
+               "curve": rng.random(20).tolist(), **other, "error": float(rng.random())}  # fmt: skip
 
 
 def test_the_page_of_a_large_contest_is_small_and_asks_for_nothing_else(tmp_path: Path) -> None:
@@ -345,6 +383,8 @@ def written(folder: Path, **changed: Any) -> Path:
         ({"robots": ["gone.urdf"]}, FileError, "gone.urdf: cannot be read"),
         ({"robots": ["puma56"]}, NotFoundError, "unknown robot 'puma56' (did you mean 'puma560'?)"),
         ({"arms": ["puma560"]}, FileError, "unknown field `arms`"),
+        ({"families.twins": ["two_lynk"]}, NotFoundError, "unknown robot 'two_lynk' (did you mean 'two_link'?)"),
+        ({"families.a": [ARM], "families.b": [ARM]}, InputError, "'two_link' is in two; a robot is of one family"),
     ],
 )
 def test_a_contest_that_cannot_be_is_refused(

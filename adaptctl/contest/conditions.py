@@ -89,6 +89,10 @@ class PlantCondition:
         limits = self.limit_share * tuning.torque_limits
         return Plant(scene.mechanism, tuning.control_period, *steps, torque_limits=limits, effects=effects)
 
+    def loaded(self, scene: Scene, parameters: Array, time: float) -> Array:
+        """True parameters (P,) at a time in s, with the payloads of then."""
+        return PlantEffects.of(self.effects(scene)).loaded(parameters, scene.mechanism.description.body_names, time)
+
     def _rubbing(self, scene: Scene) -> Mechanism:
         """Arm with the friction that it has under this condition."""
         values = dict(zip(scene.mechanism.parameter_names, self.parameters(scene, 0), strict=True))

@@ -49,6 +49,8 @@ class ContestFile(msgspec.Struct, forbid_unknown_fields=True):
         Engine of the simulation.
     tuned_on : str, default ""
         File of a contest on which constants were chosen, of whose robots and seeds there may be none here.
+    families : dict of str to list of str
+        Names of robots that are alike by the family's name. Default: each robot is a family.
     """
 
     purpose: str
@@ -60,6 +62,7 @@ class ContestFile(msgspec.Struct, forbid_unknown_fields=True):
     draws: list[Draw] = msgspec.field(default_factory=lambda: list(get_args(Draw)))
     plant: Plant = "adaptctl"
     tuned_on: str = ""
+    families: dict[str, list[str]] = msgspec.field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,7 @@ class Contest:
             )
         _ = self.robot_hashes
         self._validate_disjoint()
+        self._validate_families()
         unfit = [] if asked.plant == "adaptctl" else [name for name in asked.conditions if not fits_mujoco(name)]
         if unfit:
             fit = ", ".join(filter(fits_mujoco, CONDITIONS))
@@ -114,6 +118,18 @@ class Contest:
         if shared:
             raise InputError(f"{self.source}: {self.asked.tuned_on} has {', '.join(shared)} too: judge on others")
 
+    def _validate_families(self) -> None:
+        """Raise an error for a family of a robot that is not here, or is in another family too."""
+        named = [name for members in self.asked.families.values() for name in members]
+        _validate_known(f"{self.source}: families", "robot", named, [robot_name(robot) for robot in self.asked.robots])
+        if twice := next((name for k, name in enumerate(named) if name in named[:k]), None):
+            raise InputError(f"{self.source}: families: {twice!r} is in two; a robot is of one family")
+
+    @property
+    def families(self) -> dict[str, str]:
+        """Family of each robot that is in one, by its name."""
+        return {name: family for family, members in self.asked.families.items() for name in members}
+
     @cached_property
     def robot_hashes(self) -> dict[str, str]:
         """Hash of each robot's description, of limits and all, by its name. Raises what `load` raises."""
@@ -121,10 +137,11 @@ class Contest:
 
     @property
     def scoring(self) -> dict[str, Any]:
-        """Set on which laws are judged: robots by their files' hashes, conditions, seeds, duration, draws, plant."""
+        """Set on which laws are judged: robots by their files' hashes and families, conditions, seeds and how."""
         asked = self.asked
         sets = {"robots": self.robot_hashes, "conditions": list(asked.conditions), "seeds": list(asked.seeds)}
-        return {**sets, "duration": asked.duration, "draws": list(asked.draws), "plant": asked.plant}
+        how = {"duration": asked.duration, "draws": list(asked.draws), "plant": asked.plant}
+        return {**sets, **how, "families": asked.families}
 
     @property
     def scoring_hash(self) -> str:
@@ -163,7 +180,7 @@ def _validate_some(where: Path, what: str, values: Sequence[Any]) -> None:
         raise InputError(f"{where}: {what}: {twice!r} is given twice")
 
 
-def _validate_known(where: Path, what: str, names: Sequence[str], known: Iterator[str] | Any) -> None:
+def _validate_known(where: Path | str, what: str, names: Sequence[str], known: Iterator[str] | Any) -> None:
     for name in names:
         if name not in known:
             hint = suggested_name(name, list(known))

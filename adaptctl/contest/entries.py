@@ -19,6 +19,7 @@ from adaptctl.contest.mujoco_runs import mujoco_runs
 from adaptctl.contest.own_law import is_own, own_entrant, source_hash
 from adaptctl.contest.scene import Scene, robot_name, scene_of
 from adaptctl.contest.trial import TimeExceededError, tried
+from adaptctl.contest.unseen_motion import unseen_torque_error
 from adaptctl.control import Controller
 from adaptctl.errors import AdaptctlError, printable
 from adaptctl.files import hashed
@@ -89,7 +90,8 @@ class ContestEntry:
             if period not in trials:
                 trials[period] = tried(entrant, known[0])
             more["operations"] = trials[period]
-            runs = self.run(scene, condition, _laws(entrant, known), np.array(truth))
+            laws = _laws(entrant, known)
+            runs = self.run(scene, condition, laws, np.array(truth))
         except TimeExceededError:
             raise
         except Exception as error:  # whatever the law's own code raises
@@ -98,7 +100,13 @@ class ContestEntry:
             return list(self.failed(name, reason_of(error), entrant, **more))
         limits, more = condition.limit_share * scene.tuning.torque_limits, {**more, **_told(entrant)}
         found = (measured(runs, k, limits, condition.event) for k in range(len(self.seeds)))
-        return [{**self.about(name, seed), **more, **one} for seed, one in zip(self.seeds, found, strict=True)]
+        rows = [{**self.about(name, seed), **more, **one} for seed, one in zip(self.seeds, found, strict=True)]
+        for k, row in enumerate(rows):
+            if not row["reason"]:
+                loaded = condition.loaded(scene, truth[k], self.duration)
+                one = laws if isinstance(laws, Controller) else laws[k]
+                row["unseen"] = unseen_torque_error(scene, one, runs.estimate[k], loaded, row["seed"])
+        return rows
 
     def run(self, scene: Scene, condition: PlantCondition, laws: Any, truth: Array) -> ContestRuns:
         """Runs of all seeds together."""
@@ -114,7 +122,7 @@ class ContestEntry:
             return mujoco_runs(scene, condition, laws, references, start, truth, **shared)
         given: Row = {"p": start, "parameters": truth, "seed": list(self.seeds), "divergence_bound": DIVERGED}
         runs = simulate_many(condition.plant(scene), laws, references, **given, **shared)
-        return ContestRuns(runs.time, runs.error, runs.torque, runs.largest_error, runs.diverged_at)
+        return ContestRuns(runs.time, runs.error, runs.torque, runs.largest_error, runs.diverged_at, runs.estimate[-1])
 
 
 def entrant_of(law: str) -> Entrant:

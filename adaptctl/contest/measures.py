@@ -33,6 +33,7 @@ COLUMNS = {
     "error_20_s": ("double", "mrad (mm)", "RMS error of all joints from 18 to 20 s"),
     "largest_error": ("double", "mrad (mm)", "largest error of any joint"),
     "return_time": ("double", "s", "time from an event until the error is below twice the earlier; null if never"),
+    "unseen": ("double", "1", "RMS torque error of the last estimate on an unseen motion, over the RMS torque"),
     "torque": ("double", "1", "RMS torque over the limits"),
     "torque_rate": ("double", "1/s", "RMS change of the torques over the limits"),
     "saturated": ("double", "1", "share of samples with a torque at its limit"),
@@ -50,13 +51,15 @@ NOTHING: dict[str, Any] = {
 
 
 class ContestRuns(NamedTuple):
-    """Samples (T,) in s and (T, S, r) of S runs, largest errors (S, r), and when they diverged (S,), NaN if never."""
+    """Samples (T,) in s and (T, S, r) of S runs, largest errors (S, r), when they diverged (S,), NaN if never, and
+    last estimates (S, k)."""
 
     time: Array
     error: Array
     torque: Array
     largest_error: Array
     diverged_at: Array
+    estimate: Array
 
 
 def measured(runs: ContestRuns, k: int, limits: Array, event: float | None) -> dict[str, Any]:

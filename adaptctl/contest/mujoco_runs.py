@@ -46,40 +46,39 @@ def mujoco_runs(
         _run(plant, effects, law, sampled(reference, times, plant.dof), p, parameters)
         for law, reference, p, parameters in zip(each, references, start, truth, strict=True)
     ]
-    error, torque, diverged = (np.stack(part, axis=1) for part in zip(*runs, strict=True))
+    *parts, estimates = zip(*runs, strict=True)
+    error, torque, diverged = (np.stack(part, axis=1) for part in parts)
     with np.errstate(invalid="ignore"):
         largest = np.abs(error).max(axis=0)
     kept = slice(0, count, record_every)
-    return ContestRuns(times[kept], error[kept], torque[kept], largest, diverged[0])
+    return ContestRuns(times[kept], error[kept], torque[kept], largest, diverged[0], np.stack(estimates))
 
 
 def _run(
     plant: MuJoCoPlant, effects: PlantEffects, law: Controller[Any], points: Any, p: Array, parameters: Array
-) -> tuple[Array, Array, Array]:
-    """Errors and torques (T, r) of a run, and when it diverged in s, NaN if never."""
+) -> tuple[Array, Array, Array, Array]:
+    """Errors and torques (T, r) of a run, when it diverged in s, NaN if never, and the last estimate (k,)."""
     error, commanded = (np.full((len(points.p), plant.dof), np.nan) for _ in range(2))
     links = plant.mechanism.description.body_names
-    state = plant.init(p, points.v[0], _loaded(effects, parameters, links, 0.0))
+    state = plant.init(p, points.v[0], effects.loaded(parameters, links, 0.0))
     memory = law.init(state.p, state.v)
     kept = [each.initial_state(np.zeros(plant.dof), plant.control_period) for each in effects.actuators]
     for k, (p_d, v_d, a_d) in enumerate(zip(*points, strict=True)):
         time = k * plant.control_period
         error[k] = state.p - p_d
         if not np.abs(error[k]).max() <= DIVERGED:
-            return error, commanded, np.array([time])
+            return error, commanded, np.array([time]), _estimate(memory)
         try:
             torque, memory = law.step(memory, state.p, state.v, type(points)(p_d, v_d, a_d))
             commanded[k] = torque
             for i, each in enumerate(effects.actuators):
                 moved, after = each.apply(Column(torque.tolist()), Column(kept[i].tolist()), plant.control_period)
                 torque, kept[i] = np.array(list(moved)), np.array(list(after))
-            state = plant.step(state, torque, _loaded(effects, parameters, links, time))
+            state = plant.step(state, torque, effects.loaded(parameters, links, time))
         except NonFiniteError:
-            return error, commanded, np.array([time])
-    return error, commanded, np.array([np.nan])
+            return error, commanded, np.array([time]), _estimate(memory)
+    return error, commanded, np.array([np.nan]), _estimate(memory)
 
 
-def _loaded(effects: PlantEffects, parameters: Array, links: tuple[str, ...], time: float) -> Array:
-    for load in effects.loads:
-        parameters = load.loaded(parameters, links, time)
-    return parameters
+def _estimate(memory: Any) -> Array:
+    return np.asarray(getattr(memory, "estimate", ()))

@@ -21,7 +21,8 @@ from adaptctl.version import __version__
 
 HEADS = (
     *("law", "rank", "mrad", "over true model", "over PD with gravity", "mrad at 2 s", "10 s", "20 s", "failed"),
-    *("return, s", "torque", "its rate, 1/s", "saturated", "operations", "knows", "gains", "how it fails"),
+    *("return, s", "torque error, unseen motion", "torque", "its rate, 1/s", "saturated", "operations"),
+    *("knows", "gains", "how it fails"),
 )
 CITATION = "Adaptctl: adaptive control of robot mechanisms on minimal inertial parameters (CITATION.cff)."
 GOOD, BAD, LOST = Color(96, 165, 230), Color(240, 150, 80), Color(214, 196, 214)
@@ -81,7 +82,8 @@ def content(contest: Contest, ranking: Ranking, table: list[dict[str, Any]]) -> 
 def _cells(row: dict[str, Any]) -> list[PageCell]:
     """Cells of a law's row beside its name."""
     plain = [PageCell(short(row[name]), row[name]) for name in ("error_2_s", "error_10_s", "error_20_s")]
-    rest = [PageCell(short(row[name]), row[name]) for name in ("return_time", "torque", "torque_rate", "saturated")]
+    after = "return_time", "unseen", "torque", "torque_rate", "saturated"
+    rest = [PageCell(short(row[name]), row[name]) for name in after]
     return [
         PageCell(f"{row['rank']:.2f}", row["rank"]),
         PageCell(short(row["error"]), row["error"]),

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,9 +12,8 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.contest.laws import PD_GRAVITY, TRUE_MODEL
+from adaptctl.contest.resampling import median_interval, medians
 
-RESAMPLES, LEVEL = 1000, 0.95
-"""bootstrap samples of the seeds, and what the intervals hold"""
 SIGNIFICANCE = 0.05
 """chance that some difference of mean ranks exceeds the critical one, if all laws are alike"""
 ALL = "all"
@@ -23,7 +22,11 @@ RATIO = "median ratio over runs of one robot, condition and seed"
 RANK_COLUMNS = {
     "law": ("string", "", "law"),
     "condition": ("string", "", f"condition, or {ALL!r}"),
-    "rank": ("double", "1", "mean rank over robots and conditions, by the median over seeds; failures last"),
+    "rank": (
+        "double",
+        "1",
+        "mean rank over families and conditions, by the median over seeds; failures last",
+    ),
     "runs": ("int64", "1", "runs"),
     "failed": ("int64", "1", "runs that failed"),
     "error": ("double", "mrad (mm)", "median over runs that did not fail"),
@@ -37,6 +40,7 @@ RANK_COLUMNS = {
     "over_pd_gravity_low": ("double", "1", "lower end of its 95 % interval"),
     "over_pd_gravity_high": ("double", "1", "upper end of its 95 % interval"),
     "return_time": ("double", "s", "median time to return after an event"),
+    "unseen": ("double", "1", "median torque error on unseen motions, over the torque"),
     "torque": ("double", "1", "median RMS torque over the limits"),
     "torque_rate": ("double", "1/s", "median RMS change of the torques over the limits"),
     "saturated": ("double", "1", "median share of samples with a torque at its limit"),
@@ -46,7 +50,10 @@ RANK_COLUMNS = {
     "failure": ("string", "", "how the law fails, in a sentence"),
 }
 """Kind, unit and meaning of each column of ranks.parquet."""
-MEDIANS = ("error", "error_2_s", "error_10_s", "error_20_s", "return_time", "torque", "torque_rate", "saturated")
+MEDIANS = (
+    *("error", "error_2_s", "error_10_s", "error_20_s", "return_time"),
+    *("unseen", "torque", "torque_rate", "saturated"),
+)
 
 
 class Interval(NamedTuple):
@@ -70,9 +77,11 @@ class OrdersCompared(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Ranking of the rows of a contest, of L laws, R robots, C conditions and S seeds."""
+    """Ranking of the rows of a contest, of L laws, R robots of F families, C conditions and S seeds."""
 
     rows: Sequence[dict[str, Any]]
+    families: Mapping[str, str] = field(default_factory=dict)
+    """Family of a robot; one that is not here is a family of its own."""
 
     def _names(self, what: str) -> list[Any]:
         return list(dict.fromkeys(row[what] for row in self.rows))
@@ -114,11 +123,18 @@ class Ranking:
         return np.where(np.isnan(found), np.inf, found)
 
     @cached_property
+    def family_names(self) -> list[str]:
+        """Family (R,) of each robot."""
+        return [self.families.get(robot, robot) for robot in self.robots]
+
+    @cached_property
     def block_ranks(self) -> Array:
-        """Ranks (L, R, C) from 1 in each block, a robot under a condition, by the median over seeds."""
+        """Ranks (L, F, C) from 1 in each block, a family of robots under a condition, by the median over seeds."""
         from scipy.stats import rankdata
 
-        return np.asarray(rankdata(np.median(self.errors, axis=-1), axis=0))
+        each, names = rankdata(np.median(self.errors, axis=-1), axis=0), np.array(self.family_names)
+        families = [each[:, names == family].mean(axis=1) for family in dict.fromkeys(self.family_names)]
+        return np.asarray(rankdata(np.stack(families, axis=1), axis=0))
 
     @cached_property
     def mean_ranks(self) -> Array:
@@ -135,31 +151,32 @@ class Ranking:
         """Difference of mean ranks that is significant for some pair (Nemenyi), blocks taken as independent."""
         from scipy.stats import studentized_range
 
-        count, blocks = len(self.laws), len(self.robots) * len(self.conditions)
+        count, blocks = len(self.laws), self.block_ranks[0].size
         if count < 2:
             return float("nan")
         quantile = float(studentized_range.ppf(1.0 - SIGNIFICANCE, count, np.inf)) / np.sqrt(2.0)
         return float(quantile * np.sqrt(count * (count + 1) / (6.0 * blocks)))
 
     def over(self, law: str, other: str, condition: str = ALL) -> Interval:
-        """Median ratio of the errors of two laws in equal runs, with its paired interval over seeds."""
+        """Median ratio of the errors of two laws in equal runs, with its paired interval over seeds and families."""
         if other not in self.laws:
             return Interval(*[float("nan")] * 3)
-        return Interval(*np.exp(_interval(self._logs(law, other, condition))).tolist())
+        return Interval(*np.exp(median_interval(self._logs(law, other, condition), self.family_names)).tolist())
 
     def ratio(self, law: str, other: str) -> float:
         """Median ratio of the errors of two laws in equal runs."""
-        return float(np.exp(_middle(self._logs(law, other, ALL).reshape(1, -1)))[0])
+        logs = self._logs(law, other, ALL).ravel()
+        return float(np.exp(medians(logs, np.ones((1, logs.size), np.int64)))[0])
 
     def _logs(self, law: str, other: str, condition: str) -> Array:
-        """Logarithms (n, S) of the ratios of two laws."""
+        """Logarithms (R, C, S) of the ratios of two laws."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(np.log(self._of(law, condition)) - np.log(self._of(other, condition)))
 
     def _of(self, law: str, condition: str) -> Array:
-        """Errors (n, S) of a law under a condition or all."""
+        """Errors (R, C, S) of a law under a condition or all."""
         chosen = slice(None) if condition == ALL else [self.conditions.index(condition)]
-        return self.errors[self.laws.index(law)][:, chosen].reshape(-1, len(self.seeds))
+        return self.errors[self.laws.index(law)][:, chosen]
 
     def table(self) -> list[dict[str, Any]]:
         """Rows of ranks.parquet: each law over all conditions from the first to the last, then under each."""
@@ -215,7 +232,7 @@ class Ranking:
     def of_seeds(self, seeds: Iterable[int]) -> Ranking:
         """Ranking of the rows of some seeds."""
         chosen = set(seeds)
-        return Ranking([row for row in self.rows if row["seed"] in chosen])
+        return replace(self, rows=[row for row in self.rows if row["seed"] in chosen])
 
     def halves(self) -> OrdersCompared | None:
         """OrdersCompared of two halves of the seeds; None of one seed."""
@@ -246,24 +263,3 @@ def median(values: Iterable[float]) -> float:
     """Median of numbers that are not NaN, or NaN."""
     known = np.array([x for x in values if not np.isnan(x)])
     return float(np.median(known)) if known.size else float("nan")
-
-
-def _interval(logs: Array) -> Array:
-    """Median of pairs (n, S), NaN where both failed, and percentiles of it over resampled seeds."""
-    drawn = np.random.default_rng(0).integers(0, logs.shape[1], (RESAMPLES, logs.shape[1]))
-    found = _middle(logs[:, drawn].swapaxes(0, 1).reshape(RESAMPLES, -1))
-    known = found[~np.isnan(found)]
-    if not known.size:
-        return np.full(3, np.nan)
-    tails = 100.0 * np.array([0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL])
-    return np.array([*_middle(logs.reshape(1, -1)), *np.percentile(known, tails, method="nearest")])
-
-
-def _middle(values: Array) -> Array:
-    """Medians of rows, of the numbers in them that are not NaN."""
-    ordered, count = np.sort(values, axis=-1), np.sum(~np.isnan(values), axis=-1)
-    low, high = np.maximum(count - 1, 0) // 2, np.minimum(count // 2, values.shape[-1] - 1)
-    ends = [np.take_along_axis(ordered, at[:, None], axis=-1)[:, 0] for at in (low, high)]
-    same = ends[0] == ends[1]
-    middle: Array = np.where(same, ends[0], 0.5 * (ends[0] + ends[1]))
-    return np.where(count > 0, middle, np.nan)
