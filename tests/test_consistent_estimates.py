@@ -132,3 +132,8 @@ def test_a_warm_start_ends_where_a_cold_one_does() -> None:
     near = consistent_estimate(A, b, prior, 30.0 * weight)
     assert not np.allclose(A @ near, A @ cold, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(A @ consistent_estimate(A, b, prior, weight, near), A @ cold, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.filterwarnings("error")
+def test_equations_whose_diagonal_round_off_has_turned_are_solved_without_a_warning() -> None:
+    np.testing.assert_allclose(search._solver(np.diag([4.0, -1e-18, 0.0]))(np.array([8.0, 0.0, 0.0])), [2.0, 0.0, 0.0])

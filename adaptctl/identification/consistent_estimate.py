@@ -290,7 +290,8 @@ def _diagonal(values: Array) -> Array:
 
 def _solver(matrix: Array) -> Callable[[Array], Array]:
     """Solver of positive definite equations, with a little more on the diagonal where round-off asks for it."""
-    scale = 1.0 / np.sqrt(np.diag(matrix))
+    own = np.abs(np.diag(matrix))  # round-off makes some negative
+    scale = 1.0 / np.sqrt(np.where(own > 0.0, own, 1.0))
     scaled = matrix * np.outer(scale, scale)
     for more in (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-9, 1e-7):
         with suppress(LinAlgError):

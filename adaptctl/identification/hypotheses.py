@@ -101,10 +101,12 @@ def compared_hypotheses(
     return LogMeaning(tuple(tried), sentence, hypothesis.refuses, *rows.file_slopes(), alike)
 
 
-def validate_meaning(verdict: LogMeaning, trusted: bool) -> tuple[str, ...]:
+def validate_meaning(verdict: LogMeaning, trusted: bool, dead: Sequence[str] = ()) -> tuple[str, ...]:
     """Raise `InputError` for a log whose columns mean something else, unless it is trusted; else a warning, if any."""
-    if verdict.sentence is None:
+    if verdict.sentence is None or (dead and trusted):
         return ()
+    if dead and verdict.refuses:  # no meaning explains torques that were not measured
+        raise InputError(f"record the torque of {', '.join(dead)}, or take the log as it is by {FLAG}")
     if verdict.refuses and not trusted:
         raise InputError(f"{verdict.sentence}, or take the log as it is by {FLAG}")
     return (verdict.sentence,)

@@ -33,7 +33,7 @@ from adaptctl.identification.hypotheses import compared_hypotheses, validate_mea
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.instruments import without_position_noise
 from adaptctl.identification.lasting_errors import with_lasting_errors
-from adaptctl.identification.log_checks import checked_log, faults_told, still_joints, still_words
+from adaptctl.identification.log_checks import checked_log, dead_joints, faults_told, still_joints, still_words
 from adaptctl.identification.log_files import read_log
 from adaptctl.identification.own_gravity import validate_not_added, with_own_gravity
 from adaptctl.identification.payloads import with_unknown_payloads
@@ -284,7 +284,7 @@ def _of_checked(
         judged = gathered(mechanism, drives, test, skip_steps, cutoffs=cutoffs, band=evidence.band)[0]
     delay = delay_of(training, springs)
     meaning = compared_hypotheses(measured, delay, () if late else judged.motions, springs)
-    doubts = validate_meaning(meaning, trust_log)
+    doubts = validate_meaning(meaning, trust_log, dead_joints((*train, *test), mechanism))
     validate_plausible(training, train[0].source, judged_at(training), springs)
     training, judged, delayed, late_torques = without_delay(delay, training, judged, springs)
     still = still_joints(train, mechanism)

@@ -71,6 +71,18 @@ def still_joints(logs: Sequence[JointLog], mechanism: Mechanism) -> list[str]:
     return [joint.name for joint, moved in zip(mechanism.primary_joints, ranges, strict=True) if moved < LEAST_JUMP]
 
 
+def dead_joints(logs: Sequence[JointLog], mechanism: Mechanism) -> list[str]:
+    """Names of the joints that move while their torques are dead, in any log."""
+    dead = np.any([_dead(log.position, log.torque) for log in logs], axis=0)
+    return [joint.name for joint, own in zip(mechanism.primary_joints, dead, strict=True) if own]
+
+
+def _dead(position: Array, torque: Array) -> NDArray[np.bool_]:
+    """Mask (r,) of the joints that move while their torques hardly change."""
+    ranges = np.ptp(torque, axis=0)
+    return np.asarray((np.ptp(position, axis=0) > LEAST_JUMP) & (ranges < DEAD_SHARE * ranges.max()))
+
+
 def still_words(still: Sequence[str]) -> Iterator[str]:
     """Sentences on joints that stand still in all logs."""
     for name in still:
@@ -118,7 +130,7 @@ def _spiked(torque: Array) -> NDArray[np.bool_]:
 def _column_faults(time: Array, position: Array, torques: Array, joint: Joint, j: int) -> Iterator[str]:
     """Sentences on a torque that is clipped, frozen or dead."""
     torque, unit = torques[:, j], joint.kind.effort_unit
-    if np.ptp(position[:, j]) > LEAST_JUMP and np.ptp(torque) < DEAD_SHARE * np.ptp(torques, axis=0).max():
+    if _dead(position, torques)[j]:
         held = f"{torque.mean():.3g} {unit} to within {np.ptp(torque):.2g}"
         yield f"the torque of joint {joint.name!r} is {held}: its sensor seems dead"
         return
