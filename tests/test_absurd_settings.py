@@ -84,11 +84,22 @@ def test_any_terminal_shows_reports(words: tuple[str, ...], encoding: str) -> No
     assert rb"\u03" in ran.stdout
 
 
-@pytest.mark.parametrize("words", [("basis", "puma560"), ("export", "puma560")])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("basis", "puma560", "--out"),
+        ("export", "puma560", "--out"),
+        ("identify", "--robot", TWO_LINK),
+        ("runs",),
+        ("sweep", "status"),
+        ("sweep", "report"),
+    ],
+    ids=" ".join,
+)
 def test_file_names_too_long_are_refused(
     words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main([*words, "--out", str(tmp_path / ("a" * 300))]) == 2
+    assert main([*words, str(tmp_path / ("a" * 300))]) == 2
     told = capsys.readouterr().err
     assert "file name too long" in told
     assert "Errno" not in told

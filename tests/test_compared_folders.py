@@ -95,6 +95,7 @@ def test_robots_with_other_joints_are_compared_by_the_errors_of_all(folders: Pat
         (["a", "d"], "errors in different units cannot be compared ({0}/a: rad; {0}/d: m)"),
         (["a", "lone"], "no controller in common: {0}/a has adaptive, adaptation-off; {0}/lone has mine"),
         (["a", "cut"], "trace.parquet: cannot be read"),
+        (["a", "names"], "trace.parquet: cannot be read"),
     ],
 )
 def test_what_has_no_comparison_is_refused(
@@ -102,7 +103,8 @@ def test_what_has_no_comparison_is_refused(
 ) -> None:
     content = json.loads((folders / "a" / "summary.json").read_text())
     content["runs"] = {"mine": content["runs"]["adaptive"]}
-    for name, data in (("lone", (folders / "a" / "trace.parquet").read_bytes()), ("cut", b"PAR1")):
+    trace = (folders / "a" / "trace.parquet").read_bytes()
+    for name, data in (("lone", trace), ("cut", b"PAR1"), ("names", trace.replace(b"time", b"\xf3ime"))):
         (folders / name).mkdir(exist_ok=True)
         (folders / name / "summary.json").write_text(json.dumps(content))
         (folders / name / "trace.parquet").write_bytes(data)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import warnings
@@ -24,11 +25,13 @@ from adaptctl.errors import (
     PhysicalConsistencyWarning,
     SimplificationWarning,
     VerdictError,
+    printable,
 )
 from adaptctl.optional_packages import needed
 from adaptctl.renamed import NOW_DEFAULT, new_name
 
 DONE, FAILED, WRONG_INPUT, VERDICT, INTERRUPTED = 0, 1, 2, 3, 130
+WRONG_PATHS = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR)
 ROBOT_SUFFIXES = (".toml", ".urdf", ".xml", ".mjcf")
 
 
@@ -171,8 +174,11 @@ def _failed(error: BaseException) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is kept would fail at the exit too
     if isinstance(error, BrokenPipeError):  # the reader of our output went away, as `head` does
         return FAILED
-    reason = str(error) or type(error).__name__
-    return _complain("out of memory" if isinstance(error, MemoryError) else reason, FAILED)
+    if isinstance(error, OSError) and error.filename is not None:
+        code = WRONG_INPUT if error.errno in WRONG_PATHS else FAILED
+        return _complain(f"{printable(str(error.filename))}: {(error.strerror or str(error)).lower()}", code)
+    text = str(error) or type(error).__name__
+    return _complain("out of memory" if isinstance(error, MemoryError) else text, FAILED)
 
 
 def _complain(message: object, code: int) -> int:

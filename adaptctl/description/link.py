@@ -20,6 +20,8 @@ GROUND = -1
 
 MAX_INERTIAL_PARAMETER = MAX_DRIVE_TERM
 """Inertial parameter (SI units) that a link may have: energies of larger ones overflow."""
+MIN_MASS = 1e-30
+"""kg, of a link with mass: moments divided by smaller ones overflow"""
 
 
 @sent_as_made
@@ -50,7 +52,8 @@ class Link:
     Raises
     ------
     InputError
-        If the inertia has another shape, is not finite, above 1e20 in size, or not zero in a massless link.
+        If the inertia has another shape, is not finite, above 1e20 in size, or not zero in a massless link, or if
+        the mass is not zero and below 1e-30 kg.
 
     Examples
     --------
@@ -74,6 +77,10 @@ class Link:
         object.__setattr__(self, "inertia", frozen_array(self.inertia, (10,), f"link {self.name!r}: inertia"))
         if np.abs(self.inertia).max() > MAX_INERTIAL_PARAMETER:
             raise InputError(f"link {self.name!r}: expected inertial parameters of at most {MAX_INERTIAL_PARAMETER:g}")
+        if 0.0 < abs(self.inertia[0]) < MIN_MASS:
+            raise InputError(
+                f"link {self.name!r}: expected a mass of 0 or at least {MIN_MASS:g} kg, got {self.inertia[0]:g}"
+            )
         if self.massless and np.any(self.inertia):
             raise InputError(
                 f"link {self.name!r}: inertia: expected zero for a massless link, got {self.inertia.tolist()}"

@@ -90,7 +90,7 @@ def error_unit(folder: str | Path) -> str:
 
 
 def _unit(field: pa.Field) -> str:
-    return str((field.metadata or {}).get(b"unit", b"").decode())
+    return str((field.metadata or {}).get(b"unit", b"").decode(errors="replace"))
 
 
 @contextmanager
@@ -100,6 +100,6 @@ def _opened(path: Path) -> Iterator[pq.ParquetFile]:
             if file.metadata.num_rows > MAX_SAMPLES:
                 raise FileError(f"{path}: {file.metadata.num_rows} rows are more than an experiment has")
             yield file
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         reason = str(error).splitlines()[0]
         raise FileError(f"{path}: cannot be read ({reason}); run the experiment again") from error
