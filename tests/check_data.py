@@ -40,7 +40,7 @@ from adaptctl.recording.lerobot_set import write_lerobot
 from adaptctl.recording.live import HOST
 from adaptctl.recording.rerun_recording import write_recording
 from adaptctl.recording.run_table import RUN_TABLE, find_runs
-from adaptctl.recording.summary import summary
+from adaptctl.recording.summary import sealed, summary
 from adaptctl.recording.trace import write_trace
 from adaptctl.simulation import rollout
 
@@ -77,7 +77,7 @@ def write_runs(folder: Path) -> dict[str, tuple[str, float]]:
             one, place = replace(made, runs=runs, seed=seed), folder / f"{robot}-{seed}"
             place.mkdir()
             write_recording(place / "recording.rrd", one)
-            write_json(place / "summary.json", summary(one))
+            write_json(place / "summary.json", sealed(summary(one)))
             found[robot] += [(run.law, run.final_rms_error or np.inf) for run in runs]
     return {robot: min(errors, key=lambda entry: entry[1]) for robot, errors in found.items()}
 

@@ -16,7 +16,7 @@ from adaptctl.cli.main import main
 from adaptctl.dynamics import load
 from adaptctl.recording.compared_report import PER_JOINT, drawings
 from adaptctl.recording.finished_trace import read_traces
-from adaptctl.recording.summary import summary
+from adaptctl.recording.summary import sealed, summary
 from adaptctl.recording.trace import write_trace
 
 COMPARED = comparison(load("two_link"))
@@ -42,7 +42,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for run in content["runs"].values():
             run["final_rms_error"] = factor * 1e-3
         (place / folder).mkdir()
-        (place / folder / "summary.json").write_text(json.dumps(content | {"robot": table.column_names[1]}))
+        (place / folder / "summary.json").write_text(json.dumps(sealed(content | {"robot": table.column_names[1]})))
         pq.write_table(table, place / folder / "trace.parquet")
     return place
 
@@ -106,7 +106,7 @@ def test_what_has_no_comparison_is_refused(
     trace = (folders / "a" / "trace.parquet").read_bytes()
     for name, data in (("lone", trace), ("cut", b"PAR1"), ("names", trace.replace(b"time", b"\xf3ime"))):
         (folders / name).mkdir(exist_ok=True)
-        (folders / name / "summary.json").write_text(json.dumps(content))
+        (folders / name / "summary.json").write_text(json.dumps(sealed(content)))
         (folders / name / "trace.parquet").write_bytes(data)
     assert main(["experiment", "compare", *(str(folders / name) for name in given)]) != 0
     assert says.format(folders) in capsys.readouterr().err

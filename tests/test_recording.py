@@ -195,7 +195,7 @@ def test_table_is_lossless_and_names_units(folder: Path, shown: Comparison) -> N
 def test_summary_says_how_it_went(folder: Path, shown: Comparison) -> None:
     said = json.loads((folder / "summary.json").read_text(), parse_constant=lambda token: pytest.fail(token))
     run, off = shown.subject.rollout, shown.runs[1].rollout
-    assert said["schema"] == "adaptctl/summary/3"
+    assert said["schema"] == "adaptctl/summary/4"
     assert said["complete"] is True
     assert (said["experiment"], said["robot"], said["seed"]) == ("by-hand", "puma560_measured", 7)
     assert (said["duration"], said["control_period"]) == (3.0, PERIOD)

@@ -17,7 +17,7 @@ from adaptctl.dynamics import load
 from adaptctl.errors import FileError
 from adaptctl.recording.rerun_recording import write_recording
 from adaptctl.recording.run_table import COLUMNS, find_runs
-from adaptctl.recording.summary import summary
+from adaptctl.recording.summary import sealed, summary
 
 SUMMARY = summary(comparison(load("two_link")))
 
@@ -26,12 +26,14 @@ SUMMARY = summary(comparison(load("two_link")))
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two experiments, one in a deeper folder, and two files that cannot be read."""
     place = tmp_path_factory.mktemp("results")
-    content = json.dumps(SUMMARY)
+    content = json.dumps(sealed(SUMMARY))
     for folder, text in {
         "a": content,
-        "deep/er/b": content.replace('"seed": 7', '"seed": 11'),
+        "deep/er/b": json.dumps(sealed(SUMMARY | {"seed": 11})),
         "broken": "{",
-        "old": '{"schema": "adaptctl/summary/2"}',
+        "old": '{"schema": "adaptctl/summary/3"}',
+        "edited": content.replace('"seed": 7', '"seed": 17'),
+        "unsealed": json.dumps(SUMMARY),
     }.items():
         (place / folder).mkdir(parents=True)
         (place / folder / "summary.json").write_text(text)
@@ -50,7 +52,12 @@ def test_each_controller_has_a_row_with_the_summary_s_values(results: Path) -> N
         }
         assert row["robot_sha256"] == content["robot_sha256"]
         assert json.loads(row["settings"]) == content["settings"]
-    assert sorted(Path(line.partition(":")[0]).parent.name for line in found.broken) == ["broken", "old"]
+    assert sorted(Path(line.partition(":")[0]).parent.name for line in found.broken) == [
+        "broken",
+        "edited",
+        "old",
+        "unsealed",
+    ]
 
 
 def test_the_written_table_is_typed_and_sorts_as_numbers(results: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,7 +16,7 @@ from adaptctl.errors import InputError
 from adaptctl.experiments import EXPERIMENTS, find
 from adaptctl.experiments.experiment import Experiment, settings, stated
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
-from adaptctl.recording.summary import summary
+from adaptctl.recording.summary import sealed, summary
 
 RUN = ["experiment", "run", "puma560-adaptive"]
 SUMMARY = summary(comparison(load("two_link")))
@@ -33,7 +33,7 @@ def finished(experiment: Experiment, folder: Path) -> Path:
     """Folder with the summary of an experiment."""
     folder.mkdir()
     told = {one.name: one.value for one in stated(experiment)} | {"Λ": "8, 8"}
-    (folder / "summary.json").write_text(json.dumps(SUMMARY | {"settings": told}))
+    (folder / "summary.json").write_text(json.dumps(sealed(SUMMARY | {"settings": told})))
     return folder
 
 
@@ -86,7 +86,7 @@ def test_what_a_file_has_wrong_is_named(
 
 
 def test_a_folder_without_settings_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "summary.json").write_text(json.dumps(SUMMARY | {"settings": {}}))
+    (tmp_path / "summary.json").write_text(json.dumps(sealed(SUMMARY | {"settings": {}})))
     assert main([*RUN, "--config", str(tmp_path)]) == 2
     assert "its experiment has no settings" in capsys.readouterr().err
     assert main([*RUN, "--config", str(tmp_path / "none")]) == 2

@@ -31,7 +31,7 @@ from adaptctl.recording.page import (
     settings_section,
 )
 from adaptctl.recording.result import TRACE, Progress, Result, silent
-from adaptctl.recording.summary import summary
+from adaptctl.recording.summary import sealed, summary
 from adaptctl.recording.wording import headline, number, parameter_unit, typeset
 
 SOURCE = (
@@ -121,7 +121,8 @@ def write_artifacts(
         write_recording(path, comparison)
 
     how: dict[str, Any] = {"tables": {TRACE: partial(write_trace, comparison=comparison)}, "record": record}
-    return report(comparison, figures).write(folder, summary(comparison), progress=progress, figures=figures, **how)
+    content = sealed(summary(comparison))
+    return report(comparison, figures).write(folder, content, progress=progress, figures=figures, **how)
 
 
 def report(comparison: Comparison, figures: bool = True) -> Report:

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from adaptctl.errors import FileError
 from adaptctl.files import read_json, replacing
 from adaptctl.recording.result import SUMMARY
-from adaptctl.recording.summary import SCHEMA
+from adaptctl.recording.summary import CHECKSUM, SCHEMA, sealed
 
 RUN_TABLE = "runs.parquet"
 MAX_DEPTH = 8
@@ -183,6 +183,9 @@ def read_summary(path: Path) -> Summary:
     found = read_json(path, _Schema, MAX_SUMMARY_BYTES).schema
     if found != SCHEMA:
         raise FileError(f"{path}: schema: expected {SCHEMA!r}, got {found!r}; run the experiment again")
+    written = read_json(path, dict[str, Any], MAX_SUMMARY_BYTES)
+    if written.get(CHECKSUM) != (now := sealed(written)[CHECKSUM]):
+        raise FileError(f'{path}: not as it was written; to accept it, write "{CHECKSUM}": "{now}" into it')
     return read_json(path, Summary, MAX_SUMMARY_BYTES)
 
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from adaptctl.files import finite_or_none
+from adaptctl.files import finite_or_none, hashed
 from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.controller_run import ControllerRun
 from adaptctl.recording.judgement import judged
 from adaptctl.version import __version__
 
-SCHEMA = "adaptctl/summary/3"
+SCHEMA, CHECKSUM = "adaptctl/summary/4", "sha256"
 OF_RUNS = ("law", "prior_knowledge", "first_rms_error", "final_rms_error")
 VARYING = ("schema", "wall_time", "realtime_factor")  # not in recordings, so that equal runs give equal ones
 
@@ -52,6 +53,12 @@ def summary(comparison: Comparison) -> dict[str, Any]:
         "wall_time": subject.rollout.wall_time,
         "realtime_factor": subject.realtime_factor,
     }
+
+
+def sealed(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Content of summary.json with a hash of all that it says."""
+    plain = {name: value for name, value in content.items() if name != CHECKSUM}
+    return plain | {CHECKSUM: hashed(plain)}
 
 
 def properties(comparison: Comparison) -> dict[str, str | float | bool | list[Any]]:
