@@ -137,3 +137,14 @@ def test_a_warm_start_ends_where_a_cold_one_does() -> None:
 @pytest.mark.filterwarnings("error")
 def test_equations_whose_diagonal_round_off_has_turned_are_solved_without_a_warning() -> None:
     np.testing.assert_allclose(search._solver(np.diag([4.0, -1e-18, 0.0]))(np.array([8.0, 0.0, 0.0])), [2.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_squares_of_steps_are_never_negative_by_round_off(seed: int) -> None:
+    """Products with the matrix were: a step along a kernel of large entries seemed to go downhill for ever."""
+    A, b, prior, weight = problem(seed)
+    size, root = np.sqrt(np.diag(A)), search._Problem(A, b, prior, weight).root
+    np.testing.assert_allclose(root.T @ root / np.outer(size, size), A / np.outer(size, size), atol=1e-13)
+    kernel = np.linalg.eigh(A / np.outer(size, size))[1][:, :3] / size[:, None]
+    lost = 1e12 * kernel
+    assert np.all(np.diag((root @ lost).T @ (root @ lost)) >= 0.0)

@@ -88,7 +88,8 @@ def optimality_residual(A: Array, b: Array, prior: EntropicPrior, weight: float,
             roots, times = np.asarray(np.linalg.cholesky(prior.matrices(x)), dtype=np.float64), problem.times(x)
             move = _map(roots, x[prior.positive], prior.positive, len(x))
             slope = move.T @ (A @ x - b + times * np.where(problem.penalised, prior.gradient(x, weight), 0.0))
-            curved = move.T @ A @ move + np.diag(times * problem.unit + problem.ridge)
+            rows = problem.root @ move
+            curved = rows.T @ rows + np.diag(times * problem.unit + problem.ridge)
             return float(0.5 * slope @ _solver(curved)(slope) / (abs(float(b @ x)) + weight))
     return np.inf
 
@@ -112,6 +113,14 @@ class _Problem:
     b: Array
     prior: EntropicPrior
     weight: float
+
+    @cached_property
+    def root(self) -> Array:
+        """Matrix F (P, P) with F^T F = A, but for round-off."""
+        own = np.diag(self.A)
+        size = np.sqrt(np.where(own > 0.0, own, 1.0))
+        values, vectors = np.linalg.eigh(self.A / np.outer(size, size))
+        return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size)
 
     @cached_property
     def unit(self) -> Array:
@@ -209,7 +218,8 @@ class _Newton:
     def solver(self) -> Callable[[Array], Array]:
         """Solver of Newton's equations."""
         problem = self.problem
-        return _solver(self.map.T @ problem.A @ self.map + np.diag(problem.penalised + problem.ridge))
+        rows = problem.root @ self.map  # whose squares are never negative, as products with A may be by round-off
+        return _solver(rows.T @ rows + np.diag(problem.penalised + problem.ridge))
 
     def joined(self, matrices: Array, own: Array) -> Array:
         """Step (P,) of symmetric matrices (N, 4, 4) and positive parameters (c,)."""

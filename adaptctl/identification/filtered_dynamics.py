@@ -53,8 +53,11 @@ class Rows:
         return len(self.time)
 
     def chosen(self, which: NDArray[np.bool_]) -> Rows:
-        """Rows where a mask (n,) is True."""
-        return Rows(self.cutoff, *(getattr(self, name)[which] for name in COLUMNS))
+        """Rows where a mask (n,) is True, without a copy where they follow each other."""
+        at = np.flatnonzero(which)
+        follow = len(at) and at[-1] - at[0] == len(at) - 1
+        picked = slice(at[0], at[-1] + 1) if follow else at
+        return Rows(self.cutoff, *(getattr(self, name)[picked] for name in COLUMNS))
 
     @property
     def moved(self) -> Rows:
@@ -64,6 +67,8 @@ class Rows:
     @classmethod
     def joined(cls, parts: Sequence[Rows]) -> Rows:
         """Rows of several parts, one after the other."""
+        if len(parts) == 1:
+            return parts[0]
         return cls(parts[0].cutoff, *(np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS))
 
 
@@ -127,13 +132,20 @@ class SmoothMotion:
             terms = self._terms(mechanism, slice(start, start + CHUNK_SAMPLES + widest - 1))
             for row_filter, parts in zip(filters, found, strict=True):
                 parts.append(row_filter.regressor(*terms, start, min(CHUNK_SAMPLES, len(self.position) - start)))
-        return [f.rows(self, np.concatenate(parts)) for f, parts in zip(filters, found, strict=True)]
+        return [f.rows(self, _emptied(parts)) for f, parts in zip(filters, found, strict=True)]
 
     def _terms(self, mechanism: Mechanism, where: slice) -> tuple[Array, Array]:
         p, v = self.position[where], self.velocity[where]
         columns = range(len(mechanism.parameter_names))
         terms = momentum_terms(mechanism.equations, column(mechanism.configuration(p)), column(v), columns)
         return stacked_rows(terms.momentum, (len(p),)), stacked_rows(terms.forces, (len(p),))
+
+
+def _emptied(parts: list[Array]) -> Array:
+    """Parts one after the other, which are not kept beside it."""
+    whole = np.concatenate(parts)
+    parts.clear()
+    return whole
 
 
 @dataclass(frozen=True, eq=False)
