@@ -108,7 +108,7 @@ def _settings(evidence: LogEvidence, springs: tuple[DriveParameter, ...]) -> Fit
 
 def delay_of(evidence: LogEvidence, springs: tuple[DriveParameter, ...] = ()) -> Delay:
     """Delay of the torques, fitted along with links, friction, rotors and offsets, by Gauss-Newton steps."""
-    own = replace(evidence, rows={evidence.band: evidence.rows[evidence.band]})
+    own = replace(evidence.sampled, rows={evidence.band: evidence.rows[evidence.band]})
     least = max(LEAST_DELAY, LEAST_PERIODS / min(motion.log.rate for motion in evidence.motions))
     most, whole = MOST_PERIODS / evidence.band, 0.0
     for _ in range(ROUNDS):

@@ -83,6 +83,8 @@ class SmoothMotion:
     first: int
     position: Array
     velocity: Array
+    whole: int = 0
+    """samples of the motion that this is a part of, if it is"""
 
     @property
     def rate(self) -> float:
@@ -166,7 +168,7 @@ class RowFilter:
     def of(cls, motion: SmoothMotion, cutoff: float) -> RowFilter:
         """Filter of a cut-off (Hz) for a motion."""
         kernel = low_pass(cutoff, motion.rate)
-        every = min(int(motion.rate / (ROWS_PER_PERIOD * cutoff)), len(motion.position) // MIN_ROWS)
+        every = min(int(motion.rate / (ROWS_PER_PERIOD * cutoff)), (motion.whole or len(motion.position)) // MIN_ROWS)
         return cls(cutoff, padded(kernel), derivative(kernel, motion.rate), max(1, every))
 
     def regressor(self, momentum: Array, forces: Array, start: int, length: int) -> Array:
@@ -234,7 +236,8 @@ def motion_band(logs: Sequence[PreparedLog]) -> float:
 def _band(log: PreparedLog) -> float:
     """Band (Hz) of one log, where the flat part of the spectrum of positions is noise, as its upper half has it."""
     length = min(len(log.time), max(64, round(SPECTRUM_LENGTH * log.rate)))
-    frequency, power = welch(log.position, log.rate, nperseg=length, axis=0)
+    each = [welch(column, log.rate, nperseg=length) for column in log.position.T]  # less memory than all at once
+    frequency, power = each[0][0], np.stack([own for _, own in each], axis=-1)
     upper = frequency > 0.5 * min(frequency[-1], 2.0 * MOTION_CUTOFF)
     noise = np.median(power[upper], axis=0)
     speed = np.maximum(power - 3.0 * noise, 0.0) * frequency[:, None] ** 2

@@ -77,6 +77,11 @@ class LogEvidence:
     edges: Sequence[tuple[int, float]]
     band: float
 
+    @property
+    def sampled(self) -> LogEvidence:
+        """Evidence of the rows that it has alone."""
+        return self
+
     def part(self, blocks: Sequence[int]) -> LogEvidence:
         """Evidence of some blocks of time alone, by rising indices."""
         here = {cutoff: np.isin(block, blocks) for cutoff, block in self._block.items()}

@@ -28,6 +28,7 @@ from adaptctl.identification.filtered_dynamics import (
 )
 from adaptctl.identification.fit import LogEvidence, positive_columns
 from adaptctl.identification.friction_model import with_all_friction
+from adaptctl.identification.long_logs import LongEvidence, Stretches
 from adaptctl.identification.normal_equations import block_edges
 from adaptctl.identification.payloads import without_payloads
 from adaptctl.identification.preparation import PreparationStep, PreparedLog, prepare
@@ -55,17 +56,26 @@ def gathered(
     remarks = [*(step.outcome for step in steps if step.name == "unwrap" and step.outcome[0] != "0"), *remarks]
     fastest = motion_band(pieces) if band is None else band / BAND_CUTOFF_RATIO
     least = min(max(MIN_CUTOFF, BAND_CUTOFF_RATIO * fastest), COMPARISON_CUTOFF)
-    motions = list(motions_of(pieces, min(max(MIN_MOTION_CUTOFF, MOTION_CUTOFF_RATIO * fastest), MOTION_CUTOFF)))
+    smooth = min(max(MIN_MOTION_CUTOFF, MOTION_CUTOFF_RATIO * fastest), MOTION_CUTOFF)
+    rate = min(piece.rate for piece in pieces)
+    tried = sorted({*(cutoffs or cutoffs_for(rate, least)), *([cutoff] if cutoff else [])})
+    stretches = Stretches(pieces, full, smooth, tried)
+    long = stretches.are_long and not drives.payloads and not np.isnan(drives.constants).any()
+    motions = stretches.windows() if long else list(motions_of(pieces, smooth))
     if cutoff is not None:
         _validate_between(cutoff, motions)
-    tried = {*(cutoffs or cutoffs_for(min(piece.rate for piece in pieces), least)), *([cutoff] if cutoff else [])}
-    rows = dict(zip(sorted(tried), rows_without_payloads(motions, full, drives, sorted(tried)), strict=True))
+    rows = dict(zip(tried, rows_without_payloads(motions, full, drives, tried), strict=True))
     _validate_enough(pieces, full)
     positive, scales = positive_columns(full, tens)
-    basis = fundamental_basis(essential_space(full))
-    edges = block_edges(rows[min(rows)].moved, NUM_BLOCKS)
-    prior = EntropicPrior(tens, positive, scales)
-    return LogEvidence(full, basis, drives, prior, motions, rows, edges, min(rows)), steps, tuple(remarks)
+    basis, prior = fundamental_basis(essential_space(full)), EntropicPrior(tens, positive, scales)
+    told = steps, tuple(remarks)
+    if long:
+        own = [(motion.number, float(motion.log.time[0])) for motion in motions]
+        each = (full, basis, drives, prior, motions, rows, own, min(rows))
+        return LongEvidence(*each, stretches, tuple(range(len(own)))), *told
+    moved = rows[min(rows)].moved
+    edges = block_edges(moved.log, moved.time, NUM_BLOCKS)
+    return LogEvidence(full, basis, drives, prior, motions, rows, edges, min(rows)), *told
 
 
 def rows_without_payloads(

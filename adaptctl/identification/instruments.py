@@ -42,6 +42,7 @@ def without_position_noise(
 
 def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
     """Evidence whose regressors are freed of encoder noise by instrumental variables (even against odd samples)."""
+    evidence = evidence.sampled
     pairs, cutoffs = [halves(motion.log) for motion in evidence.motions], _cutoffs(evidence)
     if not cutoffs:
         raise InputError(
@@ -52,7 +53,8 @@ def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
     own = rows_without_payloads(motions, evidence.mechanism, evidence.drives, cutoffs)
     instruments = rows_of(others, evidence.mechanism, cutoffs)
     rows = dict(zip(cutoffs, joined_first_stage(own, instruments), strict=True))
-    return replace(evidence, motions=motions, rows=rows, edges=block_edges(rows[min(cutoffs)].moved, NUM_BLOCKS))
+    moved = rows[min(cutoffs)].moved
+    return replace(evidence, motions=motions, rows=rows, edges=block_edges(moved.log, moved.time, NUM_BLOCKS))
 
 
 def _cutoffs(evidence: LogEvidence) -> list[float]:

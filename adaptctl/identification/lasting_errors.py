@@ -20,8 +20,10 @@ DELAY_COUNTS = 2.0
 def with_lasting_errors(found: Uncertainty, evidence: LogEvidence, fit: Fit) -> Uncertainty:
     """Uncertainty that also has noise that lasts, and what a delay does that is likely but not beyond doubt."""
     inverse, kept = inverse_curvature(evidence, fit)
-    serial = inverse @ _scores(evidence, fit, kept) @ inverse
-    delay = estimated_delay(evidence, fit, inverse, found.student)
+    all_rows = float(evidence.equations(fit.settings, range(evidence.blocks)).count.sum())
+    ratio = all_rows / max(int(np.count_nonzero(evidence.counted(fit.settings))), 1)  # of all rows to those kept
+    serial = ratio * inverse @ _scores(evidence, fit, kept) @ inverse
+    delay = estimated_delay(evidence, fit, ratio * inverse, found.student)
     off = delay.value if abs(delay.value) > DELAY_COUNTS * delay.deviation else 0.0
     return replace(found, serial=serial, bias=found.bias + off**2 * np.outer(delay.effect, delay.effect))
 

@@ -30,9 +30,19 @@ class NormalEquations:
 
     def over(self, blocks: NDArray[np.int64] | Sequence[int]) -> NormalEquations:
         """Normal equations of one block: the sums over some blocks."""
+        own = self.chosen(blocks)
+        parts = (own.normal, own.moment, own.square, own.count)
+        return NormalEquations(*(part.sum(axis=0, keepdims=True) for part in parts))
+
+    def chosen(self, blocks: NDArray[np.int64] | Sequence[int]) -> NormalEquations:
+        """Normal equations of some blocks."""
         which = np.asarray(blocks, dtype=np.int64)
-        parts = (self.normal, self.moment, self.square, self.count)
-        return NormalEquations(*(part[which].sum(axis=0, keepdims=True) for part in parts))
+        return NormalEquations(self.normal[which], self.moment[which], self.square[which], self.count[which])
+
+    def plus(self, other: NormalEquations) -> NormalEquations:
+        """Normal equations of these rows and others, block by block."""
+        parts = ("normal", "moment", "square", "count")
+        return NormalEquations(*(getattr(self, part) + getattr(other, part) for part in parts))
 
     def without(self, joints: Sequence[int]) -> NormalEquations:
         """Normal equations without those of some joints."""
@@ -59,11 +69,13 @@ def _sums(Y: Array, torque: Array, used: NDArray[np.bool_]) -> tuple[Array, Arra
     return joints.mT @ joints, moment, np.square(torque).sum(axis=0), used.sum(axis=0).astype(np.float64)
 
 
-def block_edges(rows: Rows, count: int) -> list[tuple[int, float]]:
-    """Index of the log and time (s) at which each of about `count` blocks of equally many rows begins."""
-    starts = [int(start) for start in np.linspace(0, len(rows), count, endpoint=False)]
-    firsts = np.flatnonzero(np.diff(rows.log, prepend=-1)).tolist()
-    return [(int(rows.log[i]), float(rows.time[i])) for i in sorted({*starts, *firsts})]
+def block_edges(log: NDArray[np.int64], time: Array, count: int) -> list[tuple[int, float]]:
+    """
+    Index of the log and time (s) at which each of about `count` blocks of equally many rows begins, by those of rows.
+    """
+    starts = [int(start) for start in np.linspace(0, len(log), count, endpoint=False)]
+    firsts = np.flatnonzero(np.diff(log, prepend=-1)).tolist()
+    return [(int(log[i]), float(time[i])) for i in sorted({*starts, *firsts})]
 
 
 def blocks_of(rows: Rows, edges: Sequence[tuple[int, float]]) -> NDArray[np.int64]:

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import firwin, oaconvolve
 
@@ -45,12 +46,23 @@ def filtered(signal: ArrayLike, kernel: Array, every: int = 1) -> Array:
     if len(values) < len(kernel):
         raise InputError(f"signal: expected at least {len(kernel)} samples, as the kernel has, got {len(values)}")
     flat = values.reshape(len(values), -1)
-    if every == 1:
-        out = oaconvolve(flat, kernel[:, None], mode="valid", axes=0)
-    else:
-        count = len(flat) - len(kernel) + 1
-        out = sum((weight * flat[k : k + count : every] for k, weight in enumerate(kernel[::-1])), np.zeros(()))
+    whole = every == 1
+    out = oaconvolve(flat, kernel[:, None], mode="valid", axes=0) if whole else _thinned(flat, kernel[::-1], every)
     return np.asarray(out).reshape(-1, *values.shape[1:])
+
+
+def _thinned(values: Array, weights: Array, every: int) -> Array:
+    """Sums (m, k) of weights (t,) times values (n, k), at every so manieth place, by products of matrices."""
+    taps, width = len(weights), values.shape[1]
+    count = -(-(len(values) - taps + 1) // every)
+    shared = min(max(1, taps // every), count)  # rows of one product
+    band = np.zeros((shared, taps + every * (shared - 1)))
+    for i in range(shared):
+        band[i, every * i : every * i + taps] = weights
+    whole = count // shared
+    stretches = sliding_window_view(values, band.shape[1], axis=0)[:: every * shared][:whole].swapaxes(1, 2)
+    rest = sliding_window_view(values, taps, axis=0)[::every][whole * shared :]
+    return np.concatenate([(band @ stretches).reshape(-1, width), rest @ weights])
 
 
 # Shares of a sampling period: deviation of stamps that still count as even, and step that is a hole in the log.

@@ -1,0 +1,188 @@
+"""Evidence of long logs, whose rows take too much memory: normal equations of all, made stretch by stretch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
+from adaptctl.dynamics import Mechanism
+from adaptctl.identification.choice import NUM_BLOCKS, SLOW_CANDIDATES
+from adaptctl.identification.filtered_dynamics import ROWS_PER_PERIOD, RowFilter, Rows, SmoothMotion
+from adaptctl.identification.fit import LogEvidence
+from adaptctl.identification.normal_equations import NormalEquations, block_edges, blocks_of
+from adaptctl.identification.preparation import PreparedLog
+
+# Bytes of all rows' regressors above which a log is long, and of those of the rows that are kept of one.
+LONG, KEPT = 256 * 2**20, 96 * 2**20
+# Samples of the smoothed motion in a stretch, at least, and s of the log before and after it.
+STRETCH, MARGIN = 20_000, 0.25
+
+
+class _Stretch(NamedTuple):
+    """Smoothed motion of a part of a log, and the first and last of its samples whose rows are its own."""
+
+    motion: SmoothMotion
+    first: int
+    last: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Filters of a log's rows by cut-off, which stretches begin at common instants of."""
+
+    log: PreparedLog
+    number: int
+    smooth: float
+    cutoffs: Sequence[float]
+
+    @cached_property
+    def _start(self) -> SmoothMotion:
+        return SmoothMotion.of(_cut(self.log, 0, 10 * STRETCH), self.number, self.smooth)
+
+    @property
+    def samples(self) -> int:
+        """Samples of the whole smoothed motion."""
+        return -(-(len(self.log.time) - 2 * self._start.first) // self._start.every)
+
+    @cached_property
+    def filters(self) -> list[RowFilter]:
+        """Filters of the whole motion, whose strides are those of its length."""
+        return [RowFilter.of(replace(self._start, whole=self.samples), cutoff) for cutoff in self.cutoffs]
+
+    def instants(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Times (n,) of the least cut-off's rows, and a mask (n,) of those at which the arm moves."""
+        motion, own = self._start, self.filters[0]
+        half = motion.every * (own.taps // 2)
+        count = len(range(0, self.samples - own.taps + 1, own.every))
+        at = motion.first + half + motion.every * own.every * np.arange(count)
+        moving = self.log.moving
+        return self.log.time[at], moving[at - half] & moving[at] & moving[at + half]
+
+    def stretches(self) -> Iterator[_Stretch]:
+        """Stretches of the motion, one after the other."""
+        every, K = self._start.every, 2 * self._start.first + 1
+        step, widest = math.lcm(*(f.every for f in self.filters)), max(f.taps for f in self.filters)
+        length, lead = step * -(-STRETCH // step), step * math.ceil(MARGIN * self._start.rate / step)
+        starts = list(range(0, max(1, self.samples - length // 2), length))
+        for start, end in pairwise([*starts, self.samples]):
+            before = min(lead, start)
+            part = _cut(self.log, (start - before) * every, (end + widest + lead) * every + K)
+            yield _Stretch(SmoothMotion.of(part, self.number, self.smooth), before, before + end - start)
+
+
+def _cut(log: PreparedLog, start: int, end: int) -> PreparedLog:
+    here = slice(start, end)
+    parts = (getattr(log, name)[here] for name in ("time", "position", "torque", "moving"))
+    return PreparedLog(log.source, log.rate, *parts)
+
+
+@dataclass(frozen=True, eq=False)
+class Stretches:
+    """Rows of logs at some cut-offs (Hz), rising, made of one stretch after the other of the smoothed motion."""
+
+    logs: Sequence[PreparedLog]
+    mechanism: Mechanism
+    smooth: float
+    cutoffs: Sequence[float]
+    _found: dict[float, dict[tuple[float, float], NormalEquations]] = field(default_factory=dict)
+
+    @property
+    def are_long(self) -> bool:
+        """True if all rows together take too much memory."""
+        return sum(len(log.time) / log.rate for log in self.logs) * self._bytes > LONG
+
+    @property
+    def _bytes(self) -> float:
+        """Bytes of the regressors of a second."""
+        return 8.0 * self.mechanism.dof * len(self.mechanism.parameter_names) * ROWS_PER_PERIOD * sum(self.cutoffs)
+
+    @cached_property
+    def _grids(self) -> list[_Grid]:
+        return [_Grid(log, number, self.smooth, self.cutoffs) for number, log in enumerate(self.logs)]
+
+    @cached_property
+    def peaks(self) -> Array:
+        """Greatest speeds (r,) of the smoothed motion."""
+        every = (stretch.motion.velocity for grid in self._grids for stretch in grid.stretches())
+        return np.max([np.abs(v).max(axis=0) for v in every], axis=0)
+
+    @cached_property
+    def edges(self) -> list[tuple[int, float]]:
+        """Index of the log and time (s) at which each block begins."""
+        each = [
+            (np.full(len(time), grid.number)[on], time[on]) for grid in self._grids for time, on in [grid.instants()]
+        ]
+        log, time = (np.concatenate(part) for part in zip(*each, strict=True))
+        return block_edges(log, time, NUM_BLOCKS)
+
+    def windows(self) -> list[SmoothMotion]:
+        """A part of each block, with as many rows of all together as are kept."""
+        most, ends = KEPT / self._bytes / len(self.edges), [*self.edges[1:], (len(self.logs), 0.0)]
+        found: list[SmoothMotion] = []
+        for (k, begin), (other, end) in zip(self.edges, ends, strict=True):
+            log = self.logs[k]
+            last = min(end if other == k else math.inf, begin + most)
+            start, stop = np.searchsorted(log.time, [begin, last]).tolist()
+            part = SmoothMotion.of(_cut(log, start, stop), len(found), self.smooth)
+            found.append(replace(part, whole=self._grids[k].samples))
+        return found
+
+    def sums(self, delay: float) -> dict[tuple[float, float], NormalEquations]:
+        """Normal equations by cut-off (Hz) and share of peak speed, with the torques of a delay (s) later."""
+        if delay not in self._found:
+            self._found.clear()
+            self._found[delay] = self._summed(delay)
+        return self._found[delay]
+
+    def _summed(self, delay: float) -> dict[tuple[float, float], NormalEquations]:
+        found: dict[tuple[float, float], NormalEquations] = {}
+        for rows in self._rows(delay):
+            block = blocks_of(rows, self.edges)
+            for slow in SLOW_CANDIDATES:
+                used = rows.moving[:, None] & (np.abs(rows.velocity) >= slow * self.peaks)
+                part, key = NormalEquations.of(rows, block, len(self.edges), used), (rows.cutoff, slow)
+                found[key] = found[key].plus(part) if key in found else part
+        return found
+
+    def _rows(self, delay: float) -> Iterator[Rows]:
+        for grid in self._grids:
+            for motion, first, last in grid.stretches():
+                for own, rows in zip(grid.filters, motion.filtered_rows(self.mechanism, grid.filters), strict=True):
+                    at = own.every * np.arange(len(rows))
+                    kept = rows.chosen((at >= first) & (at < last))
+                    rise = motion.later(own.cutoff, kept.time, delay)[0] if delay else 0.0
+                    yield replace(kept, torque=kept.torque + rise)
+
+
+@dataclass(frozen=True, eq=False)
+class LongEvidence(LogEvidence):
+    """Evidence with the normal equations of all rows, by its own blocks, and rows of a window in each."""
+
+    stretches: Stretches
+    own: tuple[int, ...]
+    delay: float = 0.0
+
+    @property
+    def sampled(self) -> LogEvidence:
+        """Evidence of the windows alone."""
+        return LogEvidence(*(getattr(self, part.name) for part in fields(LogEvidence)))
+
+    def part(self, blocks: Sequence[int]) -> LogEvidence:
+        """Evidence of some blocks of time alone, by rising indices."""
+        return replace(super().part(blocks), own=tuple(self.own[b] for b in blocks))  # type: ignore[call-arg]
+
+    def advanced(self, delay: float) -> LogEvidence:
+        """Evidence whose torques are those of a delay (s) later."""
+        return replace(super().advanced(delay), delay=self.delay + delay)  # type: ignore[call-arg]
+
+    def sums(self, cutoff: float, slow: float) -> NormalEquations:
+        """Normal equations of the rows of a cut-off, by blocks, without joints slower than a share of their peaks."""
+        return self.stretches.sums(self.delay)[cutoff, slow].chosen(self.own)
