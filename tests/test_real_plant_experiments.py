@@ -155,6 +155,8 @@ def test_a_run_becomes_a_folder(tmp_path: Path) -> None:
     content = json.loads((out / "summary.json").read_text())
     assert math.isfinite(content["findings"]["freeze_over_none"]["value"])
     assert (out / "figures" / "parameter-error.png").stat().st_size > 1000
+    assert (out / "figures" / "parameter-error.pdf").read_bytes().startswith(b"%PDF")
+    assert "<svg" in (out / "figures" / "parameter-error.svg").read_text()
     trace = pq.read_table(out / "trace.parquet")
     held = trace["flag.payload"].to_numpy()
     np.testing.assert_array_equal(held[[0, 150, 250, 550, 650, 999]], [0.0, 0.0, 4.0, 4.0, 0.0, 0.0])

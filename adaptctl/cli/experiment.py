@@ -196,7 +196,9 @@ def _command(kind: type[Experiment], name: str) -> Callable[..., int]:
         "config": Annotated[Path | None, Parameter(metavar="PATH", group="Settings", help=CONFIG)],
         "out": Annotated[Path, Parameter(metavar="DIR", group="Output", help="Folder to write.")],
         "overwrite": Annotated[bool, Parameter(group="Output", help="Overwrite a folder that is not empty.")],
-        "figures": Annotated[bool, Parameter(group="Output", help="Also write the report's figures as PNG files.")],
+        "figures": Annotated[
+            bool, Parameter(group="Output", help="Also write the report's figures as PNG, PDF and SVG.")
+        ],
         "live": Annotated[bool, Parameter(group="Output", help="Show the arm in the rerun viewer during the run.")],
         "json": Annotated[bool, Parameter(group="Output", help="Print JSON instead of text.")],
         "return": int,
@@ -221,7 +223,7 @@ def run_experiment(
     json : bool, default False
         Prints a JSON object.
     figures : bool, default False
-        Also writes the report's figures as PNG files.
+        Also writes the report's figures as PNG, PDF and SVG files.
 
     Returns
     -------

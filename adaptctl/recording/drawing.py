@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
@@ -189,21 +189,33 @@ PAPER_STYLE: dict[Any, Any] = {
 }
 
 
+UNDATED: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {}}
+
+
 def write_for_paper(folder: str | Path, drawings: Iterable[Drawing]) -> list[Path]:
-    """Write drawings as PDF, SVG and PNG files that are the same whenever they are written."""
+    """Write drawings a column wide as PDF, SVG and PNG files that are the same whenever they are written."""
+    return list(_written(Path(folder), drawings, {**STYLE, **PAPER_STYLE}, UNDATED))
+
+
+def write_figures(folder: str | Path, drawings: Sequence[Drawing]) -> None:
+    """Write drawings as PNG files, and as PDF and SVG files for texts."""
+    write_drawings(folder, drawings)
+    for _ in _written(Path(folder), drawings, STYLE, ("pdf", "svg")):
+        pass
+
+
+def _written(folder: Path, drawings: Iterable[Drawing], style: dict[Any, Any], kinds: Iterable[str]) -> Iterator[Path]:
     import matplotlib as mpl
 
-    written = []
-    undated: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {}}
-    with mpl.rc_context({**STYLE, **PAPER_STYLE}):
+    with mpl.rc_context(style):
         for drawing in drawings:
             figure = drawing.draw()
             _lay_out(figure)
-            for kind, metadata in undated.items():
-                written.append(Path(folder) / f"{drawing.name}.{kind}")
-                with replacing(written[-1]) as beside:
-                    figure.savefig(beside, format=kind, dpi=PRINT_DOTS_PER_INCH, metadata=metadata)
-    return written
+            for kind in kinds:
+                path = folder / f"{drawing.name}.{kind}"
+                with replacing(path) as beside:
+                    figure.savefig(beside, format=kind, dpi=PRINT_DOTS_PER_INCH, metadata=UNDATED[kind])
+                yield path
 
 
 def data_urls(drawings: Iterable[Drawing]) -> dict[str, str]:

@@ -13,7 +13,7 @@ from adaptctl.description.inertia import PARAMETERS
 from adaptctl.folders import made_folder
 from adaptctl.recording.comparison import Comparison, Finding
 from adaptctl.recording.controller_run import StepCost
-from adaptctl.recording.drawing import run_color, write_drawings
+from adaptctl.recording.drawing import run_color, write_figures
 from adaptctl.recording.figures import drawings
 from adaptctl.recording.judgement import facts, final_error, first_error, judged, on_truth, outcome, outcome_words
 from adaptctl.recording.page import (
@@ -72,7 +72,7 @@ def shown(comparison: Comparison) -> Result:
         facts=tuple(facts(comparison)),
         verdict=judged(comparison),
         write=lambda folder, progress: write_artifacts(folder, comparison, progress, figures=False),
-        figures=lambda folder: write_drawings(made_folder(folder), report(comparison).drawings),
+        figures=lambda folder: write_figures(made_folder(folder), report(comparison).drawings),
     )
 
 
