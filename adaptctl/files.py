@@ -31,6 +31,7 @@ MAX_KEY_PARTS = 16
 """parts of a TOML key; reading time is quadratic in them"""
 RENAMED_PAGE = "docs/renamed.md"
 """page of former names and file schemas"""
+NOT_REGULAR = "not a regular file, but a pipe, a device or the like; give a file"
 MAX_MAGNITUDE = 1e30
 """magnitude of numbers in TOML files, so that products of five are finite"""
 
@@ -238,13 +239,19 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
         with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
             # Opened without waiting: a pipe would hold us until somebody writes into it.
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise ValueError("not a regular file, but a pipe, a device or the like; give a file")
+                raise ValueError(NOT_REGULAR)
             data = file.read(limit + 1)
     except (OSError, ValueError) as error:
         raise FileError(f"{path}: cannot be read ({reason(error)})") from error
     if len(data) > limit:
         raise FileError(f"{path}: larger than {limit} bytes, the most that is read")
     return data
+
+
+def validate_readable(path: str | Path) -> None:
+    """Raise `FileError` for a pipe, a device or the like, which would hold who opens it."""
+    if (place := Path(path)).exists() and not place.is_file():
+        raise FileError(f"{path}: cannot be read ({NOT_REGULAR})")
 
 
 def read_text(path: str | Path, limit: int = MAX_BYTES) -> str:

@@ -249,7 +249,7 @@ def test_a_reader_that_waits_or_grows_is_ended(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(isolated, "TIME", 0.5)
     monkeypatch.setattr(isolated, "WAITING", 1.0)
     with pytest.raises(FileError, match=r"log\.mcap: was not read within 2 s; is it damaged"):
-        read_log(tmp_path / "log.mcap")
+        isolated.read_isolated("foxglove:read_mcap", tmp_path / "log.mcap")
     pq.write_table(pa.table({"time": np.random.default_rng(0).normal(size=1000)}), tmp_path / "log.parquet")
     monkeypatch.setattr(isolated, "TIME", 10.0)
     monkeypatch.setattr(isolated, "WAITING", 20.0)

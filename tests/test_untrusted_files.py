@@ -27,7 +27,10 @@ from adaptctl.identifiability import (
     essential_space,
     fundamental_basis,
 )
-from adaptctl.simulation import Plant
+from adaptctl.identification.log_files import read_log
+from adaptctl.recording.finished_trace import read_trace
+from adaptctl.simulation import Plant, Rollout
+from adaptctl.sweeps.folder import read_checked
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore::adaptctl.errors.SimplificationWarning", "ignore::adaptctl.errors.PhysicalConsistencyWarning"
@@ -135,6 +138,24 @@ def test_pipes_and_devices_are_refused(tmp_path: Path) -> None:
     (tmp_path / "zero.urdf").symlink_to("/dev/zero")
     with pytest.raises(FileError, match="not a regular file"):
         load(tmp_path / "zero.urdf")
+
+
+@pytest.mark.parametrize(
+    ("read", "name"),
+    [(read_log, "log.csv"), (read_log, "log.parquet"), (read_log, "log.mcap"), (Rollout.load, "run.parquet")],
+)
+def test_pipes_are_no_logs_and_runs(read: Callable[[Path], object], name: str, tmp_path: Path) -> None:
+    """Who opened one would wait for somebody to write into it."""
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(FileError, match=f"{name}: cannot be read .not a regular file"):
+        read(tmp_path / name)
+
+
+def test_pipes_are_no_traces_and_rows(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "trace.parquet")
+    for read in (read_trace, lambda folder: read_checked(folder / "trace.parquet")):
+        with pytest.raises(FileError, match="not a regular file"):
+            read(tmp_path)
 
 
 def test_a_basis_file_beyond_its_size_is_refused(tmp_path: Path) -> None:

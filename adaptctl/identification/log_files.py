@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from adaptctl.errors import FileError, MissingExtraError
+from adaptctl.files import validate_readable
 from adaptctl.logs.isolated import read_isolated
 from adaptctl.logs.lerobot import INFO
 from adaptctl.logs.table import MAX_BYTES
@@ -34,6 +35,8 @@ def _read(path: str | Path, topic: str | None) -> LogTable:
     if not place.exists():
         hint = "; the example brings its robot: give it without --robot" if str(path) == "tx40" else ""
         raise FileError(f"{path}: does not exist{hint}")
+    if not place.is_dir():
+        validate_readable(path)
     if place.is_file() and place.stat().st_size > MAX_BYTES:
         raise FileError(f"{path}: larger than the limit of {MAX_BYTES} bytes; split it into several logs")
     if place.is_dir() and (place / INFO).is_file():

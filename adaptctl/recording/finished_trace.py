@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 from adaptctl.arrays import Array
 from adaptctl.dynamics.joint_units import either
 from adaptctl.errors import FileError
+from adaptctl.files import validate_readable
 from adaptctl.recording.result import TRACE
 from adaptctl.simulation.rollout_file import validate_own
 
@@ -95,6 +96,7 @@ def _unit(field: pa.Field) -> str:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[pq.ParquetFile]:
+    validate_readable(path)
     try:
         with pq.ParquetFile(path) as file:
             if file.metadata.num_rows > MAX_SAMPLES:

@@ -14,7 +14,7 @@ import numpy as np
 
 from adaptctl.arrays import Array, frozen
 from adaptctl.errors import FileError, InputError, printable
-from adaptctl.files import earlier_schema, hashed, replacing
+from adaptctl.files import earlier_schema, hashed, replacing, validate_readable
 from adaptctl.optional_packages import needed
 
 if TYPE_CHECKING:
@@ -158,6 +158,7 @@ def read_rollout(
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    validate_readable(path)
     try:
         with pq.ParquetFile(path) as file:
             metadata, table = file.metadata.metadata or {}, file.read()

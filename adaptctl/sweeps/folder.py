@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from adaptctl.errors import FileError, InputError
-from adaptctl.files import hashed, read_json, replacing, write_json
+from adaptctl.files import hashed, read_json, replacing, validate_readable, write_json
 from adaptctl.folders import made_folder
 from adaptctl.simulation.rollout_file import CHECKSUM, checksum_of, entries_of, validate_own
 from adaptctl.sweeps.rows import columns_of
@@ -130,6 +130,7 @@ def read_table(path: Path) -> pa.Table:
 
 def read_checked(place: Path) -> pa.Table:
     """Table of a Parquet file of rows; `FileError` where it is damaged or was changed."""
+    validate_readable(place)
     try:
         with pq.ParquetFile(place) as file:
             found, metadata = file.read(), file.metadata.metadata
