@@ -14,7 +14,15 @@ from nightly import at_night, nightly
 import adaptctl
 from adaptctl.control import FadeIn, SafetyFilter
 from adaptctl.description.inertia import from_center_of_mass
-from adaptctl.hardware import GravityTorque, HardwareLimits, MuJoCoRobot, RobotReading, TorqueGuard
+from adaptctl.hardware import (
+    GravityTorque,
+    HardwareLimits,
+    MuJoCoRobot,
+    RobotReading,
+    TorqueGuard,
+    motion_about,
+    ready_controller,
+)
 from adaptctl.hardware.acceleration import PossibleAcceleration
 from adaptctl.hardware.loop import DriveLoop
 from adaptctl.hardware.resting import StoppingDistance
@@ -264,6 +272,7 @@ def moving() -> Any:
     return robot
 
 
+TUNED = dataclasses.replace(LAW, damping=[11.01, 0.8476])
 NARROW = HardwareLimits([60.0, 25.0], [6.0, 6.0], [-0.5, 0.6], [0.5, 2.0], 1000.0)
 OTHER = HardwareLimits([600.0, 25.0], [6.0, 6.0], [-2.0, -2.0], [2.0, 2.0], 1000.0)
 THREE = HardwareLimits([60.0] * 3, [6.0] * 3, [-2.0] * 3, [2.0] * 3, 1000.0)
@@ -284,6 +293,12 @@ THREE = HardwareLimits([60.0] * 3, [6.0] * 3, [-2.0] * 3, [2.0] * 3, 1000.0)
         (moving, {}, "shoulder moves, at 0.1 rad/s"),
         (lambda: MuJoCoRobot(ARM, 2e-3), {}, "the controller's is 0.004 s, but the robot's is 0.002 s"),
         (lambda: MuJoCoRobot(ARM, PERIOD, CENTER), {"controller": law(0.0)}, "start from the file's parameters"),
+        (
+            lambda: altered(MuJoCoRobot(ARM, PERIOD, CENTER), delay=8 * PERIOD),
+            {"controller": TUNED},
+            "above 0.138, the limit at a delay of 8 control periods, .* multiply the damping by 0.35 at most",
+        ),
+        (lambda: altered(MuJoCoRobot(ARM, PERIOD, CENTER), delay=-1.0), {}, "robot: delay: expected a time in s"),
         (lambda: MuJoCoRobot(ARM, PERIOD, CENTER), {"duration": 0.0}, "duration: expected a positive time"),
         (lambda: MuJoCoRobot(ARM, PERIOD, CENTER), {"log": 3}, "log: expected a RunLogger or a path"),
         (
@@ -302,6 +317,27 @@ def test_refused_before_a_torque_is_sent(robot: Any, changes: dict[str, Any], me
     given = {"controller": LAW, "reference": REFERENCE, "duration": 1.0} | changes
     with pytest.raises(adaptctl.InputError, match=message):
         adaptctl.drive(robot(), **given)
+
+
+@nightly
+def test_gains_for_a_robot_whose_torques_act_late() -> None:
+    class Late(RecordedRobot):
+        delay = 3 * PERIOD
+
+        def start(self, torque: Any) -> None:
+            self.queue = [np.array(torque)] * 3
+            super().start(torque)
+
+        def write(self, torque: Any) -> None:
+            super().write(torque)
+            self.queue.append(self._torque)
+            self._torque = self.queue.pop(0)
+
+    robot = Late(ARM, PERIOD, CENTER)
+    reference = motion_about(CENTER, robot.limits)
+    run = adaptctl.drive(robot, ready_controller(ARM, PERIOD, reference, delay=3), reference, 4.0)
+    assert (run.stopped, robot.breaches) == ("", [])  # as tuned without the delay, the loop rings until it is stopped
+    assert run.final_rms_error.max() < 0.01
 
 
 def test_an_arm_that_sags_is_braked_again() -> None:

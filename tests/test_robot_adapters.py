@@ -255,7 +255,7 @@ def test_gains_that_lean_on_rotors_which_a_urdf_cannot_have_are_noted(source: st
 def test_command_drives_a_scene_and_says_what_happened(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    quick = lambda arm, period, reference, tool: adaptctl.ComputedTorque(arm, 8.0)  # noqa: E731
+    quick = lambda arm, period, reference, tool, delay: adaptctl.ComputedTorque(arm, 8.0)  # noqa: E731
     monkeypatch.setattr("adaptctl.hardware.ready_controller", quick)
     given = ["drive", "mujoco", SCENE, "--robot", SCENE, "--root", "stand", "--duration", "0.8"]
     assert main([*given, "--out", str(tmp_path / "run")]) == 0

@@ -123,6 +123,7 @@ def _driven(
     from adaptctl.arrays import positive_number
     from adaptctl.control import with_external_torque
     from adaptctl.hardware import HardwareLimits, drive, motion_about, ready_controller
+    from adaptctl.hardware.preparation import periods_late
 
     duration, amplitude = motion
     positive_number(duration, "--duration: expected a positive time in s")
@@ -133,7 +134,7 @@ def _driven(
     if here is None:
         raise InputError("no measurement came from the robot")
     reference = motion_about(here.p, robot.limits.within(HardwareLimits.of(arm)), amplitude)
-    controller = ready_controller(arm, robot.period, reference, getattr(robot, "tool", None))
+    controller = ready_controller(arm, robot.period, reference, getattr(robot, "tool", None), periods_late(robot))
     if on_touch != "ignore":
         controller = with_external_torque(controller, cutoff=min(FAST, 0.5 / robot.period))
     return drive(robot, controller, reference, duration, folder / "run.parquet", live=live, on_touch=on_touch)

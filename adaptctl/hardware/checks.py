@@ -10,9 +10,12 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control import SafetyFilter
 from adaptctl.control.controller import Controller, ReferencePoint
+from adaptctl.control.gains.gain_design import largest_with_delay
+from adaptctl.control.gains.sampling_ratio import sampling_ratios
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, validate_kind
+from adaptctl.errors import GainError, InputError, validate_kind
 from adaptctl.hardware.measurements import Measurements
+from adaptctl.hardware.preparation import hold_at, periods_late
 from adaptctl.hardware.robot import HardwareLimits, RobotReading
 
 GRAVITY_SHARE, MEASURED_SHARE = 0.1, 0.2
@@ -52,6 +55,24 @@ def validate_periods(controller: Any, period: float) -> None:
     own = getattr(controller, "control_period", None)
     if own is not None and abs(own - period) > 1e-3 * period:
         raise InputError(f"control_period: the controller's is {own:g} s, but the robot's is {period:g} s")
+
+
+def validate_delay(controller: Any, robot: Any, p: Array) -> None:
+    """Raise `GainError` if damping at p (r,) is too high for the delay that a robot states."""
+    while hasattr(controller, "inner"):
+        controller = controller.inner
+    damping: Any = getattr(controller, "damping", None)
+    model: Any = getattr(controller, "model", None)
+    delay = periods_late(robot)
+    if not delay or model is None or np.shape(damping) != p.shape or not model.fundamental_parameters.any():
+        return
+    ratio, most = float(sampling_ratios(model.mechanism, p, damping, robot.period)), largest_with_delay(delay)
+    if ratio > most:
+        raise GainError(
+            f"damping: T_c lambda_max(M^-1 K) = {ratio:.3g} is above {most:.3g}, the limit at a delay of {delay} "
+            f"control periods, which the robot states: multiply the damping by {most / ratio:.2g} at most, or tune "
+            f"with sampling_ratio={hold_at(delay):.2g}"
+        )
 
 
 def common_limits(robot: Any, mechanism: Mechanism, controller: Any) -> HardwareLimits:

@@ -20,6 +20,7 @@ from adaptctl.hardware.checks import (
     mechanism_of,
     standing,
     torque_at_rest,
+    validate_delay,
     validate_gravity,
     validate_no_tank,
     validate_periods,
@@ -97,6 +98,10 @@ def drive(
     InputError
         If the robot is another one than described, moves, stands outside its limits, or would not be held by the
         estimate, the reference leaves the limits, or the controller has a tank. No torque was sent then.
+    GainError
+        If the damping is too high for the delay that the robot states. No torque was sent then.
+    SingularityError
+        If the loops come near a singularity at the start or along the reference. No torque was sent then.
     KeyboardInterrupt
         After the planned stop, if Ctrl-C was pressed; its argument is the run. A second Ctrl-C is the robot's own stop.
 
@@ -135,6 +140,7 @@ def drive(
     tool = getattr(robot, "tool", None)
     weight = gravity if tool is None or hasattr(robot, "compensation") else GravityTorque(arm, tool)
     compensation = Compensation(robot, weight, bool(np.any(arm.description.gravity)))
+    validate_delay(controller, robot, now.p)
     own = torque_at_rest(guarded, now.p)
     if not from_zero:
         needed, most = _held(robot, now, compensation, gravity)

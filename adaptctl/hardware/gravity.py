@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array
 from adaptctl.compilation import compile_function
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.loops.continuation import MAX_PRIMARY_STEP
 from adaptctl.scalars import Column, column
 
 
@@ -22,6 +23,11 @@ class GravityTorque:
     tool : array_like, optional
         Ten inertial parameters (10,) in SI units, in the last link's frame, of what it holds. Default: nothing.
 
+    Notes
+    -----
+    Loops are closed near those of the call before, and from the reference configuration at first: give postures along a
+    motion. Raises `SingularityError` for a jump across a singularity of the loops.
+
     Examples
     --------
     >>> from adaptctl.hardware import GravityTorque
@@ -32,13 +38,16 @@ class GravityTorque:
 
     def __init__(self, mechanism: Mechanism, tool: ArrayLike | None = None) -> None:
         equations, rest = mechanism.equations, Column.zeros(mechanism.dof)
-        own, near = column(parameters_with(mechanism, tool)), column(mechanism.neutral_configuration)
-        guess = column(mechanism.configuration(mechanism.neutral_configuration)) if equations.closure_key else near
+        own = column(parameters_with(mechanism, tool))
 
-        def torque(p: Column) -> Column:
-            return equations.inverse_dynamics(equations.closed(p, guess), rest, rest, rest, own)
+        def torque(p: Column, near: Column) -> tuple[Column, Column]:
+            q = equations.closed(p, near)
+            return equations.inverse_dynamics(q, rest, rest, rest, own), q
 
-        self._kernel = compile_function(torque, {"p": mechanism.dof}, name="gravity torque")
+        sizes = {"p": mechanism.dof, "near": len(mechanism.links)}
+        self._kernel = compile_function(torque, sizes, name="gravity torque")
+        self._mechanism, self._loops = mechanism, mechanism.continuation
+        self._last = mechanism.configuration(mechanism.neutral_configuration)
 
     def __call__(self, p: Array) -> Array:
         """
@@ -54,7 +63,14 @@ class GravityTorque:
         ndarray
             Torque (r,) in N m (N).
         """
-        return np.asarray(self._kernel.call(p))
+        torque, self._last = self._kernel.call(p, self._near(p))
+        return np.asarray(torque)
+
+    def _near(self, p: Array) -> Array:
+        """Closed configuration (n,) from which loops are closed at p (r,)."""
+        if self._loops is None or (np.abs(p - self._last[self._loops.primary]) <= MAX_PRIMARY_STEP).all():
+            return self._last
+        return self._mechanism.configuration(p, self._last)
 
 
 def parameters_with(mechanism: Mechanism, tool: ArrayLike | None) -> Array:

@@ -61,12 +61,15 @@ def led_in(
     ------
     InputError
         If no lead-in stays within the limits; the message names joint, time and limit.
+    SingularityError
+        If the loops come near a singularity at the start or on the way.
     """
     fault = ""
     for length in _lengths(duration) if lead_in is None else (lead_in,):
         faded = FadeIn(reference, start, length)
         fault = beyond_limits(faded, duration, mechanism, limits, stopping)
         if not fault:
+            _validate_loops(faded, duration, mechanism)
             return faded
     raise InputError(f"reference: {fault}")
 
@@ -102,6 +105,15 @@ def beyond_limits(
             joint = mechanism.primary_joints[j].name
             return f"at {times[k]:.3g} s {joint} {text.format(values[k, j])}: start elsewhere, or move less or slower"
     return ""
+
+
+def _validate_loops(reference: Reference, duration: float, mechanism: Mechanism) -> None:
+    """Raise `SingularityError` where loops come near a singularity."""
+    if mechanism.continuation is None:
+        return
+    q = None
+    for p in reference(np.linspace(0.0, duration, SAMPLES)).p:
+        q = mechanism.configuration(p, q)
 
 
 def _torques(point: ReferencePoint, mechanism: Mechanism, limits: HardwareLimits) -> list[tuple[Any, Any, str]]:

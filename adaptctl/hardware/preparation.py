@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from adaptctl.arrays import real_number
 from adaptctl.control import Sinusoids, SlotineLi
 from adaptctl.control.controller import Reference
+from adaptctl.control.gains.gain_design import largest_with_delay
 from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
 from adaptctl.hardware.gravity import parameters_with
 from adaptctl.hardware.robot import HardwareLimits
 from adaptctl.tuning import adaptive_controller
+from adaptctl.tuning.default_gains import DEFAULT_SAMPLING_RATIO
 
 AMPLITUDE, SPEED_SHARE, ROOM_SHARE = 0.3, 0.15, 0.4
 """rad (m); shares of the speed limit, and of the way to the nearer end, that a motion uses"""
@@ -51,8 +57,21 @@ def motion_about(p: ArrayLike, limits: HardwareLimits, amplitude: float = AMPLIT
     return Sinusoids(center, np.minimum(amplitude, np.minimum(np.maximum(room, 0.0), speed)), frequency)
 
 
+def periods_late(robot: Any) -> int:
+    """Delay until a torque acts, as a robot states it, in whole control periods."""
+    delay = real_number(getattr(robot, "delay", 0.0), what := "robot: delay: expected a time in s of 0 to 1")
+    if not 0.0 <= delay <= 1.0:
+        raise InputError(f"{what}, got {delay:g}")
+    return math.ceil(delay / robot.period - 1e-6)
+
+
+def hold_at(delay: int) -> float:
+    """Sampling ratio of tuned gains at a delay in periods: from two on, with the margin that they have at one."""
+    return DEFAULT_SAMPLING_RATIO * min(1.0, largest_with_delay(delay) / largest_with_delay(1))
+
+
 def ready_controller(
-    mechanism: Mechanism, control_period: float, reference: Reference, tool: ArrayLike | None = None
+    mechanism: Mechanism, control_period: float, reference: Reference, tool: ArrayLike | None = None, delay: int = 0
 ) -> SlotineLi:
     """
     Return the default learning controller, from the description's own parameters.
@@ -67,6 +86,8 @@ def ready_controller(
         Trajectory for which the gains are chosen.
     tool : array_like, optional
         Ten inertial parameters (10,) in SI units, in the last link's frame, of what the arm holds. Default: nothing.
+    delay : int, default 0
+        Delay until a torque acts in control periods. Gains are lower from two on.
 
     Returns
     -------
@@ -79,6 +100,8 @@ def ready_controller(
     >>> ready_controller(arm, 0.004, reference).initial.any()
     np.True_
     """
-    controller = adaptive_controller(mechanism, control_period=control_period, reference=reference)
+    controller = adaptive_controller(
+        mechanism, control_period=control_period, reference=reference, sampling_ratio=hold_at(delay)
+    )
     own = parameters_with(controller.model.mechanism, tool)
     return replace(controller, initial=controller.model.regrouping @ own)

@@ -9,6 +9,7 @@ from adaptctl.control.controller import Reference
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.tuning.default_gains import DEFAULT_SAMPLING_RATIO
 from adaptctl.tuning.learning_rule import learning_by_rule
 from adaptctl.tuning.tune import Tuning, tune
 
@@ -18,6 +19,7 @@ def adaptive_controller(
     *,
     control_period: float = 1e-3,
     reference: Reference | None = None,
+    sampling_ratio: float = DEFAULT_SAMPLING_RATIO,
     friction: bool = True,
     seed: int = 0,
     anyway: bool = False,
@@ -33,6 +35,8 @@ def adaptive_controller(
         Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
     reference : Reference, optional
         Trajectory for which the gains are chosen. Unless given, sinusoids within 60 % of the torque limits are drawn.
+    sampling_ratio : float, default 0.5
+        Bound of the damping, as in `tune`. Lower it where torques act several control periods late.
     friction : bool, default True
         True to learn viscous and Coulomb friction of every primary joint: a real one has both, and a model without
         them explains friction by inertia.
@@ -68,7 +72,9 @@ def adaptive_controller(
     if not isinstance(friction, bool):
         raise InputError(f"friction: expected True or False, got {friction!r}")
     mechanism = with_friction(mechanism) if friction else mechanism
-    tuning = tune(mechanism, control_period=control_period, reference=reference, seed=seed)
+    tuning = tune(
+        mechanism, control_period=control_period, reference=reference, sampling_ratio=sampling_ratio, seed=seed
+    )
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism, seed=seed)))
     return tuning.controller(model, anyway=anyway)
 

@@ -1,0 +1,53 @@
+"""`drive` for arms with kinematic loops: gravity on their own branch, and no torque near a singularity."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from five_bars import five_bar
+
+import adaptctl
+from adaptctl.errors import SingularityError
+from adaptctl.hardware import GravityTorque, HardwareLimits, RobotReading
+
+ARM = five_bar(np.array([0.4, 0.2, 0.3, 0.25]))
+HOME = ARM.neutral_configuration
+SINGULAR = np.array([0.0, 0.0, -0.7])  # away from home, where links 4 and 5 are in line
+STILL = np.zeros(3)
+
+
+def test_gravity_is_that_of_the_posture_however_far_from_the_reference() -> None:
+    arm = five_bar(np.array([0.4, 0.2, 0.45, 0.35]), near=True)
+    gravity, random = GravityTorque(arm), np.random.default_rng(0)
+    for away in random.uniform(-1.0, 1.0, (40, 3)):
+        p = arm.neutral_configuration + away
+        np.testing.assert_allclose(gravity(p), arm.inverse_dynamics(p, STILL, STILL), atol=1e-9)
+
+
+class Standing:
+    """Robot that stands at a posture and is never to be moved."""
+
+    period, compensates_gravity = 4e-3, False
+    limits = HardwareLimits.of(ARM, torque_rate=1000.0)
+
+    def __init__(self, p: Any) -> None:
+        self.p, self.count = np.asarray(p), 0
+
+    def read(self) -> RobotReading:
+        self.count += 1
+        return RobotReading(self.count * self.period, self.p, STILL)
+
+    def write(self, torque: Any) -> None:
+        raise AssertionError(f"{torque} was sent")
+
+    stop = write
+
+
+@pytest.mark.parametrize(("start", "end"), [(SINGULAR, STILL), (STILL, SINGULAR)], ids=["start", "reference"])
+def test_near_a_singularity_nothing_is_sent(start: Any, end: Any) -> None:
+    law = adaptctl.ComputedTorque(ARM, 8.0)
+    there = adaptctl.Sinusoids(HOME + end, [0.01] * 3, [0.3] * 3)
+    with pytest.raises(SingularityError, match="the loops are near a singularity at p = "):
+        adaptctl.drive(Standing(HOME + start), law, there, 8.0)
