@@ -105,6 +105,15 @@ def test_file_names_too_long_are_refused(
     assert "Errno" not in told
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+@pytest.mark.parametrize(
+    "words", [("basis", TWO_LINK, "--out"), ("install-completion", "--shell", "bash", "--out")], ids=" ".join
+)
+def test_a_full_disk_is_no_wrong_input(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*words, "/dev/full"]) == 1
+    assert capsys.readouterr().err.endswith("/dev/full: cannot be written (no space left on device)\n")
+
+
 def test_a_deleted_working_folder_is_named(tmp_path: Path) -> None:
     gone = tmp_path / "gone"
     gone.mkdir()

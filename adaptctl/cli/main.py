@@ -32,6 +32,7 @@ from adaptctl.renamed import NOW_DEFAULT, new_name
 
 DONE, FAILED, WRONG_INPUT, VERDICT, INTERRUPTED = 0, 1, 2, 3, 130
 WRONG_PATHS = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR)
+FULL_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 ROBOT_SUFFIXES = (".toml", ".urdf", ".xml", ".mjcf")
 
 
@@ -112,7 +113,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         except VerdictError as error:
             return _complain(error, VERDICT)
         except InputError as error:
-            return _complain(error, WRONG_INPUT)
+            return _complain(error, FAILED if _is_full(error.__cause__) else WRONG_INPUT)
         except (AdaptctlError, OSError, MemoryError) as error:
             return _failed(error)
         except KeyboardInterrupt:
@@ -179,6 +180,10 @@ def _failed(error: BaseException) -> int:
         return _complain(f"{printable(str(error.filename))}: {(error.strerror or str(error)).lower()}", code)
     text = str(error) or type(error).__name__
     return _complain("out of memory" if isinstance(error, MemoryError) else text, FAILED)
+
+
+def _is_full(cause: BaseException | None) -> bool:
+    return isinstance(cause, OSError) and cause.errno in FULL_DISK
 
 
 def _complain(message: object, code: int) -> int:
