@@ -178,6 +178,7 @@ def identify(
         for log in (*tables[0], *tables[1]):
             validate_not_added(log)
         train, test = ([with_own_gravity(log, mechanism, turned) for log in logs] for logs in (train, test))
+    del tables  # of which the logs have copies
     terms = None if friction is None else FrictionModel.named(friction)
     return identified(
         mechanism,

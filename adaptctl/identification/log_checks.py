@@ -17,7 +17,7 @@ from adaptctl.description.joint import Joint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
-from adaptctl.identification.preparation import MIN_GAP_PERIODS, PreparationStep
+from adaptctl.identification.preparation import MIN_GAP_PERIODS, PreparationStep, same_array
 
 # Step over the 99th percentile of a column's steps, and in rad (m), from where on no joint does it; samples after which
 # it is back, or is no outlier.
@@ -49,6 +49,8 @@ def checked_log(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, list[Pre
         notes += _filled_words(log, joint, "torques that stand out of their neighbours", spiked)
         notes += _column_faults(log.time, position, torque, joint, j)
     said = (*log.notes, *(f"{log.source}: {note}" for note in notes))
+    position, torque = same_array(log.position, position), same_array(log.torque, torque)
+    velocity = None if log.velocity is None or velocity is None else same_array(log.velocity, velocity)
     checked = replace(log, position=position, torque=torque, velocity=velocity, notes=said)
     return checked, list(_facts(checked, mechanism))
 

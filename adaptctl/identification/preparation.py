@@ -202,7 +202,12 @@ def _unwrapped(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, int]:
     if mechanism.description.loops is None:
         wrapped = turns & (jumps.any(axis=0) | whole)
         continued = continued + TURN * np.where(wrapped, _turns_off(continued, mechanism), 0.0)
-    return replace(log, position=continued), int(jumps.sum())
+    return replace(log, position=same_array(log.position, continued)), int(jumps.sum())
+
+
+def same_array(before: Array, after: Array) -> Array:
+    """The array as it was before, where it has not changed: long logs are not kept twice."""
+    return before if np.array_equal(before, after) else after
 
 
 def _validate_small_steps(log: JointLog, continued: Array, jumps: NDArray[np.bool_], mechanism: Mechanism) -> None:
