@@ -30,6 +30,7 @@ from adaptctl.identifiability import (
 from adaptctl.identification.log_files import read_log
 from adaptctl.recording.finished_trace import read_trace
 from adaptctl.simulation import Plant, Rollout
+from adaptctl.simulation.mujoco_plant import MuJoCoPlant
 from adaptctl.sweeps.folder import read_checked
 
 pytestmark = pytest.mark.filterwarnings(
@@ -149,6 +150,13 @@ def test_pipes_are_no_logs_and_runs(read: Callable[[Path], object], name: str, t
     os.mkfifo(tmp_path / name)
     with pytest.raises(FileError, match=f"{name}: cannot be read .not a regular file"):
         read(tmp_path / name)
+
+
+def test_pipes_are_no_scenes(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    os.mkfifo(tmp_path / "scene.xml")
+    with pytest.raises(FileError, match="not a regular file"):
+        MuJoCoPlant.of(tmp_path / "scene.xml", 1e-3)
 
 
 def test_pipes_are_no_traces_and_rows(tmp_path: Path) -> None:

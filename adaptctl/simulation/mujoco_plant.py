@@ -27,6 +27,7 @@ from adaptctl.errors import (
     ReferenceWarning,
     SimplificationWarning,
 )
+from adaptctl.files import validate_readable
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.plant import Plant
 
@@ -234,6 +235,7 @@ def as_mujoco(robot: str | Path | Mechanism | mujoco.MjModel) -> mujoco.MjModel:
     if isinstance(robot, str) and robot in builtin_names():
         robot = builtin_file(robot)
     if isinstance(robot, str | Path) and Path(robot).suffix.lower() in (".xml", ".mjcf"):
+        validate_readable(robot)
         try:
             return _held(robot, mujoco.MjModel.from_xml_path(str(robot)))
         except ValueError as error:
