@@ -24,6 +24,7 @@ from adaptctl.contest.entries import ContestEntry
 from adaptctl.contest.figures import drawings, latex
 from adaptctl.contest.known import Knowledge, Known
 from adaptctl.contest.laws import LAWS
+from adaptctl.contest.measures import ContestRuns, measured
 from adaptctl.contest.page import tint, write_page
 from adaptctl.contest.ranking import MEDIANS, Ranking, agreement
 from adaptctl.contest.resampling import medians
@@ -32,6 +33,7 @@ from adaptctl.contest.scene import Scene, scene_of
 from adaptctl.contest.trial import TimeExceededError, tried
 from adaptctl.contest.unseen_motion import unseen_torque_error
 from adaptctl.errors import FileError, InputError, NotFoundError
+from adaptctl.tuning.learning_rule import torque_error
 
 ARM = "two_link"
 OWN = '''
@@ -292,6 +294,32 @@ def test_torques_on_an_unseen_motion_are_those_that_an_estimate_gets_wrong(scene
     assert np.isnan(unseen_torque_error(scene, law, np.zeros(0), scene.rubbing, 1))
     rows = ContestEntry("gradient", ARM, "", ("payload",), (1, 2), 8.0, (), "adaptctl").rows()
     assert all(0.001 < row["unseen"] < 1.0 for row in rows)
+
+
+def test_measures_are_those_of_errors_written_by_hand() -> None:
+    time = 0.01 * np.arange(1200)
+    error = np.where(time < 10.0, 0.001, 0.002)[:, None, None] * np.ones((1, 1, 2))
+    torque = np.where(np.arange(1200) % 2, 1.0, -1.0)[:, None, None] * np.array([[[1.0, 0.5]]])
+    runs = ContestRuns(time, error, torque, np.full((1, 2), 0.002), np.array([np.nan]), np.zeros((1, 0)))
+    found = measured(runs, 0, np.array([1.0, 2.0]), None)
+    assert found["error_2_s"] == pytest.approx(1.0)
+    assert found["error_10_s"] == found["error"] == found["largest_error"] == pytest.approx(2.0)
+    assert "error_20_s" not in found
+    assert found["torque"] == pytest.approx(np.sqrt((1.0 + 1.0 / 16.0) / 2.0))
+    assert found["torque_rate"] == pytest.approx(200.0 * np.sqrt((1.0 + 1.0 / 16.0) / 2.0))
+    assert found["saturated"] == 1.0
+
+
+def test_pushes_weights_and_two_laws_are_as_told(scene: Scene) -> None:
+    limits = scene.tuning.torque_limits
+    assert scene.pushed(0.1, 1) == pytest.approx((0.0, 0.1 * limits[1]))
+    assert scene.pushed(0.05) == pytest.approx(tuple(0.05 * limits))
+    known = Known.of(scene, Knowledge.LIMITS, 1, scene.rubbing)
+    composite: Any = next(law for law in LAWS if law.name == "composite").make(known)
+    weight = composite.adaptation_law.prediction_weight
+    assert weight * torque_error(known.torque_limits, known.damping) ** 2 == pytest.approx(np.ones(2))
+    two = Ranking(rows_of({"a": [1.0], "b": [2.0]}))
+    assert two.critical_difference == pytest.approx(1.960, rel=1e-3)  # of two laws in one block, as a sign test
 
 
 def test_orders_that_differ_are_told() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -30,7 +31,9 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     names = {law: f"law_{re.sub(r'[^a-z]', '_', law)}" for law in laws}
     for law, name in names.items():
         adaptctl.export(laws[law], folder / name, name=name, without_safety_filter=True, large_stack=True)
-        (folder / f"{name}.c").write_text(f'#define main {name}_test\n#include "{name}/test_{name}.c"\n')
+        size = json.loads((folder / name / "manifest.json").read_text())["state_bytes"]
+        right = f"typedef char size_as_told[sizeof({name}_state) == {size} ? 1 : -1];\n"
+        (folder / f"{name}.c").write_text(f'#define main {name}_test\n#include "{name}/test_{name}.c"\n{right}')
     declared = "\n".join(f"int {name}_test(void);" for name in names.values())
     called = "\n".join(f'    printf("{name}\\n"); {name}_test();' for name in names.values())
     (folder / "main.c").write_text(CALLER.format(declared=declared, called=called))

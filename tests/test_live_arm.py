@@ -75,7 +75,8 @@ def test_payload_friction_and_gains_are_arguments() -> None:
     assert isinstance(live, LiveArm)
     facts = live.facts
     assert [group["name"][0] for group in facts["groups"]] == ["Λ", "K", "Γ"]
-    assert np.sum(np.array(facts["load"]) != 0.0) >= 1
+    masses = np.arange(len(facts["load"])) == 10 * (len(ARM.links) - 1)
+    assert facts["load"] == masses.astype(float).tolist()  # 1 kg in the last link's origin
     start, count = facts["groups"][1]["places"][0]
     assert facts["gain"][start : start + count] == [3.0, 4.0, 2.0]
     assert json.loads(json.dumps(facts)) == facts
