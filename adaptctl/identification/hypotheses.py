@@ -149,7 +149,8 @@ def _tried(rows: HypothesisRows, delay: Delay, error: float) -> tuple[list[_Tria
             trial = TriedHypothesis(own.kind, own.words, relative_error(equations, x), True)
             found.append(_Trial(own, trial, equations, x, deviations))
     best = None
-    for i in np.argsort([one.trial.error for one in found])[:MAX_CONTENDERS].tolist():
+    alike = np.round(20.0 * np.log([one.trial.error for one in found]))  # where least squares tells none, as listed
+    for i in np.argsort(alike, kind="stable")[:MAX_CONTENDERS].tolist():
         if found[i].trial.error > (most if best is not None else ALIKE * error):
             break
         found[i] = found[i].consistent(rows)
