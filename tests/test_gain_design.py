@@ -106,7 +106,7 @@ def test_a_massless_arm_has_no_gains() -> None:
 
 
 def test_a_delay_is_a_whole_number(puma: Mechanism) -> None:
-    with pytest.raises(InputError, match="delay: expected a whole number from 0 to 1000, got -1"):
+    with pytest.raises(InputError, match="delay: expected a whole number from 0 to 100, got -1"):
         GainDesign.from_bandwidth(puma, 8.0, delay=-1)
 
 
@@ -213,6 +213,11 @@ def test_gains_are_less_where_the_torque_is_late(puma: Mechanism, capsys: pytest
     assert late["sampled_gain"] < late["largest_sampled_gain"]
 
 
+def test_poles_that_round_off_loses_may_be_as_much_faster_as_one_likes(capsys: pytest.CaptureFixture[str]) -> None:
+    slow = said(capsys, "two_link", "--method", "poles", "--poles", "-1e-29", "-1e-29")
+    assert slow["fastest"] is None
+
+
 @pytest.mark.parametrize(
     ("command", "message"),
     [
@@ -230,6 +235,7 @@ def test_gains_are_less_where_the_torque_is_late(puma: Mechanism, capsys: pytest
         ),
         (["puma560_geared", "--method", "poles", "--poles", "1", "2"], "poles: expected two in the left half-plane"),
         (["puma560_geared", "--delay", "0.5"], "--delay: expected a whole number, got '0.5'"),
+        (["two_link", "--delay", "1000"], "delay: expected a whole number from 0 to 100, got 1000"),
         (["pumma"], "unknown robot 'pumma'"),
         (["puma560_geared", "--method", "lqr", "--bandwidth", "8"], "--bandwidth: applies only to --method bandwidth"),
         (["puma560_geared", "--method", "poles", "--damping-ratio", "1"], "--damping-ratio: applies only to --method"),

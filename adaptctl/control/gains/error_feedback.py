@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 REAL_POLE_TOLERANCE = 0.02  # distance that discretisation may move two equal real poles into the complex plane
 MIN_NORMAL = float(np.finfo(np.float64).tiny)  # smaller numbers have fewer digits
 FREQUENCIES = 1000
+MAX_DELAY = 100  # periods; loops of so many states take seconds
 MIN_FREQUENCY_RATIO = 1e-6  # of half the sampling rate
 
 
@@ -306,7 +307,7 @@ class ErrorFeedback:
         Parameters
         ----------
         delay : int, default 0
-            Delay in whole control periods, 0 to 1000. Zero for a torque that acts at once.
+            Delay in whole control periods, 0 to 100. Zero for a torque that acts at once.
 
         Returns
         -------
@@ -326,7 +327,7 @@ class ErrorFeedback:
         """
         import control
 
-        whole_number(delay, "delay in periods", 0, 1000)
+        whole_number(delay, "delay in periods", 0, MAX_DELAY)
         A, B = _held_double_integrator()
         C = np.array([[self.stiffness * self.control_period**2, self.rate * self.control_period]])
         opened = control.ss(A, B, C, 0.0, self.control_period)

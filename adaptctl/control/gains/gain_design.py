@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from adaptctl.arrays import Array, positive_per_joint, whole_number
-from adaptctl.control.gains.error_feedback import ErrorFeedback, Margins, margins
+from adaptctl.control.gains.error_feedback import MAX_DELAY, ErrorFeedback, Margins, margins
 from adaptctl.control.gains.gains import Gains, sampled_gain
 from adaptctl.control.gains.sampling_ratio import MAX_SAMPLING_RATIO, sampled_inertia, sampling_ratio
 from adaptctl.control.gains.workspace import Workspace, everywhere
@@ -88,7 +88,7 @@ class GainDesign:
         control_period : float, default 0.001
             Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
         delay : int, default 0
-            Delay of the torque in whole control periods, 0 to 1000. Zero for a torque that acts at once.
+            Delay of the torque in whole control periods, 0 to 100. Zero for a torque that acts at once.
 
         Returns
         -------
@@ -108,7 +108,7 @@ class GainDesign:
         >>> len(adaptctl.control.GainDesign.from_gains(arm, gains, workspace).margins)
         2
         """
-        delay = whole_number(delay, "delay", 0, 1000)
+        delay = whole_number(delay, "delay", 0, MAX_DELAY)
         Lambda, K = (
             positive_per_joint(values, mechanism.dof, what)
             for values, what in ((gains.bandwidth, "bandwidth"), (gains.damping, "damping"))
@@ -147,7 +147,7 @@ class GainDesign:
         control_period : float, default 0.001
             Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
         delay : int, default 0
-            Delay of the torque in whole control periods, 0 to 1000. Zero for a torque that acts at once.
+            Delay of the torque in whole control periods, 0 to 100. Zero for a torque that acts at once.
 
         Returns
         -------
@@ -188,7 +188,7 @@ class GainDesign:
         control_period : float, default 0.001
             Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
         delay : int, default 0
-            Delay of the torque in whole control periods, 0 to 1000. Zero for a torque that acts at once.
+            Delay of the torque in whole control periods, 0 to 100. Zero for a torque that acts at once.
 
         Returns
         -------
@@ -236,7 +236,7 @@ class GainDesign:
         control_period : float, default 0.001
             Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
         delay : int, default 0
-            Delay of the torque in whole control periods, 0 to 1000. Zero for a torque that acts at once.
+            Delay of the torque in whole control periods, 0 to 100. Zero for a torque that acts at once.
 
         Returns
         -------
@@ -310,6 +310,9 @@ class GainDesign:
         if self.given is not None:  # the sampling ratio is in proportion to both gains
             return self.largest_sampled_gain / self.sampled_gain
 
+        if not self.max_pole_magnitude:  # lost in round-off: any factor that is a number keeps them slow
+            return np.inf
+
         def excess(logarithm: float) -> float:
             rates = np.array(
                 [feedback.with_bandwidth_factor(float(np.exp(logarithm))).rate for feedback in self.feedback]
@@ -366,7 +369,7 @@ def largest_with_delay(delay: int) -> float:
 def _design(
     mechanism: Mechanism, method: str, feedback: Sequence[ErrorFeedback], control_period: float, delay: int
 ) -> GainDesign:
-    delay = whole_number(delay, "delay", 0, 1000)
+    delay = whole_number(delay, "delay", 0, MAX_DELAY)
     found = _margins(feedback, delay)
     inertia, least = _inertias(mechanism, everywhere(mechanism).mass_matrices)
     return GainDesign(mechanism, method, tuple(feedback), inertia, least, found, control_period, delay)
