@@ -191,7 +191,7 @@ FAULTS: dict[str, tuple[Change, str]] = {
     ),
     "dead": (
         partial(put, what="torque", rows=slice(None), value=dead),
-        "the torque of joint '{two}' is .*its sensor seems dead; record the torque of {two}",
+        "the torque of joint '{two}' is .*its sensor seems dead",
     ),
     "jumps by full turns": (turned, "[1-9][0-9]* jumps by full turns removed"),
     "spikes": (
