@@ -24,7 +24,7 @@ from adaptctl.cli.basis import as_builtins
 from adaptctl.cli.main import app
 from adaptctl.description import builtin_names
 from adaptctl.experiments import EXPERIMENTS
-from adaptctl.recording.summary import summary
+from adaptctl.recording.summary import sealed, summary
 from adaptctl.recording.trace import quantities
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -197,7 +197,7 @@ def test_the_keys_of_json_are_documented() -> None:
     reduction = adaptctl.reduce(made.space, arm, components=3)
     basis = set(as_builtins(arm, made.space, made.basis, reduction))
     assert first_column("The keys of the JSON", "### Priority tables") == basis
-    assert first_column("### summary.json", "### trace.parquet") == set(summary(made))
+    assert first_column("### summary.json", "### trace.parquet") == set(sealed(summary(made)))
 
 
 def test_the_columns_of_a_trace_are_documented() -> None:

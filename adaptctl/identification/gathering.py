@@ -35,8 +35,12 @@ from adaptctl.identification.preparation import PreparationStep, PreparedLog, pr
 
 # Cut-offs of rows and of positions over the frequency below which the motion is, and the least of the latter in Hz.
 BAND_CUTOFF_RATIO, MOTION_CUTOFF_RATIO, MIN_MOTION_CUTOFF = 5.0, 16.0, 20.0
-# s of motion below which nothing is learnt.
-MIN_DURATION = 1.5
+# s of motion below which nothing is learnt, and below which intervals and the choice of friction are rough.
+MIN_DURATION, SHORT_DURATION = 1.5, 5.0
+SHORT = (
+    "{}: a short log, of {:.2g} s of motion: delay, form of friction and intervals are rough, and wrong columns may "
+    "go unseen; record 15 s or more"
+)
 
 
 def gathered(
@@ -65,7 +69,8 @@ def gathered(
     if cutoff is not None:
         _validate_between(cutoff, motions)
     rows = dict(zip(tried, rows_without_payloads(motions, full, drives, tried), strict=True))
-    _validate_enough(pieces, full)
+    lasts = _validate_enough(pieces)
+    remarks += [SHORT.format(pieces[0].source, lasts)] if lasts < SHORT_DURATION else []
     positive, scales = positive_columns(full, tens)
     basis, prior = fundamental_basis(essential_space(full)), EntropicPrior(tens, positive, scales)
     told = steps, tuple(remarks)
@@ -92,10 +97,12 @@ def _validate_between(cutoff: float, motions: Sequence[SmoothMotion]) -> None:
         raise InputError(f"cutoff: expected between {least:.3g} and {most:.3g} Hz for these logs, got {cutoff:g}")
 
 
-def _validate_enough(pieces: Sequence[PreparedLog], mechanism: Mechanism) -> None:
+def _validate_enough(pieces: Sequence[PreparedLog]) -> float:
+    """Motion in s. Raises `InputError` where that is too little."""
     lasts = float(sum(np.sum(piece.moving) / piece.rate for piece in pieces))
     if lasts < MIN_DURATION:
         raise InputError(
             f"{pieces[0].source}: the log has only {lasts:.2g} s of motion; at least {MIN_DURATION:g} s are needed, "
             "and ten times as much for good estimates"
         )
+    return lasts
