@@ -7,5 +7,4 @@ from adaptctl.identification.learned_payload import learned_payload as learned_p
 from adaptctl.identification.learned_payload import mass_of_change as mass_of_change
 from adaptctl.identification.learned_payload import told as told
 from adaptctl.identification.learned_payload import told_numbers as told_numbers
-from adaptctl.identification.mujoco_parameters import MujocoBaseParameters as MujocoBaseParameters
 from adaptctl.identification.validation import Validation as Validation
