@@ -274,7 +274,7 @@ def read_json(path: str | Path, kind: type[Content], limit: int = MAX_BYTES) -> 
         plain = json.loads(text, object_pairs_hook=_unrepeated)
     except (ValueError, RecursionError) as error:
         raise FileError(f"{path}: not valid JSON ({error})") from error
-    return _typed(path, plain, kind)
+    return typed(path, plain, kind)
 
 
 def read_toml(path: str | Path, kind: type[Content]) -> Content:
@@ -290,7 +290,7 @@ def read_toml(path: str | Path, kind: type[Content]) -> Content:
     except (ValueError, RecursionError) as error:
         raise FileError(f"{path}: not valid TOML ({error})") from error
     try:
-        return _typed(path, plain, kind, MAX_MAGNITUDE)
+        return typed(path, plain, kind, MAX_MAGNITUDE)
     except FileError as error:
         raise FileError(with_line(str(error), text)) from error
 
@@ -319,7 +319,8 @@ def toml_line(text: str, element: str) -> int:
     return text.count("\n", 0, found.start()) + 1
 
 
-def _typed(path: str | Path, plain: object, kind: type[Content], largest: float = math.inf) -> Content:
+def typed(path: str | Path, plain: object, kind: type[Content], largest: float = math.inf) -> Content:
+    """Contents of a file as a `kind`, from what was read of it."""
     _validate_finite(path, plain, largest)
     try:
         return msgspec.convert(plain, kind)

@@ -122,7 +122,7 @@ class Contest:
         """Raise an error for a family of a robot that is not here, or is in another family too."""
         named = [name for members in self.asked.families.values() for name in members]
         _validate_known(f"{self.source}: families", "robot", named, [robot_name(robot) for robot in self.asked.robots])
-        if twice := next((name for k, name in enumerate(named) if name in named[:k]), None):
+        if twice := _repeated(named):
             raise InputError(f"{self.source}: families: {twice!r} is in two; a robot is of one family")
 
     @property
@@ -176,8 +176,13 @@ def _placed(name: str, path: Path, is_file: bool) -> str:
 def _validate_some(where: Path, what: str, values: Sequence[Any]) -> None:
     if not values:
         raise InputError(f"{where}: {what}: expected at least one")
-    if twice := next((x for k, x in enumerate(values) if x in values[:k]), None):
+    if (twice := _repeated(values)) is not None:
         raise InputError(f"{where}: {what}: {twice!r} is given twice")
+
+
+def _repeated(values: Sequence[Any]) -> Any:
+    """First value that is there a second time, None without one."""
+    return next((x for k, x in enumerate(values) if x in values[:k]), None)
 
 
 def _validate_known(where: Path | str, what: str, names: Sequence[str], known: Iterator[str] | Any) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.contest.laws import PD_GRAVITY, TRUE_MODEL
-from adaptctl.contest.resampling import median_interval, medians
+from adaptctl.contest.resampling import median, median_interval
 
 SIGNIFICANCE = 0.05
 """chance that some difference of mean ranks exceeds the critical one, if all laws are alike"""
@@ -22,11 +22,7 @@ RATIO = "median ratio over runs of one robot, condition and seed"
 RANK_COLUMNS = {
     "law": ("string", "", "law"),
     "condition": ("string", "", f"condition, or {ALL!r}"),
-    "rank": (
-        "double",
-        "1",
-        "mean rank over families and conditions, by the median over seeds; failures last",
-    ),
+    "rank": ("double", "1", "mean rank over families and conditions, by the median over seeds; failures last"),
     "runs": ("int64", "1", "runs"),
     "failed": ("int64", "1", "runs that failed"),
     "error": ("double", "mrad (mm)", "median over runs that did not fail"),
@@ -165,8 +161,7 @@ class Ranking:
 
     def ratio(self, law: str, other: str) -> float:
         """Median ratio of the errors of two laws in equal runs."""
-        logs = self._logs(law, other, ALL).ravel()
-        return float(np.exp(medians(logs, np.ones((1, logs.size), np.int64)))[0])
+        return float(np.exp(median(self._logs(law, other, ALL).ravel())))
 
     def _logs(self, law: str, other: str, condition: str) -> Array:
         """Logarithms (R, C, S) of the ratios of two laws."""
@@ -257,9 +252,3 @@ def _settled(ranking: Ranking, one: str, other: str) -> int:
     """-1 or 1 where the interval of the ratio of two laws is below or above 1, else 0."""
     _, low, high = ranking.over(one, other)
     return int(low > 1.0) - int(high < 1.0)
-
-
-def median(values: Iterable[float]) -> float:
-    """Median of numbers that are not NaN, or NaN."""
-    known = np.array([x for x in values if not np.isnan(x)])
-    return float(np.median(known)) if known.size else float("nan")

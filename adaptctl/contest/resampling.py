@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -12,18 +13,26 @@ RESAMPLES, LEVEL = 1000, 0.95
 """bootstrap samples, and what the intervals hold"""
 
 
+def median(values: Iterable[float]) -> float:
+    """Median of numbers that are not NaN, or NaN."""
+    known = np.fromiter(values, np.float64)
+    known = known[~np.isnan(known)]
+    with np.errstate(invalid="ignore"):  # between infinities of both signs
+        return float(np.median(known)) if known.size else float("nan")
+
+
 def median_interval(values: Array, families: Sequence[str]) -> Array:
     """Median of values (R, C, S) of R robots, NaN where there is none, and percentiles of it, (3,).
 
     Seeds are drawn anew with replacement, and so are families with all their robots, which are not independent."""
     flat = values.ravel()
-    found = medians(flat, _counts(families, values.shape))
+    found = medians(flat, _counts(tuple(families), values.shape))
     known = found[~np.isnan(found)]
     if not known.size:
         return np.full(3, np.nan)
     tails = 100.0 * np.array([0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL])
     ends = np.percentile(known, tails, method="nearest")
-    return np.array([*medians(flat, np.ones((1, flat.size), np.int64)), *ends])
+    return np.array([median(flat), *ends])
 
 
 def medians(values: Array, counts: Array) -> Array:
@@ -39,7 +48,8 @@ def medians(values: Array, counts: Array) -> Array:
     return np.where(total > 0, middle, np.nan)
 
 
-def _counts(families: Sequence[str], shape: tuple[int, ...]) -> Array:
+@lru_cache(maxsize=2)  # for one condition and for all; each pair of laws asks
+def _counts(families: tuple[str, ...], shape: tuple[int, ...]) -> Array:
     """Numbers (B, R C S) of times that runs are in each bootstrap sample."""
     rng, names = np.random.default_rng(0), sorted(set(families))
     seeds = _drawn(rng, shape[2])

@@ -29,13 +29,19 @@ OTHER_ROBOT = 5.0
 """ratio of torque limits above which the description is of another robot"""
 
 
+def innermost(wrapped: Any) -> Any:
+    """Law of a controller, or its state, within all wrappers."""
+    while hasattr(wrapped, "inner"):
+        wrapped = wrapped.inner
+    return wrapped
+
+
 def mechanism_of(controller: Any, given: Mechanism | None) -> Mechanism:
     """Mechanism that a controller is made for. Raises `InputError` where it does not say."""
     if given is not None:
         validate_kind(given, Mechanism, "mechanism", "as load(...) gives one")
         return given
-    while hasattr(controller, "inner"):
-        controller = controller.inner
+    controller = innermost(controller)
     found = getattr(getattr(controller, "model", controller), "mechanism", None)
     if not isinstance(found, Mechanism):
         raise InputError(f"mechanism: {type(controller).__name__} does not say which arm it is for: give mechanism=")
@@ -44,9 +50,7 @@ def mechanism_of(controller: Any, given: Mechanism | None) -> Mechanism:
 
 def validate_no_tank(controller: Any) -> None:
     """Raise `InputError` for an impedance with a tank: a stop goes on from an earlier state, which has old energies."""
-    while hasattr(controller, "inner"):
-        controller = controller.inner
-    if getattr(controller, "tank", None) is not None:
+    if getattr(innermost(controller), "tank", None) is not None:
         raise InputError("tank: drive does not keep an energy tank through a stop: replace(controller, tank=None)")
 
 
@@ -59,10 +63,9 @@ def validate_periods(controller: Any, period: float) -> None:
 
 def validate_delay(controller: Any, robot: Any, p: Array) -> None:
     """Raise `GainError` if damping at p (r,) is too high for the delay that a robot states."""
-    while hasattr(controller, "inner"):
-        controller = controller.inner
-    damping: Any = getattr(controller, "damping", None)
-    model: Any = getattr(controller, "model", None)
+    law = innermost(controller)
+    damping: Any = getattr(law, "damping", None)
+    model: Any = getattr(law, "model", None)
     delay = periods_late(robot)
     if not delay or model is None or np.shape(damping) != p.shape or not model.fundamental_parameters.any():
         return

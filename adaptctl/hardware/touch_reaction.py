@@ -14,6 +14,7 @@ from adaptctl.control.adaptation.doubt import YOUTH
 from adaptctl.control.controller import Controller, Reference, ReferencePoint
 from adaptctl.control.minimum_jerk import quintic
 from adaptctl.errors import InputError
+from adaptctl.hardware.checks import innermost
 
 Reaction: TypeAlias = Literal["ignore", "stop", "comply", "retract"]
 BACK = 1.0
@@ -62,7 +63,7 @@ class Feeling:
 
     def feel(self, state: Any, time: float) -> None:
         """Take up external torques of a state, and whether they are a touch."""
-        touch, watch = touch_of(state), getattr(getattr(_innermost(state), "law_state", None), "watch", None)
+        touch, watch = touch_of(state), getattr(getattr(innermost(state), "law_state", None), "watch", None)
         if touch is None or watch is None:
             return
         self.torque, level = np.array(touch.torque), np.array(touch.level)
@@ -119,7 +120,7 @@ def yielding(p: Array, v: Array) -> ReferencePoint:
 
 def touch_of(state: Any) -> Touch | None:
     """State of the observer in a controller's state; None without one."""
-    touch = getattr(getattr(_innermost(state), "law_state", None), "touch", None)
+    touch = getattr(getattr(innermost(state), "law_state", None), "touch", None)
     return touch if isinstance(touch, Touch) else None
 
 
@@ -131,12 +132,6 @@ def validate_reaction(reaction: object, controller: Controller[Any]) -> None:
         raise InputError(
             "on_touch: 'comply' needs a controller whose reference is in joints; use 'stop' or 'retract' in task space"
         )
-
-
-def _innermost(state: Any) -> Any:
-    while hasattr(state, "inner"):
-        state = state.inner
-    return state
 
 
 def _area(u: Array) -> Array:

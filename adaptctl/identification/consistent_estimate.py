@@ -88,8 +88,7 @@ def optimality_residual(A: Array, b: Array, prior: EntropicPrior, weight: float,
             roots, times = np.asarray(np.linalg.cholesky(prior.matrices(x)), dtype=np.float64), problem.times(x)
             move = _map(roots, x[prior.positive], prior.positive, len(x))
             slope = move.T @ (A @ x - b + times * np.where(problem.penalised, prior.gradient(x, weight), 0.0))
-            rows = problem.root @ move
-            curved = rows.T @ rows + np.diag(times * problem.unit + problem.ridge)
+            curved = problem.curvature(move) + np.diag(times * problem.unit + problem.ridge)
             return float(0.5 * slope @ _solver(curved)(slope) / (abs(float(b @ x)) + weight))
     return np.inf
 
@@ -121,6 +120,11 @@ class _Problem:
         size = np.sqrt(np.where(own > 0.0, own, 1.0))
         values, vectors = np.linalg.eigh(self.A / np.outer(size, size))
         return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size)
+
+    def curvature(self, moves: Array) -> Array:
+        """Curvature (m, m) of the squares along moves (P, m), with no negative squares by round-off, as by A itself."""
+        rows = self.root @ moves
+        return np.asarray(rows.T @ rows)
 
     @cached_property
     def unit(self) -> Array:
@@ -218,8 +222,7 @@ class _Newton:
     def solver(self) -> Callable[[Array], Array]:
         """Solver of Newton's equations."""
         problem = self.problem
-        rows = problem.root @ self.map  # whose squares are never negative, as products with A may be by round-off
-        return _solver(rows.T @ rows + np.diag(problem.penalised + problem.ridge))
+        return _solver(problem.curvature(self.map) + np.diag(problem.penalised + problem.ridge))
 
     def joined(self, matrices: Array, own: Array) -> Array:
         """Step (P,) of symmetric matrices (N, 4, 4) and positive parameters (c,)."""

@@ -59,6 +59,10 @@ class Rows:
         picked = slice(at[0], at[-1] + 1) if follow else at
         return Rows(self.cutoff, *(getattr(self, name)[picked] for name in COLUMNS))
 
+    def used(self, least: Array) -> NDArray[np.bool_]:
+        """Mask (n, r) of the joints' rows in motion whose speeds are at least some (r,)."""
+        return np.asarray(self.moving[:, None] & (np.abs(self.velocity) >= least))
+
     @property
     def moved(self) -> Rows:
         """Rows at which the arm moves."""

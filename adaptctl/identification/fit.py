@@ -120,8 +120,7 @@ class LogEvidence:
 
     def used(self, cutoff: float, slow: float) -> NDArray[np.bool_]:
         """Mask (n, r) of the joints' rows that fits are made from."""
-        rows = self.rows[cutoff]
-        return np.asarray(rows.moving[:, None] & (np.abs(rows.velocity) >= slow * self.peaks))
+        return self.rows[cutoff].used(slow * self.peaks)
 
     def counted(self, settings: FitSettings) -> NDArray[np.bool_]:
         """Mask (n, r) of the joints' rows that a fit with some settings is made from."""

@@ -147,8 +147,8 @@ class Stretches:
         for rows in self._rows(delay):
             block = blocks_of(rows, self.edges)
             for slow in SLOW_CANDIDATES:
-                used = rows.moving[:, None] & (np.abs(rows.velocity) >= slow * self.peaks)
-                part, key = NormalEquations.of(rows, block, len(self.edges), used), (rows.cutoff, slow)
+                used, key = rows.used(slow * self.peaks), (rows.cutoff, slow)
+                part = NormalEquations.of(rows, block, len(self.edges), used)
                 found[key] = found[key].plus(part) if key in found else part
         return found
 

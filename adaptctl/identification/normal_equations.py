@@ -30,19 +30,16 @@ class NormalEquations:
 
     def over(self, blocks: NDArray[np.int64] | Sequence[int]) -> NormalEquations:
         """Normal equations of one block: the sums over some blocks."""
-        own = self.chosen(blocks)
-        parts = (own.normal, own.moment, own.square, own.count)
-        return NormalEquations(*(part.sum(axis=0, keepdims=True) for part in parts))
+        return NormalEquations(*(part.sum(axis=0, keepdims=True) for part in self.chosen(blocks)._parts))
 
     def chosen(self, blocks: NDArray[np.int64] | Sequence[int]) -> NormalEquations:
         """Normal equations of some blocks."""
         which = np.asarray(blocks, dtype=np.int64)
-        return NormalEquations(self.normal[which], self.moment[which], self.square[which], self.count[which])
+        return NormalEquations(*(part[which] for part in self._parts))
 
     def plus(self, other: NormalEquations) -> NormalEquations:
         """Normal equations of these rows and others, block by block."""
-        parts = ("normal", "moment", "square", "count")
-        return NormalEquations(*(getattr(self, part) + getattr(other, part) for part in parts))
+        return NormalEquations(*map(np.add, self._parts, other._parts))
 
     def without(self, joints: Sequence[int]) -> NormalEquations:
         """Normal equations without those of some joints."""
@@ -50,6 +47,10 @@ class NormalEquations:
         kept[list(joints)] = 0.0
         parts = (self.normal * kept[:, None, None], self.moment * kept[:, None], self.square * kept, self.count * kept)
         return NormalEquations(*parts) if joints else self
+
+    @property
+    def _parts(self) -> tuple[Array, Array, Array, Array]:
+        return self.normal, self.moment, self.square, self.count
 
     def whitened(self, deviations: Array) -> tuple[Array, Array]:
         """Normal matrix (P, P) and moment (P,), each joint's equations divided by its deviation."""
@@ -70,9 +71,7 @@ def _sums(Y: Array, torque: Array, used: NDArray[np.bool_]) -> tuple[Array, Arra
 
 
 def block_edges(log: NDArray[np.int64], time: Array, count: int) -> list[tuple[int, float]]:
-    """
-    Index of the log and time (s) at which each of about `count` blocks of equally many rows begins, by those of rows.
-    """
+    """Index of the log and time (s) at which each of about `count` blocks of equally many rows begins."""
     starts = [int(start) for start in np.linspace(0, len(log), count, endpoint=False)]
     firsts = np.flatnonzero(np.diff(log, prepend=-1)).tolist()
     return [(int(log[i]), float(time[i])) for i in sorted({*starts, *firsts})]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
@@ -194,28 +194,28 @@ UNDATED: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Da
 
 def write_for_paper(folder: str | Path, drawings: Iterable[Drawing]) -> list[Path]:
     """Write drawings a column wide as PDF, SVG and PNG files that are the same whenever they are written."""
-    return list(_written(Path(folder), drawings, {**STYLE, **PAPER_STYLE}, UNDATED))
+    return _written(Path(folder), drawings, {**STYLE, **PAPER_STYLE}, UNDATED)
 
 
 def write_figures(folder: str | Path, drawings: Sequence[Drawing]) -> None:
     """Write drawings as PNG files, and as PDF and SVG files for texts."""
     write_drawings(folder, drawings)
-    for _ in _written(Path(folder), drawings, STYLE, ("pdf", "svg")):
-        pass
+    _written(Path(folder), drawings, STYLE, ("pdf", "svg"))
 
 
-def _written(folder: Path, drawings: Iterable[Drawing], style: dict[Any, Any], kinds: Iterable[str]) -> Iterator[Path]:
+def _written(folder: Path, drawings: Iterable[Drawing], style: dict[Any, Any], kinds: Iterable[str]) -> list[Path]:
     import matplotlib as mpl
 
+    written = []
     with mpl.rc_context(style):
         for drawing in drawings:
             figure = drawing.draw()
             _lay_out(figure)
             for kind in kinds:
-                path = folder / f"{drawing.name}.{kind}"
-                with replacing(path) as beside:
+                written.append(folder / f"{drawing.name}.{kind}")
+                with replacing(written[-1]) as beside:
                     figure.savefig(beside, format=kind, dpi=PRINT_DOTS_PER_INCH, metadata=UNDATED[kind])
-                yield path
+    return written
 
 
 def data_urls(drawings: Iterable[Drawing]) -> dict[str, str]:

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from adaptctl.errors import FileError
-from adaptctl.files import read_json, replacing
+from adaptctl.files import read_json, replacing, typed
 from adaptctl.recording.result import SUMMARY
 from adaptctl.recording.summary import CHECKSUM, SCHEMA, sealed
 
@@ -180,13 +180,13 @@ def _summaries(folder: Path, depth: int) -> Iterator[Path]:
 
 def read_summary(path: Path) -> Summary:
     """Summary of an experiment, else `FileError`."""
-    found = read_json(path, _Schema, MAX_SUMMARY_BYTES).schema
+    written = read_json(path, dict[str, Any], MAX_SUMMARY_BYTES)
+    found = typed(path, written, _Schema).schema
     if found != SCHEMA:
         raise FileError(f"{path}: schema: expected {SCHEMA!r}, got {found!r}; run the experiment again")
-    written = read_json(path, dict[str, Any], MAX_SUMMARY_BYTES)
     if written.get(CHECKSUM) != (now := sealed(written)[CHECKSUM]):
         raise FileError(f'{path}: not as it was written; to accept it, write "{CHECKSUM}": "{now}" into it')
-    return read_json(path, Summary, MAX_SUMMARY_BYTES)
+    return typed(path, written, Summary)
 
 
 def _rows(path: Path, folder: Path) -> Iterator[dict[str, Any]]:
