@@ -69,6 +69,10 @@ class Raises(Own):
     def law(self, p, v, reference, memory):
         raise KeyError("oops")
 
+class Listed(Own):
+    def law(self, p, v, reference, memory):
+        return [-x for x in p], memory
+
 class NotANumber(Own):
     def law(self, p, v, reference, memory):
         return Column(x * float("nan") for x in p), memory
@@ -133,7 +137,8 @@ def scene() -> Scene:
 @pytest.mark.parametrize(
     ("law", "reason"),
     [
-        ("Raises", "KeyError: 'oops'"),
+        ("Raises", "KeyError: 'oops' (line 38)"),
+        ("Listed", "Listed.law: expected it to return the torque, a Column of 2, and the next state, got list"),
         ("NotANumber", "torque is not a number from 0.00 s on"),
         ("Unstable", "error beyond 2 rad at"),
         ("Reads", "needs the parameters of the arm's links, which a law that knows limits may not have"),

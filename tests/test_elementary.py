@@ -103,6 +103,7 @@ def test_a_law_may_saturate_smoothly() -> None:
         (lambda p, v, r, memory: (-p, (p,)), InputError, "got another type of state than that of `initial_state`"),
         (lambda p, v, r, memory: (-p, None), InputError, "got another type of state than that of `initial_state`"),
         (lambda p, v, r, memory: (np.tanh(p), memory), TraceError, r"apply the functions of adaptctl\.scalars to each"),
+        (lambda p, v, r, memory: (np.eye(2) @ p, memory), TraceError, "matrices do not accept a Column"),
         (lambda p, v, r, memory: (Column(math.tanh(x) for x in p), memory), TraceError, "not of math"),
         (
             lambda p, v, r, memory: (Column(np.arcsin(x) for x in p), memory),
@@ -114,6 +115,49 @@ def test_a_law_may_saturate_smoothly() -> None:
 def test_mistakes_in_laws_are_told_as_mistakes(law: Callable[..., Any], error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         stepped(law)
+
+
+class Pair(NamedTuple):
+    """A state of one part."""
+
+    part: Any
+
+
+@pytest.mark.parametrize("state", [None, 0.0, np.zeros(2), [0.0, 0.0], (np.zeros(2),), Pair(0.0), Pair((0.0,))])
+def test_a_state_that_is_none_is_told(state: Any) -> None:
+    @dataclass(frozen=True, eq=False)
+    class WithState(Own):
+        dof: int
+
+        def initial_state(self, p: Any, v: Any) -> Any:
+            return state
+
+    law = WithState(lambda p, v, reference, memory: (-p, memory), 2)
+    message = r"WithState\.initial_state: expected it to return a NamedTuple of arrays, or \(\) for no state, got"
+    with pytest.raises(InputError, match=message):
+        law.init([0.0, 0.0], [0.0, 0.0])
+    with pytest.raises(InputError, match=message):
+        law.compile()
+
+
+def test_the_number_of_joints_may_be_a_field() -> None:
+    @dataclass(frozen=True, eq=False)
+    class Damped(Controller[tuple[()]]):
+        dof: int
+        damping: float
+
+        def initial_state(self, p: Any, v: Any) -> tuple[()]:
+            return ()
+
+        def law(self, p: Column, v: Column, reference: ReferencePoint, memory: tuple[()]) -> Any:
+            return -self.damping * v, memory
+
+    law, zero = Damped(3, 2.0), np.zeros(3)
+    assert law.dof == 3
+    torque, _ = law.step(law.init(zero, zero), zero, zero + 1.0, ReferencePoint(zero, zero, zero))
+    np.testing.assert_array_equal(torque, [-2.0, -2.0, -2.0])
+    with pytest.raises(TypeError, match="dof"):
+        Damped(damping=2.0)  # type: ignore[call-arg]
 
 
 def test_a_reference_that_is_a_tuple_is_told() -> None:

@@ -14,8 +14,8 @@ PATIENCE = 0.8
 """s without output after which a line tells what is computed"""
 REDRAWN = 0.5
 """s between changes of that line, on a terminal"""
-LONGEST_PAUSE = 10.0
-"""s between lines where there is no terminal; the first ones follow after 0.8 s, and twice as long each time"""
+SHARE, LONGEST_PAUSE = 1.0 / 60.0, 10.0
+"""of the time so far, and s: between lines where there is no terminal, so that a night of them is no long file"""
 STDERR = 2
 CONTROL = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")
 """what moves, colours or erases on a terminal, and prints nothing"""
@@ -86,10 +86,8 @@ class Heartbeat:
                     self._shown = True
 
     def _in_lines(self) -> None:
-        pause = PATIENCE
-        while not self._stopped.wait(pause):
+        while not self._stopped.wait(min(max(PATIENCE, SHARE * (monotonic() - self._started)), LONGEST_PAUSE)):
             self._put(f"{self._text()}\n")
-            pause = min(2.0 * pause, LONGEST_PAUSE)
 
 
 def _columns() -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,7 +17,7 @@ from adaptctl.contest.known import Knowledge, Known
 from adaptctl.contest.laws import LAWS, Entrant
 from adaptctl.contest.measures import DIVERGED, NOTHING, RECORDED, ContestRuns, measured
 from adaptctl.contest.mujoco_runs import mujoco_runs
-from adaptctl.contest.own_law import is_own, own_entrant, source_hash
+from adaptctl.contest.own_law import is_own, line_in, own_entrant, source_hash
 from adaptctl.contest.scene import Scene, robot_name, scene_of
 from adaptctl.contest.trial import TimeExceededError, tried
 from adaptctl.contest.unseen_motion import unseen_torque_error
@@ -57,7 +58,7 @@ class ContestEntry:
         try:
             entrant = entrant_of(self.law)
         except Exception as error:  # whatever the law's own code raises
-            return [row for name in self.conditions for row in self.failed(name, reason_of(error))]
+            return [row for name in self.conditions for row in self.failed(name, self.reason_of(error))]
         trials: dict[float, int] = {}
         rows: list[Row] = []
         for name in self.conditions:
@@ -65,7 +66,7 @@ class ContestEntry:
                 rows += self._under(name, entrant, trials)
             except TimeExceededError as error:  # as it would again
                 rest = self.conditions[self.conditions.index(name) :]
-                return rows + [row for other in rest for row in self.failed(other, reason_of(error), entrant)]
+                return rows + [row for other in rest for row in self.failed(other, self.reason_of(error), entrant)]
         return rows
 
     def about(self, condition: str, seed: int) -> Row:
@@ -77,6 +78,14 @@ class ContestEntry:
         """Rows of all seeds under a condition, with the reason why there are no others."""
         for seed in self.seeds:
             yield {**self.about(condition, seed), **_told(entrant), **more, "reason": reason}
+
+    def reason_of(self, error: BaseException) -> str:
+        """Reason of a failure in a line, which names that of the law's own file."""
+        told = " ".join(str(error).split()) or "no message"
+        if isinstance(error, AdaptctlError):
+            return printable(told, LONGEST_REASON)
+        where = line_in(Path(self.law.rpartition(":")[0]), error) if is_own(self.law) else ""
+        return printable(f"{type(error).__name__}: {told}", LONGEST_REASON) + where
 
     def _under(self, name: str, entrant: Entrant, trials: dict[float, int]) -> list[Row]:
         condition = CONDITIONS[name]
@@ -97,7 +106,7 @@ class ContestEntry:
         except Exception as error:  # whatever the law's own code raises
             if not (is_own(self.law) or isinstance(error, AdaptctlError)):
                 raise
-            return list(self.failed(name, reason_of(error), entrant, **more))
+            return list(self.failed(name, self.reason_of(error), entrant, **more))
         limits, more = condition.limit_share * scene.tuning.torque_limits, {**more, **_told(entrant)}
         found = (measured(runs, k, limits, condition.event) for k in range(len(self.seeds)))
         rows = [{**self.about(name, seed), **more, **one} for seed, one in zip(self.seeds, found, strict=True)]
@@ -142,10 +151,3 @@ def _laws(entrant: Entrant, known: list[Known]) -> Controller[Any] | list[Contro
     if entrant.knows is Knowledge.LIMITS or all(same):
         return first
     return [first if alike else entrant.make(one) for one, alike in zip(known, same, strict=True)]
-
-
-def reason_of(error: BaseException) -> str:
-    """Reason of a failure in a line."""
-    told = " ".join(str(error).split()) or "no message"
-    kind = "" if isinstance(error, AdaptctlError) else f"{type(error).__name__}: "
-    return printable(kind + told, LONGEST_REASON)

@@ -105,7 +105,11 @@ def _module(path: Path) -> Any:
         del sys.modules[spec.name]
         if isinstance(error, KeyboardInterrupt):
             raise
-        lines = [frame.lineno for frame in extract_tb(error.__traceback__) if Path(frame.filename) == path]
-        where = f" (line {lines[-1]})" if lines else ""
-        raise FileError(f"{path}: {type(error).__name__}: {error}{where}") from error
+        raise FileError(f"{path}: {type(error).__name__}: {error}{line_in(path, error)}") from error
     return module
+
+
+def line_in(path: Path, error: BaseException) -> str:
+    """Last line of a file that an error came through, in brackets; empty for one from elsewhere."""
+    lines = [frame.lineno for frame in extract_tb(error.__traceback__) if Path(frame.filename) == path]
+    return f" (line {lines[-1]})" if lines else ""

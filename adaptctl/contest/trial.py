@@ -14,7 +14,7 @@ from adaptctl.compilation.routine import trace
 from adaptctl.contest.known import Knowledge, Known
 from adaptctl.contest.laws import Entrant
 from adaptctl.control import Controller, ReferencePoint
-from adaptctl.control.pytree import leaves, like
+from adaptctl.control.pytree import checked_step, leaves, like, validate_step
 from adaptctl.errors import AdaptctlError, InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column
@@ -94,7 +94,7 @@ def _torques(law: Controller[Any]) -> Array:
     state, found = like(memory, (Column(part.tolist()) for part in leaves(memory))), []
     for _ in range(STEPS):
         p, v, *point = (Column(row) for row in (0.1 * rng.standard_normal((5, law.dof))).tolist())
-        torque, state = law.law(p, v, ReferencePoint(*point), state)
+        torque, state = validate_step(law, checked_step(law, p, v, ReferencePoint(*point), state))
         found.append([float(x) for x in torque])
     return np.array(found)
 
@@ -106,7 +106,7 @@ def operations(law: Controller[Any]) -> int:
 
     def step(p: Column, v: Column, **rest: Column) -> Any:
         point = ReferencePoint(*(rest.pop(name) for name in FIELDS[2:]))
-        torque, after = law.law(p, v, point, like(memory, rest.values()))
+        torque, after = validate_step(law, checked_step(law, p, v, point, like(memory, rest.values())))
         return (torque, *leaves(after))
 
     return trace(step, sizes, name=type(law).__name__).operations.flops

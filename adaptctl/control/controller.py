@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from functools import lru_cache
+from inspect import get_annotations
 from itertools import chain, islice
 from math import prod
 from typing import Any, ClassVar, Generic, NamedTuple, NoReturn, Protocol, Self
@@ -27,6 +28,7 @@ from adaptctl.control.pytree import (
     paths,
     row_each,
     rows_of_arms,
+    validate_state,
     validate_step,
 )
 from adaptctl.errors import InputError, NonFiniteError
@@ -95,6 +97,13 @@ class Reference(Protocol):
 GAINS, MEMORY = "gains", "memory"  # columns of a law's gains, and of its state in one array
 
 
+class _RequiredField:
+    """Attribute of instances alone: a dataclass would take the inherited property as the default of its field."""
+
+    def __get__(self, instance: Any, owner: Any) -> NoReturn:
+        raise AttributeError("dof")
+
+
 class Controller(Tunable, ABC, Generic[Memory]):
     """
     Base class of control laws, for one or many arms.
@@ -131,6 +140,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
+        if "dof" in get_annotations(cls) and "dof" not in vars(cls):
+            cls.dof = _RequiredField()  # type: ignore[assignment,method-assign]
         if "__repr__" not in vars(cls):
             cls.__repr__ = Controller.__repr__  # type: ignore[method-assign]  # a dataclass would print all its arrays
 
@@ -225,7 +236,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
         """
         positions, velocities = self._measured(p, "p"), self._measured(v, "v")
         with np.errstate(over="ignore", invalid="ignore"):
-            started = (self.having(gains) if gains else self).initial_state(positions, velocities)
+            law = self.having(gains) if gains else self
+            started: Memory = validate_state(law, law.initial_state(positions, velocities))
         if not all(np.isfinite(part).all() for part in leaves(started)):
             raise NonFiniteError(f"{type(self).__name__}: the initial state is not finite for finite arguments")
         return self._remembering(self._array_of(started, positions.shape[:-1]))
@@ -493,7 +505,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
     @cached_property
     def _blank(self) -> Memory:
-        return self.initial_state(self.neutral_configuration, np.zeros(self.dof))
+        blank: Memory = validate_state(self, self.initial_state(self.neutral_configuration, np.zeros(self.dof)))
+        return blank
 
     @cached_property
     def _kind(self) -> type[PackedState]:

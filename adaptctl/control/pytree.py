@@ -27,12 +27,27 @@ def checked_step(law: Any, *given: Any) -> Any:
     try:
         return law.law(*given)
     except TypeError as error:
-        if "operand 'Column' does not support ufuncs" not in str(error):
+        if "'Column'" not in str(error):
             raise
         raise TraceError(
-            f"{type(law).__name__}.law: NumPy functions do not accept a Column: apply the functions of "
-            "adaptctl.scalars to each scalar, as in Column(tanh(x) for x in e)"
+            f"{type(law).__name__}.law: {error}: NumPy's functions and matrices do not accept a Column: apply the "
+            "functions of adaptctl.scalars to each scalar, as in Column(tanh(x) for x in e)"
         ) from error
+
+
+def validate_state(law: Any, state: Any) -> Any:
+    """Checked first state, else `InputError`."""
+    if not _is_state(state):
+        raise InputError(
+            f"{type(law).__name__}.initial_state: expected it to return a NamedTuple of arrays, or () for no state, "
+            f"got {state!r:.80}"
+        )
+    return state
+
+
+def _is_state(given: Any) -> bool:
+    named = isinstance(given, tuple) and (not given or hasattr(given, "_fields"))
+    return named and all(_is_state(part) if isinstance(part, tuple) else np.ndim(part) > 0 for part in given)
 
 
 def validate_step(law: Any, returned: Any) -> tuple[Column, Any]:
