@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from adaptctl.contest.conditions import CONDITIONS
+from adaptctl.contest.entries import ContestEntry
 from adaptctl.contest.ranking import MEDIANS
 
 ARM = "two_link"
@@ -55,3 +56,13 @@ def written(folder: Path, **changed: Any) -> Path:
     path = folder / "contest.toml"
     path.write_text("\n".join(f"{name} = {json.dumps(x)}" for name, x in {**given, **changed}.items()))
     return path
+
+
+def entry(law: str, *conditions: str, seeds: tuple[int, ...] = (1, 2), duration: float = 0.3) -> ContestEntry:
+    return ContestEntry(
+        law, ARM, "", conditions or ("clean",), seeds, duration, ("reference", "initial error"), "adaptctl"
+    )
+
+
+def reasons(rows: list[dict[str, Any]]) -> set[str]:
+    return {row["reason"] for row in rows}

@@ -5,30 +5,25 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from contest_rows import ARM, rows_of, written
+from contest_rows import ARM, entry, reasons, written
 from followed_page import blocks, commands
 
 from adaptctl.cli.main import main
 from adaptctl.contest import report, running
-from adaptctl.contest.conditions import CONDITIONS
 from adaptctl.contest.contest_file import Contest
 from adaptctl.contest.entries import ContestEntry
 from adaptctl.contest.known import Knowledge, Known
 from adaptctl.contest.laws import LAWS
-from adaptctl.contest.ranking import Ranking
 from adaptctl.contest.running import ContestFolder
 from adaptctl.contest.scene import Scene, scene_of
 from adaptctl.contest.trial import TimeExceededError, tried
-from adaptctl.contest.unseen_motion import unseen_torque_error
 from adaptctl.errors import FileError, InputError, NotFoundError
-from adaptctl.tuning.learning_rule import torque_error
 
 OWN = '''
 import time
@@ -119,16 +114,6 @@ def own(tmp_path: Path) -> str:
     return str(tmp_path / "own.py")
 
 
-def entry(law: str, *conditions: str, seeds: tuple[int, ...] = (1, 2), duration: float = 0.3) -> ContestEntry:
-    return ContestEntry(
-        law, ARM, "", conditions or ("clean",), seeds, duration, ("reference", "initial error"), "adaptctl"
-    )
-
-
-def reasons(rows: list[dict[str, Any]]) -> set[str]:
-    return {row["reason"] for row in rows}
-
-
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     return scene_of(ARM, 1e-3)
@@ -195,57 +180,6 @@ def test_rows_do_not_depend_on_other_seeds_and_say_what_a_seed_drew(scene: Scene
     later = scene.reference(1), scene.reference(1)
     np.testing.assert_array_equal(later[0](3.0).p, later[1](3.0).p)
     assert not np.allclose(later[0](3.0).p, scene.reference(2)(3.0).p)
-
-
-def test_a_wrong_file_is_30_percent_wrong_by_seed_and_the_truth_is_true(scene: Scene) -> None:
-    truth = 2.0 * scene.mechanism.inertial_parameters
-    assert Known.of(scene, Knowledge.TRUTH, 1, truth).parameters is truth
-    ratio = Known.of(scene, Knowledge.WRONG_FILE, 1, truth).parameters[0] / scene.mechanism.inertial_parameters[0]
-    assert ratio == pytest.approx(1.3) or ratio == pytest.approx(0.7)
-    with pytest.raises(InputError, match="knows limits may not have"):
-        _ = Known.of(scene, Knowledge.LIMITS, 1, truth).parameters
-
-
-def test_conditions_do_what_they_say(scene: Scene) -> None:
-    limits = scene.tuning.torque_limits
-    np.testing.assert_allclose(CONDITIONS["saturation"].plant(scene).torque_limits, 0.6 * limits)
-    halted = CONDITIONS["halt"].reference(scene.reference(1))
-    assert not halted(13.5).v.any()
-    held = CONDITIONS["payload"].plant(scene)
-    assert [held.payload_mass(t) > 0.0 for t in (5.9, 6.1)] == [False, True]
-    friction = CONDITIONS["friction"].parameters(scene, 1) - scene.mechanism.inertial_parameters
-    names = [name for name, x in zip(scene.mechanism.parameter_names, friction, strict=True) if x]
-    assert {name.rpartition(".")[2] for name in names} == {"viscous", "coulomb"}
-
-
-def test_mujoco_moves_the_arm_as_our_plant_does() -> None:
-    ours = entry("gradient", "clean", "links-wrong", seeds=(1,)).rows()
-    theirs = replace(entry("gradient", "clean", "links-wrong", seeds=(1,)), plant="mujoco").rows()
-    assert reasons(theirs) == {""}
-    for one, other in zip(ours, theirs, strict=True):
-        assert other["error"] == pytest.approx(one["error"], rel=0.02)
-
-
-def test_torques_on_an_unseen_motion_are_those_that_an_estimate_gets_wrong(scene: Scene) -> None:
-    law = LAWS[0].make(Known.of(scene, Knowledge.TRUTH, 1, scene.rubbing))
-    own = scene.model.regrouping @ scene.rubbing
-    errors = [unseen_torque_error(scene, law, share * own, scene.rubbing, 1) for share in (1.0, 0.75, 0.0)]
-    assert errors == pytest.approx([0.0, 0.25, 1.0], abs=1e-12)
-    assert np.isnan(unseen_torque_error(scene, law, np.zeros(0), scene.rubbing, 1))
-    rows = ContestEntry("gradient", ARM, "", ("payload",), (1, 2), 8.0, (), "adaptctl").rows()
-    assert all(0.001 < row["unseen"] < 1.0 for row in rows)
-
-
-def test_pushes_weights_and_two_laws_are_as_told(scene: Scene) -> None:
-    limits = scene.tuning.torque_limits
-    assert scene.pushed(0.1, 1) == pytest.approx((0.0, 0.1 * limits[1]))
-    assert scene.pushed(0.05) == pytest.approx(tuple(0.05 * limits))
-    known = Known.of(scene, Knowledge.LIMITS, 1, scene.rubbing)
-    composite: Any = next(law for law in LAWS if law.name == "composite").make(known)
-    weight = composite.adaptation_law.prediction_weight
-    assert weight * torque_error(known.torque_limits, known.damping) ** 2 == pytest.approx(np.ones(2))
-    two = Ranking(rows_of({"a": [1.0], "b": [2.0]}))
-    assert two.critical_difference == pytest.approx(1.960, rel=1e-3)  # of two laws in one block, as a sign test
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,15 @@ import pytest
 from contest_rows import ROWS, large, of_robots, rows_of, written
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import binom
 
+from adaptctl.contest.conditions import CONDITIONS
 from adaptctl.contest.contest_file import Contest
 from adaptctl.contest.figures import drawings, latex
 from adaptctl.contest.measures import ContestRuns, measured
-from adaptctl.contest.page import tint, write_page
+from adaptctl.contest.page import content, short, tint, write_page
 from adaptctl.contest.ranking import Ranking, agreement
-from adaptctl.contest.resampling import medians
+from adaptctl.contest.resampling import median_interval, medians
 
 
 def test_failures_are_ranked_last_and_ratios_are_paired() -> None:
@@ -30,9 +32,12 @@ def test_failures_are_ranked_last_and_ratios_are_paired() -> None:
         ranking.failure("fails")
         == "Fails in 2 of 4 runs, 2 of them under clean: error beyond 2 rad at 1.00 s (arm, seed 2)."
     )
-    assert "weakest under clean, 2.5 times" in ranking.failure("best")
+    assert "weakest under clean, 2.45 times" in ranking.failure("best")  # the root of 2 and 3, as in the table
     # Demšar (2006): q of 4 laws at 5 % is 2.569, and here is one block
     assert ranking.critical_difference == pytest.approx(2.569 * np.sqrt(4 * 5 / 6.0), rel=1e-3)
+    two = Ranking(rows_of({"a": [1.0], "b": [2.0]}))
+    assert two.critical_difference == pytest.approx(1.960, rel=1e-3)  # of two laws in one block, as a sign test
+    assert np.isnan(Ranking(rows_of({"a": [1.0]})).critical_difference)
     all_of = ranking.table()[2]
     assert (all_of["law"], all_of["failed"], all_of["error"]) == ("pd-gravity", 0, 5.0)
 
@@ -69,6 +74,55 @@ def test_measures_are_those_of_errors_written_by_hand() -> None:
     assert found["saturated"] == 1.0
 
 
+def test_an_error_is_back_when_its_next_half_second_is_below_twice_the_two_before() -> None:
+    time = 0.01 * np.arange(1200)
+
+    def back(event: float | None, low: float, begin: float, end: float) -> float:
+        """Return time of errors that are ten times as large for a second, and large too long before."""
+        size = np.where((time >= begin) & (time < end), 10.0, 1.0) * np.where(time < low, 100.0, 1.0)
+        runs = ContestRuns(time, 1e-3 * size[:, None, None], *np.zeros((4, 1200, 1, 1)))
+        return float(measured(runs._replace(diverged_at=np.full(1, np.nan)), 0, np.ones(1), event)["return_time"])
+
+    # a share x of large errors in a window of 50 has 100 x + 1 - x < 4 for one sample alone
+    assert back(6.0, 3.995, 6.0, 7.0) == pytest.approx(0.99)
+    assert back(8.0, 3.995, 8.0, 9.5) == pytest.approx(1.49)  # a push that ends at 8 s began at 6 s at the latest
+    assert back(8.0, 3.995, 6.0, 8.5) == pytest.approx(0.49)
+    assert back(3.0, 0.995, 3.0, 4.0) == pytest.approx(0.99)
+    assert back(6.0, 4.005, 6.0, 7.0) == 0.0  # one large error before: five times the rest in the mean square
+    assert np.isnan(back(6.0, 3.995, 6.0, 12.0))
+    assert np.isnan(back(None, 0.0, 6.0, 7.0))
+    assert np.isnan(back(11.99, 0.0, 6.0, 7.0))
+
+
+def test_a_run_fails_by_what_came_first() -> None:
+    torque = np.where(np.arange(10) < 4, 1.0, np.nan)[:, None, None]
+    runs = ContestRuns(0.5 * np.arange(10.0), np.zeros((10, 1, 1)), torque, *np.zeros((2, 1, 1)), np.zeros((1, 0)))
+    found = [measured(runs._replace(diverged_at=np.array([x])), 0, np.ones(1), None) for x in (1.0, 2.0, 3.0, np.nan)]
+    wrong = "torque is not a number from 2.00 s on"
+    assert [each["reason"] for each in found] == ["error beyond 2 rad at 1.00 s", wrong, wrong, wrong]
+
+
+@pytest.mark.parametrize("seeds", [5, 9, 14])
+def test_the_interval_of_a_median_is_that_of_the_binomial_distribution(seeds: int) -> None:
+    # the median of an odd resample is at most the k-th value where at least half of it are among the k smallest
+    values = np.sort(np.random.default_rng(seeds).normal(size=seeds))
+    found = median_interval(values.reshape(1, 1, seeds), ["arm"])
+    assert found[0] == pytest.approx(np.median(values))
+    half, places = seeds // 2 + 1, np.arange(1, seeds + 1) / seeds
+    below = binom.sf(half - 1, seeds, places)
+    low, high = (values[np.searchsorted(below, share)] for share in (0.025, 0.975))
+    near = 0.0 if seeds % 2 else np.diff(values).max()  # the middle of two values where there is no middle one
+    assert found[1:] == pytest.approx([low, high], abs=near + 1e-12)
+
+
+def test_a_family_is_drawn_with_all_of_its_robots() -> None:
+    values = np.array([0.0, 1.0, 1.0, 1.0])[:, None, None]  # robots, one condition, one seed
+    together, alone = (median_interval(values, names) for names in (["a", "b", "b", "b"], ["a", "b", "c", "d"]))
+    assert together.tolist() == [1.0, 0.0, 1.0]  # a quarter of the samples has the first alone
+    assert alone.tolist() == [1.0, 0.0, 1.0]
+    assert median_interval(np.full((1, 1, 2), np.nan), ["a"]) == pytest.approx([np.nan] * 3, nan_ok=True)
+
+
 def test_orders_that_differ_are_told() -> None:
     one = Ranking(rows_of({"a": [1.0, 1.1], "b": [2.0, 2.1], "c": [3.0, 3.1]}))
     other = Ranking(rows_of({"a": [1.0, 1.1], "b": [3.0, 3.1], "c": [2.0, 2.1]}))
@@ -100,6 +154,75 @@ def test_figures_have_names_units_and_legends() -> None:
     assert found["course"].axes[0].get_xlabel() == "time [s]"
     assert found["course"].get_supylabel() == "median RMS error [mrad]"
     assert [text.get_text() for text in found["course"].legends[0].get_texts()] == ranking.order
+
+
+def of_conditions() -> Ranking:
+    """Four laws under two conditions, the second twice as hard, with errors that fall over time."""
+    rows = [{**row, "curve": [3.0 * row["error"], row["error"]]} for row in rows_of(ROWS)]
+    hard = [{**row, "condition": "noise", "error": 2.0 * row["error"]} for row in rows]
+    return Ranking(rows + hard)
+
+
+def test_figures_show_the_numbers_of_the_table_within_their_axes() -> None:
+    ranking = of_conditions()
+    table = {(row["law"], row["condition"]): row for row in ranking.table()}
+    found = {one.name: one.draw() for one in drawings(ranking, ranking.table(), 20.0)}
+    ranks, cells = found["ranks"].axes[0], found["map"].axes[0]
+    dots, bar = ranks.lines
+    assert dots.get_xdata() == pytest.approx([table[law, "all"]["rank"] for law in ranking.order])
+    assert np.ptp(bar.get_xdata()) == pytest.approx(ranking.critical_difference)
+    for axes, x, y in ((ranks, [0.0, *bar.get_xdata()], [-1.0, 3.0]), (cells, [-0.5, 1.5], [-0.5, 3.5])):
+        assert min(axes.get_xlim()) <= min(x) < max(x) <= max(axes.get_xlim())
+        assert min(axes.get_ylim()) <= min(y) < max(y) <= max(axes.get_ylim())
+        assert axes.get_ylim()[0] > axes.get_ylim()[1]  # the best is above
+    told = {text.get_position(): text.get_text() for text in cells.texts}
+    assert len(told) == len(cells.patches) == 8
+    for patch in cells.patches:
+        (left, top), (right, bottom) = patch.get_xy().min(axis=0), patch.get_xy().max(axis=0)
+        assert (right - left, bottom - top) == (1.0, 1.0)
+        law, name = ranking.order[round((top + bottom) / 2)], ranking.conditions[round((left + right) / 2)]
+        value = table[law, name]["over_true"]
+        assert told[(left + right) / 2, (top + bottom) / 2] == short(value)
+        assert patch.get_facecolor()[:3] == pytest.approx(np.array(tint(value, True)) / 255)
+    for axes in found["course"].axes:
+        best = next(line for line in axes.lines if line.get_label() == "best")
+        assert best.get_xdata().tolist() == [5.0, 15.0]  # the middles of two halves of 20 s
+        assert best.get_ydata() == pytest.approx([7.5, 2.5])
+
+
+def test_figures_grow_with_laws_and_conditions() -> None:
+    def heights(laws: int, conditions: int) -> list[float]:
+        rows = [{**row, "condition": list(CONDITIONS)[k], "curve": [1.0]}
+                for k in range(conditions) for row in rows_of({f"law{n}": [1.0 + n] for n in range(laws)})]  # fmt: skip
+        ranking = Ranking(rows)
+        return [one.draw().get_figheight() for one in drawings(ranking, ranking.table(), 1.0)]
+
+    few, many = heights(2, 1), heights(7, 5)
+    assert all(0.5 < low < high < 8.0 for low, high in zip(few, many, strict=True))  # inches
+    assert heights(2, 2)[2] == few[2]  # two panels in a row
+    assert len(heights(1, 1)) == 2  # one law has no ranks
+
+
+def test_the_page_has_each_run_its_course_and_what_it_is_compared_with(tmp_path: Path) -> None:
+    ranking, contest = of_conditions(), Contest.of(written(tmp_path))
+    write_page(tmp_path / "index.html", contest, ranking, table := ranking.table())
+    text = (tmp_path / "index.html").read_text()
+    data = json.loads(text.partition('id="data">')[2].partition("</script>")[0])
+    assert data["laws"] == list(ROWS)
+    assert [ranking.laws[k] for k in data["others"]] == ["true", "pd-gravity"]
+    assert data["runs"][0] == [[[1.0, 2.0, 3.0, 4.0], [2.0, 4.0, 6.0, 8.0]]]  # robot, condition, seed
+    assert data["curves"][0] == [[[7.5, 2.5], [7.5, 2.5]]]
+    assert data["curves"][3] == [[[0.3, 0.1], [0.3, 0.1]]]  # of the runs that did not fail
+    told = content(contest, ranking, table)
+    assert [row["name"] for row in told["rows"]] == ranking.order
+    heads = dict(zip(told["heads"][1:], told["rows"][1]["cells"], strict=True))
+    own = next(row for row in table if (row["law"], row["condition"]) == ("best", "all"))
+    assert (heads["rank"].text, heads["mrad"].value, heads["failed"].text) == ("2.00", own["error"], "0 of 8")
+    assert heads["over PD with gravity"].note == "[0.5, 0.5]"
+    assert heads["how it fails"].words
+    assert [[cell.text for cell in law["cells"]] for law in told["cells"]] == [
+        ["2.45", "2.45"], ["4.9", "4.9"], ["1", "1"], ["∞", "∞"],
+    ]  # fmt: skip
 
 
 def test_names_and_reasons_are_texts_in_the_page_and_the_table(tmp_path: Path) -> None:

@@ -159,9 +159,9 @@ class Ranking:
             return Interval(*[float("nan")] * 3)
         return Interval(*np.exp(median_interval(self._logs(law, other, condition), self.family_names)).tolist())
 
-    def ratio(self, law: str, other: str) -> float:
+    def ratio(self, law: str, other: str, condition: str = ALL) -> float:
         """Median ratio of the errors of two laws in equal runs."""
-        return float(np.exp(median(self._logs(law, other, ALL).ravel())))
+        return float(np.exp(median(self._logs(law, other, condition).ravel())))
 
     def _logs(self, law: str, other: str, condition: str) -> Array:
         """Logarithms (R, C, S) of the ratios of two laws."""
@@ -212,17 +212,12 @@ class Ranking:
 
     def _weakest(self, law: str) -> str:
         other = TRUE_MODEL if TRUE_MODEL in self.laws and law != TRUE_MODEL else PD_GRAVITY
-        ratios = {name: self._median_ratio(law, other, name) for name in self.conditions}
+        ratios = {name: self.ratio(law, other, name) for name in self.conditions if other in self.laws}
         known = {name: ratio for name, ratio in ratios.items() if np.isfinite(ratio)}
         if not known or law == other:
             return ""
         worst = max(known, key=lambda name: known[name])
         return f"; weakest under {worst}, {known[worst]:.3g} times the error of {other}"
-
-    def _median_ratio(self, law: str, other: str, condition: str) -> float:
-        if other not in self.laws:
-            return float("nan")
-        return median((self._of(law, condition) / self._of(other, condition)).ravel())
 
     def of_seeds(self, seeds: Iterable[int]) -> Ranking:
         """Ranking of the rows of some seeds."""
