@@ -1,0 +1,341 @@
+"""Rules of tuning, each against what its numbers mean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from adaptctl.control import GuardedLearning, PDGravity, Sinusoids
+from adaptctl.description import Joint, JointKind, Limits
+from adaptctl.description.drive import Drive
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.identifiability import ReducedModel
+from adaptctl.simulation import LinearlyImplicitEuler, SemiImplicitEuler
+from adaptctl.tuning import Tuning, tune
+from adaptctl.tuning.default_gains import prior_ranges
+from adaptctl.tuning.feasible_gains import FeasibleGains, feasible_gains, limitations, recoverable_error
+from adaptctl.tuning.feasible_reference import FeasibleReference, feasible_reference, judged_reference, motion_range
+from adaptctl.tuning.learning_rule import learning_by_rule
+from adaptctl.tuning.named_laws import guarded, named_law
+from adaptctl.tuning.rotors import rotor_note, rotorless
+from adaptctl.tuning.tune import _notes, _run_remarks, _searched
+from adaptctl.tuning.verification import Verification, _verified, measures
+
+ARM = load("two_link")
+LIMITS = np.array([60.0, 25.0])
+AT_REST = Sinusoids(np.zeros(2), np.zeros(2), np.ones(2))
+
+
+def changed(joint: Callable[[Joint], Joint], only: int | None = None, **more: Any) -> Mechanism:
+    """Two-link arm with other joints."""
+    links = [replace(link, joint=joint(link.joint)) if only in (None, k) else link
+             for k, link in enumerate(ARM.description.links)]  # fmt: skip
+    return Mechanism(replace(ARM.description, links=tuple(links), **more))
+
+
+@pytest.fixture(scope="module")
+def tuned() -> Tuning:
+    return tune(ARM)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "expected"),
+    [
+        (-0.3, 0.5, (-0.3, 0.5)),
+        (-np.inf, np.inf, (-1.0, 1.0)),
+        (0.5, np.inf, (0.5, 2.5)),
+        (-np.inf, 0.5, (-1.5, 0.5)),
+        (-1e16, 1e16, (-1.0, 1.0)),  # a number for none
+        (0.5, 1e16, (0.5, 2.5)),
+    ],
+)
+def test_a_joint_without_limits_moves_a_radian_about_zero(
+    lower: float, upper: float, expected: tuple[float, float]
+) -> None:
+    joint = replace(ARM.primary_joints[0], limits=Limits(lower, upper))
+    assert motion_range(joint) == pytest.approx(expected)
+
+
+def test_an_initial_error_is_what_torques_correct_at_one_per_second() -> None:
+    down = Sinusoids(np.array([-0.5 * np.pi, 0.0]), np.zeros(2), np.ones(2))  # hanging, without gravity's torque
+    inertia = np.diagonal(ARM.mass_matrix(np.array([-0.5 * np.pi, 0.0])))
+    assert recoverable_error(ARM, 1e3 * LIMITS, down) == pytest.approx([0.1, 0.1])
+    weak = 0.01 * inertia / 0.3  # 0.3 of it accelerates as a hundredth does at 1/s
+    still = changed(lambda joint: joint, gravity=np.zeros(3))
+    assert recoverable_error(still, weak, down) == pytest.approx([0.01, 0.01])
+    narrow = changed(lambda joint: replace(joint, limits=replace(joint.limits, lower=-0.1, upper=0.1)), 1)
+    assert recoverable_error(narrow, 1e3 * LIMITS, down) == pytest.approx([0.1, 0.02])  # a tenth of the range
+    tight = 0.9 * np.abs(ARM.inverse_dynamics(down(0.0).p + 0.1, np.zeros(2), np.zeros(2))) / 0.4
+    found = recoverable_error(ARM, tight, down)
+    load_there = np.abs(ARM.inverse_dynamics(down(0.0).p + found, np.zeros(2), np.zeros(2))) / tight
+    assert found == pytest.approx(np.full(2, 0.08))  # a fifth less, where gravity is a ninth more than it may be
+    assert 0.3 < load_there.max() <= 0.4
+
+
+@pytest.mark.parametrize(("effort", "slow"), [(1e4, False), (0.1, True)])
+def test_the_bandwidth_is_what_a_third_of_the_torque_corrects(effort: float, slow: bool) -> None:
+    p, off, limits = np.zeros((1, 2)), np.full(2, 0.1), np.full(2, effort)
+    found = feasible_gains(ARM, limits, p, off, 1e-3, 4.0, 0.5)
+    M = ARM.mass_matrix(p)[0]
+    rates = np.sqrt(0.3 * effort / (np.diagonal(M) * 0.1))
+    assert found.gains.bandwidth == pytest.approx(rates if slow else [4.0, 4.0])
+    assert found.limited_by_torque.tolist() == [slow, slow]
+    assert found.limited_by_sampling.tolist() == [not slow, not slow]
+    assert found.free_inertia == pytest.approx(1.0 / np.diagonal(np.linalg.inv(M)))
+    if slow:
+        assert found.gains.damping * rates * 0.1 == pytest.approx(np.full(2, 0.5 * effort))
+    else:
+        ratio = 1e-3 * np.linalg.eigvals(np.linalg.solve(M, np.diag(found.gains.damping))).max()
+        assert 0.45 < ratio <= 0.5 + 1e-12
+
+
+def test_viscous_friction_is_inertia_and_coulomb_friction_is_none() -> None:
+    rubbing = ARM.with_drives([Drive(viscous=300.0, coulomb=5.0), Drive(viscous=50.0)])
+    p, limits = np.zeros((2, 2)), np.full(2, 1e6)
+    found = feasible_gains(rubbing, limits, p, np.full(2, 0.1), 1e-3, 4.0, 0.5)
+    held = ARM.mass_matrix(p)[0] + np.diag([0.3, 0.05])
+    assert found.free_inertia == pytest.approx(1.0 / np.diagonal(np.linalg.inv(held)))
+
+
+def test_what_limits_gains_is_told_in_the_units_of_the_joint() -> None:
+    mixed = changed(lambda joint: replace(joint, kind=JointKind.PRISMATIC), 1)
+
+    def told(sampled: bool, weak: bool) -> list[str]:
+        both = np.ones(2, bool)
+        given = FeasibleGains(AT_REST, both & sampled, np.array([0.2, 0.5]), both & weak)  # type: ignore[arg-type]
+        return list(limitations(mixed, given))
+
+    turn, slide = told(True, True)
+    assert "adding 0.6 kg m² of reflected rotor inertia would allow 4× the damping" in turn  # 3 times the free inertia
+    assert "adding 2 kg of drive mass" in slide
+    assert told(False, True) == ["Λ and K are limited by the torque limit"] * 2
+    assert told(False, False) == ["K is limited by the torque limit"] * 2
+
+
+def test_shares_at_rest_are_of_gravity_and_coulomb_friction() -> None:
+    level = Sinusoids(np.zeros(2), np.zeros(2), np.ones(2))
+    # lever arms of the two centres of mass are 0.2 and 0.55 m, and 0.15 m about the elbow
+    gravity = 9.81 * np.array([2.0 * 0.2 + 1.2 * 0.55, 1.2 * 0.15])
+    found = judged_reference(ARM.with_drives([Drive(coulomb=3.0), Drive()]), LIMITS, level)
+    assert found.static == pytest.approx((gravity + np.array([3.0, 0.0])) / LIMITS, rel=2e-3)
+    assert found.reduced.tolist() == [1.0, 1.0]
+    swing: Any = Sinusoids(np.zeros(2), np.array([0.5, 0.0]), np.full(2, 0.5))
+    points = swing(np.linspace(0.0, 20.0, 4001))
+    peak = np.abs(ARM.inverse_dynamics(points.p, points.v, points.a)).max(axis=0) / LIMITS
+    assert judged_reference(ARM, LIMITS, swing).asked == pytest.approx(peak, rel=0.01)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.25, 1.0])
+def test_amplitudes_fall_until_torques_fit(share: float) -> None:
+    limits = share * LIMITS
+    found, free = feasible_reference(ARM, limits, 1), feasible_reference(ARM, 1e3 * LIMITS, 1)
+    mine: Any = found.reference
+    points = mine(np.linspace(0.0, 20.0, 801))
+    asked = np.abs(ARM.inverse_dynamics(points.p, points.v, points.a)).max(axis=0) / limits
+    assert (asked <= np.clip(0.5 + 0.5 * found.static, 0.6, 0.95) + 0.01).all()
+    assert (found.reduced.min() < 1.0) == (share == 0.1)
+    assert free.reduced.tolist() == [1.0, 1.0]
+    given: Any = free.reference
+    room = 0.8 * (np.deg2rad([170, 150]) - np.abs(given.center))
+    assert (given.amplitude <= np.minimum(0.5, room)).all()
+    assert ((given.frequency >= 0.1) & (given.frequency <= 0.25)).all()
+
+
+def test_prior_ranges_are_of_a_body_that_the_joint_can_move() -> None:
+    named = dict(zip(ARM.parameter_names, prior_ranges(ARM), strict=True))
+    for link in ("upper", "lower"):
+        assert named[f"{link}.mc_x"] ** 2 == pytest.approx(named[f"{link}.m"] * named[f"{link}.I_zz"])
+        assert 0.0 < named[f"{link}.m"] <= 5.0
+    assert named["upper.I_zz"] > named["lower.I_zz"]
+    light = dict(zip(ARM.parameter_names, prior_ranges(ARM, 0.1), strict=True))
+    assert light["lower.m"] == 0.1
+
+
+def run_of(error: list[np.ndarray], applied: np.ndarray | None = None) -> Any:
+    """Runs (T, M, r) of 20 s at 20 Hz, as measured."""
+    stacked = np.stack(error, axis=1)[:, :, None] * np.ones(2)
+    torque = np.zeros_like(stacked) if applied is None else applied
+    return SimpleNamespace(
+        time=0.05 * np.arange(len(stacked)), error=stacked, applied=torque,
+        finite=np.isfinite(stacked).all(axis=(0, 2)), largest_error=np.nanmax(np.abs(stacked), axis=0),
+    )  # fmt: skip
+
+
+def test_a_run_is_judged_by_its_first_second_its_last_two_and_its_second_half() -> None:
+    time = 0.05 * np.arange(400)
+    falling = np.where(time < 0.999, 0.04, np.where(time < 17.94, 0.5, 0.01))
+    applied = np.zeros((400, 1, 2))
+    applied[:250, 0, 1] = 25.0  # the elbow's limit, in a quarter of the second half
+    applied[250:, 0, 0] = 59.99
+    first, last, largest, limited = measures(run_of([falling], applied), LIMITS)
+    assert (first[0], last[0], largest[0], limited[0]) == pytest.approx((0.04, 0.01, 0.5, 0.25))
+    lost = np.where(time < 10.0, 0.04, np.nan)
+    first, last, largest, _ = measures(run_of([lost]), LIMITS)
+    assert (first[0], last[0], largest[0]) == (np.inf, np.inf, np.inf)
+
+
+def test_runs_with_and_without_adaptation_are_told_in_pairs() -> None:
+    flat = [np.full(400, x) for x in (0.01, 0.02, 0.03, 1.5)]
+    trials: Any = SimpleNamespace(plant=SimpleNamespace(mechanism=ARM, torque_limits=LIMITS))
+    one, other = _verified(run_of(flat), ["nominal", "late"], trials)
+    assert (one.name, one.final_rms_error, one.final_rms_error_adaptation_off) == pytest.approx(("nominal", 0.01, 0.02))
+    assert (other.name, other.max_error) == pytest.approx(("late", 0.03))
+    assert other.final_rms_error_adaptation_off == np.inf  # an error beyond 1 rad
+
+
+@pytest.mark.parametrize(
+    ("numbers", "bounded", "learning", "told"),
+    [
+        ((0.06, 0.0199, 0.06, 0.99, 0.05), True, True, "60 to 19.9 mrad; without adaptation 60 mrad"),
+        ((0.06, 0.0201, 0.1, 0.1, 0.0), True, False, "60 to 20.1 mrad"),
+        ((0.1, 0.0201, 0.06, 0.1, 0.0), True, False, "without adaptation 60 mrad"),
+        ((0.06, 0.001, np.inf, 0.1, 0.0), True, True, "without adaptation unstable"),
+        ((0.06, 0.001, 0.06, 1.0, 0.0), False, False, "failed, tracking error 1"),
+        ((0.06, 0.001, 0.06, 0.1, 0.06), False, False, "failed, 6% at a torque limit"),
+    ],
+)
+def test_learning_is_a_third_of_both_errors(
+    numbers: tuple[float, ...], bounded: bool, learning: bool, told: str
+) -> None:
+    found = Verification("nominal", *numbers)
+    assert (found.is_bounded, found.is_learning) == (bounded, learning)
+    assert told in str(found)
+
+
+@pytest.mark.parametrize(
+    ("last", "largest", "limited", "best"),
+    [
+        ([3.0, 3.0, 1.0, 4.0, 2.0, 2.0], [0.9] * 6, 0, 2),  # by the worse of two
+        ([3.0, 3.0, 1.0, 4.0, 2.0, 2.0], [0.9] * 4 + [1.0, 0.9], 0, 0),  # the third fails in one run
+        ([3.0, 3.0, 2.0, 2.0, 4.0, 1.0], [0.9] * 6, 11, 0),  # the second is at a limit for 5.5 % of the second half
+        ([3.0, 3.0, 2.0, 2.0, 4.0, 1.0], [0.9] * 6, 10, 1),
+    ],
+)
+def test_a_search_takes_the_best_of_the_worse_of_two_runs(
+    last: list[float], largest: list[float], limited: int, best: int
+) -> None:
+    asked: list[tuple[Any, ...]] = []
+
+    def proposed(*given: Any) -> Any:
+        asked.append(given)
+        gains = SimpleNamespace(bandwidth=np.ones(2), damping=np.ones(2))
+        return SimpleNamespace(feasible=SimpleNamespace(gains=gains), gain=len(asked))
+
+    def run(settings: list[Any], duration: float) -> Any:
+        assert [one.delayed for one in settings] == [False, True] * 3
+        assert [one.gain for one in settings] == [0, 0, 1, 1, 2, 2]
+        own = ARM.inertial_parameters
+        shares = {round(float(one.parameters[k] / own[k]), 9) for one in settings for k in (0, 10)}
+        assert shares == {0.7, 1.3}
+        found = run_of([1e-3 * np.full(400, x) for x in last])
+        found.largest_error = np.array(largest)[:, None] * np.ones(2)
+        found.applied[200 : 200 + limited, 2, 1] = 25.0
+        return found
+
+    rule: Any = SimpleNamespace(proposed=proposed)
+    trials: Any = SimpleNamespace(plant=SimpleNamespace(mechanism=ARM, torque_limits=LIMITS), run=run)
+    first = proposed()
+    asked.clear()
+    first.gain = 0
+    assert _searched(trials, rule, first, 2, 0).gain == best
+    assert len(set(asked)) == 2
+    assert {kind for *_, kind in asked} <= {"mixed", "links", "parameters"}
+
+
+def test_a_search_without_end_tries_each_setting_once() -> None:
+    asked: list[tuple[Any, ...]] = []
+    rule: Any = SimpleNamespace(proposed=lambda *given: asked.append(given))
+    from adaptctl.tuning.tune import _drawn
+
+    assert len(_drawn(rule, 1000, 0)) == len(set(asked)) == 48
+
+
+def notes(static: float = 0.5, asked: float = 0.6, reduced: float = 1.0, rate: float = 4.0, stiff: bool = False) -> str:
+    """Notes on the first joint of two."""
+    numbers = (np.array([x, y]) for x, y in ((static, 0.0), (asked, 0.0), (reduced, 1.0)))
+    carried: Any = SimpleNamespace(gains=SimpleNamespace(bandwidth=np.array([rate, 4.0])))
+    plant: Any = SimpleNamespace(integrator=LinearlyImplicitEuler() if stiff else SemiImplicitEuler(), substeps=7)
+    return "; ".join(_notes(ARM, FeasibleReference(AT_REST, *numbers), carried, plant))
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({}, ""),
+        ({"static": 0.951}, "shoulder: gravity and friction need 95% of the torque limit: it can only move slowly"),
+        ({"static": 0.95, "asked": 0.97}, ""),
+        ({"static": 0.1, "asked": 0.61}, "shoulder: the reference needs 61% of the torque limit"),
+        ({"static": 0.5, "asked": 0.75}, ""),  # halfway from rest to the limit
+        ({"static": 0.5, "asked": 0.76}, "shoulder: the reference needs 76% of the torque limit"),
+        ({"reduced": 0.49}, "shoulder: amplitude reduced to 49 % of its motion limits to respect the torque limit"),
+        ({"reduced": 0.5}, ""),
+        ({"rate": 0.9}, "shoulder: the torque limit allows a bandwidth of only 0.9 1/s: adaptation takes minutes"),
+        ({"rate": 1.0}, ""),
+        ({"stiff": True}, "friction is too stiff for 8 explicit steps per period: 7 implicit steps are used"),
+    ],
+)
+def test_notes_begin_at_their_bounds(given: dict[str, Any], told: str) -> None:
+    assert notes(**given) == told
+
+
+def test_remarks_on_runs_tell_of_what_there_is_little_to_learn_of() -> None:
+    few: Any = SimpleNamespace(columns=range(100))
+
+    def remarks(ratio: float, model: Any = few) -> list[str]:
+        last = 0.0 if np.isinf(ratio) else 0.01
+        return list(_run_remarks((Verification("nominal", 1.0, last, 0.01 * min(ratio, 9.0), 0.1, 0.0),), model))
+
+    assert remarks(3.01) == remarks(np.inf) == []
+    assert "without adaptation, tracking is almost as good" in remarks(2.99)[0]
+    assert "these 101 are adapted by the gradient" in remarks(9.0, SimpleNamespace(columns=range(101)))[0]
+    assert "too many links to compile" in remarks(9.0, None)[0]
+
+
+def test_rotors_are_missing_where_a_driven_joint_turns_and_has_a_limit() -> None:
+    assert rotorless(ARM) == ["shoulder", "elbow"]
+    assert rotorless(ARM.with_drives([Drive(rotor_inertia=0.1), Drive()])) == ["elbow"]
+    assert rotorless(changed(lambda joint: replace(joint, kind=JointKind.PRISMATIC), 0)) == ["elbow"]
+    assert rotorless(changed(lambda joint: replace(joint, limits=Limits()), 1)) == ["shoulder"]
+    assert rotor_note(ARM) == ""  # a description of our own could have them
+    assert rotor_note(changed(lambda joint: joint, source="URDF file arm.urdf")).startswith("shoulder, elbow: URDF has")
+
+
+@pytest.mark.parametrize(("limits", "period", "rate"), [(LIMITS, 1e-3, 10.0), (1e9 * LIMITS, 0.1, 5.0)])
+def test_the_learning_rule_weighs_torques_by_their_errors(limits: np.ndarray, period: float, rate: float) -> None:
+    damping = np.array([40.0, 4.0])
+    swing = Sinusoids(np.zeros(2), np.array([0.5, 0.01]), np.full(2, 0.25))
+    found: GuardedLearning = learning_by_rule(np.diag(np.arange(1.0, 11.0)), limits, damping, period, swing)
+    # 0.3 % of the limit, or what the damping makes of 3.3 mrad/s where that is less
+    errors = np.minimum(3e-3 * limits, 3.3e-3 * damping)
+    assert found.prediction_weight == pytest.approx(errors**-2)
+    assert found.gain == pytest.approx(np.arange(1.0, 11.0))
+    assert (found.cutoff, found.recall) == (rate, rate)
+    assert found.min_speed == pytest.approx([0.05, 0.15 * 0.01 * 2.0 * np.pi * 0.25], rel=1e-3)
+
+
+def test_named_laws_have_the_gains_of_the_tuning(tuned: Tuning) -> None:
+    model, gains = ReducedModel(ARM), tuned.gains
+    laws: dict[str, Any] = {name: named_law(name, tuned, model) for name in ("pd-gravity", "slotine-li-composite")}
+    assert isinstance(laws["pd-gravity"], PDGravity)
+    assert laws["pd-gravity"].stiffness == pytest.approx(gains.bandwidth * gains.damping)
+    composite = laws["slotine-li-composite"].adaptation
+    assert 1.0 / np.sqrt(composite.prediction_weight) == pytest.approx(0.01 * LIMITS)
+    fixed: Any = named_law("slotine-li-fixed", tuned, model)
+    assert fixed.init(np.zeros(2), np.zeros(2)).estimate == pytest.approx(model.fundamental_parameters)
+    assert fixed.adaptation is None
+
+
+def test_a_filter_has_the_speeds_of_the_joints_or_half_more_than_is_asked(tuned: Tuning) -> None:
+    fast = Sinusoids(np.zeros(2), np.array([1.0, 0.1]), np.array([0.5, 0.5]))
+    free = changed(lambda joint: replace(joint, limits=replace(joint.limits, velocity=np.inf)))
+    law = tuned.controller(ReducedModel(ARM), False)
+    found: Any = guarded(law, replace(tuned, mechanism=free, reference=fast))
+    assert found.velocity_limits == pytest.approx([1.5 * np.pi, 2.0], rel=1e-3)
+    named: Any = guarded(law, tuned)
+    assert named.velocity_limits.tolist() == [6.0, 6.0]
+    assert named.position_limits == pytest.approx(np.deg2rad([[-170, -150], [170, 150]]))
