@@ -75,6 +75,24 @@ def test_a_video_has_frames_in_real_time(
     assert sorted(path.name for path in (tmp_path / "new" / "videos").iterdir()) == ["episode-0.mp4", "episode-1.mp4"]
 
 
+@pytest.mark.parametrize(("rate", "steps"), [(25.0, [0, 4, 8, 12]), (50.0, [0, 2, 4, 6, 8, 10, 12]), (1e3, range(13))])
+def test_frames_are_of_the_first_state_and_each_that_is_due(
+    arm: adaptctl.Mechanism, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rate: float, steps: Any
+) -> None:
+    shown: list[float] = []
+
+    def clip(frames: list[Any], fps: float) -> Any:
+        assert fps == pytest.approx(min(rate, 1.0 / PERIOD))
+        shown.extend(float(frame) for frame in frames)
+        return SimpleNamespace(write_videofile=lambda path, **settings: Path(path).touch())
+
+    monkeypatch.setitem(sys.modules, "moviepy", SimpleNamespace(ImageSequenceClip=clip))  # type: ignore[arg-type]
+    monkeypatch.setattr(TrackingEnv, "render", lambda env: np.array(env._episode.step))
+    env = VideoRecorder(tracking(arm, "rgb_array"), tmp_path, frame_rate=rate)
+    rollout(env, ComputedTorque(arm, 8.0), seed=0)
+    assert shown == list(steps)
+
+
 def test_videos_name_what_is_missing(arm: adaptctl.Mechanism, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "moviepy", None)
     with pytest.raises(MissingExtraError, match=r"a video needs moviepy: pip install 'adaptctl\[video\]'"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -14,6 +15,7 @@ from gymnasium.utils.env_checker import check_env
 
 import adaptctl
 from adaptctl.control import SlotineLi
+from adaptctl.dynamics import Mechanism
 from adaptctl.envs import (
     LearningEnv,
     LearningVectorEnv,
@@ -98,6 +100,23 @@ def test_what_is_seen_is_what_the_card_says(arm: adaptctl.Mechanism) -> None:
     np.testing.assert_allclose(back[10:], ahead / 0.1, rtol=1e-4, atol=1e-6)
 
 
+def test_what_is_seen_is_scaled_by_the_ranges_of_the_joints(arm: adaptctl.Mechanism) -> None:
+    links = list(arm.description.links)
+    joint = replace(links[1].joint, limits=replace(links[1].joint.limits, lower=0.2, upper=0.6))
+    links[1] = replace(links[1], joint=joint)
+    narrow = Mechanism(replace(arm.description, links=tuple(links)))
+    inner = single(narrow, error_bound=0.5)
+    limits = inner.action_space.high  # type: ignore[attr-defined]
+    raw = np.array(run_alone(inner, [0.1 * limits] * 5, 0))
+    seen = np.array(run_alone(LearningEnv(single(narrow, error_bound=0.5)), [[0.1, 0.1]] * 5, 0), dtype=float)
+    back, half = seen / (1.0 - np.abs(seen)), np.array([np.deg2rad(170.0), 0.2])
+    error = 0.1 * np.array([0.5, 0.2])  # of the bound, and of half the range
+    places = inner.unwrapped.observation_slices  # type: ignore[attr-defined]
+    assert back[:, :2] * error == pytest.approx(raw[:, places["p"]] - raw[:, places["reference_p"]], rel=1e-4)
+    assert back[:, 4:6] * half == pytest.approx(raw[:, places["p"]] - [0.0, 0.4], rel=1e-4)
+    assert back[:, 6:8] * half == pytest.approx(raw[:, places["v"]], rel=1e-4, abs=1e-9)
+
+
 def test_actions_are_shares_of_the_limits(arm: adaptctl.Mechanism) -> None:
     env = LearningEnv(single(arm))
     env.reset(seed=0)
@@ -180,7 +199,7 @@ def test_the_largest_gains_are_those_that_the_period_carries(arm: adaptctl.Mecha
     largest = {name: law.numbers[name] * found.highest for name in MOVED}
     law.tuned(largest)
     with pytest.raises(InputError, match="control period"):
-        law.tuned({name: 1.05 * number for name, number in largest.items()})
+        law.tuned({name: 1.003 * number for name, number in largest.items()})
 
 
 def test_what_is_refused(arm: adaptctl.Mechanism, law: SlotineLi) -> None:

@@ -16,6 +16,7 @@ from adaptctl.cli.main import main
 from adaptctl.control import PDGravity
 from adaptctl.control.references import Sinusoids
 from adaptctl.envs import MuJoCoTrackingEnv
+from adaptctl.envs.contact import over_a_table
 from adaptctl.errors import InputError, ReferenceWarning
 from adaptctl.recording.contact_force import contact_forces
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, clear_of_contacts, contacts_along, contacts_at
@@ -136,6 +137,36 @@ def test_forces_are_averaged_over_fifty_milliseconds(tmp_path: Path) -> None:
     pushed = replace(run, flags={**run.flags, "contact_force_z": np.where(run.time >= 0.1, 8.0, 0.0)})
     forces = contact_forces(pushed)[:, 2]
     np.testing.assert_allclose(forces[[99, 100, 124, 149, 199]], [0.0, 8.0 / 50.0, 4.0, 8.0, 8.0])
+
+
+def test_the_tool_goes_where_the_task_says_over_a_table_on_a_spring() -> None:
+    """MuJoCo's own kinematics and geometry, after the way back from joints."""
+    env = adaptctl.envs.ContactEnv(duration=16.0, surface=3e3)
+    model = over_a_table(env.mechanism, 3e3)
+    data, sizes = mujoco.MjData(model), model.geom_size
+    table, ball = model.body("table"), int(np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE)[-1])
+    spring = int(table.jntadr[0])
+    damping = model.dof_damping[model.jnt_dofadr[spring]]
+    assert model.jnt_stiffness[spring] == 3e3
+    assert damping / (2.0 * np.sqrt(3e3 * table.mass[0])) == pytest.approx(0.25)  # of critical
+
+    def tool(time: float) -> list[float]:
+        point = env.trajectory(time)  # type: ignore[operator,misc]
+        for joint, p in zip(env.mechanism.primary_joints, point.p, strict=True):
+            data.qpos[model.joint(joint.name).qposadr] = p
+        mujoco.mj_forward(model, data)
+        return list(data.geom_xpos[ball])
+
+    assert tool(0.0) == pytest.approx([0.5, 0.15, 0.55], abs=1e-4)
+    assert tool(2.5) == pytest.approx([0.5, 0.15 - 0.25, 0.55 + 0.1], abs=1e-3)
+    assert tool(3.125)[0] == pytest.approx(0.5 + 0.1, abs=1e-3)
+    assert tool(7.0) == pytest.approx([0.5, 0.15, 0.55], abs=1e-3)
+    top = data.xpos[table.id][2] + sizes[table.geomadr[0], 2]
+    for time, height in ((9.0, 0.015), (12.0, -0.05), (15.75, -0.05)):
+        assert tool(time)[2] - sizes[ball, 0] - top == pytest.approx(height, abs=1e-3)
+    assert tool(15.75)[1] == pytest.approx(0.15 - 0.2, abs=1e-3)  # three quarters of a wipe at 0.2 Hz
+    middle = tool(12.0)[:2]
+    assert np.abs(np.array(middle) - data.xpos[table.id][:2]).max() < 1e-3
 
 
 def test_an_arm_without_a_pumas_wrist_presses_on_no_table() -> None:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.image import imread
 from random_trees import random_tree
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.envs import Puma560TrackingEnv
-from adaptctl.envs.rendering import Camera, ConvexPart, Renderer, intersect
+from adaptctl.envs.rendering import OVERSAMPLING, Camera, ConvexPart, Renderer, _pixels, _spacing, intersect
 from adaptctl.recording.drawing import GOAL
 from adaptctl.recording.skeleton import skeleton, tip_path
 
@@ -72,6 +75,60 @@ def test_a_ball_is_a_capsule_of_no_length() -> None:
     hits = intersect(ball, np.array([2.0, 0.0, 0.0]), np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
     np.testing.assert_allclose(hits.distance, [1.5, np.inf])
     np.testing.assert_allclose(hits.normal[0], [1.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "flat", "distance"),
+    [
+        ([2.0, 0.0, -0.5], [2.0, 0.0, 0.5], True, 1.5),  # a side
+        ([2.0, 0.0, -0.5], [2.0, 0.0, 0.5], False, 1.5),
+        ([2.0, 0.0, 0.0], [3.0, 0.0, 0.001], True, 2.0),  # an end
+        ([3.0, 0.0, 0.0], [2.0, 0.0, 0.0], False, 1.5),
+        ([2.0, 0.0, 0.0], [2.0, 0.0, 0.0], False, 1.5),
+    ],
+)
+def test_what_is_behind_the_eye_is_not_hit(start: list[float], end: list[float], flat: bool, distance: float) -> None:
+    solid = ConvexPart(np.array(start), np.array(end), 0.5, np.ones(3), flat)
+    ahead, eyes = np.array([1.0, 0.0, 0.0]), np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [5.0, 0.0, 0.0]])
+    assert intersect(solid, eyes, np.stack([ahead] * 3)).distance == pytest.approx([distance, distance - 1.0, np.inf])
+    assert intersect(solid, eyes, np.stack([-ahead] * 3)).distance[:2].tolist() == [np.inf, np.inf]
+
+
+def test_a_window_is_not_much_larger_than_a_far_ball() -> None:
+    camera = Camera(np.array([10.0, 0.0, 0.0]), np.zeros(3), 0.9, 400, 300)
+    assert camera.focal == pytest.approx(150.0 / np.tan(0.45))
+    for place, row, column in (([0.0, 0.0, 0.0], 150, 200), ([0.0, 1.0, 0.5], 134.5, 231)):
+        rows, columns = camera.window(np.array([place]), 0.3)
+        assert 0.5 * (rows.start + rows.stop) == pytest.approx(row, abs=1.0)
+        assert 0.5 * (columns.start + columns.stop) == pytest.approx(column, abs=1.0)
+        across = 2.0 * camera.focal * 0.3 / 10.0
+        for span in (rows, columns):
+            assert across < span.stop - span.start < 1.5 * across + 2
+    assert camera.window(np.array([[9.8, 0.0, 0.0]]), 0.3) == (slice(0, 300), slice(0, 400))  # about the eye
+
+
+@pytest.mark.parametrize("reach", [0.01, 0.3, 0.7, 1.0, 2.5, 7.9, 40.0])
+def test_lines_on_the_floor_are_a_round_number_apart(reach: float) -> None:
+    found = _spacing(reach)
+    assert np.sqrt(0.4) <= found / (0.25 * reach) <= np.sqrt(2.5)
+    assert float(f"{found:e}".partition("e")[0]) in (1.0, 2.0, 5.0)
+
+
+def test_pixels_are_the_means_of_their_rays() -> None:
+    rays = np.arange(24.0).reshape(2 * OVERSAMPLING, OVERSAMPLING, 3) / 30.0
+    means = rays.reshape(2, OVERSAMPLING, OVERSAMPLING, 3).mean(axis=(1, 2))
+    np.testing.assert_array_equal(_pixels(rays)[:, 0], np.rint(255.0 * means))
+    assert _pixels(np.full((2, 2, 3), 1.7)).tolist() == [[[255, 255, 255]]]
+
+
+def test_the_picture_is_the_one_that_was_looked_at(puma: Mechanism) -> None:
+    """Made with `matplotlib.image.imsave`: an arm, its shadow and pedestal, a ghost, a floor with lines, and words."""
+    kept = 255.0 * imread(Path(__file__).parent / "golden" / "puma560.png")[..., :3]
+    now = Renderer(puma, 160, 120).image(CENTER, RAISED, 12.25)
+    blocks = np.abs((now - kept).reshape(30, 4, 40, 4, 3).mean(axis=(1, 3))).max(axis=-1)
+    blocks[:6, :14] /= 4.0  # words, drawn by one release of a library or another
+    blocks[:3, 34:] /= 4.0
+    assert np.mean(blocks > 2.0) < 2e-3, "if it is meant, look at the picture and save it anew"
 
 
 @settings(max_examples=20, deadline=None)
